@@ -1,0 +1,2 @@
+//! The `tpm` command line.
+fn main() {}
