@@ -1,1 +1,19 @@
-//! tpm-runtime
+//! Runs trajectory pattern identification against simulated plants, logs and real machines.
+//!
+//! A machine obeys `Phi(q, q', q'', ...) theta + known = B u` with unknown theta ([`model`]). Along a periodic motion both
+//! sides are Fourier series, and equating harmonics gives linear equations for theta, however non-linear the motion is.
+//! The core (without the feature `std`) needs neither an operating system nor memory allocation.
+#![no_std]
+
+#[cfg(any(feature = "std", test))]
+extern crate std;
+
+pub mod linear;
+pub mod model;
+pub mod real;
+
+pub use model::{Buffer, Dims, EvalError, Label, Model};
+pub use real::Real;
+
+#[cfg(test)]
+mod test_models;
