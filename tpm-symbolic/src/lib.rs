@@ -1,1 +1,41 @@
-//! tpm-symbolic
+//! Exact algebra for the Trajectory Pattern Method.
+//!
+//! # The problem
+//!
+//! A machine obeys equations that are linear in unknown parameters,
+//!
+//! ```text
+//! sum_j theta_j phi_rj(q, q', q'', ...) = u_r ,        r = 1, 2, ...
+//! ```
+//!
+//! and every coordinate is made to follow a finite Fourier series, such as
+//! q = lambda (cos w t - 1/9 cos 3 w t), which is at rest at both ends. Then every regressor is itself a Fourier series,
+//!
+//! ```text
+//! phi_rj = sum_i [ b_c(r,i,j) cos(i w t) + b_s(r,i,j) sin(i w t) ] prod lambda^a w^b ,
+//! ```
+//!
+//! whose coefficients b are rational numbers that depend on nothing but the shape of the model and of the pattern
+//! (D. Feng, dissertation, Eqns 3.13-3.17). The table of the b relates the harmonics of forces, tracking errors and
+//! parameter errors. This crate computes it exactly:
+//!
+//! ```text
+//! Model --regressor_form--> RegressorForm --expand(Pattern)--> HarmonicTable
+//!                                          \--Plan------------> straight-line evaluation
+//! ```
+//!
+//! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
+//! ([`rational::to_f64`]).
+
+pub mod expand;
+pub mod expr;
+pub mod fourier;
+pub mod linalg;
+pub mod model;
+pub mod pattern;
+pub mod plan;
+pub mod polynomial;
+pub mod rational;
+pub mod regressor;
+pub mod table;
+pub mod unit;

@@ -1,0 +1,407 @@
+//! Sparse multivariate Laurent polynomials with exact rational coefficients.
+//!
+//! Invariant: a [`Monomial`] lists its variables in increasing order with non-zero exponents; a [`Polynomial`] holds
+//! no zero coefficient. Two equal polynomials are therefore equal as data, and iteration order is deterministic.
+
+use crate::rational::{self, Rational};
+use num_traits::{One, Zero};
+use serde::{Deserialize, Serialize};
+use smallvec::SmallVec;
+use std::collections::BTreeMap;
+
+/// A product of integer powers of variables.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Monomial<V>(SmallVec<[(V, i32); 4]>);
+
+impl<V> Default for Monomial<V> {
+    fn default() -> Self {
+        Self(SmallVec::new())
+    }
+}
+
+impl<V: Ord + Clone> Monomial<V> {
+    /// The empty product.
+    #[must_use]
+    pub fn one() -> Self {
+        Self::default()
+    }
+
+    /// `variable ^ exponent`.
+    #[must_use]
+    pub fn power_of(variable: V, exponent: i32) -> Self {
+        let mut factors = SmallVec::new();
+        if exponent != 0 {
+            factors.push((variable, exponent));
+        }
+        Self(factors)
+    }
+
+    /// Whether this is the empty product.
+    #[must_use]
+    pub fn is_one(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The factors in increasing order of the variables.
+    pub fn factors(&self) -> impl ExactSizeIterator<Item = (&V, i32)> + Clone {
+        self.0.iter().map(|(v, e)| (v, *e))
+    }
+
+    /// The exponent of `variable`, zero when absent.
+    #[must_use]
+    pub fn exponent(&self, variable: &V) -> i32 {
+        self.0.binary_search_by(|(v, _)| v.cmp(variable)).map_or(0, |i| self.0[i].1)
+    }
+
+    /// The sum of all exponents.
+    #[must_use]
+    pub fn degree(&self) -> i32 {
+        self.0.iter().map(|(_, e)| e).sum()
+    }
+
+    /// The product of two monomials.
+    #[must_use]
+    pub fn mul(&self, other: &Self) -> Self {
+        let mut factors = SmallVec::with_capacity(self.0.len() + other.0.len());
+        let (mut left, mut right) = (self.0.iter().peekable(), other.0.iter().peekable());
+        loop {
+            match (left.peek(), right.peek()) {
+                (Some(a), Some(b)) => match a.0.cmp(&b.0) {
+                    std::cmp::Ordering::Less => factors.extend(left.next().cloned()),
+                    std::cmp::Ordering::Greater => factors.extend(right.next().cloned()),
+                    std::cmp::Ordering::Equal => {
+                        if a.1 + b.1 != 0 {
+                            factors.push((a.0.clone(), a.1 + b.1));
+                        }
+                        left.next();
+                        right.next();
+                    }
+                },
+                (Some(_), None) => factors.extend(left.next().cloned()),
+                (None, Some(_)) => factors.extend(right.next().cloned()),
+                (None, None) => return Self(factors),
+            }
+        }
+    }
+
+    /// The monomial raised to an integer power.
+    #[must_use]
+    pub fn pow(&self, exponent: i32) -> Self {
+        if exponent == 0 {
+            return Self::one();
+        }
+        Self(self.0.iter().map(|(v, e)| (v.clone(), e * exponent)).collect())
+    }
+
+    /// Splits into the factors for which `keep` holds and the rest.
+    #[must_use]
+    pub fn partition(&self, mut keep: impl FnMut(&V) -> bool) -> (Self, Self) {
+        let (kept, rest) = self.0.iter().cloned().partition(|(v, _)| keep(v));
+        (Self(kept), Self(rest))
+    }
+}
+
+impl<V: Ord + Clone> FromIterator<(V, i32)> for Monomial<V> {
+    fn from_iter<I: IntoIterator<Item = (V, i32)>>(factors: I) -> Self {
+        factors.into_iter().fold(Self::one(), |product, (v, e)| product.mul(&Self::power_of(v, e)))
+    }
+}
+
+/// A finite sum of rational multiples of monomials.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Polynomial<V: Ord>(BTreeMap<Monomial<V>, Rational>);
+
+impl<V: Ord> Default for Polynomial<V> {
+    fn default() -> Self {
+        Self(BTreeMap::new())
+    }
+}
+
+impl<V: Ord + Clone> Polynomial<V> {
+    /// The polynomial 0.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self::default()
+    }
+
+    /// The polynomial 1.
+    #[must_use]
+    pub fn one() -> Self {
+        Self::constant(Rational::one())
+    }
+
+    /// A constant.
+    #[must_use]
+    pub fn constant(value: Rational) -> Self {
+        Self::term(Monomial::one(), value)
+    }
+
+    /// A single variable.
+    #[must_use]
+    pub fn variable(variable: V) -> Self {
+        Self::term(Monomial::power_of(variable, 1), Rational::one())
+    }
+
+    /// `coefficient * monomial`.
+    #[must_use]
+    pub fn term(monomial: Monomial<V>, coefficient: Rational) -> Self {
+        let mut result = Self::zero();
+        result.add_term(monomial, coefficient);
+        result
+    }
+
+    /// Whether this is 0.
+    #[must_use]
+    pub fn is_zero(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Number of terms.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether there is no term; the same as [`Self::is_zero`].
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The value when the polynomial is constant.
+    #[must_use]
+    pub fn as_constant(&self) -> Option<Rational> {
+        match self.0.len() {
+            0 => Some(Rational::zero()),
+            1 => self.0.get(&Monomial::one()).cloned(),
+            _ => None,
+        }
+    }
+
+    /// The single term when there is exactly one.
+    #[must_use]
+    pub fn as_term(&self) -> Option<(&Monomial<V>, &Rational)> {
+        if self.0.len() == 1 { self.0.iter().next() } else { None }
+    }
+
+    /// Terms in increasing order of the monomials.
+    pub fn terms(&self) -> impl DoubleEndedIterator<Item = (&Monomial<V>, &Rational)> + ExactSizeIterator {
+        self.0.iter()
+    }
+
+    /// The coefficient of `monomial`, zero when absent.
+    #[must_use]
+    pub fn coefficient(&self, monomial: &Monomial<V>) -> Rational {
+        self.0.get(monomial).cloned().unwrap_or_else(Rational::zero)
+    }
+
+    /// Adds `coefficient * monomial` in place.
+    pub fn add_term(&mut self, monomial: Monomial<V>, coefficient: Rational) {
+        if coefficient.is_zero() {
+            return;
+        }
+        match self.0.entry(monomial) {
+            std::collections::btree_map::Entry::Vacant(slot) => {
+                slot.insert(coefficient);
+            }
+            std::collections::btree_map::Entry::Occupied(mut slot) => {
+                *slot.get_mut() += coefficient;
+                if slot.get().is_zero() {
+                    slot.remove();
+                }
+            }
+        }
+    }
+
+    /// The sum.
+    #[must_use]
+    pub fn add(&self, other: &Self) -> Self {
+        let mut result = self.clone();
+        result.add_assign(other);
+        result
+    }
+
+    /// Adds in place.
+    pub fn add_assign(&mut self, other: &Self) {
+        for (monomial, coefficient) in &other.0 {
+            self.add_term(monomial.clone(), coefficient.clone());
+        }
+    }
+
+    /// The difference.
+    #[must_use]
+    pub fn sub(&self, other: &Self) -> Self {
+        let mut result = self.clone();
+        for (monomial, coefficient) in &other.0 {
+            result.add_term(monomial.clone(), -coefficient);
+        }
+        result
+    }
+
+    /// Every coefficient multiplied by `factor`.
+    #[must_use]
+    pub fn scale(&self, factor: &Rational) -> Self {
+        if factor.is_zero() {
+            return Self::zero();
+        }
+        Self(self.0.iter().map(|(m, c)| (m.clone(), c * factor)).collect())
+    }
+
+    /// The product.
+    #[must_use]
+    pub fn mul(&self, other: &Self) -> Self {
+        let mut result = Self::zero();
+        for (left, a) in &self.0 {
+            for (right, b) in &other.0 {
+                result.add_term(left.mul(right), a * b);
+            }
+        }
+        result
+    }
+
+    /// Every monomial multiplied by `monomial`.
+    #[must_use]
+    pub fn mul_monomial(&self, monomial: &Monomial<V>) -> Self {
+        Self(self.0.iter().map(|(m, c)| (m.mul(monomial), c.clone())).collect())
+    }
+
+    /// A non-negative power.
+    #[must_use]
+    pub fn pow(&self, exponent: u32) -> Self {
+        let mut result = Self::one();
+        for _ in 0..exponent {
+            result = result.mul(self);
+        }
+        result
+    }
+
+    /// The partial derivative with respect to `variable`.
+    #[must_use]
+    pub fn derivative(&self, variable: &V) -> Self {
+        let mut result = Self::zero();
+        for (monomial, coefficient) in &self.0 {
+            let exponent = monomial.exponent(variable);
+            if exponent != 0 {
+                let lowered = monomial.mul(&Monomial::power_of(variable.clone(), -1));
+                result.add_term(lowered, coefficient * rational::integer(i64::from(exponent)));
+            }
+        }
+        result
+    }
+
+    /// Replaces every variable by a polynomial; `None` when a negative power of a replacement of more than one term
+    /// would be needed.
+    #[must_use]
+    pub fn substitute<W: Ord + Clone>(
+        &self,
+        mut replacement: impl FnMut(&V) -> Polynomial<W>,
+    ) -> Option<Polynomial<W>> {
+        let mut result = Polynomial::zero();
+        for (monomial, coefficient) in &self.0 {
+            let mut product = Polynomial::constant(coefficient.clone());
+            for (variable, exponent) in monomial.factors() {
+                let base = replacement(variable);
+                product = if exponent >= 0 {
+                    product.mul(&base.pow(exponent.unsigned_abs()))
+                } else {
+                    let (m, c) = base.as_term()?;
+                    product.mul(&Polynomial::term(m.pow(exponent), rational::power(c, exponent)))
+                };
+            }
+            result.add_assign(&product);
+        }
+        Some(result)
+    }
+
+    /// The exact value; `None` when a variable with a negative exponent is zero.
+    #[must_use]
+    pub fn evaluate(&self, mut value: impl FnMut(&V) -> Rational) -> Option<Rational> {
+        let mut sum = Rational::zero();
+        for (monomial, coefficient) in &self.0 {
+            let mut product = coefficient.clone();
+            for (variable, exponent) in monomial.factors() {
+                let base = value(variable);
+                if base.is_zero() && exponent < 0 {
+                    return None;
+                }
+                product *= rational::power(&base, exponent);
+            }
+            sum += product;
+        }
+        Some(sum)
+    }
+}
+
+impl<V: Ord + Clone> FromIterator<(Monomial<V>, Rational)> for Polynomial<V> {
+    fn from_iter<I: IntoIterator<Item = (Monomial<V>, Rational)>>(terms: I) -> Self {
+        let mut result = Self::zero();
+        for (monomial, coefficient) in terms {
+            result.add_term(monomial, coefficient);
+        }
+        result
+    }
+}
+
+impl<V: Ord + Clone + Serialize> Serialize for Polynomial<V> {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(self.0.iter())
+    }
+}
+
+impl<'de, V: Ord + Clone + Deserialize<'de>> Deserialize<'de> for Polynomial<V> {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Ok(Vec::<(Monomial<V>, Rational)>::deserialize(deserializer)?.into_iter().collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Monomial, Polynomial};
+    use crate::rational::{integer, ratio};
+    use proptest::prelude::{Strategy, prop, prop_assert, prop_assert_eq, proptest};
+
+    type P = Polynomial<u8>;
+
+    fn polynomial() -> impl Strategy<Value = P> {
+        prop::collection::vec((prop::collection::vec((0u8..4, 0i32..4), 0..3), -9i64..10, 1i64..6), 0..5).prop_map(
+            |terms| {
+                terms
+                    .into_iter()
+                    .map(|(factors, n, d)| (factors.into_iter().collect::<Monomial<u8>>(), ratio(n, d)))
+                    .collect()
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn ring_axioms(a in polynomial(), b in polynomial(), c in polynomial()) {
+            prop_assert_eq!(a.add(&b), b.add(&a));
+            prop_assert_eq!(a.mul(&b), b.mul(&a));
+            prop_assert_eq!(a.mul(&b).mul(&c), a.mul(&b.mul(&c)));
+            prop_assert_eq!(a.mul(&b.add(&c)), a.mul(&b).add(&a.mul(&c)));
+            prop_assert_eq!(a.mul(&P::one()), a.clone());
+            prop_assert!(a.sub(&a).is_zero());
+        }
+
+        #[test]
+        fn product_rule(a in polynomial(), b in polynomial()) {
+            let left = a.mul(&b).derivative(&1);
+            let right = a.derivative(&1).mul(&b).add(&a.mul(&b.derivative(&1)));
+            prop_assert_eq!(left, right);
+        }
+
+        #[test]
+        fn evaluation_is_a_homomorphism(a in polynomial(), b in polynomial(), x in -5i64..6, y in -5i64..6) {
+            let at = |p: &P| p.evaluate(|v| if *v == 0 { integer(x) } else { ratio(y, 3) }).expect("no negative powers");
+            prop_assert_eq!(at(&a.mul(&b)), at(&a) * at(&b));
+            prop_assert_eq!(at(&a.add(&b)), at(&a) + at(&b));
+        }
+    }
+
+    #[test]
+    fn laurent_monomials_cancel() {
+        let k3 = P::term(Monomial::power_of(3, -1), integer(1));
+        assert_eq!(k3.mul(&P::variable(3)), P::one());
+    }
+}

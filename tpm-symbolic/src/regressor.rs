@@ -1,0 +1,498 @@
+//! The model sorted into its parameters: Phi(q, q', ...) theta + known = B u, row by row.
+//!
+//! Every term of an equation is a rational number times powers of parameters, constants and motion atoms (derivatives
+//! of coordinates and functions of them). Products of parameters become *lumped* parameters, so that the result is
+//! linear in what is estimated, and parameters whose regressors are proportional everywhere are merged into one, since
+//! no motion could ever tell them apart. The map from physical to lumped parameters is kept exactly.
+//!
+//! Invariants of [`RegressorForm`]: terms of a row are sorted by column, then monomial, with no zero coefficient and no
+//! two terms of equal column and monomial; no column is empty; a row with inputs that have only rational coefficients
+//! and just one input is scaled so that this coefficient is 1.
+
+use crate::expr::{ExprId, Names, Node, Symbol};
+use crate::model::{Kind, Model, TermId};
+use crate::polynomial::{Monomial, Polynomial};
+use crate::rational::{self, Rational};
+use crate::unit::Unit;
+use num_traits::{One, Signed, Zero};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use thiserror::Error;
+
+/// A parameter that is estimated: one of the model's own, or a lumped one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Column {
+    /// The name, usable as an identifier.
+    pub name: String,
+    /// The unit, when every unit that goes into it is declared.
+    pub unit: Option<Unit>,
+    /// The expression in the physical parameters, a Laurent polynomial over parameter symbols and parameter-only
+    /// functions (atoms of the model's graph).
+    pub definition: Polynomial<ExprId>,
+    /// The symbol when the column is just one of the model's parameters.
+    pub parameter: Option<Symbol>,
+}
+
+/// coefficient * (product of constants and motion atoms), multiplying one column, or none for a known term.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Term {
+    /// Index of the column; `None` for a term without unknown parameters.
+    pub column: Option<usize>,
+    /// The exact factor.
+    pub coefficient: Rational,
+    /// Constants and motion atoms, by their ids in the model's graph.
+    pub atoms: Monomial<ExprId>,
+    /// A source term that it came from.
+    pub source: TermId,
+}
+
+/// One equation.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Row {
+    /// The input's name, or `eq1`, `eq2`, ...
+    pub name: String,
+    /// The terms on the left-hand side.
+    pub terms: Vec<Term>,
+    /// The right-hand side: known factor (a polynomial over run-time constants) of every input that occurs.
+    pub inputs: Vec<(Symbol, Polynomial<ExprId>)>,
+}
+
+/// The whole model in regressor form.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RegressorForm {
+    /// What is estimated.
+    pub columns: Vec<Column>,
+    /// The equations.
+    pub rows: Vec<Row>,
+}
+
+/// Why a model has no regressor form.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum RegressorError {
+    /// A parameter stands inside a function of the motion.
+    #[error("the model is not linear in `{parameter}`: it stands inside `{inside}`, which depends on the motion")]
+    InsideFunction {
+        /// Where.
+        term: TermId,
+        /// Which parameter.
+        parameter: String,
+        /// The function.
+        inside: String,
+    },
+    /// An input is multiplied by a motion or by another input, or stands inside a function.
+    #[error("the input `{input}` must stand alone, multiplied by parameters and constants only, not as in `{found}`")]
+    InputNotLinear {
+        /// Where.
+        term: TermId,
+        /// Which input.
+        input: String,
+        /// The term as it was found.
+        found: String,
+    },
+    /// The factor of an input depends on unknown parameters and cannot be divided out.
+    #[error(
+        "the factor `{factor}` of the input `{input}` has unknown parameters and cannot be divided out of its equation; declare them as constants"
+    )]
+    InputFactor {
+        /// Where.
+        term: TermId,
+        /// Which input.
+        input: String,
+        /// Its factor.
+        factor: String,
+    },
+    /// No equation has an input.
+    #[error("no equation has an input, so nothing fixes the scale of the parameters")]
+    NoInput,
+    /// Nothing is left of an equation.
+    #[error("equation {name} cancels to nothing")]
+    Empty {
+        /// The equation.
+        name: String,
+        /// One of its terms.
+        term: Option<TermId>,
+    },
+}
+
+impl RegressorError {
+    /// The source term at fault, when there is one.
+    #[must_use]
+    pub fn term(&self) -> Option<TermId> {
+        match self {
+            Self::InsideFunction { term, .. } | Self::InputNotLinear { term, .. } | Self::InputFactor { term, .. } => {
+                Some(*term)
+            }
+            Self::Empty { term, .. } => *term,
+            Self::NoInput => None,
+        }
+    }
+}
+
+/// What a factor of a term is.
+enum Class {
+    Input(Symbol),
+    Parameter,
+    /// A constant known exactly.
+    Value(Rational),
+    /// A run-time constant, pi, or a function of constants.
+    Constant,
+    Motion,
+    /// Depends on both a parameter (or input) and the motion.
+    Mixed(Symbol),
+}
+
+fn classify(model: &Model, atom: ExprId) -> Class {
+    match model.graph.node(atom) {
+        Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
+            Kind::Input => Class::Input(*symbol),
+            Kind::Parameter => Class::Parameter,
+            Kind::Constant { value: Some(value) } => Class::Value(value.clone()),
+            Kind::Constant { value: None } | Kind::Amplitude | Kind::Frequency => Class::Constant,
+        },
+        Node::Derivative(..) => Class::Motion,
+        _ => {
+            let (mut motion, mut unknown) = (false, None);
+            for leaf in model.graph.leaves(atom) {
+                match model.graph.node(leaf) {
+                    Node::Derivative(..) => motion = true,
+                    Node::Symbol(symbol) => match model.quantity(*symbol).kind {
+                        Kind::Input => return Class::Mixed(*symbol),
+                        Kind::Parameter => unknown = unknown.or(Some(*symbol)),
+                        _ => {}
+                    },
+                    _ => {}
+                }
+            }
+            match (unknown, motion) {
+                (Some(symbol), true) => Class::Mixed(symbol),
+                (Some(_), false) => Class::Parameter,
+                (None, true) => Class::Motion,
+                (None, false) => Class::Constant,
+            }
+        }
+    }
+}
+
+/// The parameter side of a term: a monomial over parameter atoms.
+type ParameterMonomial = Monomial<ExprId>;
+
+/// coefficient and source of every (parameter monomial, motion monomial) of one equation.
+type Collected = BTreeMap<(ParameterMonomial, Monomial<ExprId>), (Rational, TermId)>;
+
+struct CollectedRow {
+    name: String,
+    terms: Collected,
+    inputs: Vec<(Symbol, Polynomial<ExprId>)>,
+}
+
+/// Sorts a model into its parameters.
+///
+/// # Errors
+/// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
+pub fn regressor_form(model: &Model) -> Result<RegressorForm, RegressorError> {
+    let mut rows = Vec::with_capacity(model.equations.len());
+    for equation in &model.equations {
+        rows.push(collect(model, equation)?);
+    }
+    if rows.iter().all(|row| row.inputs.is_empty()) {
+        return Err(RegressorError::NoInput);
+    }
+    let groups = merge_proportional(&rows);
+    Ok(assemble(model, rows, groups))
+}
+
+fn collect(model: &Model, equation: &crate::model::Equation) -> Result<CollectedRow, RegressorError> {
+    let mut terms: Collected = BTreeMap::new();
+    // input -> (factor monomial -> coefficient), on the left-hand side
+    let mut inputs: BTreeMap<Symbol, (Polynomial<ExprId>, TermId)> = BTreeMap::new();
+    for source in &equation.terms {
+        for (monomial, coefficient) in model.graph.polynomial(source.expr).terms() {
+            let mut coefficient = coefficient.clone();
+            let (mut parameters, mut motion) = (Vec::new(), Vec::new());
+            let mut input = None;
+            let mut moves = false;
+            for (&atom, exponent) in monomial.factors() {
+                match classify(model, atom) {
+                    Class::Input(symbol) if exponent == 1 && input.is_none() => input = Some(symbol),
+                    Class::Input(symbol) => {
+                        return Err(input_not_linear(model, source.id, symbol, source.expr));
+                    }
+                    Class::Parameter => parameters.push((atom, exponent)),
+                    Class::Value(value) => coefficient *= rational::power(&value, exponent),
+                    Class::Constant => motion.push((atom, exponent)),
+                    Class::Motion => {
+                        moves = true;
+                        motion.push((atom, exponent));
+                    }
+                    Class::Mixed(symbol) if model.quantity(symbol).kind == Kind::Input => {
+                        return Err(input_not_linear(model, source.id, symbol, source.expr));
+                    }
+                    Class::Mixed(symbol) => {
+                        return Err(RegressorError::InsideFunction {
+                            term: source.id,
+                            parameter: model.symbol_name(symbol),
+                            inside: model.display(atom),
+                        });
+                    }
+                }
+            }
+            let parameters: ParameterMonomial = parameters.into_iter().collect();
+            let motion: Monomial<ExprId> = motion.into_iter().collect();
+            if let Some(symbol) = input {
+                if moves {
+                    return Err(input_not_linear(model, source.id, symbol, source.expr));
+                }
+                let slot = inputs.entry(symbol).or_insert_with(|| (Polynomial::zero(), source.id));
+                slot.0.add_term(parameters.mul(&motion), coefficient);
+            } else {
+                let slot = terms.entry((parameters, motion)).or_insert_with(|| (Rational::zero(), source.id));
+                slot.0 += coefficient;
+            }
+        }
+    }
+    terms.retain(|_, (coefficient, _)| !coefficient.is_zero());
+    inputs.retain(|_, (factor, _)| !factor.is_zero());
+    if terms.is_empty() {
+        let term = equation.terms.first().map(|term| term.id);
+        return Err(RegressorError::Empty { name: equation.name.clone(), term });
+    }
+    normalise(model, &mut terms, &mut inputs)?;
+    let name = match inputs.len() {
+        1 => inputs.keys().next().map_or_else(String::new, |symbol| model.symbol_name(*symbol)),
+        _ => equation.name.clone(),
+    };
+    // The input moves to the right-hand side.
+    let minus_one = rational::integer(-1);
+    let inputs = inputs.into_iter().map(|(symbol, (factor, _))| (symbol, factor.scale(&minus_one))).collect();
+    Ok(CollectedRow { name, terms, inputs })
+}
+
+/// Divides the row by the factor of its input when that factor has unknown parameters, or is the row's only one and a
+/// plain number.
+fn normalise(
+    model: &Model,
+    terms: &mut Collected,
+    inputs: &mut BTreeMap<Symbol, (Polynomial<ExprId>, TermId)>,
+) -> Result<(), RegressorError> {
+    let unknown = |factor: &Polynomial<ExprId>| {
+        factor.terms().any(|(m, _)| m.factors().any(|(&atom, _)| matches!(classify(model, atom), Class::Parameter)))
+    };
+    let single = inputs.len() == 1;
+    let Some((&symbol, (factor, term))) = inputs.iter().find(|(_, (factor, _))| unknown(factor) || single) else {
+        return Ok(());
+    };
+    let has_unknown = unknown(factor);
+    let divisor = match factor.as_term() {
+        Some((monomial, coefficient)) if has_unknown || monomial.is_one() => (monomial.clone(), coefficient.clone()),
+        _ if !has_unknown => return Ok(()),
+        _ => {
+            let mut graph = model.graph.clone();
+            let expr = graph.from_polynomial(factor);
+            return Err(RegressorError::InputFactor {
+                term: *term,
+                input: model.symbol_name(symbol),
+                factor: graph.display(expr, model),
+            });
+        }
+    };
+    let (parameters, constants) = divisor.0.partition(|&atom| matches!(classify(model, atom), Class::Parameter));
+    let scale = -divisor.1.recip();
+    let divided = std::mem::take(terms)
+        .into_iter()
+        .map(|((p, m), (c, id))| ((p.mul(&parameters.pow(-1)), m.mul(&constants.pow(-1))), (c * &scale, id)));
+    *terms = divided.collect();
+    let inverse = divisor.0.pow(-1);
+    for (factor, _) in inputs.values_mut() {
+        *factor = factor.mul_monomial(&inverse).scale(&scale);
+    }
+    // With several inputs, another factor may now carry unknown parameters.
+    if let Some((&symbol, (factor, term))) = inputs.iter().find(|(_, (factor, _))| unknown(factor)) {
+        let mut graph = model.graph.clone();
+        let expr = graph.from_polynomial(factor);
+        return Err(RegressorError::InputFactor {
+            term: *term,
+            input: model.symbol_name(symbol),
+            factor: graph.display(expr, model),
+        });
+    }
+    Ok(())
+}
+
+fn input_not_linear(model: &Model, term: TermId, symbol: Symbol, found: ExprId) -> RegressorError {
+    RegressorError::InputNotLinear { term, input: model.symbol_name(symbol), found: model.display(found) }
+}
+
+/// A column's regressor over the whole system: (row, motion monomial) -> coefficient.
+type ColumnVector = BTreeMap<(usize, Monomial<ExprId>), Rational>;
+
+/// A merged column: sum of ratio * parameter monomial, with the regressor of the first.
+struct Group {
+    members: Vec<(ParameterMonomial, Rational)>,
+}
+
+/// Groups parameter monomials whose regressors are proportional over all rows.
+fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
+    let mut vectors: BTreeMap<&ParameterMonomial, ColumnVector> = BTreeMap::new();
+    let mut order: Vec<&ParameterMonomial> = Vec::new();
+    for (r, row) in rows.iter().enumerate() {
+        // Source order, so that columns appear as the user wrote them.
+        let mut entries: Vec<_> = row.terms.iter().filter(|((p, _), _)| !p.is_one()).collect();
+        entries.sort_by_key(|(_, (_, source))| *source);
+        for ((parameters, motion), (coefficient, _)) in entries {
+            let vector = vectors.entry(parameters).or_insert_with(|| {
+                order.push(parameters);
+                ColumnVector::new()
+            });
+            vector.insert((r, motion.clone()), coefficient.clone());
+        }
+    }
+    let mut groups: Vec<Group> = Vec::new();
+    let mut seen: BTreeMap<ColumnVector, (usize, Rational)> = BTreeMap::new();
+    for parameters in order {
+        let vector = &vectors[parameters];
+        let lead = vector.values().next().expect("invariant: a column has a term").clone();
+        let unit: ColumnVector = vector.iter().map(|(key, c)| (key.clone(), c / &lead)).collect();
+        match seen.get(&unit) {
+            Some((group, first)) => groups[*group].members.push((parameters.clone(), lead / first)),
+            None => {
+                seen.insert(unit, (groups.len(), lead));
+                groups.push(Group { members: vec![(parameters.clone(), Rational::one())] });
+            }
+        }
+    }
+    groups
+}
+
+fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group>) -> RegressorForm {
+    let single = |group: &Group| match group.members.as_slice() {
+        [(monomial, ratio)] if ratio.is_one() => {
+            let mut factors = monomial.factors();
+            match (factors.next(), factors.next()) {
+                (Some((&atom, 1)), None) => match model.graph.node(atom) {
+                    Node::Symbol(symbol) => Some(*symbol),
+                    _ => None,
+                },
+                _ => None,
+            }
+        }
+        _ => None,
+    };
+    let mut indexed: Vec<(Option<Symbol>, Group)> = groups.into_iter().map(|group| (single(&group), group)).collect();
+    // The model's own parameters in order of declaration, then the lumped ones as they appeared.
+    indexed.sort_by_key(|(symbol, _)| (symbol.is_none(), *symbol));
+    let mut taken: BTreeSet<String> = model.symbols.iter().map(|quantity| quantity.name.clone()).collect();
+    taken.extend(model.coordinates.iter().map(|coordinate| coordinate.name.clone()));
+    let mut columns = Vec::with_capacity(indexed.len());
+    let mut position: BTreeMap<ParameterMonomial, (usize, Rational)> = BTreeMap::new();
+    for (index, (symbol, group)) in indexed.into_iter().enumerate() {
+        let definition: Polynomial<ExprId> = group.members.iter().cloned().collect();
+        let unit = group.members.first().and_then(|(monomial, _)| monomial_unit(model, monomial));
+        let name = match symbol {
+            Some(symbol) => model.symbol_name(symbol),
+            None => lumped_name(model, &definition, &mut taken),
+        };
+        // Only the first member keeps its terms: theta_first + r theta_other multiplies the first's regressor.
+        if let Some((first, _)) = group.members.first() {
+            position.insert(first.clone(), (index, Rational::one()));
+        }
+        columns.push(Column { name, unit, definition, parameter: symbol });
+    }
+    let rows = rows.into_iter().map(|row| {
+        let mut terms: Vec<Term> = row
+            .terms
+            .into_iter()
+            .filter_map(|((parameters, atoms), (coefficient, source))| {
+                let column = if parameters.is_one() { None } else { Some(position.get(&parameters)?.0) };
+                Some(Term { column, coefficient, atoms, source })
+            })
+            .collect();
+        terms.sort_by(|a, b| (a.column, &a.atoms).cmp(&(b.column, &b.atoms)));
+        Row { name: row.name, terms, inputs: row.inputs }
+    });
+    RegressorForm { rows: rows.collect(), columns }
+}
+
+fn monomial_unit(model: &Model, monomial: &ParameterMonomial) -> Option<Unit> {
+    let mut unit = Unit::one();
+    for (&atom, exponent) in monomial.factors() {
+        let Node::Symbol(symbol) = model.graph.node(atom) else { return None };
+        unit = unit.mul(&model.quantity(*symbol).unit.as_ref()?.pow(exponent));
+    }
+    Some(unit)
+}
+
+/// The user's name when one was given by `lump`, otherwise the canonical expression spelled as an identifier.
+fn lumped_name(model: &Model, definition: &Polynomial<ExprId>, taken: &mut BTreeSet<String>) -> String {
+    for lump in &model.lumps {
+        if model.graph.polynomial(lump.expr) == *definition {
+            taken.insert(lump.name.clone());
+            return lump.name.clone();
+        }
+    }
+    let mut name = identifier(&canonical(model, definition));
+    while !taken.insert(name.clone()) {
+        name.push('_');
+    }
+    name
+}
+
+/// The canonical expression of a lumped parameter: factors and terms in order of declaration, such as `m2*c2^2`.
+#[must_use]
+pub fn canonical(model: &Model, definition: &Polynomial<ExprId>) -> String {
+    let mut text = String::new();
+    // The member that was met first leads; the polynomial's own order is by declaration, since symbols are interned so.
+    for (i, (monomial, coefficient)) in definition.terms().enumerate() {
+        let magnitude = rational::abs(coefficient);
+        match (i, coefficient.is_negative()) {
+            (0, false) => {}
+            (0, true) => text.push('-'),
+            (_, false) => text.push_str(" + "),
+            (_, true) => text.push_str(" - "),
+        }
+        let mut above: Vec<String> = Vec::new();
+        let mut below: Vec<String> = Vec::new();
+        if !magnitude.numer().is_one() {
+            above.push(magnitude.numer().to_string());
+        }
+        if !magnitude.denom().is_one() {
+            below.push(magnitude.denom().to_string());
+        }
+        for (&atom, exponent) in monomial.factors() {
+            let base = match model.graph.node(atom) {
+                Node::Symbol(_) | Node::Function(..) | Node::Pi | Node::Atan2(..) => model.display(atom),
+                _ => format!("({})", model.display(atom)),
+            };
+            let power = if exponent.abs() == 1 { base } else { format!("{base}^{}", exponent.abs()) };
+            if exponent > 0 { above.push(power) } else { below.push(power) }
+        }
+        text.push_str(&if above.is_empty() { "1".to_owned() } else { above.join("*") });
+        for factor in below {
+            text.push('/');
+            text.push_str(&factor);
+        }
+    }
+    text
+}
+
+/// `m2*c2^2` as `m2_c2_2`, `J1 + m2*l1^2` as `J1_plus_m2_l1_2`.
+fn identifier(expression: &str) -> String {
+    let mut name = String::new();
+    for c in expression.chars() {
+        let piece = match c {
+            c if c.is_alphanumeric() || c == '_' => {
+                name.push(c);
+                continue;
+            }
+            '+' => "plus",
+            '-' => "minus",
+            '/' => "_per_",
+            '*' | '^' => "_",
+            _ => "_",
+        };
+        if !(piece == "_" && name.ends_with('_')) {
+            name.push_str(piece);
+        }
+    }
+    let name = name.replace("__", "_");
+    name.trim_matches('_').to_owned()
+}
