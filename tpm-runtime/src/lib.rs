@@ -8,6 +8,7 @@
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+pub mod harmonics;
 pub mod linear;
 pub mod model;
 pub mod real;
