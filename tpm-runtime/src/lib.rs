@@ -9,6 +9,8 @@
 extern crate std;
 
 pub mod harmonics;
+#[cfg(feature = "interpret")]
+pub mod interpret;
 pub mod linear;
 pub mod model;
 pub mod real;

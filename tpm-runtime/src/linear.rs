@@ -42,10 +42,7 @@ pub fn solve_in_place<T: Real>(matrix: &mut [T], right: &mut [T]) -> Result<(), 
             }
         }
         let size = matrix[pivot * n + k].abs();
-        if !size.is_finite()
-            || size <= T::ZERO
-            || (n > 1 && size <= tiny * column_size(matrix, n, k))
-        {
+        if !size.is_finite() || size <= T::ZERO || (n > 1 && size <= tiny * column_size(matrix, n, k)) {
             return Err(k);
         }
         if pivot != k {
@@ -78,9 +75,7 @@ pub fn solve_in_place<T: Real>(matrix: &mut [T], right: &mut [T]) -> Result<(), 
 
 /// Largest absolute entry of a column.
 fn column_size<T: Real>(matrix: &[T], n: usize, column: usize) -> T {
-    (0..n).fold(T::ZERO, |largest, r| {
-        largest.max(matrix[r * n + column].abs())
-    })
+    (0..n).fold(T::ZERO, |largest, r| largest.max(matrix[r * n + column].abs()))
 }
 
 #[cfg(test)]

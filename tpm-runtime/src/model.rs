@@ -65,10 +65,7 @@ impl<'a> Label<'a> {
     /// A name with a unit.
     #[must_use]
     pub const fn new(name: &'a str, unit: &'a str) -> Self {
-        Label {
-            name,
-            unit: Some(unit),
-        }
+        Label { name, unit: Some(unit) }
     }
 
     /// A name without a unit.
@@ -146,14 +143,9 @@ pub enum EvalError {
 impl fmt::Display for EvalError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            EvalError::Length {
-                buffer,
-                needed,
-                given,
-            } => write!(
-                f,
-                "the {buffer} slice has {given} entries, the model needs {needed}"
-            ),
+            EvalError::Length { buffer, needed, given } => {
+                write!(f, "the {buffer} slice has {given} entries, the model needs {needed}")
+            }
             EvalError::NotSquare { rows, coordinates } => write!(
                 f,
                 "the model has {rows} equations for {coordinates} coordinates, so that its motion is not determined by them"
@@ -173,33 +165,16 @@ impl core::error::Error for EvalError {}
 /// # Errors
 /// [`EvalError::Length`] that names the slice.
 pub fn require_len(buffer: Buffer, given: usize, needed: usize) -> Result<(), EvalError> {
-    if given == needed {
-        Ok(())
-    } else {
-        Err(EvalError::Length {
-            buffer,
-            needed,
-            given,
-        })
-    }
+    if given == needed { Ok(()) } else { Err(EvalError::Length { buffer, needed, given }) }
 }
 
 /// The first `needed` entries of a workspace and the rest.
 ///
 /// # Errors
 /// [`EvalError::Length`] when it is shorter.
-pub fn split_workspace<T>(
-    workspace: &mut [T],
-    needed: usize,
-) -> Result<(&mut [T], &mut [T]), EvalError> {
+pub fn split_workspace<T>(workspace: &mut [T], needed: usize) -> Result<(&mut [T], &mut [T]), EvalError> {
     let given = workspace.len();
-    workspace
-        .split_at_mut_checked(needed)
-        .ok_or(EvalError::Length {
-            buffer: Buffer::Workspace,
-            needed,
-            given,
-        })
+    workspace.split_at_mut_checked(needed).ok_or(EvalError::Length { buffer: Buffer::Workspace, needed, given })
 }
 
 /// A dynamics model, linear in its unknown parameters (see the module's invariant).
@@ -239,37 +214,19 @@ pub trait Model<T: Real>: Send + Sync {
     ///
     /// # Errors
     /// [`EvalError::Length`].
-    fn regressor(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError>;
+    fn regressor(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
 
     /// The terms without an unknown parameter, on the left-hand side: one number per row into `out`.
     ///
     /// # Errors
     /// [`EvalError::Length`].
-    fn known(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError>;
+    fn known(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
 
     /// B: rows x inputs, row-major, into `out`.
     ///
     /// # Errors
     /// [`EvalError::Length`].
-    fn input_map(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError>;
+    fn input_map(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
 
     /// Entries of workspace that [`inverse_dynamics`](Model::inverse_dynamics) needs.
     fn inverse_workspace_len(&self) -> usize {
@@ -308,10 +265,7 @@ pub trait Model<T: Real>: Send + Sync {
     /// Entries of workspace that [`forward_dynamics`](Model::forward_dynamics) needs.
     fn forward_workspace_len(&self) -> usize {
         let dims = self.dims();
-        self.workspace_len()
-            + 2 * dims.regressor_len()
-            + dims.input_map_len()
-            + dims.rows * (dims.coordinates + 2)
+        self.workspace_len() + 2 * dims.regressor_len() + dims.input_map_len() + dims.rows * (dims.coordinates + 2)
     }
 
     /// Solves the rows for the highest derivative of every coordinate and writes them into their slots of `motion`.
@@ -333,10 +287,7 @@ pub trait Model<T: Real>: Send + Sync {
     ) -> Result<(), EvalError> {
         let dims = self.dims();
         if dims.rows != dims.coordinates {
-            return Err(EvalError::NotSquare {
-                rows: dims.rows,
-                coordinates: dims.coordinates,
-            });
+            return Err(EvalError::NotSquare { rows: dims.rows, coordinates: dims.coordinates });
         }
         require_len(Buffer::Motion, motion.len(), dims.motion_len())?;
         require_len(Buffer::Parameters, parameters.len(), dims.parameters)?;
@@ -381,8 +332,7 @@ pub trait Model<T: Real>: Send + Sync {
             }
             right[r] = sum;
         }
-        linear::solve_in_place(matrix, right)
-            .map_err(|coordinate| EvalError::Singular { coordinate })?;
+        linear::solve_in_place(matrix, right).map_err(|coordinate| EvalError::Singular { coordinate })?;
         for c in 0..n {
             motion[self.coordinate_order(c) * n + c] = right[c];
         }
@@ -403,15 +353,11 @@ mod tests {
         let motion = [0.3, 0.2, -1.0, 0.5, 7.0, 0.0];
         let mut scratch = vec![0.0; model.inverse_workspace_len()];
         let mut force = [0.0; 2];
-        model
-            .inverse_dynamics(&motion, &theta, &[], &mut scratch, &mut force)
-            .expect("lengths fit");
+        model.inverse_dynamics(&motion, &theta, &[], &mut scratch, &mut force).expect("lengths fit");
         // The free row fixes x2'' = k3 (x1 - x2) / m2 = 20; the driven one then reproduces x1''.
         let mut solved = [0.3, 0.2, -1.0, 0.5, f64::NAN, f64::NAN];
         let mut scratch = vec![0.0; model.forward_workspace_len()];
-        model
-            .forward_dynamics(&mut solved, &theta, &[], &[force[0]], &mut scratch)
-            .expect("regular");
+        model.forward_dynamics(&mut solved, &theta, &[], &[force[0]], &mut scratch).expect("regular");
         assert!((solved[4] - 7.0).abs() < 1e-14);
         assert!((solved[5] - 20.0).abs() < 1e-13);
     }
@@ -422,9 +368,7 @@ mod tests {
         let theta = [5.4e-6, 2.3e-4, 1e6, 4.0];
         let mut motion = [1.0, 1.0, 0.0];
         let mut scratch = vec![0.0; model.forward_workspace_len()];
-        model
-            .forward_dynamics(&mut motion, &theta, &[], &[0.0], &mut scratch)
-            .expect("regular");
+        model.forward_dynamics(&mut motion, &theta, &[], &[0.0], &mut scratch).expect("regular");
         let expected = -(2.3e-4 + 1e6 + 4.0) / 5.4e-6;
         assert!((motion[2] / expected - 1.0).abs() < 1e-15);
     }
@@ -433,9 +377,7 @@ mod tests {
     fn friction_vanishes_at_rest() {
         let model: &dyn Model<f64> = &Emps;
         let mut phi = [0.0; 4];
-        model
-            .regressor(&[0.1, 0.0, 2.0], &[], &mut [], &mut phi)
-            .expect("lengths fit");
+        model.regressor(&[0.1, 0.0, 2.0], &[], &mut [], &mut phi).expect("lengths fit");
         assert_eq!(phi, [2.0, 0.0, 0.0, 1.0]);
         assert_eq!(model.parameter(3).name, "OF");
         assert_eq!(model.parameter(4).name, "");
@@ -446,11 +388,7 @@ mod tests {
         let model: &dyn Model<f32> = &MassSpringDrag;
         assert_eq!(
             model.regressor(&[0.0; 2], &[], &mut [], &mut [0.0; 3]),
-            Err(EvalError::Length {
-                buffer: Buffer::Motion,
-                needed: 3,
-                given: 2
-            })
+            Err(EvalError::Length { buffer: Buffer::Motion, needed: 3, given: 2 })
         );
         let mut scratch = vec![0.0; model.forward_workspace_len()];
         assert_eq!(
@@ -459,11 +397,7 @@ mod tests {
         );
         assert_eq!(
             model.forward_dynamics(&mut [0.0; 3], &[1.0; 3], &[], &[1.0], &mut []),
-            Err(EvalError::Length {
-                buffer: Buffer::Workspace,
-                needed: 3,
-                given: 0
-            })
+            Err(EvalError::Length { buffer: Buffer::Workspace, needed: 3, given: 0 })
         );
     }
 }

@@ -49,6 +49,8 @@ pub trait Real:
     fn asin(self) -> Self;
     /// Principal arc cosine in radians; not a number outside [-1, 1].
     fn acos(self) -> Self;
+    /// Inverse tangent, in (-pi/2, pi/2).
+    fn atan(self) -> Self;
     /// Angle of the point (`x`, `self`) in (-pi, pi].
     fn atan2(self, x: Self) -> Self;
     /// Square root; not a number below zero.
@@ -106,7 +108,7 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($scalar:ident, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
+    ($scalar:ident, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
         impl Real for $scalar {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -135,6 +137,9 @@ macro_rules! real {
             }
             fn acos(self) -> Self {
                 libm::$acos(self)
+            }
+            fn atan(self) -> Self {
+                libm::$atan(self)
             }
             fn atan2(self, x: Self) -> Self {
                 libm::$atan2(self, x)
@@ -167,8 +172,8 @@ macro_rules! real {
     };
 }
 
-real!(f64, sin cos tan asin acos atan2 sqrt exp log floor fabs fmax fmin);
-real!(f32, sinf cosf tanf asinf acosf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
+real!(f64, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
+real!(f32, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
 
 #[cfg(test)]
 mod tests {

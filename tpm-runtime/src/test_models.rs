@@ -83,14 +83,7 @@ impl<T: Real> Model<T> for TwoCarts {
         "TwoCarts"
     }
     fn dims(&self) -> Dims {
-        Dims {
-            coordinates: 2,
-            order: 2,
-            inputs: 1,
-            rows: 2,
-            parameters: 5,
-            constants: 0,
-        }
+        Dims { coordinates: 2, order: 2, inputs: 1, rows: 2, parameters: 5, constants: 0 }
     }
     fn coordinate(&self, index: usize) -> Label<'_> {
         Label::new(["x1", "x2"].get(index).copied().unwrap_or(""), "m")
@@ -99,12 +92,7 @@ impl<T: Real> Model<T> for TwoCarts {
         Label::new("F", "N")
     }
     fn parameter(&self, index: usize) -> Label<'_> {
-        Label::bare(
-            ["m1", "m2", "k1", "k2", "k3"]
-                .get(index)
-                .copied()
-                .unwrap_or(""),
-        )
+        Label::bare(["m1", "m2", "k1", "k2", "k3"].get(index).copied().unwrap_or(""))
     }
     fn constant(&self, _: usize) -> Label<'_> {
         Label::bare("")
@@ -115,13 +103,7 @@ impl<T: Real> Model<T> for TwoCarts {
     fn workspace_len(&self) -> usize {
         0
     }
-    fn regressor(
-        &self,
-        motion: &[T],
-        _: &[T],
-        _: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
+    fn regressor(&self, motion: &[T], _: &[T], _: &mut [T], out: &mut [T]) -> Result<(), EvalError> {
         require_len(Buffer::Motion, motion.len(), 6)?;
         require_len(Buffer::Output, out.len(), 10)?;
         let (x1, x2, a1, a2) = (motion[0], motion[1], motion[4], motion[5]);

@@ -46,10 +46,7 @@ impl fmt::Display for AccumulatorError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Memory { needed, given } => {
-                write!(
-                    f,
-                    "{needed} entries of memory are needed, {given} were given"
-                )
+                write!(f, "{needed} entries of memory are needed, {given} were given")
             }
             Self::TooFewSamples { samples, harmonics } => write!(
                 f,
@@ -57,10 +54,7 @@ impl fmt::Display for AccumulatorError {
                 2 * harmonics + 1
             ),
             Self::Channels { needed, given } => {
-                write!(
-                    f,
-                    "the accumulator has {needed} channels, {given} were named"
-                )
+                write!(f, "the accumulator has {needed} channels, {given} were named")
             }
             Self::NotWhole { samples } => write!(
                 f,
@@ -107,10 +101,7 @@ impl<'m, T: Real> Accumulator<'m, T> {
         memory: &'m mut [T],
     ) -> Result<Self, AccumulatorError> {
         if samples_per_period < 2 * harmonics + 1 {
-            return Err(AccumulatorError::TooFewSamples {
-                samples: samples_per_period,
-                harmonics,
-            });
+            return Err(AccumulatorError::TooFewSamples { samples: samples_per_period, harmonics });
         }
         let needed = Self::memory_len(channels, harmonics);
         let given = memory.len();
@@ -120,16 +111,7 @@ impl<'m, T: Real> Accumulator<'m, T> {
         let (step, rest) = used.split_at_mut(2 * harmonics);
         let (phasor, rest) = rest.split_at_mut(2 * harmonics);
         let (period, total) = rest.split_at_mut(channels * (2 * harmonics + 1));
-        let mut this = Accumulator {
-            samples_per_period,
-            channels,
-            harmonics,
-            count: 0,
-            step,
-            phasor,
-            period,
-            total,
-        };
+        let mut this = Accumulator { samples_per_period, channels, harmonics, count: 0, step, phasor, period, total };
         for (k, pair) in this.step.chunks_exact_mut(2).enumerate() {
             let (sin, cos) = exact_angle::<T>(k + 1, 1, samples_per_period).sin_cos();
             pair[0] = cos;
@@ -158,10 +140,7 @@ impl<'m, T: Real> Accumulator<'m, T> {
     /// [`AccumulatorError::Channels`].
     pub fn push(&mut self, sample: &[T]) -> Result<(), AccumulatorError> {
         if sample.len() != self.channels {
-            return Err(AccumulatorError::Channels {
-                needed: self.channels,
-                given: sample.len(),
-            });
+            return Err(AccumulatorError::Channels { needed: self.channels, given: sample.len() });
         }
         if self.count.is_multiple_of(RESET) {
             let n = self.count % self.samples_per_period;
@@ -180,11 +159,7 @@ impl<'m, T: Real> Accumulator<'m, T> {
                 }
             }
         }
-        for (now, by) in self
-            .phasor
-            .chunks_exact_mut(2)
-            .zip(self.step.chunks_exact(2))
-        {
+        for (now, by) in self.phasor.chunks_exact_mut(2).zip(self.step.chunks_exact(2)) {
             let (cos, sin) = (now[0], now[1]);
             now[0] = cos * by[0] - sin * by[1];
             now[1] = sin * by[0] + cos * by[1];
@@ -204,22 +179,12 @@ impl<'m, T: Real> Accumulator<'m, T> {
     /// # Errors
     /// [`AccumulatorError::NotWhole`] unless whole periods were taken in, [`AccumulatorError::Channels`],
     /// [`AccumulatorError::TooFewSamples`] for a harmonic that was not accumulated.
-    pub fn coefficients(
-        &self,
-        channel: usize,
-        harmonic: usize,
-    ) -> Result<(T, T), AccumulatorError> {
+    pub fn coefficients(&self, channel: usize, harmonic: usize) -> Result<(T, T), AccumulatorError> {
         if channel >= self.channels {
-            return Err(AccumulatorError::Channels {
-                needed: self.channels,
-                given: channel,
-            });
+            return Err(AccumulatorError::Channels { needed: self.channels, given: channel });
         }
         if harmonic > self.harmonics {
-            return Err(AccumulatorError::TooFewSamples {
-                samples: self.samples_per_period,
-                harmonics: harmonic,
-            });
+            return Err(AccumulatorError::TooFewSamples { samples: self.samples_per_period, harmonics: harmonic });
         }
         let beyond = self.count % self.samples_per_period;
         if beyond != 0 || self.count == 0 {
@@ -259,10 +224,7 @@ mod tests {
             bank.push(&[x, (4.0 * th).cos()]).expect("two channels");
         }
         let near = |found: (f64, f64), c: f64, s: f64| {
-            assert!(
-                (found.0 - c).abs() < 1e-12 && (found.1 - s).abs() < 1e-12,
-                "{found:?} {c} {s}"
-            );
+            assert!((found.0 - c).abs() < 1e-12 && (found.1 - s).abs() < 1e-12, "{found:?} {c} {s}");
         };
         near(bank.coefficients(0, 0).expect("whole"), 0.25, 0.0);
         near(bank.coefficients(0, 1).expect("whole"), 3.0, 0.0);
@@ -270,25 +232,16 @@ mod tests {
         near(bank.coefficients(0, 9).expect("whole"), 0.0, -2.0);
         near(bank.coefficients(1, 4).expect("whole"), 1.0, 0.0);
         bank.push(&[0.0, 0.0]).expect("two channels");
-        assert_eq!(
-            bank.coefficients(0, 0),
-            Err(AccumulatorError::NotWhole { samples: 1 })
-        );
+        assert_eq!(bank.coefficients(0, 0), Err(AccumulatorError::NotWhole { samples: 1 }));
     }
 
     #[test]
     fn faults_are_named() {
         let mut memory = [0.0_f32; 4];
-        assert!(matches!(
-            Accumulator::new(8, 1, 4, &mut memory),
-            Err(AccumulatorError::TooFewSamples { .. })
-        ));
+        assert!(matches!(Accumulator::new(8, 1, 4, &mut memory), Err(AccumulatorError::TooFewSamples { .. })));
         assert!(matches!(
             Accumulator::new(9, 1, 4, &mut memory),
-            Err(AccumulatorError::Memory {
-                needed: 34,
-                given: 4
-            })
+            Err(AccumulatorError::Memory { needed: 34, given: 4 })
         ));
     }
 }

@@ -40,11 +40,7 @@ impl fmt::Display for Hold {
 #[must_use]
 pub fn hold_factor<T: Real>(angle: T) -> (T, T) {
     let half = angle / T::from_f64(2.0);
-    let sinc = if half.abs() > T::ZERO {
-        half.sin() / half
-    } else {
-        T::ONE
-    };
+    let sinc = if half.abs() > T::ZERO { half.sin() / half } else { T::ONE };
     (sinc * half.cos(), -sinc * half.sin())
 }
 

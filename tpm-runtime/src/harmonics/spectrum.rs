@@ -31,11 +31,7 @@ impl Window {
     /// Hann from four whole periods on.
     #[must_use]
     pub const fn for_periods(periods: usize) -> Self {
-        if periods >= 4 {
-            Window::Hann
-        } else {
-            Window::Rectangular
-        }
+        if periods >= 4 { Window::Hann } else { Window::Rectangular }
     }
 
     /// Weight of sample i of n, the weights summing to one.
@@ -83,9 +79,7 @@ pub enum SpectrumError {
         period: f64,
     },
     /// The harmonics cannot be told apart on this record.
-    #[error(
-        "the harmonics cannot be told apart on {samples} samples; use a whole number of periods, at least two"
-    )]
+    #[error("the harmonics cannot be told apart on {samples} samples; use a whole number of periods, at least two")]
     Singular {
         /// Samples in the record.
         samples: usize,
@@ -126,21 +120,14 @@ impl Spectra {
     ) -> Result<Self, SpectrumError> {
         let whole = (samples_per_period - samples_per_period.round()).abs() < 1e-9;
         // Negative or missing periods become zero samples, which is refused below.
-        let used = (samples_per_period * periods as f64 + 1e-6)
-            .floor()
-            .max(0.0) as usize;
+        let used = (samples_per_period * periods as f64 + 1e-6).floor().max(0.0) as usize;
         let samples = channels.iter().map(|c| c.len()).min().unwrap_or(0);
         if used == 0 || used > samples {
-            return Err(SpectrumError::TooShort {
-                samples,
-                period: samples_per_period,
-            });
+            return Err(SpectrumError::TooShort { samples, period: samples_per_period });
         }
         let resolved = (((samples_per_period - 1.0) / 2.0).floor()).max(0.0) as usize;
         if resolved == 0 {
-            return Err(SpectrumError::TooCoarse {
-                period: samples_per_period,
-            });
+            return Err(SpectrumError::TooCoarse { period: samples_per_period });
         }
         let window = Window::for_periods(periods);
         let weights: Vec<f64> = (0..used).map(|i| window.weight(i, used)).collect();
@@ -148,18 +135,11 @@ impl Spectra {
         let transform = planner.plan_fft_forward(used);
         let mut bins: Vec<Vec<Complex<f64>>> = Vec::with_capacity(channels.len());
         let mut lines: Vec<Vec<Complex<f64>>> = Vec::with_capacity(channels.len());
-        let highest = if whole {
-            resolved
-        } else {
-            resolved.min(MAX_FITTED)
-        };
+        let highest = if whole { resolved } else { resolved.min(MAX_FITTED) };
         let fit = if whole {
             None
         } else {
-            Some(
-                LineFit::new(&weights, samples_per_period, highest)
-                    .ok_or(SpectrumError::Singular { samples: used })?,
-            )
+            Some(LineFit::new(&weights, samples_per_period, highest).ok_or(SpectrumError::Singular { samples: used })?)
         };
         for channel in channels {
             let signal = &channel[..used];
@@ -175,32 +155,20 @@ impl Spectra {
                 windowed = signal.iter().zip(&weights).map(|(x, w)| x * w).collect();
             }
             let mut spectrum = transform.make_output_vec();
-            transform
-                .process(&mut windowed, &mut spectrum)
-                .expect("invariant: buffers were made for this transform");
+            transform.process(&mut windowed, &mut spectrum).expect("invariant: buffers were made for this transform");
             if fit.is_none() {
                 lines.push(
                     (0..=highest)
                         .map(|k| {
                             let line = spectrum[k * periods];
-                            if k == 0 {
-                                Complex::new(line.re, 0.0)
-                            } else {
-                                line * 2.0
-                            }
+                            if k == 0 { Complex::new(line.re, 0.0) } else { line * 2.0 }
                         })
                         .collect(),
                 );
             }
             bins.push(spectrum);
         }
-        let (noise, noise_bins) = line_noise(
-            &bins,
-            &lines,
-            used as f64 / samples_per_period,
-            window,
-            whole,
-        );
+        let (noise, noise_bins) = line_noise(&bins, &lines, used as f64 / samples_per_period, window, whole);
         Ok(Spectra {
             fundamental: 2.0 * PI / (samples_per_period * sample_time),
             sample_time,
@@ -222,9 +190,7 @@ impl Spectra {
     /// Noise variance E|n|^2 of one phasor of one channel.
     #[must_use]
     pub fn variance(&self, channel: usize, harmonic: usize) -> f64 {
-        self.noise
-            .get(harmonic)
-            .map_or(0.0, |m| m[(channel, channel)].re)
+        self.noise.get(harmonic).map_or(0.0, |m| m[(channel, channel)].re)
     }
 }
 
@@ -246,20 +212,13 @@ fn line_noise(
         })
         .collect();
     let per_line = (bins_per_line.ceil() - 2.0 * window.guard()).max(0.0);
-    let half = if per_line > 0.0 {
-        (NOISE_BINS as f64 / per_line / 2.0).ceil().max(0.5) * bins_per_line
-    } else {
-        0.0
-    };
+    let half = if per_line > 0.0 { (NOISE_BINS as f64 / per_line / 2.0).ceil().max(0.5) * bins_per_line } else { 0.0 };
     // Errors that repeat in every period (quantisation of a repeated motion) leave nothing between the lines, but a flat
     // floor under the highest ones; the median is deaf to single lines that stand out. A median of |n|^2 is ln 2 of its mean.
     let floors: Vec<f64> = lines
         .iter()
         .map(|line| {
-            let mut top: Vec<f64> = line[count - count / 4..]
-                .iter()
-                .map(Complex::norm_sqr)
-                .collect();
+            let mut top: Vec<f64> = line[count - count / 4..].iter().map(Complex::norm_sqr).collect();
             if !full || top.len() < 8 {
                 return 0.0;
             }
@@ -316,17 +275,9 @@ impl LineFit {
         let size = 2 * highest + 1;
         let gram = DMatrix::from_fn(size, size, |r, c| {
             // project() sums w e^{-j lag}; entry (r, c) needs w e^{+j (c - r)}.
-            if c >= r {
-                lags[c - r].conj()
-            } else {
-                lags[r - c]
-            }
+            if c >= r { lags[c - r].conj() } else { lags[r - c] }
         });
-        Some(LineFit {
-            factor: gram.cholesky()?,
-            highest,
-            angle,
-        })
+        Some(LineFit { factor: gram.cholesky()?, highest, angle })
     }
 
     fn solve(&self, signal: &[f64], weights: &[f64]) -> Vec<Complex<f64>> {
@@ -334,23 +285,9 @@ impl LineFit {
         let mut right = vec![Complex::new(0.0, 0.0); self.highest + 1];
         project(&windowed, self.angle, &mut right);
         let h = self.highest;
-        let full = DVector::from_fn(2 * h + 1, |i, _| {
-            if i >= h {
-                right[i - h]
-            } else {
-                right[h - i].conj()
-            }
-        });
+        let full = DVector::from_fn(2 * h + 1, |i, _| if i >= h { right[i - h] } else { right[h - i].conj() });
         let found = self.factor.solve(&full);
-        (0..=h)
-            .map(|k| {
-                if k == 0 {
-                    Complex::new(found[h].re, 0.0)
-                } else {
-                    found[h + k] * 2.0
-                }
-            })
-            .collect()
+        (0..=h).map(|k| if k == 0 { Complex::new(found[h].re, 0.0) } else { found[h + k] * 2.0 }).collect()
     }
 
     fn residual(&self, signal: &[f64], lines: &[Complex<f64>]) -> Vec<f64> {
@@ -361,11 +298,7 @@ impl LineFit {
                 let (sin, cos) = (self.angle * i as f64).sin_cos();
                 let turn = Complex::new(cos, sin);
                 // Horner's rule in e^{j w t}.
-                let sum = lines
-                    .iter()
-                    .skip(1)
-                    .rev()
-                    .fold(Complex::new(0.0, 0.0), |sum, line| (sum + line) * turn);
+                let sum = lines.iter().skip(1).rev().fold(Complex::new(0.0, 0.0), |sum, line| (sum + line) * turn);
                 x - lines.first().map_or(0.0, |mean| mean.re) - sum.re
             })
             .collect()
@@ -407,13 +340,7 @@ mod tests {
     fn check(period: f64, periods: usize, n: usize) {
         let x = series(period, n);
         let s = Spectra::analyse(&[&x], 1e-3, period, periods).expect("long enough");
-        let expected = [
-            (0, 0.5, 0.0),
-            (1, 1.0, 0.0),
-            (2, 0.0, 0.0),
-            (3, 0.0, -0.2),
-            (7, -0.01, 0.0),
-        ];
+        let expected = [(0, 0.5, 0.0), (1, 1.0, 0.0), (2, 0.0, 0.0), (3, 0.0, -0.2), (7, -0.01, 0.0)];
         for (k, re, im) in expected {
             let error = (s.lines[0][k] - Complex::new(re, im)).norm();
             assert!(error < 1e-12, "period {period}, harmonic {k}: {error:e}");
@@ -432,11 +359,9 @@ mod tests {
 
     #[test]
     fn noise_of_a_line_is_what_its_spread_shows() {
-        for (period, periods, window) in [
-            (64.0, 8, Window::Hann),
-            (64.0, 3, Window::Rectangular),
-            (61.7, 6, Window::Hann),
-        ] {
+        for (period, periods, window) in
+            [(64.0, 8, Window::Hann), (64.0, 3, Window::Rectangular), (61.7, 6, Window::Hann)]
+        {
             let n = (period * f64::from(periods)) as usize + 1;
             let clean = series(period, n);
             let mut rng = ChaCha8Rng::seed_from_u64(7);
@@ -449,8 +374,7 @@ mod tests {
                         c + 0.1 * noise
                     })
                     .collect();
-                let s =
-                    Spectra::analyse(&[&x], 1e-3, period, periods as usize).expect("long enough");
+                let s = Spectra::analyse(&[&x], 1e-3, period, periods as usize).expect("long enough");
                 assert_eq!(s.window, window);
                 spread += (s.lines[0][3] - Complex::new(0.0, -0.2)).norm_sqr();
                 stated += s.variance(0, 3);
