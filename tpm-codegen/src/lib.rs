@@ -1,1 +1,3 @@
-//! tpm-codegen
+//! The model language and the writers of the Trajectory Pattern Method tools.
+
+pub mod emit;
