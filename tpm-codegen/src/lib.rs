@@ -1,3 +1,61 @@
-//! The model language and the writers of the Trajectory Pattern Method tools.
+//! The model language of the Trajectory Pattern Method, and what is made of a model.
+//!
+//! # The problem
+//!
+//! A dynamics model is written down once, as equations with units,
+//!
+//! ```text
+//! m*ddot(x) + k1*x + k2*dot(x)^2 = u;          (Feng, Eqn 3.24)
+//! ```
+//!
+//! and everything else follows from it: the harmonic coefficient table, the estimator, its source in Rust or C. This crate is an
+//! ordinary library between the text and the exact algebra of `tpm-symbolic`:
+//!
+//! ```text
+//! Source --lex, parse--> ast::Model --check--> (names, structure, units) --lower--> tpm_symbolic::model::Model
+//! ```
+//!
+//! The macro and the command line both call it. Its stages collect every independent fault and report them together as
+//! [`diagnostic::Diagnostics`], each at its place in the text or on the user's tokens.
+//!
+//! # The language
+//!
+//! A source has one model. Comments begin with `//`. Keywords are contextual: a parameter may be called `as`, `type` or `model`.
+//! `t` (the time) and `pi` are reserved. Statements end with `;`:
+//!
+//! | statement | meaning |
+//! |---|---|
+//! | `coordinate x [m], y [m];` | generalised coordinates |
+//! | `input u [N];` | actuating forces, torques, voltages |
+//! | `parameter m [kg], k [N/m];` | to be identified |
+//! | `constant g = 9.8 [m/s^2], th10 [rad];` | known exactly, or at run time only |
+//! | `let s = x - x0;` | a name for an expression; uses only what is defined above it |
+//! | `left = right;` | an equation of motion; both sides are expressions |
+//! | `kinetic = ...; potential = ...; dissipation = ...;` | energies, and Rayleigh's dissipation function, instead of equations |
+//! | `force q = ...;` | the generalised force on a coordinate; without one it is free, and its row is equal to 0 |
+//! | `series f(q) [unit] about q0 order n as a0, ..., an;` | an unknown function by its Taylor coefficients, which are parameters |
+//! | `series f(q) = ... about q0 order n;` | a known function, replaced by its Taylor polynomial; `as` names the coefficients |
+//! | `taylor q about q0 order n;` | for tables: terms that do not expand finitely in q become Taylor polynomials |
+//! | `lump NAME = m*L^2;` | a name for a lumped parameter |
+//! | `eliminate x1, x2 as c;` | eliminates free coordinates; what remains has parameters c1, c2, ... |
+//! | `pattern NAME { ... }` | a reference motion; the name may be left out once |
+//!
+//! A change of coordinates is a `let`: `let th2 = alpha2 - pi;` and th2 and its derivatives may stand everywhere.
+//!
+//! A pattern has one `frequency w [rad/s];`, any number of amplitudes (`amplitude lambda [m];`), a motion for each coordinate that
+//! is neither free nor eliminated, and `harmonics n;`, the number of harmonics kept of terms with infinitely many. A motion is a
+//! finite Fourier series, `x = x0 + lambda*(cos(w*t) - 1/9*cos(3*w*t));`, or `rest_to_rest(lambda, w, n)` (derivatives 1 to n
+//! vanish at both ends, n odd), or `point_to_point(x0, x1, w, n)`; the frequency may be an integer multiple, `3*w`.
+//!
+//! Expressions have `+ - * / ^`, the functions `sin cos tan asin acos atan2 sqrt abs sign`, time derivatives `dot(e)`, `ddot(e)`,
+//! `der(e, n)`, and partial ones `diff(e, q)` by a coordinate. `^` takes a non-negative integer, does not associate, and binds
+//! tighter than unary minus, that tighter than `* /` (left to right), those tighter than `+ -`. Numbers are exact: `1/9` and `0.1`
+//! are rational.
+//!
+//! Units stand in brackets and are optional ([`language::unit`] lists them). Every term of an equation must have the unit of its
+//! right-hand side; mm against m is an error that names the factor. A quantity without a unit is not checked.
 
+pub mod diagnostic;
 pub mod emit;
+pub mod language;
+pub mod source;

@@ -1,0 +1,432 @@
+//! A model as it is written.
+//!
+//! Invariant: an [`Expr`] is as deep as its text is nested, never deeper: sums and products are lists, so that a sum of a
+//! million terms is one node. The first member of a sum is added and the first of a product multiplied (a leading minus is
+//! [`ExprKind::Negative`]). Printing a model ([`std::fmt::Display`]) and parsing it again gives the same model but for its spans.
+
+use num_rational::BigRational;
+
+use crate::source::Span;
+
+/// A name and its place.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Ident {
+    /// The name.
+    pub name: String,
+    /// Its place.
+    pub span: Span,
+}
+
+/// `model NAME { ... }`
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Model {
+    /// The model's name, in the form of a type's name.
+    pub name: Ident,
+    /// Statements in the order in which they are written.
+    pub items: Vec<Item>,
+}
+
+/// A statement of a model.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum Item {
+    /// `coordinate x [m], y [m];` and its like.
+    Declaration(Declaration),
+    /// `series f(q) about c order n as a, b, c;`
+    Series(Series),
+    /// `let name = expr;`
+    Let(Definition),
+    /// `lump NAME = expr;`
+    Lump(Definition),
+    /// `left = right;`
+    Equation(Equation),
+    /// `kinetic = expr;` and its like.
+    Energy(Energy),
+    /// `force q = expr;`
+    Force(Force),
+    /// `eliminate x1, x2 as c;`
+    Eliminate(Eliminate),
+    /// `taylor q about q0 order n;`
+    Taylor(Taylor),
+    /// `pattern NAME { ... }`
+    Pattern(Pattern),
+}
+
+/// What a declared quantity is.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Role {
+    /// A generalised coordinate, a function of time.
+    Coordinate,
+    /// An actuating force, torque or voltage.
+    Input,
+    /// A number to be identified.
+    Parameter,
+    /// A number that is known, now or at run time.
+    Constant,
+    /// A pattern's amplitude.
+    Amplitude,
+    /// A pattern's fundamental angular frequency.
+    Frequency,
+}
+
+impl Role {
+    /// The keyword.
+    #[must_use]
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::Coordinate => "coordinate",
+            Self::Input => "input",
+            Self::Parameter => "parameter",
+            Self::Constant => "constant",
+            Self::Amplitude => "amplitude",
+            Self::Frequency => "frequency",
+        }
+    }
+}
+
+/// Quantities of one role.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Declaration {
+    /// Their role.
+    pub role: Role,
+    /// At least one.
+    pub quantities: Vec<Quantity>,
+}
+
+/// One declared quantity.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Quantity {
+    /// Its name.
+    pub name: Ident,
+    /// Its value, of constants only.
+    pub value: Option<Expr>,
+    /// Its unit; a quantity without one is not checked.
+    pub unit: Option<UnitExpr>,
+}
+
+/// `[kg*m/s^2]`: a product of powers of named units; no factors is the unit 1.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct UnitExpr {
+    /// Names with their exponents, in the order in which they are written.
+    pub factors: Vec<(Ident, i32)>,
+    /// The place of the bracket.
+    pub span: Span,
+}
+
+/// `series f(q) [unit] about POINT order n as a0, a1, ...;`: an unknown function, known by its Taylor coefficients at a point.
+/// With `= expr` the function is known, and its coefficients follow from the expression.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Series {
+    /// The function's name.
+    pub function: Ident,
+    /// The coordinate that it is a function of.
+    pub coordinate: Ident,
+    /// Its unit; found from the equations when not given.
+    pub unit: Option<UnitExpr>,
+    /// What it is, when it is known.
+    pub definition: Option<Expr>,
+    /// The point of expansion.
+    pub point: Expr,
+    /// The highest power kept.
+    pub order: Count,
+    /// `order + 1` names of new parameters; none when the function is known and its coefficients stay expressions.
+    pub coefficients: Vec<Ident>,
+}
+
+/// A non-negative integer of the text, such as an order.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub struct Count {
+    /// Its value.
+    pub value: u32,
+    /// Its place.
+    pub span: Span,
+}
+
+/// `let name = expr;` or `lump NAME = expr;`
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Definition {
+    /// The name.
+    pub name: Ident,
+    /// What it stands for.
+    pub value: Expr,
+}
+
+/// `left = right;`
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Equation {
+    /// Left-hand side.
+    pub left: Expr,
+    /// Right-hand side.
+    pub right: Expr,
+}
+
+/// The functions of a Lagrangian model.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum EnergyKind {
+    /// The kinetic energy T of L = T - V.
+    Kinetic,
+    /// The potential energy V of L = T - V.
+    Potential,
+    /// Rayleigh's dissipation function D: its derivative by a velocity is the damping force on that coordinate.
+    Dissipation,
+}
+
+impl EnergyKind {
+    /// The keyword.
+    #[must_use]
+    pub fn keyword(self) -> &'static str {
+        match self {
+            Self::Kinetic => "kinetic",
+            Self::Potential => "potential",
+            Self::Dissipation => "dissipation",
+        }
+    }
+}
+
+/// `kinetic = expr;`, `potential = expr;` or `dissipation = expr;`
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Energy {
+    /// Which of them.
+    pub kind: EnergyKind,
+    /// The place of the keyword.
+    pub keyword: Span,
+    /// The function.
+    pub value: Expr,
+}
+
+/// `force q = expr;`: the generalised force on a coordinate, the right-hand side of its Euler-Lagrange equation.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Force {
+    /// The coordinate.
+    pub coordinate: Ident,
+    /// The force.
+    pub value: Expr,
+}
+
+/// `eliminate x1, x2 as c;`: free coordinates are eliminated, and the coefficients of what remains are called c1, c2, ...
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Eliminate {
+    /// The coordinates to be eliminated.
+    pub coordinates: Vec<Ident>,
+    /// The stem of the lumped parameters' names.
+    pub stem: Ident,
+}
+
+/// `taylor q about q0 order n;`: terms that do not expand finitely in `q` are replaced by their Taylor polynomial.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Taylor {
+    /// The coordinate.
+    pub coordinate: Ident,
+    /// The point of expansion.
+    pub point: Expr,
+    /// The highest power kept.
+    pub order: Count,
+}
+
+/// `pattern NAME { ... }`
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Pattern {
+    /// The place of the keyword.
+    pub keyword: Span,
+    /// Its name; a pattern without one is the model's default.
+    pub name: Option<Ident>,
+    /// Its statements.
+    pub items: Vec<PatternItem>,
+}
+
+/// A statement of a pattern.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum PatternItem {
+    /// `amplitude lambda [m];` or `frequency w [rad/s];`
+    Declaration(Declaration),
+    /// `harmonics n;`: how many harmonics are kept of terms with infinitely many.
+    Harmonics(Count),
+    /// `x = expr;`
+    Motion(Motion),
+}
+
+/// `x = expr;`: the reference motion of a coordinate.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Motion {
+    /// The coordinate.
+    pub coordinate: Ident,
+    /// Its motion, a finite Fourier series in the time.
+    pub value: Expr,
+}
+
+/// An expression and its place.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct Expr {
+    /// What it is.
+    pub kind: ExprKind,
+    /// Its place.
+    pub span: Span,
+}
+
+/// The forms of an expression.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub enum ExprKind {
+    /// A non-negative decimal number, exact.
+    Number(BigRational),
+    /// A quantity, a `let`, `pi` or `t`.
+    Name(String),
+    /// A function of arguments.
+    Call(Ident, Vec<Expr>),
+    /// `-e`
+    Negative(Box<Expr>),
+    /// Two or more terms.
+    Sum(Vec<(Sign, Expr)>),
+    /// Two or more factors.
+    Product(Vec<(Operation, Expr)>),
+    /// `e^n`
+    Power(Box<Expr>, u32),
+}
+
+/// How a term enters a sum.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Sign {
+    /// Added.
+    Plus,
+    /// Subtracted.
+    Minus,
+}
+
+/// How a factor enters a product.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+pub enum Operation {
+    /// Multiplied.
+    Times,
+    /// Divided by.
+    Over,
+}
+
+impl Expr {
+    /// The terms that are added at the top of this expression, with their signs; one when it is no sum.
+    #[must_use]
+    pub fn terms(&self) -> Vec<(Sign, &Expr)> {
+        match &self.kind {
+            ExprKind::Sum(terms) => terms.iter().map(|(sign, term)| (*sign, term)).collect(),
+            _ => vec![(Sign::Plus, self)],
+        }
+    }
+
+    /// Whether this is the number zero as it is written.
+    #[must_use]
+    pub fn is_zero(&self) -> bool {
+        matches!(&self.kind, ExprKind::Number(value) if num_traits::Zero::is_zero(value))
+    }
+
+    /// Calls `visit` on this expression and on everything in it, from the outside in.
+    pub fn walk<'a>(&'a self, visit: &mut impl FnMut(&'a Expr)) {
+        visit(self);
+        match &self.kind {
+            ExprKind::Number(_) | ExprKind::Name(_) => {}
+            ExprKind::Call(_, arguments) => arguments.iter().for_each(|argument| argument.walk(visit)),
+            ExprKind::Negative(inner) | ExprKind::Power(inner, _) => inner.walk(visit),
+            ExprKind::Sum(terms) => terms.iter().for_each(|(_, term)| term.walk(visit)),
+            ExprKind::Product(factors) => factors.iter().for_each(|(_, factor)| factor.walk(visit)),
+        }
+    }
+}
+
+impl Model {
+    /// Puts the empty span everywhere, so that models can be compared by what they say.
+    pub fn forget_spans(&mut self) {
+        forget(&mut self.name);
+        for item in &mut self.items {
+            item.forget_spans();
+        }
+    }
+}
+
+fn forget(ident: &mut Ident) {
+    ident.span = Span::default();
+}
+
+impl Item {
+    fn forget_spans(&mut self) {
+        match self {
+            Self::Declaration(declaration) => declaration.forget_spans(),
+            Self::Series(series) => {
+                forget(&mut series.function);
+                forget(&mut series.coordinate);
+                series.unit.iter_mut().for_each(UnitExpr::forget_spans);
+                series.definition.iter_mut().for_each(Expr::forget_spans);
+                series.point.forget_spans();
+                series.order.span = Span::default();
+                series.coefficients.iter_mut().for_each(forget);
+            }
+            Self::Let(definition) | Self::Lump(definition) => {
+                forget(&mut definition.name);
+                definition.value.forget_spans();
+            }
+            Self::Equation(equation) => {
+                equation.left.forget_spans();
+                equation.right.forget_spans();
+            }
+            Self::Energy(energy) => {
+                energy.keyword = Span::default();
+                energy.value.forget_spans();
+            }
+            Self::Force(Force { coordinate, value }) => {
+                forget(coordinate);
+                value.forget_spans();
+            }
+            Self::Eliminate(eliminate) => {
+                eliminate.coordinates.iter_mut().for_each(forget);
+                forget(&mut eliminate.stem);
+            }
+            Self::Taylor(taylor) => {
+                forget(&mut taylor.coordinate);
+                taylor.point.forget_spans();
+                taylor.order.span = Span::default();
+            }
+            Self::Pattern(pattern) => {
+                pattern.keyword = Span::default();
+                pattern.name.iter_mut().for_each(forget);
+                for item in &mut pattern.items {
+                    match item {
+                        PatternItem::Declaration(declaration) => declaration.forget_spans(),
+                        PatternItem::Harmonics(count) => count.span = Span::default(),
+                        PatternItem::Motion(Motion { coordinate, value }) => {
+                            forget(coordinate);
+                            value.forget_spans();
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Declaration {
+    fn forget_spans(&mut self) {
+        for quantity in &mut self.quantities {
+            forget(&mut quantity.name);
+            quantity.value.iter_mut().for_each(Expr::forget_spans);
+            quantity.unit.iter_mut().for_each(UnitExpr::forget_spans);
+        }
+    }
+}
+
+impl UnitExpr {
+    fn forget_spans(&mut self) {
+        self.factors.iter_mut().for_each(|(name, _)| forget(name));
+        self.span = Span::default();
+    }
+}
+
+impl Expr {
+    fn forget_spans(&mut self) {
+        self.span = Span::default();
+        match &mut self.kind {
+            ExprKind::Number(_) | ExprKind::Name(_) => {}
+            ExprKind::Call(function, arguments) => {
+                forget(function);
+                arguments.iter_mut().for_each(Self::forget_spans);
+            }
+            ExprKind::Negative(inner) | ExprKind::Power(inner, _) => inner.forget_spans(),
+            ExprKind::Sum(terms) => terms.iter_mut().for_each(|(_, term)| term.forget_spans()),
+            ExprKind::Product(factors) => factors.iter_mut().for_each(|(_, factor)| factor.forget_spans()),
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! Checks of a model as it is written, all of them, each fault at its place.
+//!
+//! Invariant: a check never stops at a fault, and a fault is reported by one check only. What could not be parsed is not there:
+//! with statements missing, nothing is said about what the model lacks.
+
+mod names;
+mod structure;
+mod symbols;
+mod units;
+
+use crate::diagnostic::Diagnostics;
+use crate::language::ast::{Expr, ExprKind, Model};
+use crate::language::parse::Syntax;
+use crate::source::Source;
+
+/// Checks names, uses, structure and units of a model.
+pub(crate) fn check(model: &Model, syntax: &Syntax, source: &Source, diagnostics: &mut Diagnostics) {
+    let symbols = symbols::collect(model, diagnostics);
+    structure::check(model, &symbols, syntax, diagnostics);
+    names::check(model, &symbols, syntax, diagnostics);
+    units::check(model, &symbols, source, diagnostics);
+}
+
+/// The value of an integer literal.
+pub(crate) fn integer(expr: &Expr) -> Option<u32> {
+    match &expr.kind {
+        ExprKind::Number(value) if value.is_integer() => value.to_integer().try_into().ok(),
+        _ => None,
+    }
+}

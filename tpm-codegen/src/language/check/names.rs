@@ -1,0 +1,504 @@
+//! Every name is known, stands where its kind may stand, and every quantity that is declared is used.
+//!
+//! Invariant: uses are edges from the statement that uses to what is used, with the equations of motion and the patterns as
+//! roots; a parameter that only an unused `let` mentions is therefore unused.
+
+use std::collections::{HashMap, HashSet};
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::language::ast::{Declaration, Expr, ExprKind, Ident, Item, Model, Pattern, PatternItem, Role};
+use crate::language::check::integer;
+use crate::language::check::symbols::{Scope, SymbolKind, Symbols};
+use crate::language::function::Function;
+use crate::language::lex::shorten;
+use crate::language::parse::Syntax;
+use crate::language::suggest::nearest;
+use crate::source::Span;
+
+/// Where an expression stands, which decides what it may use.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place<'a> {
+    /// Equations, energies, forces and the `let`s for them.
+    Dynamics,
+    /// The value of a constant.
+    Value,
+    /// The point of an expansion.
+    Point,
+    /// The definition of a series function of this coordinate.
+    Series(&'a str),
+    /// A lumped parameter.
+    Lump,
+    /// A motion of the pattern of this number.
+    Motion(usize),
+}
+
+impl Place<'_> {
+    fn admits(self, kind: SymbolKind, name: &str) -> bool {
+        use Role::{Amplitude, Constant, Coordinate, Frequency, Input, Parameter};
+        use SymbolKind::{Coefficient, Function, Let, Quantity};
+        match self {
+            Self::Dynamics => matches!(
+                kind,
+                Quantity(Coordinate | Input | Parameter | Constant) | Function(_) | Coefficient(..) | Let
+            ),
+            Self::Value | Self::Point => kind == Quantity(Constant),
+            Self::Series(coordinate) => {
+                matches!(kind, Quantity(Parameter | Constant) | Let)
+                    || (kind == Quantity(Coordinate) && name == coordinate)
+            }
+            Self::Lump => matches!(kind, Quantity(Parameter | Constant) | Coefficient(..) | Let),
+            Self::Motion(_) => matches!(kind, Quantity(Amplitude | Frequency | Constant)),
+        }
+    }
+
+    fn rule(self) -> String {
+        match self {
+            Self::Dynamics => "equations use coordinates, inputs, parameters, constants, series and `let`s".to_owned(),
+            Self::Value => "a constant's value is made of numbers and of constants with a value".to_owned(),
+            Self::Point => "a point of expansion is made of numbers, `pi` and constants".to_owned(),
+            Self::Series(coordinate) => {
+                format!("this function may use `{coordinate}`, parameters, constants and `let`s")
+            }
+            Self::Lump => "a lumped parameter is made of parameters, constants and coefficients".to_owned(),
+            Self::Motion(_) => {
+                "a motion is made of the pattern's amplitudes and frequency, constants, `t` and `pi`".to_owned()
+            }
+        }
+    }
+}
+
+/// What uses: the model itself, or a name that is of use only if it is used.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum User<'a> {
+    Root,
+    Name(&'a str),
+    Nobody,
+}
+
+pub(super) fn check<'a>(model: &'a Model, symbols: &Symbols<'a>, syntax: &Syntax, diagnostics: &mut Diagnostics) {
+    let mut names =
+        Names { symbols, syntax, diagnostics, known: HashSet::new(), uses: HashMap::new(), pattern_uses: Vec::new() };
+    names.visit_model(model);
+    if !syntax.incomplete {
+        names.unused(model);
+    }
+}
+
+struct Names<'a, 's, 'd> {
+    symbols: &'s Symbols<'a>,
+    syntax: &'s Syntax,
+    diagnostics: &'d mut Diagnostics,
+    /// `let`s and constants with a value whose definition is behind us.
+    known: HashSet<&'a str>,
+    uses: HashMap<User<'a>, HashSet<&'a str>>,
+    pattern_uses: Vec<HashSet<&'a str>>,
+}
+
+impl<'a> Names<'a, '_, '_> {
+    fn visit_model(&mut self, model: &'a Model) {
+        for item in &model.items {
+            match item {
+                Item::Declaration(declaration) => self.values(declaration),
+                Item::Series(series) => {
+                    let user = User::Name(&series.function.name);
+                    self.visit(&series.point, Place::Point, user);
+                    if let Some(definition) = &series.definition {
+                        self.visit(definition, Place::Series(&series.coordinate.name), user);
+                    }
+                    for name in &series.coefficients {
+                        self.uses.entry(user).or_default().insert(&name.name);
+                    }
+                }
+                Item::Let(definition) => {
+                    self.visit(&definition.value, Place::Dynamics, User::Name(&definition.name.name));
+                    self.known.insert(&definition.name.name);
+                }
+                Item::Lump(definition) => self.visit(&definition.value, Place::Lump, User::Nobody),
+                Item::Equation(equation) => {
+                    self.visit(&equation.left, Place::Dynamics, User::Root);
+                    self.visit(&equation.right, Place::Dynamics, User::Root);
+                }
+                Item::Energy(energy) => self.visit(&energy.value, Place::Dynamics, User::Root),
+                Item::Force(force) => {
+                    self.uses.entry(User::Root).or_default().insert(&force.coordinate.name);
+                    self.visit(&force.value, Place::Dynamics, User::Root);
+                }
+                Item::Eliminate(_) => {}
+                Item::Taylor(taylor) => self.visit(&taylor.point, Place::Point, User::Root),
+                Item::Pattern(pattern) => self.visit_pattern(pattern),
+            }
+        }
+    }
+
+    fn values(&mut self, declaration: &'a Declaration) {
+        for quantity in &declaration.quantities {
+            if let Some(value) = &quantity.value {
+                self.visit(value, Place::Value, User::Name(&quantity.name.name));
+                self.known.insert(&quantity.name.name);
+            }
+        }
+    }
+
+    fn visit_pattern(&mut self, pattern: &'a Pattern) {
+        let index = self.pattern_uses.len();
+        self.pattern_uses.push(HashSet::new());
+        for item in &pattern.items {
+            if let PatternItem::Motion(motion) = item {
+                self.visit(&motion.value, Place::Motion(index), User::Root);
+            }
+        }
+    }
+
+    fn visit(&mut self, expr: &'a Expr, place: Place<'a>, user: User<'a>) {
+        match &expr.kind {
+            ExprKind::Number(_) => {}
+            ExprKind::Name(name) => self.name(name, expr.span, place, user),
+            ExprKind::Call(function, arguments) => self.call(function, arguments, expr.span, place, user),
+            ExprKind::Negative(inner) | ExprKind::Power(inner, _) => self.visit(inner, place, user),
+            ExprKind::Sum(terms) => terms.iter().for_each(|(_, term)| self.visit(term, place, user)),
+            ExprKind::Product(factors) => factors.iter().for_each(|(_, factor)| self.visit(factor, place, user)),
+        }
+    }
+
+    fn name(&mut self, name: &'a str, span: Span, place: Place<'a>, user: User<'a>) {
+        match (name, place) {
+            ("t", Place::Motion(_)) => return,
+            ("t", _) => {
+                self.diagnostics.push(
+                    Diagnostic::error(span, "the time `t` stands in patterns only")
+                        .help("a quantity that changes with time is an input: declare it with `input`"),
+                );
+                return;
+            }
+            ("pi", Place::Value) => {
+                self.diagnostics.push(
+                    Diagnostic::error(span, "a constant's value is a rational number, and pi is none")
+                        .help("give the product a name with `let name = ...;` instead"),
+                );
+                return;
+            }
+            ("pi", _) => return,
+            _ => {}
+        }
+        let local = if let Place::Motion(index) = place { self.symbols.patterns.get(index) } else { None };
+        let Some(symbol) = local.and_then(|scope| scope.get(name)).or_else(|| self.symbols.model.get(name)) else {
+            self.unknown(name, span, place);
+            return;
+        };
+        if let (Place::Motion(index), SymbolKind::Quantity(Role::Amplitude | Role::Frequency)) = (place, symbol.kind) {
+            self.pattern_uses[index].insert(name);
+        } else {
+            self.uses.entry(user).or_default().insert(name);
+        }
+        if !place.admits(symbol.kind, name) {
+            self.diagnostics.push(
+                Diagnostic::error(span, format!("`{name}` is {} and cannot stand here", symbol.kind.describe()))
+                    .label(symbol.span, "defined here")
+                    .help(place.rule()),
+            );
+            return;
+        }
+        let before = symbol.kind == SymbolKind::Let
+            || (place == Place::Value && symbol.kind == SymbolKind::Quantity(Role::Constant));
+        if before && !self.known.contains(name) {
+            let error = Diagnostic::error(span, format!("`{name}` is used before it has a value"))
+                .label(symbol.span, "defined here");
+            self.diagnostics.push(error.help("a definition uses only what is defined above it"));
+        }
+    }
+
+    fn unknown(&mut self, name: &str, span: Span, place: Place<'a>) {
+        if self.syntax.mentioned.contains(name) {
+            return;
+        }
+        let error = Diagnostic::error(span, format!("unknown name `{}`", shorten(name)));
+        if let Some(symbol) = self.symbols.patterns.iter().find_map(|scope| scope.get(name)) {
+            self.diagnostics.push(
+                error
+                    .label(symbol.span, format!("{} of a pattern", symbol.kind.describe()))
+                    .help("what a pattern declares is known in that pattern only"),
+            );
+            return;
+        }
+        if Function::from_name(name).is_some() {
+            self.diagnostics.push(error.note("a function without arguments").help(format!("write `{name}(...)`")));
+            return;
+        }
+        let local: Option<&Scope<'a>> =
+            if let Place::Motion(index) = place { self.symbols.patterns.get(index) } else { None };
+        let mut candidates: Vec<(Span, &str)> = local
+            .into_iter()
+            .chain([&self.symbols.model])
+            .flatten()
+            .filter(|(candidate, symbol)| place.admits(symbol.kind, candidate))
+            .map(|(candidate, symbol)| (symbol.span, *candidate))
+            .collect();
+        candidates.sort_unstable();
+        let help = match nearest(name, candidates.iter().map(|&(_, candidate)| candidate)) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => match place {
+                Place::Motion(_) => {
+                    format!("declare it in the pattern, `amplitude {};`, or as a constant of the model", shorten(name))
+                }
+                _ => format!("declare it, for example `parameter {};`", shorten(name)),
+            },
+        };
+        self.diagnostics.push(error.help(help));
+    }
+
+    fn call(&mut self, name: &'a Ident, arguments: &'a [Expr], span: Span, place: Place<'a>, user: User<'a>) {
+        let Some(function) = Function::from_name(&name.name) else {
+            self.unknown_function(name, place);
+            self.uses.entry(user).or_default().insert(&name.name);
+            arguments.iter().for_each(|argument| self.visit(argument, place, user));
+            return;
+        };
+        if arguments.len() != function.arity() {
+            self.diagnostics.push(
+                Diagnostic::error(
+                    span,
+                    format!("`{}` takes {}, here are {}", name.name, counted(function.arity()), arguments.len()),
+                )
+                .help(format!("write `{}`", function.usage())),
+            );
+        }
+        self.place_of(function, name.span, place);
+        match (function, arguments) {
+            (Function::Der, [moving, order]) => {
+                if integer(order).is_none() {
+                    self.diagnostics.push(
+                        Diagnostic::error(order.span, "the order of a derivative is a non-negative integer")
+                            .help("write, for example, `der(x, 4)`"),
+                    );
+                }
+                self.moving(moving, span);
+                self.visit(moving, place, user);
+            }
+            (Function::Dot | Function::Ddot, [moving]) => {
+                self.moving(moving, span);
+                self.visit(moving, place, user);
+            }
+            (Function::Diff, [of, by]) => {
+                self.visit(of, place, user);
+                self.visit(by, place, user);
+                let coordinate = matches!(&by.kind, ExprKind::Name(name)
+                    if self.symbols.model.get(name.as_str()).is_none_or(|symbol| symbol.kind == SymbolKind::Quantity(Role::Coordinate)));
+                if !coordinate {
+                    self.diagnostics.push(
+                        Diagnostic::error(by.span, "a partial derivative is taken by a coordinate")
+                            .help("write, for example, `diff(f1, th2)`"),
+                    );
+                }
+            }
+            (Function::RestToRest | Function::PointToPoint, [rest @ .., order]) => {
+                if integer(order).is_none_or(|order| order % 2 != 1) {
+                    self.diagnostics.push(
+                        Diagnostic::error(
+                            order.span,
+                            format!("the order of `{}` is an odd positive integer", name.name),
+                        )
+                        .help("it is the highest harmonic and the number of derivatives that vanish: 3, 5, 7, ..."),
+                    );
+                }
+                rest.iter().for_each(|argument| self.visit(argument, place, user));
+            }
+            _ => arguments.iter().for_each(|argument| self.visit(argument, place, user)),
+        }
+    }
+
+    /// Derivatives belong into equations, patterns into patterns.
+    fn place_of(&mut self, function: Function, span: Span, place: Place<'a>) {
+        let name = function.name();
+        let help = match place {
+            Place::Motion(_) if function.is_derivative() => "give the motion itself; its derivatives follow from it",
+            Place::Motion(_) => return,
+            _ if function.is_pattern() => "a reference motion stands in `pattern { ... }`",
+            Place::Dynamics => return,
+            Place::Series(_) if !function.is_derivative() => return,
+            Place::Lump if !function.is_derivative() => return,
+            Place::Point if !function.is_derivative() => return,
+            _ => "only quantities of the equations of motion have derivatives and functions",
+        };
+        self.diagnostics.push(Diagnostic::error(span, format!("`{name}` cannot stand here")).help(help));
+    }
+
+    /// The argument of a time derivative must depend on time through a coordinate.
+    fn moving(&mut self, expr: &'a Expr, span: Span) {
+        let mut moves = false;
+        let mut input = None;
+        expr.walk(&mut |part| {
+            if let ExprKind::Name(name) = &part.kind {
+                match self.symbols.model.get(name.as_str()).map(|symbol| symbol.kind) {
+                    Some(SymbolKind::Quantity(Role::Input)) => input = Some((part.span, name)),
+                    Some(
+                        SymbolKind::Quantity(Role::Parameter | Role::Constant)
+                        | SymbolKind::Coefficient(..)
+                        | SymbolKind::Lump,
+                    ) => {}
+                    // An unknown name is reported as such, and a `let` is taken for moving.
+                    _ => moves = moves || name != "pi",
+                }
+            }
+        });
+        if let Some((place, name)) = input {
+            self.diagnostics.push(
+                Diagnostic::error(place, format!("the input `{name}` has no time derivative here"))
+                    .help("a quantity with dynamics of its own is a coordinate: declare it with `coordinate`"),
+            );
+        } else if !moves {
+            self.diagnostics.push(
+                Diagnostic::error(span, "the time derivative of something that does not change is zero")
+                    .help("differentiate a coordinate, or remove the term"),
+            );
+        }
+    }
+
+    fn unknown_function(&mut self, name: &Ident, place: Place<'a>) {
+        let text = name.name.as_str();
+        let local: Option<&Scope<'a>> =
+            if let Place::Motion(index) = place { self.symbols.patterns.get(index) } else { None };
+        let symbol = local.and_then(|scope| scope.get(text)).or_else(|| self.symbols.model.get(text));
+        let error = match symbol.map(|symbol| symbol.kind) {
+            Some(SymbolKind::Function(_)) => {
+                Diagnostic::error(name.span, format!("`{text}` is written without its argument"))
+                    .help(format!("write `{text}`"))
+            }
+            Some(_) => Diagnostic::error(name.span, format!("`{text}` is no function"))
+                .help(format!("a product is written with `*`: `{text}*(...)`")),
+            None => {
+                let error = Diagnostic::error(name.span, format!("unknown function `{}`", shorten(text)));
+                let names = Function::ALL.map(Function::name);
+                match text {
+                    "ln" | "log" | "exp" | "pow" | "sinh" | "cosh" | "tanh" => {
+                        error.help(format!("the functions are {}; a power is written `^`", names.join(", ")))
+                    }
+                    "atan" | "arctan" => error.help("write `atan2(y, x)`, the angle of the point (x, y)"),
+                    "arcsin" => error.help("write `asin`"),
+                    "arccos" => error.help("write `acos`"),
+                    "sgn" | "signum" => error.help("write `sign`"),
+                    _ => match nearest(text, names) {
+                        Some(near) => error.help(format!("did you mean `{near}`?")),
+                        None => error.help(format!("the functions are {}", names.join(", "))),
+                    },
+                }
+            }
+        };
+        self.diagnostics.push(error);
+    }
+
+    // Uses.
+
+    fn reachable(&self) -> HashSet<&'a str> {
+        let mut reached = HashSet::new();
+        let mut open = vec![User::Root];
+        while let Some(user) = open.pop() {
+            for &name in self.uses.get(&user).into_iter().flatten() {
+                if reached.insert(name) {
+                    open.push(User::Name(name));
+                }
+            }
+        }
+        reached
+    }
+
+    fn unused(&mut self, model: &'a Model) {
+        let used = self.reachable();
+        let inputs: Vec<_> = quantities(model, Role::Input).collect();
+        let driven = inputs.iter().any(|(name, _)| used.contains(name));
+        if !driven
+            && model.items.iter().any(|item| matches!(item, Item::Equation(_) | Item::Force(_) | Item::Energy(_)))
+        {
+            let span = inputs.first().map_or(model.name.span, |&(_, span)| span);
+            let (message, help) = match inputs.first() {
+                Some((name, _)) => (
+                    "no equation has an input".to_owned(),
+                    format!("`{name}` must stand in an equation, as in `... = {name};`"),
+                ),
+                None => (
+                    format!("no equation of `{}` has an input", model.name.name),
+                    "declare one, `input u [N];`, and set an equation equal to it".to_owned(),
+                ),
+            };
+            self.diagnostics.push(Diagnostic::error(span, message).note("nothing drives this model").help(help));
+        }
+        for item in &model.items {
+            match item {
+                Item::Declaration(declaration) => {
+                    for quantity in &declaration.quantities {
+                        let name = quantity.name.name.as_str();
+                        // A second or a reserved name is reported as that, and defines nothing.
+                        if !defines(&self.symbols.model, &quantity.name) {
+                            continue;
+                        }
+                        if !used.contains(name) && (declaration.role != Role::Input || driven) {
+                            self.unused_name(
+                                name,
+                                quantity.name.span,
+                                declaration.role.keyword(),
+                                declaration.role == Role::Constant,
+                            );
+                        }
+                    }
+                }
+                Item::Series(series) if !used.contains(series.function.name.as_str()) => {
+                    self.unused_name(&series.function.name, series.function.span, "series", false);
+                }
+                Item::Let(definition) if !used.contains(definition.name.name.as_str()) => {
+                    self.unused_name(&definition.name.name, definition.name.span, "`let`", true);
+                }
+                _ => {}
+            }
+        }
+        let patterns =
+            model.items.iter().filter_map(|item| if let Item::Pattern(pattern) = item { Some(pattern) } else { None });
+        for (index, pattern) in patterns.enumerate() {
+            for item in &pattern.items {
+                let PatternItem::Declaration(declaration) = item else { continue };
+                for quantity in &declaration.quantities {
+                    let scope = &self.symbols.patterns[index];
+                    if defines(scope, &quantity.name) && !self.pattern_uses[index].contains(quantity.name.name.as_str())
+                    {
+                        self.unused_name(&quantity.name.name, quantity.name.span, declaration.role.keyword(), false);
+                    }
+                }
+            }
+        }
+    }
+
+    fn unused_name(&mut self, name: &'a str, span: Span, what: &str, harmless: bool) {
+        let message = format!("{what} `{name}` is never used");
+        let user = self.uses.iter().find_map(|(user, names)| match user {
+            User::Name(user) if names.contains(name) => Some(*user),
+            _ => None,
+        });
+        let help = match user {
+            Some(user) => format!("only `{user}` mentions it, and that is not used either; remove both, or use them"),
+            None => "remove it, or use it in an equation".to_owned(),
+        };
+        let diagnostic = if harmless { Diagnostic::warning(span, message) } else { Diagnostic::error(span, message) };
+        self.diagnostics.push(diagnostic.help(help));
+    }
+}
+
+/// Whether a name's definition is this one.
+fn defines(scope: &Scope<'_>, name: &Ident) -> bool {
+    scope.get(name.name.as_str()).is_some_and(|symbol| symbol.span == name.span)
+}
+
+fn counted(arguments: usize) -> String {
+    match arguments {
+        1 => "one argument".to_owned(),
+        n => format!("{n} arguments"),
+    }
+}
+
+fn quantities(model: &Model, role: Role) -> impl Iterator<Item = (&str, Span)> {
+    model
+        .items
+        .iter()
+        .filter_map(move |item| {
+            if let Item::Declaration(declaration) = item { Some(declaration).filter(|d| d.role == role) } else { None }
+        })
+        .flat_map(|declaration| &declaration.quantities)
+        .map(|quantity| (quantity.name.name.as_str(), quantity.name.span))
+}

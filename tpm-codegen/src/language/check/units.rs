@@ -1,0 +1,440 @@
+//! Every term has the unit of its equation's right-hand side.
+//!
+//! Invariant: a [`Dimension`] is exact or unknown; a quantity declared without a unit is unknown, and what contains it is not
+//! checked. The unit of a series function that gives none is an unknown that the equations determine: silent rounds bind these
+//! unknowns until nothing changes, then one round reports.
+
+use std::collections::{BTreeMap, HashMap};
+
+use num_rational::Ratio;
+use num_traits::{CheckedAdd, CheckedMul, Zero};
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, Model, Operation, PatternItem};
+use crate::language::check::integer;
+use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols};
+use crate::language::function::Function;
+use crate::language::lex::shorten;
+use crate::language::unit::{Exponent, Unit};
+use crate::source::{Source, Span};
+
+pub(super) fn check(
+    model: &Model,
+    symbols: &Symbols<'_>,
+    source: &Source,
+    diagnostics: &mut Diagnostics,
+) -> Vec<Option<Unit>> {
+    let series: Vec<_> = model
+        .items
+        .iter()
+        .filter_map(|item| if let Item::Series(series) = item { Some(series) } else { None })
+        .collect();
+    let mut bound: Vec<Option<Unit>> = series
+        .iter()
+        .map(|series| symbols.model.get(series.function.name.as_str()).and_then(|symbol| symbol.unit.clone()))
+        .collect();
+    let arguments: Vec<_> = series.iter().map(|series| series.coordinate.name.as_str()).collect();
+    loop {
+        let before = bound.iter().flatten().count();
+        let mut silent = Diagnostics::new();
+        Round::new(symbols, source, &arguments, &mut bound, &mut silent).visit(model);
+        if bound.iter().flatten().count() == before {
+            break;
+        }
+    }
+    Round::new(symbols, source, &arguments, &mut bound, diagnostics).visit(model);
+    bound
+}
+
+/// The unit of an expression: exact up to powers of unknown units of series functions, or not known at all.
+#[derive(Clone, PartialEq, Debug)]
+enum Dimension {
+    Unknown,
+    Known(Unit, BTreeMap<usize, Exponent>),
+}
+
+impl Dimension {
+    fn of(unit: Unit) -> Self {
+        Self::Known(unit, BTreeMap::new())
+    }
+
+    fn one() -> Self {
+        Self::of(Unit::one())
+    }
+
+    /// `self * other^exponent`; none when an exponent leaves 64 bits.
+    fn times_power(&self, other: &Self, exponent: Exponent) -> Option<Self> {
+        let (Self::Known(left, left_unknowns), Self::Known(right, right_unknowns)) = (self, other) else {
+            return Some(Self::Unknown);
+        };
+        let mut unknowns = left_unknowns.clone();
+        for (&index, power) in right_unknowns {
+            let sum = power.checked_mul(&exponent)?.checked_add(unknowns.get(&index).unwrap_or(&Exponent::zero()))?;
+            if sum.is_zero() {
+                unknowns.remove(&index);
+            } else {
+                unknowns.insert(index, sum);
+            }
+        }
+        Some(Self::Known(left.times(&right.power(exponent)?)?, unknowns))
+    }
+}
+
+/// What terms are compared with.
+struct Reference {
+    dimension: Dimension,
+    span: Span,
+    /// What it is, for messages.
+    what: String,
+}
+
+struct Round<'a, 's, 'd> {
+    symbols: &'s Symbols<'a>,
+    source: &'s Source,
+    /// The coordinates that the series functions are functions of.
+    arguments: &'s [&'a str],
+    bound: &'s mut [Option<Unit>],
+    lets: HashMap<&'a str, Dimension>,
+    /// The pattern in which expressions stand now.
+    local: Option<&'s Scope<'a>>,
+    diagnostics: &'d mut Diagnostics,
+}
+
+impl<'a, 's, 'd> Round<'a, 's, 'd> {
+    fn new(
+        symbols: &'s Symbols<'a>,
+        source: &'s Source,
+        arguments: &'s [&'a str],
+        bound: &'s mut [Option<Unit>],
+        diagnostics: &'d mut Diagnostics,
+    ) -> Self {
+        Self { symbols, source, arguments, bound, lets: HashMap::new(), local: None, diagnostics }
+    }
+
+    fn visit(&mut self, model: &'a Model) {
+        let mut series_index = 0;
+        let mut pattern_index = 0;
+        let kinetic = model.items.iter().find_map(|item| match item {
+            Item::Energy(energy) if energy.kind == EnergyKind::Kinetic => Some(energy),
+            _ => None,
+        });
+        // Energies are compared once the `let`s that they use are known.
+        let mut later = Vec::new();
+        for item in &model.items {
+            match item {
+                Item::Declaration(declaration) => {
+                    for value in declaration.quantities.iter().filter_map(|quantity| quantity.value.as_ref()) {
+                        self.dimension(value);
+                    }
+                }
+                Item::Series(series) => {
+                    self.expect(
+                        &series.point,
+                        self.quantity(&series.coordinate),
+                        series.coordinate.span,
+                        &format!("`{}`", series.coordinate.name),
+                    );
+                    if let Some(definition) = &series.definition {
+                        let function = self.series(series_index);
+                        self.expect(definition, function, series.function.span, &format!("`{}`", series.function.name));
+                    }
+                    series_index += 1;
+                }
+                Item::Let(definition) => {
+                    let dimension = self.dimension(&definition.value);
+                    self.lets.insert(&definition.name.name, dimension);
+                }
+                Item::Lump(definition) => {
+                    self.dimension(&definition.value);
+                }
+                Item::Taylor(taylor) => {
+                    self.expect(
+                        &taylor.point,
+                        self.quantity(&taylor.coordinate),
+                        taylor.coordinate.span,
+                        &format!("`{}`", taylor.coordinate.name),
+                    );
+                }
+                Item::Equation(equation) => self.equation(&equation.left, &equation.right),
+                Item::Energy(_) | Item::Force(_) => later.push(item),
+                Item::Eliminate(_) => {}
+                Item::Pattern(pattern) => {
+                    self.local = self.symbols.patterns.get(pattern_index);
+                    pattern_index += 1;
+                    for item in &pattern.items {
+                        if let PatternItem::Motion(motion) = item {
+                            let coordinate = self.quantity(&motion.coordinate);
+                            self.expect(
+                                &motion.value,
+                                coordinate,
+                                motion.coordinate.span,
+                                &format!("`{}`", motion.coordinate.name),
+                            );
+                        }
+                    }
+                    self.local = None;
+                }
+            }
+        }
+        let energy = kinetic.map(|kinetic| (self.terms(&kinetic.value, None), kinetic.keyword));
+        for item in later {
+            match (item, &energy) {
+                (Item::Energy(item), Some((energy, span))) if item.kind == EnergyKind::Potential => {
+                    self.expect(&item.value, energy.clone(), *span, "the kinetic energy");
+                }
+                (Item::Energy(item), Some((energy, span))) if item.kind == EnergyKind::Dissipation => {
+                    let power = self.combine(energy, &Dimension::of(Unit::second()), -1, item.keyword);
+                    self.expect(&item.value, power, *span, "the kinetic energy per second");
+                }
+                (Item::Force(item), Some((energy, span))) => {
+                    let coordinate = self.quantity(&item.coordinate);
+                    let force = self.combine(energy, &coordinate, -1, item.coordinate.span);
+                    self.expect(
+                        &item.value,
+                        force,
+                        *span,
+                        &format!("the kinetic energy per `{}`", item.coordinate.name),
+                    );
+                }
+                (Item::Energy(item), _) if item.kind != EnergyKind::Kinetic => {
+                    self.terms(&item.value, None);
+                }
+                (Item::Force(item), _) => {
+                    self.terms(&item.value, None);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn equation(&mut self, left: &Expr, right: &Expr) {
+        if right.is_zero() {
+            self.terms(left, None);
+            return;
+        }
+        let dimension = self.terms(right, None);
+        match dimension {
+            Dimension::Unknown => {
+                self.terms(left, None);
+            }
+            dimension => {
+                let what = match &right.kind {
+                    ExprKind::Name(name) => format!("`{name}` on the right-hand side"),
+                    _ => "the right-hand side".to_owned(),
+                };
+                self.terms(left, Some(Reference { dimension, span: right.span, what }));
+            }
+        }
+    }
+
+    /// All terms of an expression must have a known unit.
+    fn expect(&mut self, expr: &Expr, dimension: Dimension, span: Span, what: &str) {
+        let reference = match dimension {
+            Dimension::Unknown => None,
+            dimension => Some(Reference { dimension, span, what: what.to_owned() }),
+        };
+        self.terms(expr, reference);
+    }
+
+    /// Compares the terms of an expression with a reference, or with the first of them whose unit is known; returns their unit.
+    fn terms(&mut self, expr: &Expr, reference: Option<Reference>) -> Dimension {
+        let terms = expr.terms();
+        let dimensions: Vec<_> = terms
+            .iter()
+            .map(|(_, term)| if term.is_zero() { Dimension::Unknown } else { self.dimension(term) })
+            .collect();
+        let reference = reference.or_else(|| {
+            let complete =
+                |dimension: &Dimension| matches!(dimension, Dimension::Known(_, unknowns) if unknowns.is_empty());
+            let known = |dimension: &Dimension| *dimension != Dimension::Unknown;
+            let index = dimensions.iter().position(complete).or_else(|| dimensions.iter().position(known))?;
+            let span = terms[index].1.span;
+            let what = format!("`{}`", shorten(self.source.slice(span)));
+            Some(Reference { dimension: dimensions[index].clone(), span, what })
+        });
+        let Some(reference) = reference else { return Dimension::Unknown };
+        for ((_, term), dimension) in terms.iter().zip(&dimensions) {
+            self.compare(term.span, dimension, &reference);
+        }
+        reference.dimension
+    }
+
+    fn compare(&mut self, span: Span, dimension: &Dimension, reference: &Reference) {
+        let (dimension, wanted) = (self.settle(dimension), self.settle(&reference.dimension));
+        let Some(Dimension::Known(ratio, unknowns)) = dimension.times_power(&wanted, Exponent::from_integer(-1)) else {
+            return;
+        };
+        let mut iter = unknowns.iter();
+        match (iter.next(), iter.next()) {
+            (None, _) if ratio.is_one() => {}
+            (None, _) => {
+                if let (Dimension::Known(found, _), Dimension::Known(wanted, _)) = (&dimension, &wanted) {
+                    let diagnostic = mismatch(span, found, wanted, reference);
+                    self.diagnostics.push(diagnostic);
+                }
+            }
+            // One unknown: this comparison determines it.
+            (Some((&index, exponent)), None) => self.bound[index] = ratio.power(-exponent.recip()),
+            _ => {}
+        }
+    }
+
+    /// Puts in what is known by now of the unknown units.
+    fn settle(&self, dimension: &Dimension) -> Dimension {
+        let Dimension::Known(unit, unknowns) = dimension else { return Dimension::Unknown };
+        let mut settled = Some(Dimension::of(unit.clone()));
+        for (&index, &exponent) in unknowns {
+            let factor = self.series(index);
+            settled = settled.and_then(|settled| settled.times_power(&factor, exponent));
+        }
+        settled.unwrap_or(Dimension::Unknown)
+    }
+
+    fn series(&self, index: usize) -> Dimension {
+        match self.bound.get(index) {
+            Some(Some(unit)) => Dimension::of(unit.clone()),
+            Some(None) => Dimension::Known(Unit::one(), BTreeMap::from([(index, Exponent::from_integer(1))])),
+            None => Dimension::Unknown,
+        }
+    }
+
+    fn symbol(&self, name: &str) -> Option<&'s Symbol> {
+        self.local.and_then(|scope| scope.get(name)).or_else(|| self.symbols.model.get(name))
+    }
+
+    fn quantity(&self, name: &Ident) -> Dimension {
+        self.named(&name.name)
+    }
+
+    fn named(&self, name: &str) -> Dimension {
+        match name {
+            "pi" => return Dimension::one(),
+            "t" => return Dimension::of(Unit::second()),
+            _ => {}
+        }
+        match self.symbol(name).map(|symbol| (symbol.kind, &symbol.unit)) {
+            Some((SymbolKind::Quantity(_), Some(unit))) => Dimension::of(unit.clone()),
+            Some((SymbolKind::Function(index), _)) => self.series(index),
+            Some((SymbolKind::Coefficient(index, power), _)) => {
+                let argument = self.arguments.get(index).map_or(Dimension::Unknown, |name| self.named(name));
+                // A power is the number of a name in a list, so it fits.
+                let exponent = Exponent::from_integer(-(power as i64));
+                let argument = if power == 0 { Dimension::one() } else { argument };
+                self.series(index).times_power(&argument, exponent).unwrap_or(Dimension::Unknown)
+            }
+            Some((SymbolKind::Let, _)) => self.lets.get(name).cloned().unwrap_or(Dimension::Unknown),
+            _ => Dimension::Unknown,
+        }
+    }
+
+    /// `left * right^exponent`, with a report when it is beyond all measure.
+    fn combine(&mut self, left: &Dimension, right: &Dimension, exponent: i64, span: Span) -> Dimension {
+        left.times_power(right, Ratio::from_integer(exponent)).unwrap_or_else(|| {
+            self.diagnostics.push(
+                Diagnostic::error(span, "this power is too high for its unit to be written").help("lower the exponent"),
+            );
+            Dimension::Unknown
+        })
+    }
+
+    fn dimension(&mut self, expr: &Expr) -> Dimension {
+        match &expr.kind {
+            ExprKind::Number(_) => Dimension::one(),
+            ExprKind::Name(name) => self.named(name),
+            ExprKind::Negative(inner) => self.dimension(inner),
+            ExprKind::Sum(_) => self.terms(expr, None),
+            ExprKind::Product(factors) => {
+                let mut product = Dimension::one();
+                for (operation, factor) in factors {
+                    let dimension = self.dimension(factor);
+                    let exponent = if *operation == Operation::Times { 1 } else { -1 };
+                    product = self.combine(&product, &dimension, exponent, expr.span);
+                }
+                product
+            }
+            ExprKind::Power(base, exponent) => {
+                let dimension = self.dimension(base);
+                self.combine(&Dimension::one(), &dimension, i64::from(*exponent), expr.span)
+            }
+            ExprKind::Call(name, arguments) => self.call(name, arguments, expr.span),
+        }
+    }
+
+    fn call(&mut self, name: &Ident, arguments: &[Expr], span: Span) -> Dimension {
+        let dimensions: Vec<_> = arguments.iter().map(|argument| self.terms(argument, None)).collect();
+        let second = Dimension::of(Unit::second());
+        match (Function::from_name(&name.name), arguments, dimensions.as_slice()) {
+            (Some(Function::Dot), _, [moving]) => self.combine(moving, &second, -1, span),
+            (Some(Function::Ddot), _, [moving]) => self.combine(moving, &second, -2, span),
+            (Some(Function::Der), [_, order], [moving, _]) => {
+                self.combine(moving, &second, -i64::from(integer(order).unwrap_or_default()), span)
+            }
+            (Some(Function::Diff), _, [of, by]) => self.combine(of, by, -1, span),
+            (
+                Some(Function::Sin | Function::Cos | Function::Tan | Function::Asin | Function::Acos),
+                [argument],
+                [dimension],
+            ) => {
+                let what = format!("an argument of `{}`, which is a pure number,", name.name);
+                self.compare(
+                    argument.span,
+                    dimension,
+                    &Reference { dimension: Dimension::one(), span: name.span, what },
+                );
+                Dimension::one()
+            }
+            (Some(Function::Atan2), [y, x], [above, below]) => {
+                let what = format!("`{}`", shorten(self.source.slice(x.span)));
+                self.compare(y.span, above, &Reference { dimension: below.clone(), span: x.span, what });
+                Dimension::one()
+            }
+            (Some(Function::Sqrt), _, [inner]) => {
+                Dimension::one().times_power(inner, Ratio::new(1, 2)).unwrap_or(Dimension::Unknown)
+            }
+            (Some(Function::Abs), _, [inner]) => inner.clone(),
+            (Some(Function::Sign), _, [_]) => Dimension::one(),
+            (Some(Function::RestToRest), [_, rate, _], [amplitude, frequency, _]) => {
+                self.rate(rate, frequency, name);
+                amplitude.clone()
+            }
+            (Some(Function::PointToPoint), [_, to, rate, _], [start, end, frequency, _]) => {
+                self.rate(rate, frequency, name);
+                let what = "the first point".to_owned();
+                self.compare(to.span, end, &Reference { dimension: start.clone(), span: arguments[0].span, what });
+                start.clone()
+            }
+            _ => Dimension::Unknown,
+        }
+    }
+
+    fn rate(&mut self, expr: &Expr, dimension: &Dimension, function: &Ident) {
+        let wanted = self.combine(&Dimension::one(), &Dimension::of(Unit::second()), -1, expr.span);
+        let what = format!("the frequency of `{}`", function.name);
+        self.compare(expr.span, dimension, &Reference { dimension: wanted, span: function.span, what });
+    }
+}
+
+fn mismatch(span: Span, found: &Unit, wanted: &Unit, reference: &Reference) -> Diagnostic {
+    let what = &reference.what;
+    let same_place = reference.span == span;
+    let labelled =
+        |error: Diagnostic| if same_place { error } else { error.label(reference.span, format!("in {wanted}")) };
+    if found.same_dimension(wanted) {
+        let factor = found.factor(wanted);
+        return labelled(
+            Diagnostic::error(span, format!("scale mismatch: this is in {found}, {what} in {wanted}"))
+                .note(format!("1 here is {factor} there"))
+                .help(format!(
+                    "declare both in the same unit, or multiply this by {factor}; scales are never converted silently"
+                )),
+        );
+    }
+    let lacking = wanted
+        .over(found)
+        .map_or_else(String::new, |ratio| format!("a factor with the unit {ratio} is missing here; "));
+    labelled(
+        Diagnostic::error(span, format!("unit mismatch: this is in {found}, {what} in {wanted}"))
+            .note(format!("in {found}"))
+            .help(format!("{lacking}check this term and the units of what is in it")),
+    )
+}

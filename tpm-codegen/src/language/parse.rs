@@ -1,0 +1,718 @@
+//! Tokens to a model.
+//!
+//! Invariant: a fault is reported where it is found and costs at most its own statement: the parser goes on behind the next
+//! semicolon, at the closing brace, or at a line that begins a new statement. Recursion is bounded by [`DEEPEST`], loops by the
+//! number of tokens. Names that a dropped statement mentions are remembered, so that later checks do not report them unknown.
+
+mod expr;
+
+use std::collections::HashSet;
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::language::ast::{
+    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Force, Ident, Item, Model, Motion,
+    Pattern, PatternItem, Quantity, Role, Series, Taylor, UnitExpr,
+};
+use crate::language::lex::{lex, shorten};
+use crate::language::suggest::nearest;
+use crate::language::token::{Token, TokenKind};
+use crate::source::{Source, Span};
+
+/// Deepest nesting of parentheses, calls and minus signs; a stack of this depth fits the smallest usual thread.
+pub const DEEPEST: usize = 128;
+
+/// What parsing found.
+pub(crate) struct Syntax {
+    /// The model, without the statements that could not be read.
+    pub(crate) model: Option<Model>,
+    /// Whether statements are missing from it, so that nothing can be said about what a model lacks.
+    pub(crate) incomplete: bool,
+    /// Names in what was dropped.
+    pub(crate) mentioned: HashSet<String>,
+}
+
+/// Parses a source; faults go to `diagnostics`.
+pub(crate) fn parse(source: &Source, diagnostics: &mut Diagnostics) -> Syntax {
+    let tokens = lex(source, diagnostics);
+    let mut parser = Parser {
+        source,
+        tokens,
+        at: 0,
+        depth: 0,
+        diagnostics,
+        incomplete: false,
+        mentioned: HashSet::new(),
+        declared: HashSet::new(),
+    };
+    let model = if source.fault().is_some() { None } else { parser.file() };
+    Syntax { model, incomplete: parser.incomplete, mentioned: parser.mentioned }
+}
+
+/// The fault is reported; the caller recovers.
+#[derive(Debug)]
+struct Reported;
+
+type Parse<T> = Result<T, Reported>;
+
+/// Statements of a model that begin with a word and a name.
+const STATEMENTS: [&str; 11] = [
+    "coordinate",
+    "input",
+    "parameter",
+    "constant",
+    "series",
+    "let",
+    "lump",
+    "force",
+    "eliminate",
+    "taylor",
+    "pattern",
+];
+
+/// Statements of a pattern that begin with a word and a name or number.
+const PATTERN_STATEMENTS: [&str; 3] = ["amplitude", "frequency", "harmonics"];
+
+struct Parser<'a, 'd> {
+    source: &'a Source,
+    tokens: Vec<Token>,
+    at: usize,
+    depth: usize,
+    diagnostics: &'d mut Diagnostics,
+    incomplete: bool,
+    mentioned: HashSet<String>,
+    declared: HashSet<&'a str>,
+}
+
+impl<'a> Parser<'a, '_> {
+    // Tokens.
+
+    fn nth(&self, ahead: usize) -> Token {
+        // The last token is the end of the text, and it repeats for ever.
+        self.tokens
+            .get(self.at + ahead)
+            .or(self.tokens.last())
+            .copied()
+            .unwrap_or(Token { kind: TokenKind::End, span: Span::default() })
+    }
+
+    fn peek(&self) -> Token {
+        self.nth(0)
+    }
+
+    fn kind(&self) -> TokenKind {
+        self.peek().kind
+    }
+
+    fn bump(&mut self) -> Token {
+        let token = self.peek();
+        self.at = (self.at + 1).min(self.tokens.len());
+        token
+    }
+
+    fn eat(&mut self, kind: TokenKind) -> bool {
+        let found = self.kind() == kind;
+        if found {
+            self.bump();
+        }
+        found
+    }
+
+    fn text(&self, token: Token) -> &'a str {
+        self.source.slice(token.span)
+    }
+
+    fn is_word(&self, ahead: usize, word: &str) -> bool {
+        let token = self.nth(ahead);
+        token.kind == TokenKind::Ident && self.text(token) == word
+    }
+
+    /// The token before the next one; its span is where something that is missing should have been.
+    fn last(&self) -> Span {
+        self.at.checked_sub(1).and_then(|at| self.tokens.get(at)).map_or_else(Span::default, |token| token.span)
+    }
+
+    fn on_new_line(&self) -> bool {
+        self.source.slice(Span::new(self.last().end, self.peek().span.start.max(self.last().end))).contains('\n')
+    }
+
+    // Faults.
+
+    fn report(&mut self, diagnostic: Diagnostic) -> Reported {
+        self.diagnostics.push(diagnostic);
+        Reported
+    }
+
+    fn found(&self) -> String {
+        let token = self.peek();
+        match token.kind {
+            TokenKind::End => "the text ends here".to_owned(),
+            _ => format!("found `{}`", shorten(self.text(token))),
+        }
+    }
+
+    fn unexpected(&mut self, wanted: &str) -> Reported {
+        let note = self.found();
+        let span = self.peek().span;
+        self.report(Diagnostic::error(span, format!("expected {wanted}")).note(note))
+    }
+
+    fn expect(&mut self, kind: TokenKind) -> Parse<Token> {
+        if self.kind() == kind { Ok(self.bump()) } else { Err(self.unexpected(kind.describe())) }
+    }
+
+    fn name(&mut self, what: &str) -> Parse<Ident> {
+        if self.kind() != TokenKind::Ident {
+            return Err(self.unexpected(what));
+        }
+        let token = self.bump();
+        Ok(Ident { name: self.text(token).to_owned(), span: token.span })
+    }
+
+    fn word(&mut self, word: &str) -> Parse<Token> {
+        if self.is_word(0, word) { Ok(self.bump()) } else { Err(self.unexpected(&format!("`{word}`"))) }
+    }
+
+    /// The end of a statement. A line end is taken for a forgotten semicolon; then nothing is skipped.
+    fn end_of_statement(&mut self) -> Parse<()> {
+        if self.eat(TokenKind::Semicolon) {
+            return Ok(());
+        }
+        let token = self.peek();
+        if self.on_new_line() || matches!(token.kind, TokenKind::End | TokenKind::CloseBrace) {
+            let span = self.last();
+            self.report(
+                Diagnostic::error(span, "a `;` is missing")
+                    .note("the statement ends here")
+                    .help("every statement ends with `;`"),
+            );
+            return Ok(());
+        }
+        let error = Diagnostic::error(token.span, "expected an operator or `;`").note(self.found());
+        Err(self.report(match token.kind {
+            TokenKind::Ident | TokenKind::Number | TokenKind::OpenParen => error.help("a product is written with `*`"),
+            TokenKind::CloseParen => error.help("this `)` has no `(`"),
+            TokenKind::Equals => error.help("an equation has one `=`"),
+            _ => error,
+        }))
+    }
+
+    /// Skips the rest of a statement that could not be read.
+    fn recover(&mut self, begun: usize, statements: &[&str]) {
+        self.incomplete = true;
+        for index in begun..self.at {
+            self.mention(index);
+        }
+        let mut braces = 0_usize;
+        loop {
+            match self.kind() {
+                TokenKind::End => break,
+                TokenKind::Semicolon if braces == 0 => {
+                    self.bump();
+                    break;
+                }
+                TokenKind::CloseBrace if braces == 0 => break,
+                TokenKind::CloseBrace => braces -= 1,
+                TokenKind::OpenBrace => braces += 1,
+                TokenKind::Ident
+                    if braces == 0 && self.at > begun && self.on_new_line() && self.begins_statement(statements) =>
+                {
+                    break;
+                }
+                _ => {}
+            }
+            self.mention(self.at);
+            self.bump();
+        }
+    }
+
+    fn begins_statement(&self, statements: &[&str]) -> bool {
+        let next = self.nth(1).kind;
+        statements.contains(&self.text(self.peek()))
+            && (next == TokenKind::Ident || next == TokenKind::Number || next == TokenKind::OpenBrace)
+    }
+
+    fn mention(&mut self, index: usize) {
+        if let Some(&token) = self.tokens.get(index).filter(|token| token.kind == TokenKind::Ident) {
+            let text = self.text(token);
+            if !self.mentioned.contains(text) {
+                self.mentioned.insert(text.to_owned());
+            }
+        }
+    }
+
+    // The file.
+
+    fn file(&mut self) -> Option<Model> {
+        if !(self.is_word(0, "model") && self.nth(1).kind == TokenKind::Ident) {
+            let span = self.peek().span;
+            self.report(
+                Diagnostic::error(span, "a model begins with `model NAME {`")
+                    .note(self.found())
+                    .help("see `models/mass_spring_drag.tpm` for an example"),
+            );
+            self.incomplete = true;
+            while self.kind() != TokenKind::End && !(self.is_word(0, "model") && self.nth(1).kind == TokenKind::Ident) {
+                self.bump();
+            }
+            if self.kind() == TokenKind::End {
+                return None;
+            }
+        }
+        self.bump();
+        let name = self.name("the model's name").ok()?;
+        let open = self.expect(TokenKind::OpenBrace).ok()?;
+        let items = self.items(open.span);
+        if self.kind() != TokenKind::End {
+            let token = self.peek();
+            let message = if self.is_word(0, "model") {
+                "a source has one model"
+            } else {
+                "text behind the model's closing brace"
+            };
+            let note = self.found();
+            self.report(
+                Diagnostic::error(token.span, message).note(note).help("move it to a file of its own, or remove it"),
+            );
+            self.incomplete = true;
+        }
+        Some(Model { name, items })
+    }
+
+    fn items(&mut self, open: Span) -> Vec<Item> {
+        let mut items = Vec::new();
+        loop {
+            match self.kind() {
+                TokenKind::CloseBrace => {
+                    self.bump();
+                    return items;
+                }
+                TokenKind::End => {
+                    self.report(
+                        Diagnostic::error(open, "this `{` is not closed").help("add a `}` at the end of the model"),
+                    );
+                    self.incomplete = true;
+                    return items;
+                }
+                TokenKind::Semicolon => {
+                    self.bump();
+                }
+                _ => {
+                    let begun = self.at;
+                    match self.item() {
+                        Ok(item) => items.push(item),
+                        Err(Reported) => self.recover(begun, &STATEMENTS),
+                    }
+                }
+            }
+        }
+    }
+
+    fn item(&mut self) -> Parse<Item> {
+        let first = self.peek();
+        let next = self.nth(1).kind;
+        if first.kind != TokenKind::Ident {
+            return self.equation();
+        }
+        let word = self.text(first);
+        match (word, next) {
+            ("kinetic", TokenKind::Equals) if !self.declared.contains(word) => self.energy(EnergyKind::Kinetic),
+            ("potential", TokenKind::Equals) if !self.declared.contains(word) => self.energy(EnergyKind::Potential),
+            ("dissipation", TokenKind::Equals) if !self.declared.contains(word) => self.energy(EnergyKind::Dissipation),
+            ("pattern", TokenKind::OpenBrace | TokenKind::Ident) => self.pattern(),
+            // Two names in a row are no expression, so a word before a name is a keyword whatever the names are.
+            (_, TokenKind::Ident) if STATEMENTS.contains(&word) || !self.declared.contains(word) => {
+                self.statement(word, first.span)
+            }
+            _ => self.equation(),
+        }
+    }
+
+    fn statement(&mut self, word: &str, span: Span) -> Parse<Item> {
+        let known = if STATEMENTS.contains(&word) {
+            word
+        } else {
+            let error = Diagnostic::error(span, format!("`{}` begins no statement", shorten(word)));
+            if PATTERN_STATEMENTS.contains(&word) {
+                return Err(self.report(error.help(format!("`{word}` belongs into `pattern {{ ... }}`"))));
+            }
+            match nearest(word, STATEMENTS) {
+                Some(near) => {
+                    self.report(error.help(format!("did you mean `{near}`?")));
+                    near
+                }
+                None => {
+                    let names = STATEMENTS.join(", ");
+                    return Err(self.report(error.help(format!(
+                        "statements are equations or begin with one of {names}; a product is written with `*`"
+                    ))));
+                }
+            }
+        };
+        match known {
+            "coordinate" => self.declaration(Role::Coordinate).map(Item::Declaration),
+            "input" => self.declaration(Role::Input).map(Item::Declaration),
+            "parameter" => self.declaration(Role::Parameter).map(Item::Declaration),
+            "constant" => self.declaration(Role::Constant).map(Item::Declaration),
+            "series" => self.series(),
+            "let" => self.definition().map(Item::Let),
+            "lump" => self.definition().map(Item::Lump),
+            "force" => self.force(),
+            "eliminate" => self.eliminate(),
+            "taylor" => self.taylor(),
+            _ => self.pattern(),
+        }
+    }
+
+    // Statements; each begins at its keyword.
+
+    fn declaration(&mut self, role: Role) -> Parse<Declaration> {
+        self.bump();
+        let mut quantities = Vec::new();
+        loop {
+            let name = self.name("a name")?;
+            let token = self.tokens[self.at - 1];
+            self.declared.insert(self.text(token));
+            let mut unit = self.unit()?;
+            let mut value = None;
+            if self.kind() == TokenKind::Equals {
+                let equals = self.bump().span;
+                let expr = self.expr()?;
+                if role == Role::Constant {
+                    value = Some(expr);
+                } else {
+                    self.report(
+                        Diagnostic::error(
+                            equals.to(expr.span),
+                            format!(
+                                "only a constant has a value, `{}` is {} {}",
+                                name.name,
+                                article(role),
+                                role.keyword()
+                            ),
+                        )
+                        .help(format!(
+                            "write `constant {} = ...;` if it is known, or put its value into the experiment file",
+                            name.name
+                        )),
+                    );
+                }
+                if let Some(second) = self.unit()? {
+                    if let Some(first) = &unit {
+                        self.report(
+                            Diagnostic::error(second.span, "a second unit")
+                                .label(first.span, "the first one")
+                                .help("keep one of them"),
+                        );
+                    }
+                    unit = Some(second);
+                }
+            }
+            quantities.push(Quantity { name, value, unit });
+            if !self.eat(TokenKind::Comma) {
+                break;
+            }
+        }
+        self.end_of_statement()?;
+        Ok(Declaration { role, quantities })
+    }
+
+    fn series(&mut self) -> Parse<Item> {
+        self.bump();
+        let function = self.name("the function's name")?;
+        self.expect(TokenKind::OpenParen)?;
+        let coordinate = self.name("a coordinate")?;
+        self.expect(TokenKind::CloseParen)?;
+        let unit = self.unit()?;
+        let definition = if self.eat(TokenKind::Equals) { Some(self.expr()?) } else { None };
+        self.word("about")?;
+        let point = self.expr()?;
+        self.word("order")?;
+        let order = self.count()?;
+        let mut coefficients = Vec::new();
+        if self.is_word(0, "as") {
+            self.bump();
+            loop {
+                coefficients.push(self.name("a coefficient's name")?);
+                if !self.eat(TokenKind::Comma) {
+                    break;
+                }
+            }
+        }
+        self.end_of_statement()?;
+        Ok(Item::Series(Series { function, coordinate, unit, definition, point, order, coefficients }))
+    }
+
+    fn definition(&mut self) -> Parse<Definition> {
+        self.bump();
+        let name = self.name("a name")?;
+        self.expect(TokenKind::Equals)?;
+        let value = self.expr()?;
+        self.end_of_statement()?;
+        Ok(Definition { name, value })
+    }
+
+    fn energy(&mut self, kind: EnergyKind) -> Parse<Item> {
+        let keyword = self.bump().span;
+        self.expect(TokenKind::Equals)?;
+        let value = self.expr()?;
+        self.end_of_statement()?;
+        Ok(Item::Energy(Energy { kind, keyword, value }))
+    }
+
+    fn force(&mut self) -> Parse<Item> {
+        self.bump();
+        let coordinate = self.name("a coordinate")?;
+        self.expect(TokenKind::Equals)?;
+        let value = self.expr()?;
+        self.end_of_statement()?;
+        Ok(Item::Force(Force { coordinate, value }))
+    }
+
+    fn eliminate(&mut self) -> Parse<Item> {
+        self.bump();
+        let mut coordinates = vec![self.name("a coordinate")?];
+        while self.eat(TokenKind::Comma) {
+            coordinates.push(self.name("a coordinate")?);
+        }
+        self.word("as")?;
+        let stem = self.name("a name for the lumped parameters")?;
+        self.end_of_statement()?;
+        Ok(Item::Eliminate(Eliminate { coordinates, stem }))
+    }
+
+    fn taylor(&mut self) -> Parse<Item> {
+        self.bump();
+        let coordinate = self.name("a coordinate")?;
+        self.word("about")?;
+        let point = self.expr()?;
+        self.word("order")?;
+        let order = self.count()?;
+        self.end_of_statement()?;
+        Ok(Item::Taylor(Taylor { coordinate, point, order }))
+    }
+
+    fn equation(&mut self) -> Parse<Item> {
+        let left = self.expr()?;
+        if self.kind() != TokenKind::Equals {
+            let token = self.peek();
+            let error = Diagnostic::error(token.span, "expected `=` or an operator").note(self.found());
+            let help = match token.kind {
+                TokenKind::Ident | TokenKind::Number | TokenKind::OpenParen if !self.on_new_line() => {
+                    "a product is written with `*`"
+                }
+                _ => "an equation of motion is `left = right;`",
+            };
+            return Err(self.report(error.help(help)));
+        }
+        self.bump();
+        let right = self.expr()?;
+        self.end_of_statement()?;
+        Ok(Item::Equation(Equation { left, right }))
+    }
+
+    fn pattern(&mut self) -> Parse<Item> {
+        let keyword = self.bump().span;
+        let name = if self.kind() == TokenKind::Ident { Some(self.name("a name")?) } else { None };
+        let open = self.expect(TokenKind::OpenBrace)?;
+        let mut items = Vec::new();
+        loop {
+            match self.kind() {
+                TokenKind::CloseBrace => {
+                    self.bump();
+                    break;
+                }
+                TokenKind::End => {
+                    self.report(
+                        Diagnostic::error(open.span, "this `{` is not closed")
+                            .help("add a `}` at the end of the pattern"),
+                    );
+                    self.incomplete = true;
+                    break;
+                }
+                TokenKind::Semicolon => {
+                    self.bump();
+                }
+                _ => {
+                    let begun = self.at;
+                    match self.pattern_item() {
+                        Ok(item) => items.push(item),
+                        Err(Reported) => self.recover(begun, &PATTERN_STATEMENTS),
+                    }
+                }
+            }
+        }
+        Ok(Item::Pattern(Pattern { keyword, name, items }))
+    }
+
+    fn pattern_item(&mut self) -> Parse<PatternItem> {
+        let first = self.peek();
+        let word = if first.kind == TokenKind::Ident { self.text(first) } else { "" };
+        match (word, self.nth(1).kind) {
+            ("harmonics", TokenKind::Number) => {
+                self.bump();
+                let count = self.count()?;
+                self.end_of_statement()?;
+                Ok(PatternItem::Harmonics(count))
+            }
+            (_, TokenKind::Ident) => {
+                let role = match word {
+                    "amplitude" => Role::Amplitude,
+                    "frequency" => Role::Frequency,
+                    _ => {
+                        let error = Diagnostic::error(
+                            first.span,
+                            format!("`{}` begins no statement of a pattern", shorten(word)),
+                        );
+                        if STATEMENTS.contains(&word) {
+                            return Err(
+                                self.report(error.help(format!("move `{word}` out of the pattern, into the model")))
+                            );
+                        }
+                        match nearest(word, PATTERN_STATEMENTS) {
+                            Some("amplitude") => {
+                                self.report(error.help("did you mean `amplitude`?"));
+                                Role::Amplitude
+                            }
+                            Some("frequency") => {
+                                self.report(error.help("did you mean `frequency`?"));
+                                Role::Frequency
+                            }
+                            _ => {
+                                return Err(self.report(error.help(
+                                    "a pattern declares `amplitude` and `frequency` and gives motions, `x = lambda*cos(w*t);`",
+                                )));
+                            }
+                        }
+                    }
+                };
+                self.declaration(role).map(PatternItem::Declaration)
+            }
+            _ => {
+                let coordinate = self.name("a coordinate and its motion, `x = ...;`")?;
+                self.expect(TokenKind::Equals)?;
+                let value = self.expr()?;
+                self.end_of_statement()?;
+                Ok(PatternItem::Motion(Motion { coordinate, value }))
+            }
+        }
+    }
+
+    // Small parts.
+
+    fn count(&mut self) -> Parse<Count> {
+        let token = self.peek();
+        if token.kind != TokenKind::Number {
+            return Err(self.unexpected("a non-negative integer"));
+        }
+        match self.text(token).parse() {
+            Ok(value) => {
+                self.bump();
+                Ok(Count { value, span: token.span })
+            }
+            Err(_) => Err(self.report(
+                Diagnostic::error(token.span, format!("`{}` is no order", shorten(self.text(token))))
+                    .help("write a non-negative integer"),
+            )),
+        }
+    }
+
+    /// `[kg*m/s^2]`, or nothing.
+    fn unit(&mut self) -> Parse<Option<UnitExpr>> {
+        if self.kind() != TokenKind::OpenBracket {
+            return Ok(None);
+        }
+        let open = self.bump().span;
+        let mut factors = Vec::new();
+        self.unit_product(1, &mut factors, 0)?;
+        let close = match self.kind() {
+            TokenKind::CloseBracket => self.bump().span,
+            TokenKind::Ident | TokenKind::Number | TokenKind::OpenParen => {
+                let error =
+                    Diagnostic::error(self.peek().span, "expected `*`, `/`, `^` or `]` in a unit").note(self.found());
+                return Err(self.report(error.help("a product of units is written with `*`, as in `[N*m]`")));
+            }
+            _ => return Err(self.unexpected("`]` at the end of the unit")),
+        };
+        Ok(Some(UnitExpr { factors, span: open.to(close) }))
+    }
+
+    fn unit_product(&mut self, outer: i32, factors: &mut Vec<(Ident, i32)>, depth: usize) -> Parse<()> {
+        let mut sign = 1;
+        loop {
+            self.unit_factor(outer, sign, factors, depth)?;
+            sign = match self.kind() {
+                TokenKind::Star => 1,
+                TokenKind::Slash => -1,
+                _ => return Ok(()),
+            };
+            self.bump();
+        }
+    }
+
+    fn unit_factor(&mut self, outer: i32, sign: i32, factors: &mut Vec<(Ident, i32)>, depth: usize) -> Parse<()> {
+        let token = self.peek();
+        match token.kind {
+            TokenKind::Ident => {
+                let name = self.name("a unit")?;
+                let exponent = self.unit_exponent()?;
+                factors.push((name, outer * sign * exponent));
+                Ok(())
+            }
+            TokenKind::Number if self.text(token) == "1" => {
+                self.bump();
+                Ok(())
+            }
+            TokenKind::Number => Err(self.report(
+                Diagnostic::error(token.span, "a unit has no numbers but 1")
+                    .help("use a prefixed unit such as `mm`, or put the factor into the equation"),
+            )),
+            TokenKind::OpenParen if depth < DEEPEST => {
+                self.bump();
+                self.unit_product(outer * sign, factors, depth + 1)?;
+                self.expect(TokenKind::CloseParen)?;
+                if self.kind() == TokenKind::Caret {
+                    return Err(self.report(
+                        Diagnostic::error(self.peek().span, "a unit in parentheses has no exponent")
+                            .help("give every unit its own exponent, as in `[m^2/s^2]`"),
+                    ));
+                }
+                Ok(())
+            }
+            _ => Err(self.unexpected("a unit, such as `kg*m/s^2`, or `1`")),
+        }
+    }
+
+    fn unit_exponent(&mut self) -> Parse<i32> {
+        if let TokenKind::Superscript(digit) = self.kind() {
+            self.bump();
+            return Ok(i32::from(digit));
+        }
+        if !self.eat(TokenKind::Caret) {
+            return Ok(1);
+        }
+        let sign = if self.eat(TokenKind::Minus) { -1 } else { 1 };
+        let token = self.peek();
+        // Far beyond any unit, and small enough that products of exponents stay exact.
+        match self.text(token).parse::<i32>() {
+            Ok(value) if token.kind == TokenKind::Number && value <= 1000 => {
+                self.bump();
+                Ok(sign * value)
+            }
+            _ => {
+                let note = self.found();
+                Err(self.report(
+                    Diagnostic::error(token.span, "a unit's exponent is an integer of at most 1000")
+                        .note(note)
+                        .help("write, for example, `[m^-1]`"),
+                ))
+            }
+        }
+    }
+}
+
+fn article(role: Role) -> &'static str {
+    match role {
+        Role::Input | Role::Amplitude => "an",
+        _ => "a",
+    }
+}
