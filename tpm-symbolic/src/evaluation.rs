@@ -84,7 +84,7 @@ impl Evaluation {
 }
 
 /// Constants that are known exactly become numbers also inside functions, where the regressor form leaves them.
-fn substitute_values(model: &Model, graph: &mut Graph, expr: ExprId) -> ExprId {
+pub(crate) fn substitute_values(model: &Model, graph: &mut Graph, expr: ExprId) -> ExprId {
     let mut replacement = std::collections::HashMap::new();
     for leaf in graph.leaves(expr) {
         if let Node::Symbol(symbol) = *graph.node(leaf)

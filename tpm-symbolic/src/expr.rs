@@ -73,6 +73,19 @@ impl Function {
         }
     }
 
+    /// The exact value, where it is known to be rational.
+    #[must_use]
+    pub fn apply_exact(self, x: &Rational) -> Option<Rational> {
+        match self {
+            Self::Sin | Self::Tan | Self::Asin | Self::Atan if x.is_zero() => Some(x.clone()),
+            Self::Cos if x.is_zero() => Some(Rational::one()),
+            Self::Abs => Some(x.abs()),
+            Self::Sign => Some(x.signum()),
+            Self::Sqrt => exact_square_root(x),
+            _ => None,
+        }
+    }
+
     /// The value in double precision.
     #[must_use]
     pub fn apply(self, x: f64) -> f64 {
@@ -398,18 +411,8 @@ impl Graph {
 
     /// `function(argument)`, with exact values at 0 and exact square roots taken.
     pub fn function(&mut self, function: Function, argument: ExprId) -> ExprId {
-        if let Some(value) = self.as_number(argument).cloned() {
-            let exact = match function {
-                Function::Sin | Function::Tan | Function::Asin | Function::Atan if value.is_zero() => Some(value),
-                Function::Cos if value.is_zero() => Some(Rational::one()),
-                Function::Abs => Some(value.abs()),
-                Function::Sign => Some(value.signum()),
-                Function::Sqrt => exact_square_root(&value),
-                _ => None,
-            };
-            if let Some(exact) = exact {
-                return self.number(exact);
-            }
+        if let Some(exact) = self.as_number(argument).and_then(|value| function.apply_exact(value)) {
+            return self.number(exact);
         }
         // sin, tan, asin, atan and sign are odd, cos and abs even: one form for an argument and its negative.
         if let (coefficient, Some(_)) = self.split_coefficient(argument)
@@ -685,17 +688,7 @@ impl Graph {
                     }
                     rational::power(&base, *exponent)
                 }
-                Node::Function(function, argument) => {
-                    let value = at(argument);
-                    match function {
-                        Function::Abs => value.abs(),
-                        Function::Sign => value.signum(),
-                        Function::Sqrt => exact_square_root(&value)?,
-                        Function::Sin | Function::Tan | Function::Asin | Function::Atan if value.is_zero() => value,
-                        Function::Cos if value.is_zero() => Rational::one(),
-                        _ => return None,
-                    }
-                }
+                Node::Function(function, argument) => function.apply_exact(&at(argument))?,
             };
             values[i] = Some(value);
         }

@@ -27,6 +27,7 @@
 //! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
 //! ([`rational::to_f64`]).
 
+pub mod estimator;
 pub mod evaluation;
 pub mod expand;
 pub mod expr;

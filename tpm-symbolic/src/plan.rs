@@ -5,7 +5,7 @@
 
 use crate::expr::{ExprId, Function, Graph, Node};
 use crate::rational::Rational;
-use num_traits::{One, Signed};
+use num_traits::{One, Signed, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
@@ -47,6 +47,35 @@ pub enum Op {
     Atan2(Slot, Slot),
 }
 
+impl Op {
+    /// The slots that the operation reads.
+    pub fn operands(&self) -> impl Iterator<Item = Slot> + use<> {
+        let pair = match *self {
+            Self::Constant(_) | Self::Pi | Self::Load(_) => [None, None],
+            Self::Neg(a) | Self::Function(_, a) => [Some(a), None],
+            Self::Add(a, b) | Self::Sub(a, b) | Self::Mul(a, b) | Self::Div(a, b) | Self::Atan2(a, b) => {
+                [Some(a), Some(b)]
+            }
+        };
+        pair.into_iter().flatten()
+    }
+
+    /// The same operation on other slots.
+    #[must_use]
+    pub fn map(&self, slot: impl Fn(Slot) -> Slot) -> Self {
+        match self {
+            Self::Constant(_) | Self::Pi | Self::Load(_) => self.clone(),
+            Self::Neg(a) => Self::Neg(slot(*a)),
+            Self::Function(function, a) => Self::Function(*function, slot(*a)),
+            Self::Add(a, b) => Self::Add(slot(*a), slot(*b)),
+            Self::Sub(a, b) => Self::Sub(slot(*a), slot(*b)),
+            Self::Mul(a, b) => Self::Mul(slot(*a), slot(*b)),
+            Self::Div(a, b) => Self::Div(slot(*a), slot(*b)),
+            Self::Atan2(a, b) => Self::Atan2(slot(*a), slot(*b)),
+        }
+    }
+}
+
 /// Numbers of operations, for headers and comparisons.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct OperationCounts {
@@ -75,10 +104,33 @@ impl Plan {
     /// The plan that computes `roots`, each common subexpression once.
     #[must_use]
     pub fn new(graph: &Graph, roots: &[ExprId]) -> Self {
-        let mut builder = Builder { graph, plan: Self::default(), known: HashMap::new(), done: HashMap::new() };
+        let mut builder = Builder { graph, merger: Merger::default(), done: HashMap::new() };
         let outputs = roots.iter().map(|&root| builder.compile(root)).collect();
-        builder.plan.outputs = outputs;
-        builder.plan
+        builder.merger.finish(outputs)
+    }
+
+    /// The exact values of the outputs, given exact leaves; `None` when pi, a function without a rational value or a
+    /// division by zero stands in the way.
+    #[must_use]
+    pub fn evaluate_exact(&self, mut leaf: impl FnMut(&Node) -> Option<Rational>) -> Option<Vec<Rational>> {
+        let mut values: Vec<Rational> = Vec::with_capacity(self.ops.len());
+        for op in &self.ops {
+            let at = |slot: &Slot| &values[slot.index()];
+            let value = match op {
+                Op::Constant(value) => value.clone(),
+                Op::Pi | Op::Atan2(..) => return None,
+                Op::Load(index) => leaf(&self.inputs[*index as usize])?,
+                Op::Add(a, b) => at(a) + at(b),
+                Op::Sub(a, b) => at(a) - at(b),
+                Op::Mul(a, b) => at(a) * at(b),
+                Op::Div(_, b) if at(b).is_zero() => return None,
+                Op::Div(a, b) => at(a) / at(b),
+                Op::Neg(a) => -at(a),
+                Op::Function(function, a) => function.apply_exact(at(a))?,
+            };
+            values.push(value);
+        }
+        Some(self.outputs.iter().map(|slot| values[slot.index()].clone()).collect())
     }
 
     /// Numbers of operations by kind.
@@ -100,28 +152,13 @@ impl Plan {
 
 struct Builder<'a> {
     graph: &'a Graph,
-    plan: Plan,
-    known: HashMap<Op, Slot>,
+    merger: Merger,
     done: HashMap<ExprId, Slot>,
 }
 
 impl Builder<'_> {
     fn emit(&mut self, op: Op) -> Slot {
-        if let Some(&slot) = self.known.get(&op) {
-            return slot;
-        }
-        let slot = Slot(u32::try_from(self.plan.ops.len()).expect("invariant: fewer than 2^32 operations"));
-        self.plan.ops.push(op.clone());
-        self.known.insert(op, slot);
-        slot
-    }
-
-    fn load(&mut self, node: &Node) -> Slot {
-        let index = self.plan.inputs.iter().position(|present| present == node).unwrap_or_else(|| {
-            self.plan.inputs.push(node.clone());
-            self.plan.inputs.len() - 1
-        });
-        self.emit(Op::Load(u32::try_from(index).expect("invariant: fewer than 2^32 inputs")))
+        self.merger.emit(op)
     }
 
     fn compile(&mut self, root: ExprId) -> Slot {
@@ -149,7 +186,7 @@ impl Builder<'_> {
         match self.graph.node(id) {
             Node::Number(value) => self.emit(Op::Constant(value.clone())),
             Node::Pi => self.emit(Op::Pi),
-            node @ (Node::Symbol(_) | Node::Derivative(..)) => self.load(node),
+            node @ (Node::Symbol(_) | Node::Derivative(..)) => self.merger.load(node),
             Node::Sum(terms) => self.sum(terms),
             Node::Product(factors) => self.product(factors),
             Node::Power(base, exponent) => {
@@ -257,5 +294,86 @@ impl Builder<'_> {
             }
             square = self.emit(Op::Mul(square, square));
         }
+    }
+}
+
+/// Puts operations and whole plans together, every operation once.
+#[derive(Clone, Debug, Default)]
+pub struct Merger {
+    inputs: Vec<Node>,
+    ops: Vec<Op>,
+    known: HashMap<Op, Slot>,
+}
+
+impl Merger {
+    /// The slot of an operation on slots of this merger.
+    pub fn emit(&mut self, op: Op) -> Slot {
+        if let Some(&slot) = self.known.get(&op) {
+            return slot;
+        }
+        let slot = Slot(u32::try_from(self.ops.len()).expect("invariant: fewer than 2^32 operations"));
+        self.ops.push(op.clone());
+        self.known.insert(op, slot);
+        slot
+    }
+
+    /// The slot of a leaf.
+    pub fn load(&mut self, leaf: &Node) -> Slot {
+        let index = self.inputs.iter().position(|present| present == leaf).unwrap_or_else(|| {
+            self.inputs.push(leaf.clone());
+            self.inputs.len() - 1
+        });
+        self.emit(Op::Load(u32::try_from(index).expect("invariant: fewer than 2^32 inputs")))
+    }
+
+    /// Takes in a whole plan and returns the slots of its outputs.
+    pub fn append(&mut self, plan: &Plan) -> Vec<Slot> {
+        let mut slots: Vec<Slot> = Vec::with_capacity(plan.ops.len());
+        for op in &plan.ops {
+            let slot = match op {
+                Op::Load(index) => self.load(&plan.inputs[*index as usize]),
+                op => self.emit(op.map(|slot| slots[slot.index()])),
+            };
+            slots.push(slot);
+        }
+        plan.outputs.iter().map(|slot| slots[slot.index()]).collect()
+    }
+
+    /// The operation of a slot.
+    #[must_use]
+    pub fn op(&self, slot: Slot) -> &Op {
+        &self.ops[slot.index()]
+    }
+
+    /// Whether a slot is a number with some property.
+    #[must_use]
+    pub fn is_number(&self, slot: Slot, property: impl FnOnce(&Rational) -> bool) -> bool {
+        matches!(self.op(slot), Op::Constant(value) if property(value))
+    }
+
+    /// The plan of these outputs, without the operations and leaves that none of them needs.
+    #[must_use]
+    pub fn finish(self, outputs: Vec<Slot>) -> Plan {
+        let mut needed = vec![false; self.ops.len()];
+        outputs.iter().for_each(|slot| needed[slot.index()] = true);
+        for i in (0..self.ops.len()).rev() {
+            if needed[i] {
+                self.ops[i].operands().for_each(|slot| needed[slot.index()] = true);
+            }
+        }
+        let mut pruned = Self::default();
+        let mut slots: Vec<Option<Slot>> = vec![None; self.ops.len()];
+        let at = |slots: &[Option<Slot>], slot: Slot| slots[slot.index()].expect("invariant: operands come first");
+        for (i, op) in self.ops.iter().enumerate().filter(|(i, _)| needed[*i]) {
+            slots[i] = Some(match op {
+                Op::Load(index) => pruned.load(&self.inputs[*index as usize]),
+                op => {
+                    let op = op.map(|slot| at(&slots, slot));
+                    pruned.emit(op)
+                }
+            });
+        }
+        let outputs = outputs.into_iter().map(|slot| at(&slots, slot)).collect();
+        Plan { inputs: pruned.inputs, ops: pruned.ops, outputs }
     }
 }

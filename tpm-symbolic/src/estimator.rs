@@ -1,0 +1,543 @@
+//! Everything that an emitted estimator computes, as straight-line plans.
+//!
+//! Invariants of [`EstimatorPlan`]: the leaves of its plans are derivatives of the evaluation's coordinates, symbols of the
+//! model, and the virtual symbols of [`Leaves`] (one per column, and cosine and sine of the pattern's phase), which stand
+//! behind the model's own; no plan has an operation that no output needs. Emitters print these plans and decide no
+//! mathematics.
+
+use crate::evaluation::Evaluation;
+use crate::expand::{ExpandError, expand};
+use crate::expr::{Coordinate, ExprId, Function, Graph, Node, Symbol};
+use crate::fourier::{Fourier, Trig};
+use crate::model::{Kind, Model};
+use crate::pattern::{Motion, Pattern};
+use crate::plan::{Merger, Op, Plan, Slot};
+use crate::rational;
+use crate::regressor::RegressorForm;
+use crate::table::{Entry, HarmonicTable};
+use num_traits::{One, Zero};
+use std::collections::HashMap;
+use thiserror::Error;
+
+/// The virtual symbols of a model's plans.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Leaves {
+    symbols: u32,
+    columns: u32,
+}
+
+/// What a leaf of a plan stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leaf {
+    /// A time derivative of a coordinate.
+    Motion(Coordinate, u32),
+    /// A symbol of the model.
+    Symbol(Symbol),
+    /// The estimated parameter of a column.
+    Column(usize),
+    /// cos w t
+    Cos,
+    /// sin w t
+    Sin,
+}
+
+impl Leaves {
+    /// The virtual symbols of a model with these columns.
+    #[must_use]
+    pub fn new(model: &Model, form: &RegressorForm) -> Self {
+        let count = |len: usize| u32::try_from(len).expect("invariant: fewer than 2^31 names");
+        Self { symbols: count(model.symbols.len()), columns: count(form.columns.len()) }
+    }
+
+    fn column(self, index: usize) -> Symbol {
+        Symbol(self.symbols + u32::try_from(index).expect("invariant: fewer than 2^31 columns"))
+    }
+
+    fn cos(self) -> Symbol {
+        Symbol(self.symbols + self.columns)
+    }
+
+    fn sin(self) -> Symbol {
+        Symbol(self.symbols + self.columns + 1)
+    }
+
+    /// What a leaf of one of this model's plans is.
+    #[must_use]
+    pub fn leaf(self, node: &Node) -> Leaf {
+        match *node {
+            Node::Derivative(coordinate, order) => Leaf::Motion(coordinate, order),
+            Node::Symbol(symbol) if symbol.0 < self.symbols => Leaf::Symbol(symbol),
+            Node::Symbol(symbol) if symbol == self.cos() => Leaf::Cos,
+            Node::Symbol(symbol) if symbol == self.sin() => Leaf::Sin,
+            Node::Symbol(Symbol(index)) => Leaf::Column((index - self.symbols) as usize),
+            _ => unreachable!("invariant: a plan loads leaves only"),
+        }
+    }
+}
+
+/// Why a part that depends on the pattern cannot be had.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum PatternGap {
+    /// A coordinate of the equations does not move by the pattern.
+    #[error("the pattern gives the coordinate `{0}` no motion")]
+    NoMotion(String),
+    /// The table does not exist.
+    #[error(transparent)]
+    Expand(#[from] ExpandError),
+}
+
+/// A row of the table: equation, harmonic, cosine or sine.
+pub type TableRow = (usize, usize, Trig);
+
+/// The harmonic table and the plans that follow from it.
+#[derive(Clone, Debug)]
+pub struct TablePlan {
+    /// The table itself.
+    pub table: HarmonicTable,
+    /// Its rows.
+    pub rows: Vec<TableRow>,
+    /// Row and column (`None`: the terms without unknown parameters) of every output of `matrix`.
+    pub places: Vec<(usize, Option<usize>)>,
+    /// The entries at `places`; leaves are amplitudes, frequency and constants.
+    pub matrix: Plan,
+    /// cos or sin of `harmonic * w t` for every row, from cos w t and sin w t.
+    pub bank: Plan,
+}
+
+/// The plans of one pattern.
+#[derive(Clone, Debug)]
+pub struct PatternPlan {
+    /// The pattern's name, when it has one.
+    pub name: Option<String>,
+    /// The amplitudes.
+    pub amplitudes: Vec<Symbol>,
+    /// The fundamental frequency.
+    pub frequency: Symbol,
+    /// Every coordinate of the evaluation with its derivatives 0, 1, ... up to its own order, one coordinate after the
+    /// other; leaves are amplitudes, frequency, constants, cos w t and sin w t.
+    pub reference: Result<Plan, PatternGap>,
+    /// The harmonic table.
+    pub table: Result<TablePlan, PatternGap>,
+}
+
+/// The plans of a model.
+#[derive(Clone, Debug)]
+pub struct EstimatorPlan {
+    /// The virtual symbols.
+    pub leaves: Leaves,
+    /// Phi, known terms and input map.
+    pub evaluation: Evaluation,
+    /// Phi theta + known, one output per row.
+    pub inverse_dynamics: Plan,
+    /// The inputs, when every input stands in exactly one equation and alone there.
+    pub feed_forward: Option<Plan>,
+    /// The columns from the physical parameters; `None` when every column is one of them.
+    pub lumping: Option<Plan>,
+    /// One per pattern of the model.
+    pub patterns: Vec<PatternPlan>,
+}
+
+impl EstimatorPlan {
+    /// The plans of `form`, which belongs to `model`.
+    #[must_use]
+    pub fn new(model: &Model, form: &RegressorForm) -> Self {
+        let leaves = Leaves::new(model, form);
+        let evaluation = Evaluation::new(model, form);
+        let mut merger = Merger::default();
+        let forces = inverse_dynamics(&mut merger, leaves, &evaluation, form);
+        let inverse_dynamics = merger.clone().finish(forces.clone());
+        Self {
+            feed_forward: feed_forward(merger, &forces, &evaluation, form),
+            inverse_dynamics,
+            lumping: lumping(model, form),
+            patterns: model.patterns.iter().map(|p| pattern_plan(model, form, leaves, &evaluation, p)).collect(),
+            leaves,
+            evaluation,
+        }
+    }
+}
+
+/// Row forces as products of the regressor's own results, so that a program that needs both computes each once.
+fn inverse_dynamics(merger: &mut Merger, leaves: Leaves, evaluation: &Evaluation, form: &RegressorForm) -> Vec<Slot> {
+    let phi = merger.append(&evaluation.regressor);
+    let known = merger.append(&evaluation.known);
+    let columns = form.columns.len();
+    let row = |(r, &known): (usize, &Slot)| {
+        let mut total = if merger.is_number(known, Zero::is_zero) { None } else { Some(known) };
+        for c in 0..columns {
+            let entry = phi[r * columns + c];
+            if merger.is_number(entry, Zero::is_zero) {
+                continue;
+            }
+            let theta = merger.load(&Node::Symbol(leaves.column(c)));
+            let (factor, negative) = match *merger.op(entry) {
+                Op::Neg(positive) => (positive, true),
+                _ => (entry, false),
+            };
+            let product =
+                if merger.is_number(factor, One::is_one) { theta } else { merger.emit(Op::Mul(factor, theta)) };
+            total = Some(match (total, negative) {
+                (None, false) => product,
+                (None, true) => merger.emit(Op::Neg(product)),
+                (Some(sum), false) => merger.emit(Op::Add(sum, product)),
+                (Some(sum), true) => merger.emit(Op::Sub(sum, product)),
+            });
+        }
+        total.unwrap_or(known)
+    };
+    known.iter().enumerate().map(row).collect()
+}
+
+/// The inputs from the row forces, when B has one entry in every row and column that matters.
+fn feed_forward(mut merger: Merger, forces: &[Slot], evaluation: &Evaluation, form: &RegressorForm) -> Option<Plan> {
+    let factors = merger.append(&evaluation.input_map);
+    let inputs = evaluation.inputs.len();
+    let mut outputs = Vec::with_capacity(inputs);
+    for (i, input) in evaluation.inputs.iter().enumerate() {
+        let mut rows = form.rows.iter().enumerate().filter(|(_, row)| row.inputs.iter().any(|(s, _)| s == input));
+        let ((r, row), None) = (rows.next()?, rows.next()) else { return None };
+        if row.inputs.len() != 1 {
+            return None;
+        }
+        let factor = factors[r * inputs + i];
+        outputs.push(if merger.is_number(factor, One::is_one) {
+            forces[r]
+        } else {
+            merger.emit(Op::Div(forces[r], factor))
+        });
+    }
+    Some(merger.finish(outputs))
+}
+
+fn lumping(model: &Model, form: &RegressorForm) -> Option<Plan> {
+    if form.columns.iter().all(|column| column.parameter.is_some()) {
+        return None;
+    }
+    let mut graph = model.graph.clone();
+    let roots: Vec<ExprId> = form
+        .columns
+        .iter()
+        .map(|column| {
+            let expr = graph.from_polynomial(&column.definition);
+            crate::evaluation::substitute_values(model, &mut graph, expr)
+        })
+        .collect();
+    Some(Plan::new(&graph, &roots))
+}
+
+fn pattern_plan(
+    model: &Model,
+    form: &RegressorForm,
+    leaves: Leaves,
+    evaluation: &Evaluation,
+    pattern: &Pattern,
+) -> PatternPlan {
+    PatternPlan {
+        name: pattern.name.clone(),
+        amplitudes: pattern.amplitudes.clone(),
+        frequency: pattern.frequency,
+        reference: reference(model, leaves, evaluation, pattern),
+        table: expand(model, form, pattern).map(|table| table_plan(model, leaves, table)).map_err(PatternGap::from),
+    }
+}
+
+/// cos k theta and sin k theta by halving and angle addition. Every step adds a few roundings whatever the angle is, whereas
+/// the three-term recurrence loses digits as k^2 near the rest points, where a reference must be smooth.
+struct Phasors<'g> {
+    graph: &'g mut Graph,
+    known: HashMap<usize, (ExprId, ExprId)>,
+}
+
+impl<'g> Phasors<'g> {
+    fn new(graph: &'g mut Graph, leaves: Leaves) -> Self {
+        let (one, zero) = (graph.integer(1), graph.integer(0));
+        let first = (graph.symbol(leaves.cos()), graph.symbol(leaves.sin()));
+        Self { graph, known: HashMap::from([(0, (one, zero)), (1, first)]) }
+    }
+
+    fn at(&mut self, harmonic: usize) -> (ExprId, ExprId) {
+        if let Some(&pair) = self.known.get(&harmonic) {
+            return pair;
+        }
+        let (ca, sa) = self.at(harmonic / 2);
+        let (cb, sb) = self.at(harmonic - harmonic / 2);
+        let graph = &mut *self.graph;
+        let (cc, ss, sc, cs) = (graph.mul(ca, cb), graph.mul(sa, sb), graph.mul(sa, cb), graph.mul(ca, sb));
+        let pair = (graph.sub(cc, ss), graph.add(sc, cs));
+        self.known.insert(harmonic, pair);
+        pair
+    }
+
+    fn of(&mut self, harmonic: usize, function: Trig) -> ExprId {
+        let (cos, sin) = self.at(harmonic);
+        match function {
+            Trig::Cos => cos,
+            Trig::Sin => sin,
+        }
+    }
+
+    fn series(&mut self, fourier: &Fourier) -> ExprId {
+        let terms: Vec<ExprId> = fourier
+            .terms()
+            .map(|(harmonic, function, coefficient)| {
+                let base = self.of(harmonic, function);
+                self.graph.scale(base, coefficient.clone())
+            })
+            .collect();
+        self.graph.sum(&terms)
+    }
+}
+
+fn reference(model: &Model, leaves: Leaves, evaluation: &Evaluation, pattern: &Pattern) -> Result<Plan, PatternGap> {
+    let mut graph = Graph::new();
+    let w = graph.symbol(pattern.frequency);
+    let mut roots = Vec::new();
+    for &(coordinate, order) in &evaluation.coordinates {
+        let index = coordinate.0 as usize;
+        let motion = pattern.motions.get(index).and_then(Option::as_ref);
+        let motion = motion.ok_or_else(|| PatternGap::NoMotion(model.coordinates[index].name.clone()))?;
+        for n in 0..=order {
+            let value = motion_expr(model, &mut graph, leaves, &motion.derivative(n));
+            let power = graph.pow(w, i32::try_from(n).expect("invariant: derivative orders are small"));
+            roots.push(graph.mul(power, value));
+        }
+    }
+    Ok(Plan::new(&graph, &roots))
+}
+
+/// A symbol, or its value when the model states one.
+fn symbol_expr(model: &Model, graph: &mut Graph, symbol: Symbol) -> ExprId {
+    match &model.quantity(symbol).kind {
+        Kind::Constant { value: Some(value) } => graph.number(value.clone()),
+        _ => graph.symbol(symbol),
+    }
+}
+
+fn motion_expr(model: &Model, graph: &mut Graph, leaves: Leaves, motion: &Motion) -> ExprId {
+    let mut terms = Vec::with_capacity(motion.terms().len());
+    for (monomial, fourier) in motion.terms() {
+        let mut factors = vec![Phasors::new(graph, leaves).series(fourier)];
+        for (&symbol, exponent) in monomial.factors() {
+            let symbol = symbol_expr(model, graph, symbol);
+            factors.push(graph.pow(symbol, exponent));
+        }
+        terms.push(graph.product(&factors));
+    }
+    graph.sum(&terms)
+}
+
+fn table_plan(model: &Model, leaves: Leaves, table: HarmonicTable) -> TablePlan {
+    let rows = table.rows();
+    let mut graph = Graph::new();
+    let mut places: Vec<(usize, Option<usize>)> = Vec::new();
+    let mut sums: Vec<Vec<ExprId>> = Vec::new();
+    let mut row = 0;
+    for entry in table.entries() {
+        // Rows and entries are sorted alike, so one walk finds every entry's row.
+        while rows[row] != (entry.equation, entry.harmonic, entry.function) {
+            row += 1;
+        }
+        let place = (row, entry.column);
+        if places.last() != Some(&place) {
+            places.push(place);
+            sums.push(Vec::new());
+        }
+        let value = entry_expr(model, &mut graph, entry);
+        if let Some(terms) = sums.last_mut() {
+            terms.push(value);
+        }
+    }
+    let roots: Vec<ExprId> = sums.iter().map(|terms| graph.sum(terms)).collect();
+    let matrix = Plan::new(&graph, &roots);
+    let mut graph = Graph::new();
+    let mut phasors = Phasors::new(&mut graph, leaves);
+    let roots: Vec<ExprId> = rows.iter().map(|&(_, harmonic, function)| phasors.of(harmonic, function)).collect();
+    let bank = Plan::new(&graph, &roots);
+    TablePlan { table, rows, places, matrix, bank }
+}
+
+fn entry_expr(model: &Model, graph: &mut Graph, entry: &Entry) -> ExprId {
+    let mut factors = vec![graph.number(entry.coefficient.clone())];
+    if entry.pi != 0 {
+        let pi = graph.pi();
+        factors.push(graph.pow(pi, entry.pi));
+    }
+    for (&symbol, exponent) in entry.powers.factors() {
+        let symbol = symbol_expr(model, graph, table_symbol(symbol));
+        factors.push(graph.pow(symbol, exponent));
+    }
+    for (&symbol, exponent) in entry.sign.factors() {
+        if exponent % 2 != 0 {
+            let symbol = symbol_expr(model, graph, table_symbol(symbol));
+            factors.push(graph.function(Function::Sign, symbol));
+        }
+    }
+    graph.product(&factors)
+}
+
+/// A table that came from [`expand`] lists the model's symbols in the model's order.
+fn table_symbol(index: usize) -> Symbol {
+    Symbol(u32::try_from(index).expect("invariant: fewer than 2^32 symbols"))
+}
+
+/// The exact formula of one table entry, such as `-55/27*lambda1*lambda2^2*w^2`.
+#[must_use]
+pub fn entry_formula(table: &HarmonicTable, entry: &Entry) -> String {
+    let mut above = vec![rational::display(&entry.coefficient)];
+    let mut below = Vec::new();
+    let powers = entry.powers.factors().map(|(&symbol, exponent)| (table.symbols[symbol].as_str(), exponent));
+    for (name, exponent) in std::iter::once(("pi", entry.pi)).chain(powers) {
+        match exponent {
+            0 => {}
+            1 => above.push(name.to_owned()),
+            -1 => below.push(name.to_owned()),
+            2.. => above.push(format!("{name}^{exponent}")),
+            _ => below.push(format!("{name}^{}", -exponent)),
+        }
+    }
+    for (&symbol, exponent) in entry.sign.factors() {
+        if exponent % 2 != 0 {
+            above.push(format!("sign({})", table.symbols[symbol]));
+        }
+    }
+    // A factor 1 is left out where something else stands.
+    if above.len() > 1 && (above[0] == "1" || above[0] == "-1") {
+        let minus = if above.remove(0) == "-1" { "-" } else { "" };
+        above[0].insert_str(0, minus);
+    }
+    let mut text = above.join("*");
+    for factor in below {
+        text.push('/');
+        text.push_str(&factor);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{EstimatorPlan, Leaf, entry_formula};
+    use crate::expr::{ExprId, Node};
+    use crate::fourier::{Fourier, Trig};
+    use crate::model::{Equation, Kind, Model, SourceTerm, TermId};
+    use crate::pattern::{Motion, Pattern, rest_to_rest};
+    use crate::polynomial::Monomial;
+    use crate::rational::{Rational, integer, ratio};
+    use crate::regressor::regressor_form;
+
+    /// m x'' - k x^2 - 3 g = G u with x on the pattern of order 5 about the constant x0.
+    fn model() -> Model {
+        let mut model = Model { name: "Test".to_owned(), ..Model::default() };
+        let x = model.declare_coordinate("x", None);
+        let mut quantity = |name: &str, kind: Kind| model.declare(name, None, kind);
+        let constant = || Kind::Constant { value: None };
+        let symbols = [
+            quantity("u", Kind::Input),
+            quantity("m", Kind::Parameter),
+            quantity("k", Kind::Parameter),
+            quantity("g", constant()),
+            quantity("G", constant()),
+        ];
+        let [x0, lambda, w] =
+            [("x0", constant()), ("lambda", Kind::Amplitude), ("w", Kind::Frequency)].map(|(n, k)| quantity(n, k));
+        let graph = &mut model.graph;
+        let [u, m, k, g, big] = symbols.map(|symbol| graph.symbol(symbol));
+        let (position, acceleration) = (graph.derivative_of(x, 0), graph.derivative_of(x, 2));
+        let (square, minus_three, minus_one) = (graph.pow(position, 2), graph.integer(-3), graph.integer(-1));
+        let terms: Vec<ExprId> = vec![
+            graph.mul(m, acceleration),
+            graph.product(&[minus_one, k, square]),
+            graph.mul(minus_three, g),
+            graph.product(&[minus_one, big, u]),
+        ];
+        let terms = (0..).zip(terms).map(|(id, expr)| SourceTerm { id: TermId(id), expr }).collect();
+        model.equations.push(Equation { name: "u".to_owned(), terms });
+        let motion = Motion::term(Monomial::power_of(x0, 1), Fourier::constant(integer(1)))
+            .add(&Motion::term(Monomial::power_of(lambda, 1), rest_to_rest(5).expect("odd order")));
+        let pattern = Pattern { name: None, amplitudes: vec![lambda], frequency: w, motions: vec![Some(motion)] };
+        model.patterns.push(pattern);
+        model
+    }
+
+    fn value(model: &Model, name: &str) -> Rational {
+        let position = model.symbols.iter().position(|quantity| quantity.name == name).expect("declared");
+        ratio(i64::try_from(position).expect("small") + 2, 7)
+    }
+
+    /// Leaves at fixed rational values; the phase is the one with tan(theta/2) = 1/2.
+    fn leaf(model: &Model, plan: &EstimatorPlan, node: &Node) -> Option<Rational> {
+        Some(match plan.leaves.leaf(node) {
+            Leaf::Motion(_, order) => ratio(i64::from(order) + 3, 5),
+            Leaf::Symbol(symbol) => value(model, &model.quantity(symbol).name),
+            Leaf::Column(index) => ratio(i64::try_from(index).expect("small") + 1, 11),
+            Leaf::Cos => ratio(3, 5),
+            Leaf::Sin => ratio(4, 5),
+        })
+    }
+
+    #[test]
+    fn feed_forward_is_the_row_divided_by_the_input_factor() {
+        let model = model();
+        let plan = EstimatorPlan::new(&model, &regressor_form(&model).expect("linear"));
+        let (m, k) = (ratio(1, 11), ratio(2, 11));
+        let (x, a) = (ratio(3, 5), ratio(5, 5));
+        // G multiplies the input, so that it divides the feed-forward but not the table.
+        let (g, big) = (value(&model, "g"), value(&model, "G"));
+        let row = m * a - k * &x * &x - integer(3) * g;
+        let outputs = plan.feed_forward.as_ref().and_then(|p| p.evaluate_exact(|node| leaf(&model, &plan, node)));
+        assert_eq!(outputs, Some(vec![row / big]));
+    }
+
+    #[test]
+    fn reference_and_bank_are_exact_at_a_rational_phase() {
+        let model = model();
+        let plan = EstimatorPlan::new(&model, &regressor_form(&model).expect("linear"));
+        let pattern = &plan.patterns[0];
+        // (3/5 + 4/5 j)^k by repeated multiplication.
+        let mut powers = vec![(integer(1), integer(0))];
+        for k in 0..12 {
+            let (c, s) = powers[k].clone();
+            powers.push((&c * ratio(3, 5) - &s * ratio(4, 5), &s * ratio(3, 5) + &c * ratio(4, 5)));
+        }
+        let (x0, lambda, w) = (value(&model, "x0"), value(&model, "lambda"), value(&model, "w"));
+        let c = |k: usize| powers[k].0.clone();
+        let shape = c(1) - ratio(1, 6) * c(3) + ratio(1, 50) * c(5);
+        let second = -c(1) + ratio(9, 6) * c(3) - ratio(25, 50) * c(5);
+        let s = |k: usize| powers[k].1.clone();
+        let first = -s(1) + ratio(3, 6) * s(3) - ratio(5, 50) * s(5);
+        let expected = vec![&x0 + &lambda * shape, &lambda * &w * first, &lambda * &w * &w * second];
+        let reference = pattern.reference.as_ref().expect("every coordinate moves");
+        assert_eq!(reference.evaluate_exact(|node| leaf(&model, &plan, node)), Some(expected));
+        let table = pattern.table.as_ref().expect("finite");
+        let bank = table.bank.evaluate_exact(|node| leaf(&model, &plan, node)).expect("rational");
+        assert_eq!(bank.len(), table.rows.len());
+        for (found, &(_, harmonic, function)) in bank.iter().zip(&table.rows) {
+            let (cos, sin) = &powers[harmonic];
+            assert_eq!(found, if function == Trig::Cos { cos } else { sin });
+        }
+    }
+
+    #[test]
+    fn the_matrix_holds_every_entry_of_the_table_once() {
+        let model = model();
+        let plan = EstimatorPlan::new(&model, &regressor_form(&model).expect("linear"));
+        let table = plan.patterns[0].table.as_ref().expect("finite");
+        let values = table.matrix.evaluate_exact(|node| leaf(&model, &plan, node)).expect("rational");
+        for (&(row, column), found) in table.places.iter().zip(&values) {
+            let (equation, harmonic, function) = table.rows[row];
+            let expected: Rational = table
+                .table
+                .at(equation, harmonic, function, column)
+                .map(|entry| {
+                    let powers = entry.powers.factors().map(|(&symbol, exponent)| {
+                        crate::rational::power(&value(&model, &table.table.symbols[symbol]), exponent)
+                    });
+                    powers.product::<Rational>() * &entry.coefficient
+                })
+                .sum();
+            assert_eq!(*found, expected);
+        }
+        assert!(table.places.iter().any(|(_, column)| column.is_none()), "the known term is in the table");
+        let formulas: Vec<String> = table.table.entries().map(|entry| entry_formula(&table.table, entry)).collect();
+        assert!(formulas.contains(&"-lambda*w^2".to_owned()), "{formulas:?}");
+    }
+}
