@@ -11,10 +11,12 @@ extern crate std;
 pub mod harmonics;
 #[cfg(feature = "interpret")]
 pub mod interpret;
+pub mod least_squares;
 pub mod linear;
 pub mod model;
 pub mod real;
 
+pub use least_squares::{SolveError, least_squares};
 pub use model::{Buffer, Dims, EvalError, Label, Model};
 pub use real::Real;
 

@@ -36,6 +36,9 @@ pub trait Real:
 
     /// The nearest number of this precision.
     fn from_f64(value: f64) -> Self;
+    /// A constant that was rounded to each precision by itself: `double` or `single`, whichever is of this precision. Rounding
+    /// a rational number to double and then to single precision is not always right.
+    fn rounded(double: f64, single: f32) -> Self;
     /// The same value in double precision (exact for both scalars).
     fn to_f64(self) -> f64;
 
@@ -108,7 +111,7 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($scalar:ident, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
+    ($scalar:ident, $pick:expr, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
         impl Real for $scalar {
             const ZERO: Self = 0.0;
             const ONE: Self = 1.0;
@@ -117,54 +120,75 @@ macro_rules! real {
 
             // The identity for one of the two scalars, a rounding for the other.
             #[allow(clippy::unnecessary_cast)]
+            #[inline]
             fn from_f64(value: f64) -> Self {
                 value as $scalar
             }
+            #[inline]
+            fn rounded(double: f64, single: f32) -> Self {
+                $pick(double, single)
+            }
+            #[inline]
             fn to_f64(self) -> f64 {
                 f64::from(self)
             }
+            #[inline]
             fn sin(self) -> Self {
                 libm::$sin(self)
             }
+            #[inline]
             fn cos(self) -> Self {
                 libm::$cos(self)
             }
+            #[inline]
             fn tan(self) -> Self {
                 libm::$tan(self)
             }
+            #[inline]
             fn asin(self) -> Self {
                 libm::$asin(self)
             }
+            #[inline]
             fn acos(self) -> Self {
                 libm::$acos(self)
             }
+            #[inline]
             fn atan(self) -> Self {
                 libm::$atan(self)
             }
+            #[inline]
             fn atan2(self, x: Self) -> Self {
                 libm::$atan2(self, x)
             }
+            #[inline]
             fn sqrt(self) -> Self {
                 libm::$sqrt(self)
             }
+            #[inline]
             fn exp(self) -> Self {
                 libm::$exp(self)
             }
+            #[inline]
             fn ln(self) -> Self {
                 libm::$log(self)
             }
+            #[inline]
             fn floor(self) -> Self {
                 libm::$floor(self)
             }
+            #[inline]
             fn abs(self) -> Self {
                 libm::$fabs(self)
             }
+            #[inline]
             fn max(self, other: Self) -> Self {
                 libm::$fmax(self, other)
             }
+            #[inline]
             fn min(self, other: Self) -> Self {
                 libm::$fmin(self, other)
             }
+            #[inline]
             fn is_finite(self) -> bool {
                 $scalar::is_finite(self)
             }
@@ -172,8 +196,8 @@ macro_rules! real {
     };
 }
 
-real!(f64, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
-real!(f32, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
+real!(f64, |double, _| double, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
+real!(f32, |_, single| single, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
 
 #[cfg(test)]
 mod tests {

@@ -1,0 +1,214 @@
+//! Least squares with as many unknowns as a model has parameters, on the controller.
+//!
+//! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic. The
+//! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
+//! column; that is as stable as Householder's (Björck, 1967) and needs no index arithmetic.
+
+use crate::real::Real;
+use core::fmt;
+
+/// Why a linear system has no unique solution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SolveError {
+    /// The data do not determine this parameter: its column is zero, or a combination of others.
+    Unobservable {
+        /// Index of the parameter.
+        parameter: usize,
+        /// Its name.
+        name: &'static str,
+    },
+    /// An entry of the matrix or of the data is infinite or not a number.
+    NotFinite,
+}
+
+impl fmt::Display for SolveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unobservable { name, .. } => {
+                write!(f, "the data do not determine the parameter {name}; vary the amplitudes' ratio or the pattern")
+            }
+            Self::NotFinite => f.write_str("the matrix or the data hold a number that is not finite"),
+        }
+    }
+}
+
+impl core::error::Error for SolveError {}
+
+/// A column of the matrix with the place it came from.
+#[derive(Clone, Copy)]
+struct Column<T, const R: usize> {
+    index: usize,
+    values: [T; R],
+}
+
+/// One row of the triangular factor.
+#[derive(Clone, Copy)]
+struct Pivot<T, const C: usize> {
+    /// The column that was eliminated.
+    index: usize,
+    /// Its diagonal entry.
+    diagonal: T,
+    /// The projection of the right-hand side.
+    right: T,
+    /// Entries of the columns that were left, by their original places.
+    row: [T; C],
+}
+
+/// The x that minimises |A x - b|, A given by rows, with the names of x's entries for errors.
+///
+/// Columns are scaled to unit length first; a column whose part outside the span of the others is below the rounding error of
+/// that scaling is reported, since any value of its parameter would fit as well.
+///
+/// # Errors
+/// [`SolveError::Unobservable`], [`SolveError::NotFinite`].
+pub fn least_squares<T: Real, const R: usize, const C: usize>(
+    matrix: &[[T; C]; R],
+    right: &[T; R],
+    names: &[&'static str; C],
+) -> Result<[T; C], SolveError> {
+    let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
+    let mut scales = [T::ONE; C];
+    for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
+        column.index = c;
+        for (value, row) in column.values.iter_mut().zip(matrix) {
+            *value = row.get(c).copied().unwrap_or(T::ZERO);
+        }
+        *scale = length(&column.values);
+        if !scale.is_finite() {
+            return Err(SolveError::NotFinite);
+        }
+        if *scale > T::ZERO {
+            for value in &mut column.values {
+                *value /= *scale;
+            }
+        }
+    }
+    let mut right = *right;
+    if !right.iter().all(|value| value.is_finite()) {
+        return Err(SolveError::NotFinite);
+    }
+    let tiny = T::EPSILON * T::from_f64(4.0 * (R + C) as f64);
+    let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
+    let mut left = columns.as_mut_slice();
+    for pivot in &mut pivots {
+        let Some((first, rest)) = left.split_first_mut() else { break };
+        let mut diagonal = length(&first.values);
+        for other in rest.iter_mut() {
+            let size = length(&other.values);
+            if size > diagonal {
+                diagonal = size;
+                core::mem::swap(first, other);
+            }
+        }
+        pivot.index = first.index;
+        if diagonal <= tiny {
+            let name = names.get(first.index).copied().unwrap_or_default();
+            return Err(SolveError::Unobservable { parameter: first.index, name });
+        }
+        pivot.diagonal = diagonal;
+        for value in &mut first.values {
+            *value /= diagonal;
+        }
+        for other in rest.iter_mut() {
+            let entry = project(&first.values, &mut other.values);
+            if let Some(slot) = pivot.row.get_mut(other.index) {
+                *slot = entry;
+            }
+        }
+        pivot.right = project(&first.values, &mut right);
+        left = rest;
+    }
+    let mut solution = [T::ZERO; C];
+    for pivot in pivots.iter().rev() {
+        // Entries of columns that are not solved yet are zero in the row.
+        let mut sum = pivot.right;
+        for (&entry, &value) in pivot.row.iter().zip(&solution) {
+            sum -= entry * value;
+        }
+        if let Some(slot) = solution.get_mut(pivot.index) {
+            *slot = sum / pivot.diagonal;
+        }
+    }
+    for (value, &scale) in solution.iter_mut().zip(&scales) {
+        *value /= scale;
+    }
+    Ok(solution)
+}
+
+/// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
+fn length<T: Real>(values: &[T]) -> T {
+    let mut largest = T::ZERO;
+    for &value in values {
+        if !value.is_finite() {
+            return value.abs();
+        }
+        largest = largest.max(value.abs());
+    }
+    if largest <= T::ZERO {
+        return T::ZERO;
+    }
+    let mut sum = T::ZERO;
+    for &value in values {
+        let part = value / largest;
+        sum += part * part;
+    }
+    largest * sum.sqrt()
+}
+
+/// Removes the part along the unit vector and returns its size.
+fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
+    let mut along = T::ZERO;
+    for (&u, &value) in unit.iter().zip(values.iter()) {
+        along += u * value;
+    }
+    for (&u, value) in unit.iter().zip(values.iter_mut()) {
+        *value -= along * u;
+    }
+    along
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{SolveError, least_squares};
+
+    #[test]
+    fn an_overdetermined_system_gives_the_minimum() {
+        // y = a + b t fitted to (0, 1), (1, 3), (2, 4), (3, 4): a = 3/2, b = 1.
+        let matrix = [[1.0_f64, 0.0], [1.0, 1.0], [1.0, 2.0], [1.0, 3.0]];
+        let x = least_squares(&matrix, &[1.0, 3.0, 4.0, 4.0], &["a", "b"]).expect("full rank");
+        assert!((x[0] - 1.5).abs() < 1e-14 && (x[1] - 1.0).abs() < 1e-14, "{x:?}");
+    }
+
+    #[test]
+    fn columns_of_any_size_and_order() {
+        // Hilbert-like columns scaled by 1e-200 .. 1e200: the scaling must not cost digits.
+        let scales = [1e-200_f64, 1e200, 1.0];
+        let truth = [3.0, -2.0, 0.5];
+        let mut matrix = [[0.0; 3]; 5];
+        let mut right = [0.0; 5];
+        for (i, (row, b)) in matrix.iter_mut().zip(&mut right).enumerate() {
+            for (j, entry) in row.iter_mut().enumerate() {
+                let plain = 1.0 / (i + j + 1) as f64;
+                *entry = plain * scales[j];
+                *b += plain * truth[j];
+            }
+        }
+        let x = least_squares(&matrix, &right, &["a", "b", "c"]).expect("full rank");
+        for ((x, truth), scale) in x.iter().zip(truth).zip(scales) {
+            assert!((x * scale - truth).abs() < 1e-12, "{x:e} {scale:e}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_determined_is_named() {
+        let matrix = [[1.0_f64, 2.0, 0.0], [2.0, 4.0, 1.0], [3.0, 6.0, 1.0]];
+        let error = least_squares(&matrix, &[1.0; 3], &["m", "k1", "k2"]);
+        assert!(matches!(error, Err(SolveError::Unobservable { name: "m" | "k1", .. })), "{error:?}");
+        let zero = least_squares(&[[1.0_f32, 0.0], [1.0, 0.0]], &[1.0; 2], &["m", "k"]);
+        assert_eq!(zero, Err(SolveError::Unobservable { parameter: 1, name: "k" }));
+        let few = least_squares(&[[1.0_f64, 2.0]], &[1.0], &["m", "k"]);
+        assert!(matches!(few, Err(SolveError::Unobservable { .. })), "{few:?}");
+        assert_eq!(least_squares(&[[f64::NAN]], &[1.0], &["m"]), Err(SolveError::NotFinite));
+        assert_eq!(least_squares(&[[1.0]], &[f64::INFINITY], &["m"]), Err(SolveError::NotFinite));
+    }
+}
