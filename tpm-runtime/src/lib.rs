@@ -8,13 +8,20 @@
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+pub mod control;
 pub mod harmonics;
 #[cfg(feature = "interpret")]
 pub mod interpret;
 pub mod least_squares;
 pub mod linear;
 pub mod model;
+#[cfg(feature = "std")]
+pub mod procedure;
 pub mod real;
+#[cfg(feature = "std")]
+pub mod simulate;
+#[cfg(feature = "std")]
+pub mod trajectory;
 
 pub use least_squares::{SolveError, least_squares};
 pub use model::{Buffer, Dims, EvalError, Label, Model};

@@ -1,0 +1,186 @@
+//! A simulated machine: plant, sensors, drive and sampled control loop.
+//!
+//! Invariant: a run depends on the trial, the bench and its seed alone. All memory is reserved before the first sample; the
+//! loop itself allocates nothing.
+
+mod plant;
+mod sensor;
+
+pub use plant::{Plant, PlantError};
+pub use sensor::{Actuator, Sensor};
+
+use crate::control::{Differentiator, Feedback};
+use crate::model::{Buffer, EvalError, Model, require_len};
+use crate::procedure::{Ending, Record, Trial, Velocity};
+use sensor::Measurement;
+use std::vec;
+use std::vec::Vec;
+
+/// The simulated machine around a plant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bench {
+    /// True values of the parameters, in the model's order.
+    pub parameters: Vec<f64>,
+    /// Constants of the model.
+    pub constants: Vec<f64>,
+    /// One per coordinate.
+    pub sensors: Vec<Sensor>,
+    /// One per input.
+    pub actuators: Vec<Actuator>,
+    /// Integration steps per sample.
+    pub sub_steps: usize,
+    /// Seed of the noise; the number of the run selects a stream of it.
+    pub seed: u64,
+}
+
+/// One run on a simulated machine.
+#[derive(Debug)]
+pub struct Session<'a> {
+    trial: &'a Trial,
+    bench: &'a Bench,
+    plant: Plant<'a>,
+    measurement: Measurement,
+    filters: Vec<Differentiator<f64>>,
+    measured: Vec<f64>,
+    errors: Vec<f64>,
+    rates: Vec<f64>,
+    wanted: Vec<f64>,
+    coordinates: Vec<Vec<f64>>,
+    inputs: Vec<Vec<f64>>,
+    order: usize,
+    sample: usize,
+    saturated: usize,
+}
+
+impl<'a> Session<'a> {
+    /// Puts the plant to rest at the start of the reference and reserves all memory.
+    ///
+    /// # Errors
+    /// [`EvalError`] when bench or trial do not fit the model.
+    pub fn new(model: &'a dyn Model<f64>, bench: &'a Bench, trial: &'a Trial) -> Result<Self, EvalError> {
+        let dims = model.dims();
+        let (n, period) = (dims.coordinates, trial.samples_per_period);
+        require_len(Buffer::Motion, bench.sensors.len(), n)?;
+        require_len(Buffer::Inputs, bench.actuators.len(), dims.inputs)?;
+        require_len(Buffer::Motion, trial.reference.len(), period * dims.motion_len())?;
+        require_len(Buffer::Motion, trial.tracking_bounds.len(), n)?;
+        require_len(Buffer::Inputs, trial.feed_forward.len(), period * dims.inputs)?;
+        let mut plant = Plant::new(model, &bench.parameters, &bench.constants)?;
+        let mut start = vec![0.0; dims.motion_len()];
+        if let Some(first) = trial.reference.get(..n) {
+            start[..n].copy_from_slice(first);
+        }
+        plant.reset(&start)?;
+        let time_constant = match trial.control.velocity {
+            Velocity::Filtered(time_constant) => time_constant,
+            Velocity::Measured => 0.0,
+        };
+        let reserve = |count: usize| (0..count).map(|_| Vec::with_capacity(trial.samples())).collect();
+        Ok(Session {
+            trial,
+            bench,
+            plant,
+            measurement: Measurement::new(&bench.sensors, bench.seed, trial.run),
+            filters: vec![Differentiator::new(trial.control.sample_time, time_constant); n],
+            measured: vec![0.0; n],
+            errors: vec![0.0; n],
+            rates: vec![0.0; n],
+            wanted: vec![0.0; dims.inputs],
+            coordinates: reserve(n),
+            inputs: reserve(dims.inputs),
+            order: dims.order,
+            sample: 0,
+            saturated: 0,
+        })
+    }
+
+    /// Plays one sample; how the run ended when it did.
+    ///
+    /// # Errors
+    /// [`EvalError`] when the plant's rows cannot be evaluated although its motion is finite (a zero mass).
+    pub fn step(&mut self) -> Result<Option<Ending>, EvalError> {
+        if self.sample >= self.trial.samples() {
+            return Ok(Some(Ending::Complete));
+        }
+        let n = self.measured.len();
+        let width = n * (self.order + 1);
+        let at = self.sample % self.trial.samples_per_period;
+        let reference = &self.trial.reference[at * width..(at + 1) * width];
+        self.measurement.sample(&self.plant.motion()[..n], &mut self.measured);
+        for ((error, measured), wanted) in self.errors.iter_mut().zip(&self.measured).zip(reference) {
+            *error = measured - wanted;
+        }
+        let inputs = self.wanted.len();
+        self.wanted.copy_from_slice(&self.trial.feed_forward[at * inputs..(at + 1) * inputs]);
+        let rates = match self.trial.control.velocity {
+            Velocity::Measured => {
+                for (c, rate) in self.rates.iter_mut().enumerate() {
+                    *rate = match (self.plant.motion().get(n + c), reference.get(n + c)) {
+                        (Some(actual), Some(wanted)) => actual - wanted,
+                        _ => 0.0,
+                    };
+                }
+                Some(self.rates.as_slice())
+            }
+            Velocity::Filtered(_) => None,
+        };
+        Feedback::new(&self.trial.control.gains, &mut self.filters).add(&self.errors, rates, &mut self.wanted)?;
+        let mut cut = false;
+        for ((value, actuator), column) in self.wanted.iter_mut().zip(&self.bench.actuators).zip(&mut self.inputs) {
+            let (applied, limited) = actuator.apply(*value);
+            *value = applied;
+            cut |= limited;
+            column.push(applied);
+        }
+        self.saturated += usize::from(cut);
+        for (&value, column) in self.measured.iter().zip(&mut self.coordinates) {
+            column.push(value);
+        }
+        let sample = self.sample;
+        self.sample += 1;
+        for (coordinate, (&error, bound)) in self.errors.iter().zip(&self.trial.tracking_bounds).enumerate() {
+            if error.is_nan() || error.abs() > *bound {
+                return Ok(Some(Ending::TrackingBound { coordinate, sample, error }));
+            }
+        }
+        match self.plant.advance(&self.wanted, self.trial.control.sample_time, self.bench.sub_steps) {
+            Ok(()) => Ok(None),
+            Err(PlantError::Diverged { .. }) => Ok(Some(Ending::Diverged { sample })),
+            Err(PlantError::Evaluation(fault)) => Err(fault),
+        }
+    }
+
+    /// Plays the whole run.
+    ///
+    /// # Errors
+    /// As [`step`](Self::step).
+    pub fn play(&mut self) -> Result<Ending, EvalError> {
+        loop {
+            if let Some(ending) = self.step()? {
+                return Ok(ending);
+            }
+        }
+    }
+
+    /// What was recorded, with the ending that [`play`](Self::play) gave.
+    #[must_use]
+    pub fn record(self, ending: Ending) -> Record {
+        Record {
+            sample_time: self.trial.control.sample_time,
+            coordinates: self.coordinates,
+            inputs: self.inputs,
+            ending,
+            saturated: self.saturated,
+        }
+    }
+}
+
+/// Plays a trial on a simulated machine.
+///
+/// # Errors
+/// [`EvalError`] when model, bench and trial do not fit together, or the plant's rows do not determine its motion.
+pub fn simulate(model: &dyn Model<f64>, bench: &Bench, trial: &Trial) -> Result<Record, EvalError> {
+    let mut session = Session::new(model, bench, trial)?;
+    let ending = session.play()?;
+    Ok(session.record(ending))
+}

@@ -1,0 +1,143 @@
+//! What a machine's electronics make of positions and forces.
+//!
+//! Invariant: a position becomes `round((q + noise) / step) step`, then waits `delay` samples; noise is white and Gaussian
+//! and comes from one seeded stream per run, drawn coordinate by coordinate, so that a run depends on its seed and number
+//! alone.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use std::vec;
+use std::vec::Vec;
+
+/// The measurement of one coordinate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sensor {
+    /// Standard deviation of the white noise on each sample, unit of the coordinate.
+    pub noise: f64,
+    /// Step of the encoder, unit of the coordinate (2 pi / counts for an angle); zero for none.
+    pub step: f64,
+    /// Samples by which the measured value lags.
+    pub delay: usize,
+}
+
+/// The drive of one input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Actuator {
+    /// Largest magnitude; infinite for none.
+    pub limit: f64,
+    /// Step of the commanded value, unit of the input; zero for none.
+    pub step: f64,
+}
+
+impl Default for Actuator {
+    fn default() -> Self {
+        Actuator { limit: f64::INFINITY, step: 0.0 }
+    }
+}
+
+impl Actuator {
+    /// The value that is applied, and whether the limit cut it.
+    #[must_use]
+    pub fn apply(&self, wanted: f64) -> (f64, bool) {
+        let stepped = quantise(wanted, self.step);
+        let applied = stepped.clamp(-self.limit, self.limit);
+        (applied, applied.abs() < stepped.abs())
+    }
+}
+
+fn quantise(value: f64, step: f64) -> f64 {
+    if step > 0.0 { (value / step).round() * step } else { value }
+}
+
+/// The measurement of all coordinates during one run.
+#[derive(Clone, Debug)]
+pub(crate) struct Measurement {
+    sensors: Vec<Sensor>,
+    random: ChaCha8Rng,
+    /// Per coordinate, the last `delay + 1` values, as a ring.
+    past: Vec<Vec<f64>>,
+    count: usize,
+}
+
+impl Measurement {
+    /// `run` selects an independent stream of the seed.
+    pub(crate) fn new(sensors: &[Sensor], seed: u64, run: usize) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(run as u64);
+        Measurement {
+            sensors: sensors.to_vec(),
+            random,
+            past: sensors.iter().map(|sensor| vec![0.0; sensor.delay + 1]).collect(),
+            count: 0,
+        }
+    }
+
+    /// Measures the coordinates at one sample.
+    pub(crate) fn sample(&mut self, positions: &[f64], out: &mut [f64]) {
+        for (((sensor, past), &position), slot) in
+            self.sensors.iter().zip(&mut self.past).zip(positions).zip(out.iter_mut())
+        {
+            let noise = if sensor.noise > 0.0 {
+                let normal: f64 = StandardNormal.sample(&mut self.random);
+                sensor.noise * normal
+            } else {
+                0.0
+            };
+            let value = quantise(position + noise, sensor.step);
+            if self.count == 0 {
+                // Before the start the machine stood at its first reading.
+                past.fill(value);
+            }
+            let length = past.len();
+            past[self.count % length] = value;
+            *slot = past[(self.count + 1) % length];
+        }
+        self.count += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Actuator, Measurement, Sensor};
+
+    #[test]
+    fn positions_are_rounded_and_delayed() {
+        let sensors = [Sensor { noise: 0.0, step: 0.5, delay: 2 }, Sensor::default()];
+        let mut measurement = Measurement::new(&sensors, 1, 0);
+        let mut seen = [0.0; 2];
+        let mut delayed = std::vec::Vec::new();
+        for n in 0..6 {
+            measurement.sample(&[0.3 + 0.5 * f64::from(n), f64::from(n)], &mut seen);
+            assert_eq!(seen[1], f64::from(n));
+            delayed.push(seen[0]);
+        }
+        assert_eq!(delayed, [0.5, 0.5, 0.5, 1.0, 1.5, 2.0]);
+    }
+
+    #[test]
+    fn noise_depends_on_seed_and_run_alone() {
+        let draw = |seed, run| {
+            let mut measurement = Measurement::new(&[Sensor { noise: 1.0, ..Sensor::default() }], seed, run);
+            let mut power = 0.0;
+            let mut seen = [0.0];
+            for _ in 0..10_000 {
+                measurement.sample(&[0.0], &mut seen);
+                power += seen[0] * seen[0];
+            }
+            (seen[0], power / 10_000.0)
+        };
+        assert_eq!(draw(3, 1), draw(3, 1));
+        assert_ne!(draw(3, 1).0, draw(3, 2).0);
+        assert_ne!(draw(3, 1).0, draw(4, 1).0);
+        assert!((draw(3, 1).1 - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn the_drive_cuts_at_its_limit() {
+        let drive = Actuator { limit: 2.0, step: 0.25 };
+        assert_eq!(drive.apply(1.1), (1.0, false));
+        assert_eq!(drive.apply(-7.0), (-2.0, true));
+        assert_eq!(Actuator::default().apply(1e9), (1e9, false));
+    }
+}
