@@ -59,3 +59,8 @@ pub mod diagnostic;
 pub mod emit;
 pub mod language;
 pub mod source;
+
+pub use diagnostic::{Diagnostic, Diagnostics};
+pub use language::stream::TokenSource;
+pub use language::{Parsed, parse_model};
+pub use source::{Source, Span};

@@ -60,9 +60,9 @@ fn fixtures_that_pass() {
     let mut faults = Vec::new();
     for path in models_in(&root().join("tests/fixtures/language/pass")) {
         let source = source(&path);
-        match language::check(&source) {
-            Ok((_, warnings)) => {
-                compare(&path, &warnings.render(&source), &mut faults);
+        match language::parse_model(&source) {
+            Ok(parsed) => {
+                compare(&path, &parsed.warnings.render(&source), &mut faults);
                 assert_round_trip(&source);
             }
             Err(errors) => faults.push(errors.render(&source)),
@@ -76,7 +76,7 @@ fn fixtures_that_fail() {
     let mut faults = Vec::new();
     for path in models_in(&root().join("tests/fixtures/language/fail")) {
         let source = source(&path);
-        match language::check(&source) {
+        match language::parse_model(&source) {
             Ok(_) => faults.push(format!("{} is accepted", path.display())),
             Err(errors) => compare(&path, &errors.render(&source), &mut faults),
         }
@@ -88,15 +88,15 @@ fn fixtures_that_fail() {
 fn shipped_models_are_clean() {
     for path in models_in(&root().join("models")) {
         let source = source(&path);
-        let (_, warnings) = language::check(&source).unwrap_or_else(|errors| panic!("{}", errors.render(&source)));
-        assert!(warnings.is_empty(), "{}", warnings.render(&source));
+        let parsed = language::parse_model(&source).unwrap_or_else(|errors| panic!("{}", errors.render(&source)));
+        assert!(parsed.warnings.is_empty(), "{}", parsed.warnings.render(&source));
         assert_round_trip(&source);
     }
 }
 
 fn judge(text: &[u8]) -> Result<(), (Source, Diagnostics)> {
     let source = Source::from_bytes("garbage", text.to_vec());
-    language::check(&source).map(|_| ()).map_err(|errors| (source, errors))
+    language::parse_model(&source).map(|_| ()).map_err(|errors| (source, errors))
 }
 
 #[test]

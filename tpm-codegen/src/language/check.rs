@@ -8,17 +8,33 @@ mod structure;
 mod symbols;
 mod units;
 
+pub(crate) use symbols::{SymbolKind, Symbols};
+
 use crate::diagnostic::Diagnostics;
 use crate::language::ast::{Expr, ExprKind, Model};
 use crate::language::parse::Syntax;
+use crate::language::unit::Unit;
 use crate::source::Source;
 
+/// What the checks found out and lowering needs.
+pub(crate) struct Checked<'a> {
+    pub(crate) symbols: Symbols<'a>,
+    /// The unit of each `series` function, by the order of the statements, given or found from the equations.
+    pub(crate) series_units: Vec<Option<Unit>>,
+}
+
 /// Checks names, uses, structure and units of a model.
-pub(crate) fn check(model: &Model, syntax: &Syntax, source: &Source, diagnostics: &mut Diagnostics) {
+pub(crate) fn check<'a>(
+    model: &'a Model,
+    syntax: &Syntax,
+    source: &Source,
+    diagnostics: &mut Diagnostics,
+) -> Checked<'a> {
     let symbols = symbols::collect(model, diagnostics);
     structure::check(model, &symbols, syntax, diagnostics);
     names::check(model, &symbols, syntax, diagnostics);
-    units::check(model, &symbols, source, diagnostics);
+    let series_units = units::check(model, &symbols, source, diagnostics);
+    Checked { symbols, series_units }
 }
 
 /// The value of an integer literal.

@@ -4,6 +4,7 @@ pub mod ast;
 mod check;
 pub mod function;
 mod lex;
+mod lower;
 mod parse;
 mod print;
 pub mod stream;
@@ -11,10 +12,15 @@ mod suggest;
 mod token;
 pub mod unit;
 
+pub use lower::{HIGHEST_ORDER, Taylor, Terms};
 pub use parse::DEEPEST;
 
-use crate::diagnostic::Diagnostics;
-use crate::source::Source;
+use tpm_symbolic::expand::ExpandError;
+use tpm_symbolic::model::{Model, TermId};
+use tpm_symbolic::regressor::RegressorError;
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::source::{Source, Span};
 
 /// The syntax of a source, unchecked: what it says, not whether it makes sense.
 ///
@@ -30,20 +36,76 @@ pub fn parse(source: &Source) -> Result<ast::Model, Diagnostics> {
     }
 }
 
-/// Parses and checks a source. The warnings come beside the model.
+/// A model that was read, with the way back to its text.
+#[derive(Clone, Debug)]
+pub struct Parsed {
+    /// The exact model.
+    pub model: Model,
+    /// The model as it was written.
+    pub ast: ast::Model,
+    /// Declared Taylor orders, for tables.
+    pub taylor: Vec<Taylor>,
+    /// For each of the model's patterns, how many harmonics it keeps of terms with infinitely many.
+    pub harmonics: Vec<Option<u32>>,
+    /// Remarks; the model can be used.
+    pub warnings: Diagnostics,
+    terms: Terms,
+}
+
+/// An error of a later stage that knows the source term at fault.
+pub trait AtTerm: std::error::Error {
+    /// The term, when there is one.
+    fn at_term(&self) -> Option<TermId>;
+}
+
+impl AtTerm for RegressorError {
+    fn at_term(&self) -> Option<TermId> {
+        self.term()
+    }
+}
+
+impl AtTerm for ExpandError {
+    fn at_term(&self) -> Option<TermId> {
+        Some(self.term())
+    }
+}
+
+impl Parsed {
+    /// The place of a source term.
+    #[must_use]
+    pub fn span(&self, term: TermId) -> Span {
+        self.terms.span(term)
+    }
+
+    /// An error of a later stage, at its place in the text: at its term, or at the model's name when it is about the whole.
+    #[must_use]
+    pub fn locate(&self, error: &impl AtTerm) -> Diagnostic {
+        let span = error.at_term().map_or(self.ast.name.span, |term| self.span(term));
+        Diagnostic::error(span, error.to_string())
+    }
+}
+
+/// Reads a model: parses, checks and lowers it.
 ///
 /// # Errors
 /// Every fault of the text, of its names, its structure and its units, in the order of their places.
-pub fn check(source: &Source) -> Result<(ast::Model, Diagnostics), Diagnostics> {
+pub fn parse_model(source: &Source) -> Result<Parsed, Diagnostics> {
     let mut diagnostics = Diagnostics::new();
     let mut syntax = parse::parse(source, &mut diagnostics);
-    let model = syntax.model.take();
-    if let Some(model) = &model {
-        check::check(model, &syntax, source, &mut diagnostics);
+    let Some(ast) = syntax.model.take() else { return Err(sorted(diagnostics)) };
+    let checked = check::check(&ast, &syntax, source, &mut diagnostics);
+    if diagnostics.has_errors() {
+        return Err(sorted(diagnostics));
     }
+    let lowered = lower::lower(&ast, &checked, &mut diagnostics);
+    if diagnostics.has_errors() {
+        return Err(sorted(diagnostics));
+    }
+    let lower::Lowered { model, terms, taylor, harmonics } = lowered;
+    Ok(Parsed { model, ast, taylor, harmonics, warnings: sorted(diagnostics), terms })
+}
+
+fn sorted(mut diagnostics: Diagnostics) -> Diagnostics {
     diagnostics.sort();
-    match model {
-        Some(model) if !diagnostics.has_errors() => Ok((model, diagnostics)),
-        _ => Err(diagnostics),
-    }
+    diagnostics
 }

@@ -154,6 +154,17 @@ impl Unit {
         self.base == other.base
     }
 
+    /// Names and powers of the base units; none when the unit has a scale or a power that is no integer.
+    pub(crate) fn base_powers(&self) -> Option<impl Iterator<Item = (&'static str, i64)> + '_> {
+        let plain = self.scale.iter().all(Zero::is_zero) && self.base.iter().all(Exponent::is_integer);
+        plain.then(|| {
+            BASE.into_iter()
+                .zip(&self.base)
+                .filter(|(_, power)| !power.is_zero())
+                .map(|(name, power)| (name, power.to_integer()))
+        })
+    }
+
     /// How many of `other` one of this is, written as a quotient of products such as `1/1000` or `pi/180`; for units of the
     /// same dimension.
     #[must_use]

@@ -1,0 +1,350 @@
+//! A checked model to the exact model.
+//!
+//! Invariant: every source term of the exact model has a [`TermId`] by which [`Terms`] finds the place that it came from, and
+//! every statement of the text is in the result: an equation as its terms, a `let` where it is used, a series as its Taylor
+//! polynomial, an energy as the terms of the Euler-Lagrange equations, a pattern as Fourier polynomials, an expansion order in
+//! [`Lowered::taylor`]. Nothing is rounded.
+
+mod dynamics;
+mod expression;
+mod motion;
+
+use std::collections::HashMap;
+
+use num_rational::BigRational;
+use tpm_symbolic::expr::{Coordinate, ExprId, Symbol};
+use tpm_symbolic::model::{Elimination, Kind, Lump, Model, TermId};
+use tpm_symbolic::unit::Unit as FormalUnit;
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::language::ast::{self, Declaration, Item, PatternItem, Role, UnitExpr};
+use crate::language::check::{Checked, SymbolKind};
+use crate::language::lower::expression::Environment;
+use crate::language::unit::Unit;
+use crate::source::Span;
+
+/// Highest order of a derivative, a series or a Taylor polynomial. Far above any use; without a bound a ten-byte text could ask
+/// for a billion derivatives.
+pub const HIGHEST_ORDER: u32 = 100;
+
+/// Places of the source terms, by their [`TermId`]s.
+#[derive(Clone, Debug, Default)]
+pub struct Terms(Vec<Span>);
+
+impl Terms {
+    /// Remembers a place.
+    fn add(&mut self, span: Span) -> TermId {
+        // A text has fewer terms than bytes, and its bytes are counted in 32 bits.
+        let id = TermId(self.0.len() as u32);
+        self.0.push(span);
+        id
+    }
+
+    /// The place of a term; the beginning of the text for a term of another model.
+    #[must_use]
+    pub fn span(&self, term: TermId) -> Span {
+        self.0.get(term.0 as usize).copied().unwrap_or_default()
+    }
+}
+
+/// A declared Taylor order: terms that do not expand finitely in the coordinate become Taylor polynomials in tables.
+#[derive(Clone, Debug)]
+pub struct Taylor {
+    /// The coordinate.
+    pub coordinate: Coordinate,
+    /// The point of expansion, an expression of constants in the model's graph.
+    pub point: ExprId,
+    /// The highest power kept.
+    pub order: u32,
+    /// Where it is declared.
+    pub span: Span,
+}
+
+/// What lowering gives.
+pub(crate) struct Lowered {
+    pub(crate) model: Model,
+    pub(crate) terms: Terms,
+    pub(crate) taylor: Vec<Taylor>,
+    /// How many harmonics each pattern keeps of terms with infinitely many.
+    pub(crate) harmonics: Vec<Option<u32>>,
+}
+
+/// Lowers a model that passed its checks; faults that only show here go to `diagnostics`.
+pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut Diagnostics) -> Lowered {
+    let mut lowering = Lowering {
+        checked,
+        diagnostics,
+        model: Model { name: model.name.name.clone(), ..Model::default() },
+        terms: Terms::default(),
+        names: HashMap::new(),
+        values: HashMap::new(),
+        taylor: Vec::new(),
+        harmonics: Vec::new(),
+    };
+    lowering.declarations(model);
+    lowering.statements(model);
+    lowering.dynamics(model);
+    lowering.patterns(model);
+    let Lowering { model, terms, taylor, harmonics, .. } = lowering;
+    Lowered { model, terms, taylor, harmonics }
+}
+
+/// A fault that costs its own statement.
+type Lower<T> = Result<T, Diagnostic>;
+
+struct Lowering<'a, 'c, 'd> {
+    checked: &'c Checked<'a>,
+    diagnostics: &'d mut Diagnostics,
+    model: Model,
+    terms: Terms,
+    /// What every name of the model stands for.
+    names: HashMap<&'a str, ExprId>,
+    /// The constants that are known exactly.
+    values: HashMap<&'a str, BigRational>,
+    taylor: Vec<Taylor>,
+    harmonics: Vec<Option<u32>>,
+}
+
+impl<'a> Lowering<'a, '_, '_> {
+    /// Puts an error where it belongs and goes on.
+    fn keep<T>(&mut self, result: Lower<T>) -> Option<T> {
+        result.map_err(|error| self.diagnostics.push(error)).ok()
+    }
+
+    fn expression(&mut self, expr: &ast::Expr) -> Lower<ExprId> {
+        Environment { model: &mut self.model, names: &self.names }.lower(expr)
+    }
+
+    fn declarations(&mut self, model: &'a ast::Model) {
+        for item in &model.items {
+            match item {
+                Item::Declaration(declaration) => self.declare(declaration),
+                Item::Series(series) if series.definition.is_none() => self.declare_coefficients(series),
+                _ => {}
+            }
+        }
+    }
+
+    fn declare(&mut self, declaration: &'a Declaration) {
+        for quantity in &declaration.quantities {
+            let name = quantity.name.name.as_str();
+            let unit = quantity.unit.as_ref().map(formal);
+            let kind = match declaration.role {
+                Role::Coordinate => {
+                    let coordinate = self.model.declare_coordinate(name, unit);
+                    let expr = self.model.graph.derivative_of(coordinate, 0);
+                    self.names.insert(name, expr);
+                    continue;
+                }
+                Role::Input => Kind::Input,
+                Role::Parameter => Kind::Parameter,
+                Role::Constant | Role::Amplitude | Role::Frequency => {
+                    let value = quantity.value.as_ref().and_then(|value| {
+                        let result = expression::exact(value, &self.values);
+                        self.keep(result)
+                    });
+                    if let Some(value) = &value {
+                        self.values.insert(name, value.clone());
+                    }
+                    Kind::Constant { value }
+                }
+            };
+            let symbol = self.model.declare(name, unit, kind);
+            let expr = self.model.graph.symbol(symbol);
+            self.names.insert(name, expr);
+        }
+    }
+
+    /// The coefficients of an unknown function are parameters; their units follow from the function's and the coordinate's.
+    fn declare_coefficients(&mut self, series: &'a ast::Series) {
+        let argument =
+            self.checked.symbols.model.get(series.coordinate.name.as_str()).and_then(|symbol| symbol.unit.clone());
+        let index = match self.checked.symbols.model.get(series.function.name.as_str()).map(|symbol| symbol.kind) {
+            Some(SymbolKind::Function(index)) => index,
+            _ => return,
+        };
+        let function = self.checked.series_units.get(index).cloned().flatten();
+        for (power, name) in (0_i64..).zip(&series.coefficients) {
+            let unit = match (&function, &argument, power) {
+                (Some(function), _, 0) => Some(function.clone()),
+                (Some(function), Some(argument), _) => {
+                    argument.power((-power).into()).and_then(|power| function.times(&power))
+                }
+                _ => None,
+            };
+            let symbol = self.model.declare(&name.name, unit.as_ref().and_then(written), Kind::Parameter);
+            let expr = self.model.graph.symbol(symbol);
+            self.names.insert(&name.name, expr);
+        }
+    }
+
+    /// Statements that define names or orders, in their order.
+    fn statements(&mut self, model: &'a ast::Model) {
+        for item in &model.items {
+            match item {
+                Item::Series(series) => {
+                    let result = self.series(series);
+                    self.keep(result);
+                }
+                Item::Let(definition) => {
+                    let result = self.expression(&definition.value);
+                    if let Some(expr) = self.keep(result) {
+                        self.names.insert(&definition.name.name, expr);
+                    }
+                }
+                Item::Lump(definition) => {
+                    let result = self.expression(&definition.value);
+                    if let Some(expr) = self.keep(result) {
+                        let id = self.terms.add(definition.name.span);
+                        self.model.lumps.push(Lump { name: definition.name.name.clone(), expr, id });
+                    }
+                }
+                Item::Eliminate(eliminate) => {
+                    let coordinates =
+                        eliminate.coordinates.iter().filter_map(|name| self.coordinate(&name.name)).collect();
+                    self.model.eliminations.push(Elimination { coordinates, prefix: eliminate.stem.name.clone() });
+                }
+                Item::Taylor(taylor) => {
+                    let result = bounded(taylor.order).and_then(|order| Ok((order, self.expression(&taylor.point)?)));
+                    if let (Some((order, point)), Some(coordinate)) =
+                        (self.keep(result), self.coordinate(&taylor.coordinate.name))
+                    {
+                        self.taylor.push(Taylor { coordinate, point, order, span: taylor.coordinate.span });
+                    }
+                }
+                Item::Declaration(_) | Item::Equation(_) | Item::Energy(_) | Item::Force(_) | Item::Pattern(_) => {}
+            }
+        }
+    }
+
+    /// f(q) = sum_k a_k (q - q0)^k, with the a_k as new parameters (Feng, Eqns 5.5-5.7) or from the derivatives of what f is.
+    fn series(&mut self, series: &'a ast::Series) -> Lower<()> {
+        let order = bounded(series.order)?;
+        let point = self.expression(&series.point)?;
+        let Some(&coordinate) = self.names.get(series.coordinate.name.as_str()) else { return Ok(()) };
+        let mut coefficients = Vec::new();
+        match &series.definition {
+            None => coefficients
+                .extend(series.coefficients.iter().filter_map(|name| self.names.get(name.name.as_str()).copied())),
+            Some(definition) => {
+                let mut derivative = self.expression(definition)?;
+                let at_point = HashMap::from([(coordinate, point)]);
+                let mut factorial = BigRational::from_integer(1.into());
+                for k in 0..=order {
+                    if k > 0 {
+                        derivative = self.model.graph.differentiate(derivative, coordinate);
+                        factorial *= BigRational::from_integer(k.into());
+                    }
+                    let value = self.model.graph.substitute(derivative, &at_point);
+                    expression::regular(&self.model, value, definition.span).map_err(|error| {
+                        error.help(format!("`{}` has no Taylor series about this point", series.function.name))
+                    })?;
+                    coefficients.push(self.model.graph.scale(value, factorial.recip()));
+                }
+                for (name, &expr) in series.coefficients.iter().zip(&coefficients) {
+                    self.names.insert(&name.name, expr);
+                    let id = self.terms.add(name.span);
+                    self.model.lumps.push(Lump { name: name.name.clone(), expr, id });
+                }
+            }
+        }
+        let graph = &mut self.model.graph;
+        let distance = graph.sub(coordinate, point);
+        let mut terms = Vec::new();
+        for (k, coefficient) in (0_i32..).zip(coefficients) {
+            let power = graph.pow(distance, k);
+            terms.push(graph.mul(coefficient, power));
+        }
+        let sum = graph.sum(&terms);
+        self.names.insert(&series.function.name, sum);
+        Ok(())
+    }
+
+    fn coordinate(&self, name: &str) -> Option<Coordinate> {
+        let index = self.model.coordinates.iter().position(|coordinate| coordinate.name == name)?;
+        u32::try_from(index).ok().map(Coordinate)
+    }
+
+    /// An amplitude or frequency; patterns that declare the same one in the same unit share it.
+    fn pattern_symbol(&mut self, name: &str, unit: Option<FormalUnit>, kind: Kind) -> Symbol {
+        let same =
+            self.model.symbols.iter().position(|other| other.name == name && other.unit == unit && other.kind == kind);
+        match same.and_then(|index| u32::try_from(index).ok()) {
+            Some(index) => Symbol(index),
+            None => self.model.declare(name, unit, kind),
+        }
+    }
+
+    fn patterns(&mut self, model: &'a ast::Model) {
+        for item in &model.items {
+            if let Item::Pattern(pattern) = item {
+                self.pattern(pattern);
+            }
+        }
+    }
+
+    fn pattern(&mut self, pattern: &'a ast::Pattern) {
+        let mut scope = motion::Scope { symbols: HashMap::new(), values: self.values.clone(), frequency: None };
+        for constant in self.model.symbols_where(|kind| *kind == Kind::Constant { value: None }) {
+            scope.symbols.insert(self.model.quantity(constant).name.clone(), constant);
+        }
+        let (mut amplitudes, mut frequency, mut harmonics) = (Vec::new(), None, None);
+        for item in &pattern.items {
+            match item {
+                PatternItem::Declaration(declaration) => {
+                    for quantity in &declaration.quantities {
+                        let unit = quantity.unit.as_ref().map(formal);
+                        let kind = if declaration.role == Role::Frequency { Kind::Frequency } else { Kind::Amplitude };
+                        let symbol = self.pattern_symbol(&quantity.name.name, unit, kind);
+                        scope.symbols.insert(quantity.name.name.clone(), symbol);
+                        if declaration.role == Role::Frequency {
+                            frequency = Some(symbol);
+                            scope.frequency = Some(quantity.name.name.clone());
+                        } else {
+                            amplitudes.push(symbol);
+                        }
+                    }
+                }
+                PatternItem::Harmonics(count) => harmonics = Some(count.value),
+                PatternItem::Motion(_) => {}
+            }
+        }
+        // A pattern without a frequency is reported by the checks.
+        let Some(frequency) = frequency else { return };
+        let mut motions = vec![None; self.model.coordinates.len()];
+        for item in &pattern.items {
+            let PatternItem::Motion(motion) = item else { continue };
+            let result = scope.motion(&motion.value);
+            if let (Some(value), Some(Coordinate(index))) =
+                (self.keep(result), self.coordinate(&motion.coordinate.name))
+            {
+                motions[index as usize] = Some(value);
+            }
+        }
+        let name = pattern.name.as_ref().map(|name| name.name.clone());
+        self.model.patterns.push(tpm_symbolic::pattern::Pattern { name, amplitudes, frequency, motions });
+        self.harmonics.push(harmonics);
+    }
+}
+
+/// A unit as it is written, for display.
+fn formal(unit: &UnitExpr) -> FormalUnit {
+    unit.factors
+        .iter()
+        .fold(FormalUnit::one(), |product, (name, exponent)| product.mul(&FormalUnit::named(&name.name).pow(*exponent)))
+}
+
+/// A unit that was found, in base units; none when it has a scale or a root, for which there is no name.
+fn written(unit: &Unit) -> Option<FormalUnit> {
+    unit.base_powers()?.try_fold(FormalUnit::one(), |product, (name, exponent)| {
+        i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))
+    })
+}
+
+fn bounded(order: ast::Count) -> Lower<u32> {
+    if order.value > HIGHEST_ORDER {
+        return Err(Diagnostic::error(order.span, format!("order {} is higher than {HIGHEST_ORDER}", order.value))
+            .help("Taylor polynomials of such an order say nothing more; lower it"));
+    }
+    Ok(order.value)
+}

@@ -1,0 +1,268 @@
+//! Expressions to nodes of the graph.
+
+use std::collections::HashMap;
+
+use num_bigint::BigInt;
+use num_rational::BigRational;
+use num_traits::{One, Signed, Zero};
+use tpm_symbolic::expr::{self, ExprId, Node};
+use tpm_symbolic::model::{Kind, Model};
+
+use super::{HIGHEST_ORDER, Lower};
+use crate::diagnostic::Diagnostic;
+use crate::language::ast::{Expr, ExprKind, Ident, Operation, Sign};
+use crate::language::check::integer;
+use crate::language::function::Function;
+use crate::source::Span;
+
+/// Longest number, in bits, that an expression may make: far beyond any float, and short enough that `10^1000000000` is refused
+/// before it is computed.
+const LONGEST: u64 = 1 << 17;
+
+/// The graph with the names that an expression may use.
+pub(super) struct Environment<'e, 'a> {
+    pub(super) model: &'e mut Model,
+    pub(super) names: &'e HashMap<&'a str, ExprId>,
+}
+
+impl Environment<'_, '_> {
+    pub(super) fn lower(&mut self, expr: &Expr) -> Lower<ExprId> {
+        let id = match &expr.kind {
+            ExprKind::Number(value) => self.model.graph.number(value.clone()),
+            ExprKind::Name(name) if name == "pi" => self.model.graph.pi(),
+            ExprKind::Name(name) => match self.names.get(name.as_str()) {
+                Some(&id) => id,
+                // What the name stands for could not be lowered, and that is reported where it is defined.
+                None => {
+                    return Err(Diagnostic::error(expr.span, format!("`{name}` has no value here"))
+                        .help("correct its definition"));
+                }
+            },
+            ExprKind::Negative(inner) => {
+                let inner = self.lower(inner)?;
+                self.model.graph.neg(inner)
+            }
+            ExprKind::Sum(terms) => {
+                let mut lowered = Vec::with_capacity(terms.len());
+                for (sign, term) in terms {
+                    let id = self.lower(term)?;
+                    lowered.push(if *sign == Sign::Minus { self.model.graph.neg(id) } else { id });
+                }
+                self.model.graph.sum(&lowered)
+            }
+            ExprKind::Product(factors) => {
+                let mut lowered = Vec::with_capacity(factors.len());
+                let mut bits = 0;
+                for (operation, factor) in factors {
+                    let id = self.lower(factor)?;
+                    bits += self.bits(id);
+                    within(bits, expr.span)?;
+                    lowered.push(if *operation == Operation::Over { self.inverse(id, factor.span)? } else { id });
+                }
+                self.model.graph.product(&lowered)
+            }
+            ExprKind::Power(base, exponent) => {
+                let id = self.lower(base)?;
+                within(self.bits(id).saturating_mul(u64::from(*exponent)), expr.span)?;
+                let Ok(exponent) = i32::try_from(*exponent) else { return Err(too_large(expr.span)) };
+                self.model.graph.pow(id, exponent)
+            }
+            ExprKind::Call(function, arguments) => self.call(function, arguments, expr.span)?,
+        };
+        within(self.bits(id), expr.span)?;
+        Ok(id)
+    }
+
+    /// The length of a number; other nodes have none.
+    fn bits(&self, id: ExprId) -> u64 {
+        self.model.graph.as_number(id).map_or(0, length)
+    }
+
+    fn inverse(&mut self, id: ExprId, span: Span) -> Lower<ExprId> {
+        if self.model.graph.as_number(id).is_some_and(Zero::is_zero) {
+            return Err(Diagnostic::error(span, "a division by zero").help("this divisor is identically 0"));
+        }
+        Ok(self.model.graph.pow(id, -1))
+    }
+
+    fn call(&mut self, name: &Ident, arguments: &[Expr], span: Span) -> Lower<ExprId> {
+        let simple = match (Function::from_name(&name.name), arguments) {
+            (Some(Function::Dot), [moving]) => return self.time_derivative(moving, 1, span),
+            (Some(Function::Ddot), [moving]) => return self.time_derivative(moving, 2, span),
+            (Some(Function::Der), [moving, order]) => {
+                let order = integer(order).filter(|&order| order <= HIGHEST_ORDER).ok_or_else(|| {
+                    Diagnostic::error(order.span, format!("a derivative has an order of at most {HIGHEST_ORDER}"))
+                        .help("lower it")
+                })?;
+                return self.time_derivative(moving, order, span);
+            }
+            (Some(Function::Diff), [of, by]) => {
+                let (of, by) = (self.lower(of)?, self.lower(by)?);
+                return Ok(self.model.graph.differentiate(of, by));
+            }
+            (Some(Function::Atan2), [y, x]) => {
+                let (y_id, x_id) = (self.lower(y)?, self.lower(x)?);
+                let zero = |id| self.model.graph.as_number(id).is_some_and(Zero::is_zero);
+                if zero(y_id) && zero(x_id) {
+                    return Err(Diagnostic::error(span, "the point (0, 0) has no angle")
+                        .help("one of the arguments must not be 0"));
+                }
+                return Ok(self.model.graph.atan2(y_id, x_id));
+            }
+            (Some(Function::Sin), [_]) => expr::Function::Sin,
+            (Some(Function::Cos), [_]) => expr::Function::Cos,
+            (Some(Function::Tan), [_]) => expr::Function::Tan,
+            (Some(Function::Asin), [_]) => expr::Function::Asin,
+            (Some(Function::Acos), [_]) => expr::Function::Acos,
+            (Some(Function::Sqrt), [_]) => expr::Function::Sqrt,
+            (Some(Function::Abs), [_]) => expr::Function::Abs,
+            (Some(Function::Sign), [_]) => expr::Function::Sign,
+            // Everything else is reported by the checks.
+            _ => {
+                return Err(Diagnostic::error(span, format!("`{}` cannot stand here", name.name))
+                    .help("use a function of the language"));
+            }
+        };
+        let argument = self.lower(&arguments[0])?;
+        if let Some(value) = self.model.graph.as_number(argument) {
+            let outside = match simple {
+                expr::Function::Sqrt => value.is_negative(),
+                expr::Function::Asin | expr::Function::Acos => value.abs() > BigRational::one(),
+                _ => false,
+            };
+            if outside {
+                return Err(Diagnostic::error(
+                    arguments[0].span,
+                    format!("`{}` of {value} is no real number", name.name),
+                )
+                .help("check the sign and size of this argument"));
+            }
+        }
+        Ok(self.model.graph.function(simple, argument))
+    }
+
+    fn time_derivative(&mut self, expr: &Expr, order: u32, span: Span) -> Lower<ExprId> {
+        let mut id = self.lower(expr)?;
+        for leaf in self.model.graph.leaves(id) {
+            if let Node::Symbol(symbol) = self.model.graph.node(leaf)
+                && self.model.quantity(*symbol).kind == Kind::Input
+            {
+                let name = &self.model.quantity(*symbol).name;
+                return Err(Diagnostic::error(expr.span, format!("the input `{name}` has no time derivative here"))
+                    .help("a quantity with dynamics of its own is a coordinate: declare it with `coordinate`"));
+            }
+        }
+        if let Some(highest) = self.highest(id)
+            && highest.checked_add(order).is_none_or(|sum| sum > HIGHEST_ORDER)
+        {
+            return Err(Diagnostic::error(span, format!("a derivative has an order of at most {HIGHEST_ORDER}"))
+                .help("lower it"));
+        }
+        for _ in 0..order {
+            id = self.model.graph.time_derivative(id);
+        }
+        Ok(id)
+    }
+
+    /// The highest derivative of a coordinate in an expression.
+    fn highest(&self, id: ExprId) -> Option<u32> {
+        let graph = &self.model.graph;
+        graph
+            .leaves(id)
+            .into_iter()
+            .filter_map(|leaf| if let Node::Derivative(_, order) = graph.node(leaf) { Some(*order) } else { None })
+            .max()
+    }
+}
+
+/// An expression has a value where it was put in: no division by zero, no root of a negative number.
+pub(super) fn regular(model: &Model, id: ExprId, span: Span) -> Lower<()> {
+    let graph = &model.graph;
+    let mut open = vec![id];
+    let mut seen = std::collections::HashSet::new();
+    while let Some(id) = open.pop() {
+        if !seen.insert(id) {
+            continue;
+        }
+        let number = |id: ExprId| graph.as_number(id);
+        let singular = match graph.node(id) {
+            Node::Power(base, exponent) => *exponent < 0 && number(*base).is_some_and(Zero::is_zero),
+            Node::Function(expr::Function::Sqrt, argument) => number(*argument).is_some_and(Signed::is_negative),
+            Node::Function(expr::Function::Asin | expr::Function::Acos, argument) => {
+                number(*argument).is_some_and(|value| value.abs() > BigRational::one())
+            }
+            Node::Atan2(y, x) => [y, x].into_iter().all(|&id| number(id).is_some_and(Zero::is_zero)),
+            _ => false,
+        };
+        if singular {
+            return Err(Diagnostic::error(
+                span,
+                "this function, or a derivative of it, is singular at the point of expansion",
+            ));
+        }
+        open.extend(graph.operands(id));
+    }
+    Ok(())
+}
+
+fn length(value: &BigRational) -> u64 {
+    value.numer().bits().max(value.denom().bits())
+}
+
+fn within(bits: u64, span: Span) -> Lower<()> {
+    if bits > LONGEST { Err(too_large(span)) } else { Ok(()) }
+}
+
+fn too_large(span: Span) -> Diagnostic {
+    Diagnostic::error(span, "this power or product is too large to be meant").help("lower the exponents")
+}
+
+/// The value of an expression of numbers and constants with a value.
+pub(super) fn exact(expr: &Expr, values: &HashMap<&str, BigRational>) -> Lower<BigRational> {
+    let value = match &expr.kind {
+        ExprKind::Number(value) => value.clone(),
+        ExprKind::Name(name) => match values.get(name.as_str()) {
+            Some(value) => value.clone(),
+            None => {
+                return Err(Diagnostic::error(expr.span, format!("`{name}` has no value"))
+                    .help("give it one, `constant g = 9.8 [m/s^2];`"));
+            }
+        },
+        ExprKind::Negative(inner) => -exact(inner, values)?,
+        ExprKind::Sum(terms) => {
+            let mut sum = BigRational::zero();
+            for (sign, term) in terms {
+                let value = exact(term, values)?;
+                sum = if *sign == Sign::Minus { sum - value } else { sum + value };
+                within(length(&sum), expr.span)?;
+            }
+            sum
+        }
+        ExprKind::Product(factors) => {
+            let mut product = BigRational::one();
+            for (operation, factor) in factors {
+                let value = exact(factor, values)?;
+                if *operation == Operation::Times {
+                    product *= value;
+                } else if value.is_zero() {
+                    return Err(Diagnostic::error(factor.span, "a division by zero").help("this divisor is 0"));
+                } else {
+                    product /= value;
+                }
+                within(length(&product), expr.span)?;
+            }
+            product
+        }
+        ExprKind::Power(base, exponent) => {
+            let base = exact(base, values)?;
+            within(length(&base).saturating_mul(u64::from(*exponent)), expr.span)?;
+            let power = |number: &BigInt| number.pow(*exponent);
+            BigRational::new(power(base.numer()), power(base.denom()))
+        }
+        ExprKind::Call(name, _) => {
+            return Err(Diagnostic::error(expr.span, format!("`{}` cannot stand in a constant's value", name.name))
+                .help("write a number"));
+        }
+    };
+    Ok(value)
+}

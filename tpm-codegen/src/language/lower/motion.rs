@@ -1,0 +1,264 @@
+//! Reference motions to Fourier polynomials.
+//!
+//! Invariant: a motion is a finite Fourier series in w t with rational coefficients times products of amplitudes and constants.
+//! What is not one is an error at its place, never an approximation.
+
+use std::collections::HashMap;
+
+use num_rational::BigRational;
+use num_traits::{One, ToPrimitive, Zero};
+use tpm_symbolic::expr::Symbol;
+use tpm_symbolic::fourier::Fourier;
+use tpm_symbolic::pattern::{self, Motion};
+use tpm_symbolic::polynomial::Monomial;
+
+use super::{Lower, expression};
+use crate::diagnostic::Diagnostic;
+use crate::language::ast::{Expr, ExprKind, Operation, Sign};
+use crate::language::check::integer;
+use crate::language::function::Function;
+use crate::source::Span;
+
+/// Highest harmonic of a motion: no controller plays more, and a series is stored densely.
+pub(super) const HIGHEST_HARMONIC: usize = 4096;
+
+/// What a pattern's motions may use.
+pub(super) struct Scope<'a> {
+    /// Amplitudes, the frequency, and constants that are known at run time.
+    pub(super) symbols: HashMap<String, Symbol>,
+    /// Constants with their values.
+    pub(super) values: HashMap<&'a str, BigRational>,
+    /// The frequency's name.
+    pub(super) frequency: Option<String>,
+}
+
+/// c w^a t^b
+struct Phase {
+    factor: BigRational,
+    frequency: i64,
+    time: i64,
+}
+
+impl Scope<'_> {
+    pub(super) fn motion(&self, expr: &Expr) -> Lower<Motion> {
+        match &expr.kind {
+            ExprKind::Number(value) => Ok(constant(value.clone())),
+            ExprKind::Name(name) => self.name(name, expr.span),
+            ExprKind::Negative(inner) => Ok(self.motion(inner)?.mul(&constant(-BigRational::one()))),
+            ExprKind::Sum(terms) => {
+                let mut sum = Motion::zero();
+                for (sign, term) in terms {
+                    let motion = self.motion(term)?;
+                    let motion = if *sign == Sign::Minus { motion.mul(&constant(-BigRational::one())) } else { motion };
+                    sum = sum.add(&motion);
+                }
+                Ok(sum)
+            }
+            ExprKind::Product(factors) => {
+                let mut product = constant(BigRational::one());
+                for (operation, factor) in factors {
+                    let motion = self.motion(factor)?;
+                    let motion = if *operation == Operation::Over { inverse(&motion, factor.span)? } else { motion };
+                    product = multiply(&product, &motion, expr.span)?;
+                }
+                Ok(product)
+            }
+            ExprKind::Power(base, exponent) => {
+                let base = self.motion(base)?;
+                let mut power = constant(BigRational::one());
+                if *exponent as usize > HIGHEST_HARMONIC {
+                    return Err(too_high(expr.span));
+                }
+                for _ in 0..*exponent {
+                    power = multiply(&power, &base, expr.span)?;
+                }
+                Ok(power)
+            }
+            ExprKind::Call(function, arguments) => match (Function::from_name(&function.name), arguments.as_slice()) {
+                (Some(Function::Cos), [argument]) => self.harmonic(argument, false),
+                (Some(Function::Sin), [argument]) => self.harmonic(argument, true),
+                (Some(Function::RestToRest), [amplitude, frequency, order]) => {
+                    let shape = self.shape(frequency, order)?;
+                    let amplitude = self.steady(amplitude)?;
+                    Ok(amplitude.mul(&Motion::term(Monomial::one(), shape)))
+                }
+                (Some(Function::PointToPoint), [from, to, frequency, order]) => {
+                    // Feng, Eqn 2.20: the shape scaled so that it runs from x0 at the phase 0 to x1 at the phase pi.
+                    let shape = self.shape(frequency, order)?;
+                    let unit = shape.scale(&shape.at_zero().recip());
+                    let (from, to) = (self.steady(from)?, self.steady(to)?);
+                    let half = constant(BigRational::new(1.into(), 2.into()));
+                    let centre = from.add(&to).mul(&half);
+                    let travel = from.add(&to.mul(&constant(-BigRational::one()))).mul(&half);
+                    Ok(centre.add(&travel.mul(&Motion::term(Monomial::one(), unit))))
+                }
+                _ => Err(Diagnostic::error(expr.span, format!("`{}` does not make a finite Fourier series", function.name))
+                    .help("a motion is made of sines and cosines of multiples of `w*t`, and of `rest_to_rest` and `point_to_point`")),
+            },
+        }
+    }
+
+    fn name(&self, name: &str, span: Span) -> Lower<Motion> {
+        match (name, self.values.get(name), self.symbols.get(name)) {
+            ("t", _, _) => Err(Diagnostic::error(span, "the time stands inside sine and cosine only")
+                .help("a motion is periodic: write, for example, `cos(w*t)`")),
+            ("pi", _, _) => Err(Diagnostic::error(span, "a motion has rational coefficients, and pi is none").help(
+                "declare a constant for this product, `constant x0 [rad];`, and give its value with the experiment",
+            )),
+            (_, Some(value), _) => Ok(constant(value.clone())),
+            (_, _, Some(&symbol)) => {
+                Ok(Motion::term(Monomial::power_of(symbol, 1), Fourier::constant(BigRational::one())))
+            }
+            // The checks have reported it.
+            _ => Err(Diagnostic::error(span, format!("`{name}` cannot stand in a motion"))
+                .help("use amplitudes and constants")),
+        }
+    }
+
+    /// cos or sin of a multiple of w t.
+    fn harmonic(&self, argument: &Expr, sine: bool) -> Lower<Motion> {
+        let wrong = |what: &str| {
+            let w = self.frequency.as_deref().unwrap_or("w");
+            Diagnostic::error(argument.span, format!("the argument is {what}, not an integer multiple of `{w}*t`"))
+                .help(format!("write, for example, `cos(3*{w}*t)`; a phase is a sum of a cosine and a sine"))
+        };
+        let phase = self.phase(argument)?.ok_or_else(|| wrong("something else"))?;
+        let zero = phase.factor.is_zero();
+        if !zero && (phase.frequency, phase.time) != (1, 1) {
+            return Err(wrong("something else"));
+        }
+        if !phase.factor.is_integer() {
+            return Err(wrong("a fraction of it"));
+        }
+        let negative = phase.factor < BigRational::zero();
+        let Some(harmonic) = num_traits::abs(phase.factor.to_integer()).to_usize().filter(|&n| n <= HIGHEST_HARMONIC)
+        else {
+            return Err(too_high(argument.span));
+        };
+        let one = BigRational::one();
+        let series = match (sine, harmonic) {
+            (false, 0) => Fourier::constant(one),
+            (true, 0) => Fourier::zero(),
+            (false, _) => Fourier::cos(harmonic, one),
+            (true, _) => Fourier::sin(harmonic, if negative { -one } else { one }),
+        };
+        Ok(Motion::term(Monomial::one(), series))
+    }
+
+    /// The value of an expression as c w^a t^b; none when it is not of this form.
+    fn phase(&self, expr: &Expr) -> Lower<Option<Phase>> {
+        let pure = |factor: BigRational| Phase { factor, frequency: 0, time: 0 };
+        Ok(match &expr.kind {
+            ExprKind::Name(name) if name == "t" => Some(Phase { time: 1, ..pure(BigRational::one()) }),
+            ExprKind::Name(name) if Some(name) == self.frequency.as_ref() => {
+                Some(Phase { frequency: 1, ..pure(BigRational::one()) })
+            }
+            ExprKind::Number(_) => Some(pure(expression::exact(expr, &self.values)?)),
+            ExprKind::Name(name) => self.values.get(name.as_str()).cloned().map(pure),
+            ExprKind::Negative(inner) => self.phase(inner)?.map(|phase| Phase { factor: -phase.factor, ..phase }),
+            ExprKind::Sum(terms) => {
+                let mut sum: Option<Phase> = None;
+                for (sign, term) in terms {
+                    let Some(mut phase) = self.phase(term)? else { return Ok(None) };
+                    if *sign == Sign::Minus {
+                        phase.factor = -phase.factor;
+                    }
+                    sum = match sum {
+                        None => Some(phase),
+                        Some(sum) if (sum.frequency, sum.time) == (phase.frequency, phase.time) => {
+                            Some(Phase { factor: sum.factor + phase.factor, ..sum })
+                        }
+                        Some(_) => return Ok(None),
+                    };
+                }
+                sum
+            }
+            ExprKind::Product(factors) => {
+                let mut product = pure(BigRational::one());
+                for (operation, factor) in factors {
+                    let Some(phase) = self.phase(factor)? else { return Ok(None) };
+                    if *operation == Operation::Times {
+                        product.factor *= phase.factor;
+                        product.frequency += phase.frequency;
+                        product.time += phase.time;
+                    } else if phase.factor.is_zero() {
+                        return Err(Diagnostic::error(factor.span, "a division by zero").help("this divisor is 0"));
+                    } else {
+                        product.factor /= phase.factor;
+                        product.frequency -= phase.frequency;
+                        product.time -= phase.time;
+                    }
+                }
+                Some(product)
+            }
+            ExprKind::Power(..) | ExprKind::Call(..) => None,
+        })
+    }
+
+    /// The rest-to-rest shape of an order, on an integer multiple of the fundamental.
+    fn shape(&self, frequency: &Expr, order: &Expr) -> Lower<Fourier> {
+        let w = self.frequency.as_deref().unwrap_or("w");
+        let multiple = self
+            .phase(frequency)?
+            .filter(|phase| {
+                (phase.frequency, phase.time) == (1, 0)
+                    && phase.factor.is_integer()
+                    && phase.factor > BigRational::zero()
+            })
+            .and_then(|phase| phase.factor.to_integer().to_usize())
+            .ok_or_else(|| {
+                Diagnostic::error(
+                    frequency.span,
+                    format!("the frequency of a motion is a positive integer multiple of `{w}`"),
+                )
+                .help(format!("write `{w}` or, for example, `3*{w}`"))
+            })?;
+        let order_value = integer(order).unwrap_or_default();
+        let shape = pattern::rest_to_rest(order_value).map_err(|error| {
+            Diagnostic::error(order.span, error.to_string()).help("choose an odd order, 3, 5, 7, ...")
+        })?;
+        if shape.highest_harmonic().checked_mul(multiple).is_none_or(|highest| highest > HIGHEST_HARMONIC) {
+            return Err(too_high(frequency.span));
+        }
+        Ok(shape.with_multiple(multiple))
+    }
+
+    /// A motion that does not move.
+    fn steady(&self, expr: &Expr) -> Lower<Motion> {
+        let motion = self.motion(expr)?;
+        if motion.highest_harmonic() > 0 {
+            return Err(Diagnostic::error(expr.span, "an amplitude does not change with time")
+                .help("give an amplitude, a constant or a number"));
+        }
+        Ok(motion)
+    }
+}
+
+fn constant(value: BigRational) -> Motion {
+    Motion::term(Monomial::one(), Fourier::constant(value))
+}
+
+fn multiply(left: &Motion, right: &Motion, span: Span) -> Lower<Motion> {
+    if left.highest_harmonic() + right.highest_harmonic() > HIGHEST_HARMONIC {
+        return Err(too_high(span));
+    }
+    Ok(left.mul(right))
+}
+
+/// 1 over a motion that is a single product of numbers, amplitudes and constants.
+fn inverse(motion: &Motion, span: Span) -> Lower<Motion> {
+    let mut terms = motion.terms();
+    match (terms.next(), terms.next()) {
+        (Some((monomial, series)), None) if series.highest_harmonic() == 0 => {
+            Ok(Motion::term(monomial.pow(-1), Fourier::constant(series.cos_coefficient(0).recip())))
+        }
+        (None, _) => Err(Diagnostic::error(span, "a division by zero").help("this divisor is 0")),
+        _ => Err(Diagnostic::error(span, "a motion is divided by numbers, amplitudes and constants only")
+            .help("a quotient of series is no finite series")),
+    }
+}
+
+fn too_high(span: Span) -> Diagnostic {
+    Diagnostic::error(span, format!("a motion has harmonics up to {HIGHEST_HARMONIC}"))
+        .help("lower the multiple or the exponent")
+}
