@@ -62,5 +62,5 @@ pub mod source;
 
 pub use diagnostic::{Diagnostic, Diagnostics};
 pub use language::stream::TokenSource;
-pub use language::{Parsed, parse_model};
+pub use language::{Parsed, parse_model, parse_tokens};
 pub use source::{Source, Span};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use tpm_codegen::{Parsed, Source, parse_model};
+use tpm_codegen::{Parsed, Source, parse_model, parse_tokens};
 use tpm_symbolic::expand::{ExpandError, expand};
 use tpm_symbolic::expr::Node;
 use tpm_symbolic::fourier::Fourier;
@@ -360,4 +360,63 @@ fn what_is_no_finite_series_is_refused() {
         let found = errors(&frame(motion));
         assert!(found.len() == 1 && found[0].contains(part), "{motion}: {found:?}");
     }
+}
+
+#[test]
+fn energies_that_give_no_equations_are_refused_at_their_term() {
+    let frame = |energies: &str| {
+        format!(
+            "model A {{ coordinate x, y; input u; parameter m, k; {energies} force x = u; kinetic = 1/2*m*dot(x)^2 + 1/2*k*dot(y)^2; }}"
+        )
+    };
+    for (energies, part) in [
+        ("potential = k*x + k*dot(x);", "must not depend on `dot(x)`"),
+        ("potential = u*x;", "the input `u` stands in an energy"),
+        ("dissipation = k*ddot(x)^2;", "must not depend on `ddot(x)`"),
+    ] {
+        let found = errors(&frame(energies));
+        assert!(found.len() == 1 && found[0].contains(part), "{energies}: {found:?}");
+    }
+}
+
+#[test]
+fn a_macro_s_tokens_give_the_same_model_as_the_file() {
+    for name in ["mass_spring_drag", "two_carts", "closed_loop_arm", "rotary_pendulum_down", "emps", "silverbox"] {
+        let stream = text_of(name).parse().expect("Rust tokens");
+        let (parsed, tokens) = parse_tokens("model!", stream).unwrap_or_else(|errors| panic!("{errors}"));
+        let mut from_tokens = parsed.ast.clone();
+        let mut from_file = shipped(name).ast;
+        from_tokens.forget_spans();
+        from_file.forget_spans();
+        assert_eq!(from_tokens, from_file);
+        let term = parsed.model.equations[0].terms[0];
+        assert!(tokens.tokens_at(parsed.span(term.id)).0.start().line > 1);
+    }
+}
+
+#[test]
+fn a_macro_s_faults_are_on_the_user_s_tokens() {
+    let text = "model A {
+        coordinate x [m];
+        input u [N];
+        parameter m [kg], k [N/m], type [kg]
+        m*ddot(x) + k*dot(x) = u;
+        3w*x = u;
+    }";
+    let errors = parse_tokens("model!", text.parse().expect("Rust tokens")).map(|_| ()).expect_err("three faults");
+    let mut found = Vec::new();
+    let trees: Vec<_> = errors.into_iter().collect();
+    for item in trees.chunks(8) {
+        let place = item[0].span().start();
+        found.push((place.line, place.column, item[7].to_string()));
+    }
+    found.sort_by_key(|&(line, column, _)| (line, column));
+    let places: Vec<_> = found.iter().map(|&(line, column, _)| (line, column)).collect();
+    // The unused `type`, the missing semicolon behind its unit, the term with the wrong unit, and `3w` with its unknown name.
+    assert_eq!(places, [(4, 35), (4, 43), (5, 20), (6, 8), (6, 8)]);
+    assert!(
+        found[1].2.contains("a `;` is missing")
+            && found[2].2.contains("unit mismatch")
+            && found[3].2.contains("write `3*w`")
+    );
 }

@@ -13,6 +13,7 @@ use std::collections::HashMap;
 
 use num_rational::BigRational;
 use tpm_symbolic::expr::{Coordinate, ExprId, Symbol};
+use tpm_symbolic::lagrange::Lagrangian;
 use tpm_symbolic::model::{Elimination, Kind, Lump, Model, TermId};
 use tpm_symbolic::unit::Unit as FormalUnit;
 
@@ -64,6 +65,7 @@ pub struct Taylor {
 pub(crate) struct Lowered {
     pub(crate) model: Model,
     pub(crate) terms: Terms,
+    pub(crate) lagrangian: Option<Lagrangian>,
     pub(crate) taylor: Vec<Taylor>,
     /// How many harmonics each pattern keeps of terms with infinitely many.
     pub(crate) harmonics: Vec<Option<u32>>,
@@ -78,6 +80,7 @@ pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut
         terms: Terms::default(),
         names: HashMap::new(),
         values: HashMap::new(),
+        lagrangian: None,
         taylor: Vec::new(),
         harmonics: Vec::new(),
     };
@@ -85,8 +88,8 @@ pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut
     lowering.statements(model);
     lowering.dynamics(model);
     lowering.patterns(model);
-    let Lowering { model, terms, taylor, harmonics, .. } = lowering;
-    Lowered { model, terms, taylor, harmonics }
+    let Lowering { model, terms, lagrangian, taylor, harmonics, .. } = lowering;
+    Lowered { model, terms, lagrangian, taylor, harmonics }
 }
 
 /// A fault that costs its own statement.
@@ -101,6 +104,7 @@ struct Lowering<'a, 'c, 'd> {
     names: HashMap<&'a str, ExprId>,
     /// The constants that are known exactly.
     values: HashMap<&'a str, BigRational>,
+    lagrangian: Option<Lagrangian>,
     taylor: Vec<Taylor>,
     harmonics: Vec<Option<u32>>,
 }

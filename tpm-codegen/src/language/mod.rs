@@ -16,10 +16,12 @@ pub use lower::{HIGHEST_ORDER, Taylor, Terms};
 pub use parse::DEEPEST;
 
 use tpm_symbolic::expand::ExpandError;
+use tpm_symbolic::lagrange::{LagrangeError, Lagrangian};
 use tpm_symbolic::model::{Model, TermId};
 use tpm_symbolic::regressor::RegressorError;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::language::stream::TokenSource;
 use crate::source::{Source, Span};
 
 /// The syntax of a source, unchecked: what it says, not whether it makes sense.
@@ -43,6 +45,8 @@ pub struct Parsed {
     pub model: Model,
     /// The model as it was written.
     pub ast: ast::Model,
+    /// The energies and forces that the equations were derived from, when the model gives those.
+    pub lagrangian: Option<Lagrangian>,
     /// Declared Taylor orders, for tables.
     pub taylor: Vec<Taylor>,
     /// For each of the model's patterns, how many harmonics it keeps of terms with infinitely many.
@@ -67,6 +71,12 @@ impl AtTerm for RegressorError {
 impl AtTerm for ExpandError {
     fn at_term(&self) -> Option<TermId> {
         Some(self.term())
+    }
+}
+
+impl AtTerm for LagrangeError {
+    fn at_term(&self) -> Option<TermId> {
+        self.term()
     }
 }
 
@@ -101,8 +111,23 @@ pub fn parse_model(source: &Source) -> Result<Parsed, Diagnostics> {
     if diagnostics.has_errors() {
         return Err(sorted(diagnostics));
     }
-    let lower::Lowered { model, terms, taylor, harmonics } = lowered;
-    Ok(Parsed { model, ast, taylor, harmonics, warnings: sorted(diagnostics), terms })
+    let lower::Lowered { model, terms, lagrangian, taylor, harmonics } = lowered;
+    Ok(Parsed { model, ast, lagrangian, taylor, harmonics, warnings: sorted(diagnostics), terms })
+}
+
+/// [`parse_model`] for the tokens of a macro call: the same model from the same text, with the way back to the user's tokens.
+///
+/// # Errors
+/// Every fault as a `compile_error!` on the tokens that it is about.
+pub fn parse_tokens(
+    name: &str,
+    tokens: proc_macro2::TokenStream,
+) -> Result<(Parsed, TokenSource), proc_macro2::TokenStream> {
+    let tokens = TokenSource::new(name, tokens);
+    match parse_model(tokens.source()) {
+        Ok(parsed) => Ok((parsed, tokens)),
+        Err(diagnostics) => Err(tokens.compile_errors(&diagnostics)),
+    }
 }
 
 fn sorted(mut diagnostics: Diagnostics) -> Diagnostics {

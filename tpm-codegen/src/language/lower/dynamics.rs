@@ -1,20 +1,15 @@
 //! Equations, and energies by the Euler-Lagrange equations.
 //!
-//! With L = T - V, Rayleigh's dissipation function D and generalised forces Q,
-//!
-//! ```text
-//! d/dt dT/dq' - dT/dq + dV/dq + dD/dq' = Q ,
-//! ```
-//!
-//! one equation for each coordinate. The left side is linear in the energies, so it is taken term by term, and every term of an
-//! equation keeps the place of the energy's term that it came from.
+//! Invariant: every term of an equation has the place of the term of the text that it came from, also when it was derived from
+//! an energy ([`tpm_symbolic::lagrange`]).
 
-use tpm_symbolic::expr::{ExprId, Node};
+use tpm_symbolic::expr::Node;
+use tpm_symbolic::lagrange::{self, Lagrangian};
 use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm};
 
 use super::{Lower, Lowering};
+use crate::diagnostic::Diagnostic;
 use crate::language::ast::{self, EnergyKind, Expr, ExprKind, Item, Sign};
-use crate::source::Span;
 
 impl<'a> Lowering<'a, '_, '_> {
     pub(super) fn dynamics(&mut self, model: &'a ast::Model) {
@@ -58,55 +53,42 @@ impl<'a> Lowering<'a, '_, '_> {
         Ok(terms)
     }
 
+    /// The equations of motion of the energies. They are kept as well, because linearisation wants the matrices.
     fn euler_lagrange(&mut self, model: &'a ast::Model) {
-        let mut energies: Vec<(EnergyKind, ExprId, Span)> = Vec::new();
+        let mut lagrangian = Lagrangian::default();
         for item in &model.items {
-            let Item::Energy(energy) = item else { continue };
-            for (sign, term) in signed_terms(&energy.value) {
-                let result = self.expression(term);
-                if let Some(id) = self.keep(result) {
-                    let id = if sign == Sign::Minus { self.model.graph.neg(id) } else { id };
-                    energies.push((energy.kind, id, term.span));
+            match item {
+                Item::Energy(energy) => {
+                    let result = self.terms_of(&energy.value, Sign::Plus);
+                    let terms = self.keep(result).unwrap_or_default();
+                    match energy.kind {
+                        EnergyKind::Kinetic => lagrangian.kinetic = terms,
+                        EnergyKind::Potential => lagrangian.potential = terms,
+                        EnergyKind::Dissipation => lagrangian.dissipation = terms,
+                    }
                 }
-            }
-        }
-        for coordinate in 0..self.model.coordinates.len() {
-            let name = self.model.coordinates[coordinate].name.clone();
-            let mut terms = Vec::new();
-            for &(kind, energy, span) in &energies {
-                let expr = self.force_of(kind, energy, &name);
-                if self.model.graph.as_number(expr).is_none_or(|value| !num_traits::Zero::is_zero(value)) {
-                    terms.push(SourceTerm { id: self.terms.add(span), expr });
+                Item::Force(force) => {
+                    let result = self.terms_of(&force.value, Sign::Plus);
+                    if let (Some(terms), Some(coordinate)) =
+                        (self.keep(result), self.coordinate(&force.coordinate.name))
+                    {
+                        lagrangian.forces.extend(terms.into_iter().map(|term| (coordinate, term)));
+                    }
                 }
-            }
-            let force = model.items.iter().find_map(|item| match item {
-                Item::Force(force) if force.coordinate.name == name => Some(force),
-                _ => None,
-            });
-            let result = force.map_or(Ok(Vec::new()), |force| self.terms_of(&force.value, Sign::Minus));
-            if let Some(right) = self.keep(result) {
-                let name = self.name(&terms, &right);
-                terms.extend(right);
-                self.model.equations.push(Equation { name, terms });
+                _ => {}
             }
         }
-    }
-
-    /// What an energy contributes to the left-hand side of a coordinate's equation.
-    fn force_of(&mut self, kind: EnergyKind, energy: ExprId, coordinate: &str) -> ExprId {
-        let Some(coordinate) = self.coordinate(coordinate) else { return energy };
-        let graph = &mut self.model.graph;
-        let (position, velocity) = (graph.derivative_of(coordinate, 0), graph.derivative_of(coordinate, 1));
-        match kind {
-            EnergyKind::Kinetic => {
-                let momentum = graph.differentiate(energy, velocity);
-                let inertia = graph.time_derivative(momentum);
-                let slope = graph.differentiate(energy, position);
-                graph.sub(inertia, slope)
-            }
-            EnergyKind::Potential => graph.differentiate(energy, position),
-            EnergyKind::Dissipation => graph.differentiate(energy, velocity),
+        if self.diagnostics.has_errors() {
+            return;
         }
+        match lagrange::euler_lagrange(&mut self.model, &lagrangian) {
+            Ok(derived) => self.model.equations = derived.equations,
+            Err(error) => {
+                let span = error.term().map_or(model.name.span, |term| self.terms.span(term));
+                self.diagnostics.push(Diagnostic::error(span, error.to_string()));
+            }
+        }
+        self.lagrangian = Some(lagrangian);
     }
 }
 
