@@ -104,6 +104,10 @@ impl Build {
 }
 
 impl E {
+    pub(crate) fn build_pi(&self) -> E {
+        self.build.pi()
+    }
+
     pub(crate) fn call(&self, function: Function) -> E {
         self.build.e(self.build.graph(|g| g.function(function, self.id)))
     }
