@@ -9,11 +9,15 @@
 extern crate std;
 
 pub mod control;
+#[cfg(feature = "std")]
+pub mod estimate;
 pub mod harmonics;
 #[cfg(feature = "interpret")]
 pub mod interpret;
 pub mod least_squares;
 pub mod linear;
+#[cfg(feature = "std")]
+pub mod log;
 pub mod model;
 #[cfg(feature = "std")]
 pub mod procedure;

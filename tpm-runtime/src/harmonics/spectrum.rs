@@ -15,8 +15,6 @@ use std::vec::Vec;
 const MAX_FITTED: usize = 256;
 /// Bins between the lines that one noise estimate averages, at least.
 const NOISE_BINS: usize = 16;
-/// How far the floor under the highest lines must stand above the noise between them to be taken for a repeated error.
-const REPEATED: f64 = 4.0;
 
 /// Weight of the samples of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -168,7 +166,7 @@ impl Spectra {
             }
             bins.push(spectrum);
         }
-        let (noise, noise_bins) = line_noise(&bins, &lines, used as f64 / samples_per_period, window, whole);
+        let (noise, noise_bins) = line_noise(&bins, highest + 1, used as f64 / samples_per_period, window);
         Ok(Spectra {
             fundamental: 2.0 * PI / (samples_per_period * sample_time),
             sample_time,
@@ -187,6 +185,23 @@ impl Spectra {
         self.noise.len().saturating_sub(1)
     }
 
+    /// Power of the floor under the highest lines of a channel, as the variance E|n|^2 of one phasor; `None` when the
+    /// highest resolved lines are too few, or were not fitted.
+    ///
+    /// Errors that repeat in every period, such as the quantisation of a repeated motion, leave nothing between the lines,
+    /// but this floor. The median is deaf to single lines that stand out; a median of |n|^2 is ln 2 of its mean.
+    #[must_use]
+    pub fn floor(&self, channel: usize) -> Option<f64> {
+        let lines = self.lines.get(channel)?;
+        let resolved = ((self.samples_per_period - 1.0) / 2.0).floor() as usize;
+        if lines.len() <= resolved || lines.len() < 32 {
+            return None;
+        }
+        let mut top: Vec<f64> = lines[lines.len() - lines.len() / 4..].iter().map(Complex::norm_sqr).collect();
+        top.sort_by(f64::total_cmp);
+        top.get(top.len() / 2).map(|median| median / std::f64::consts::LN_2)
+    }
+
     /// Noise variance E|n|^2 of one phasor of one channel.
     #[must_use]
     pub fn variance(&self, channel: usize, harmonic: usize) -> f64 {
@@ -197,13 +212,11 @@ impl Spectra {
 /// Covariance of the lines' noise, from the bins between them, and the number of bins averaged.
 fn line_noise(
     bins: &[Vec<Complex<f64>>],
-    lines: &[Vec<Complex<f64>>],
+    count: usize,
     bins_per_line: f64,
     window: Window,
-    full: bool,
 ) -> (Vec<DMatrix<Complex<f64>>>, usize) {
     let channels = bins.len();
-    let count = lines.first().map_or(0, Vec::len);
     let last = bins.first().map_or(0, Vec::len);
     let free: Vec<usize> = (1..last)
         .filter(|&b| {
@@ -213,19 +226,6 @@ fn line_noise(
         .collect();
     let per_line = (bins_per_line.ceil() - 2.0 * window.guard()).max(0.0);
     let half = if per_line > 0.0 { (NOISE_BINS as f64 / per_line / 2.0).ceil().max(0.5) * bins_per_line } else { 0.0 };
-    // Errors that repeat in every period (quantisation of a repeated motion) leave nothing between the lines, but a flat
-    // floor under the highest ones; the median is deaf to single lines that stand out. A median of |n|^2 is ln 2 of its mean.
-    let floors: Vec<f64> = lines
-        .iter()
-        .map(|line| {
-            let mut top: Vec<f64> = line[count - count / 4..].iter().map(Complex::norm_sqr).collect();
-            if !full || top.len() < 8 {
-                return 0.0;
-            }
-            top.sort_by(f64::total_cmp);
-            top[top.len() / 2] / std::f64::consts::LN_2
-        })
-        .collect();
     let mut averaged = usize::MAX;
     let mut noise = Vec::with_capacity(count);
     for k in 0..count {
@@ -246,13 +246,6 @@ fn line_noise(
         let scale = if k == 0 { 1.0 } else { 4.0 };
         if number > 0 {
             sum *= Complex::new(scale / number as f64, 0.0);
-        }
-        for (c, &floor) in floors.iter().enumerate() {
-            let repeated = floor * scale / 4.0;
-            // Both are estimates of the same noise unless it repeats; taking the larger one always would be biased.
-            if REPEATED * sum[(c, c)].re < repeated {
-                sum[(c, c)] = Complex::new(repeated, 0.0);
-            }
         }
         noise.push(sum);
     }

@@ -1,0 +1,110 @@
+//! Harmonic equations `phi theta = right + noise`, one complex row per equation of motion and harmonic.
+
+use nalgebra::{Complex, DMatrix, DVector};
+use std::vec::Vec;
+
+/// Weighted harmonic equations.
+///
+/// Invariant: a row of harmonic k >= 1 stands for two real equations of noise variance `variance / 2` each, a row of
+/// harmonic 0 for one real equation of noise variance `variance`.
+#[derive(Clone, Debug, Default)]
+pub struct Equations {
+    /// Number of parameters.
+    pub parameters: usize,
+    /// Regressor phasors, equations x parameters, row-major.
+    pub regressors: Vec<Complex<f64>>,
+    /// Right-hand side phasors.
+    pub right: Vec<Complex<f64>>,
+    /// E|n|^2 of each row.
+    pub variance: Vec<f64>,
+    /// Row of the model that each equation belongs to.
+    pub row: Vec<usize>,
+    /// Harmonic of each equation.
+    pub harmonic: Vec<usize>,
+}
+
+impl Equations {
+    /// No equations yet.
+    #[must_use]
+    pub fn new(parameters: usize) -> Self {
+        Equations { parameters, ..Equations::default() }
+    }
+
+    /// Adds one equation.
+    pub fn push(
+        &mut self,
+        row: usize,
+        harmonic: usize,
+        regressors: &[Complex<f64>],
+        right: Complex<f64>,
+        variance: f64,
+    ) {
+        self.regressors.extend_from_slice(regressors);
+        self.right.push(right);
+        self.variance.push(variance);
+        self.row.push(row);
+        self.harmonic.push(harmonic);
+    }
+
+    /// Number of complex rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.right.len()
+    }
+
+    /// No equation at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.right.is_empty()
+    }
+
+    /// Number of real equations.
+    #[must_use]
+    pub fn real_len(&self) -> usize {
+        self.harmonic.iter().map(|&k| if k == 0 { 1 } else { 2 }).sum()
+    }
+
+    /// Regressor phasors of one equation.
+    #[must_use]
+    pub fn regressor(&self, equation: usize) -> &[Complex<f64>] {
+        &self.regressors[equation * self.parameters..(equation + 1) * self.parameters]
+    }
+
+    /// `right - phi theta` of one equation.
+    #[must_use]
+    pub fn residual(&self, equation: usize, theta: &[f64]) -> Complex<f64> {
+        self.regressor(equation).iter().zip(theta).fold(self.right[equation], |sum, (phi, value)| sum - phi * *value)
+    }
+
+    /// Weight of the real equations that a row stands for.
+    #[must_use]
+    pub fn weight(&self, equation: usize) -> f64 {
+        let variance = self.variance[equation];
+        if self.harmonic[equation] == 0 { 1.0 / variance } else { 2.0 / variance }
+    }
+
+    /// The real equations, each divided by its standard deviation, with the columns `free` only.
+    #[must_use]
+    pub fn weighted(&self, free: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+        let mut matrix = DMatrix::zeros(self.real_len(), free.len());
+        let mut right = DVector::zeros(self.real_len());
+        let mut at = 0;
+        for e in 0..self.len() {
+            let weight = self.weight(e).sqrt();
+            let phi = self.regressor(e);
+            for (c, &j) in free.iter().enumerate() {
+                matrix[(at, c)] = phi[j].re * weight;
+            }
+            right[at] = self.right[e].re * weight;
+            at += 1;
+            if self.harmonic[e] > 0 {
+                for (c, &j) in free.iter().enumerate() {
+                    matrix[(at, c)] = phi[j].im * weight;
+                }
+                right[at] = self.right[e].im * weight;
+                at += 1;
+            }
+        }
+        (matrix, right)
+    }
+}

@@ -1,0 +1,238 @@
+//! What can be wrong with a log.
+
+use crate::estimate::EstimateError;
+use crate::harmonics::SpectrumError;
+use std::string::String;
+use std::vec::Vec;
+
+/// Why a log cannot be used, with the place and what to do.
+#[derive(Debug, thiserror::Error)]
+pub enum LogError {
+    /// The file cannot be read.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The file is not UTF-8 text in columns.
+    #[error("{path}:{line}: {message}")]
+    Csv {
+        /// The file.
+        path: String,
+        /// Line in the file, from 1.
+        line: u64,
+        /// What is wrong.
+        message: String,
+    },
+    /// A signal of the model has no column.
+    #[error(
+        "{path}:1: there is no column `{column}` for `{name}`; the columns are {}; name the right one with --map {name}=COLUMN",
+        .available.join(", ")
+    )]
+    MissingColumn {
+        /// The file.
+        path: String,
+        /// The signal of the model.
+        name: String,
+        /// The column that was looked for.
+        column: String,
+        /// The columns of the file.
+        available: Vec<String>,
+    },
+    /// Two columns have the name that is looked for.
+    #[error("{path}:1: the column `{column}` occurs twice; rename one of them")]
+    DuplicateColumn {
+        /// The file.
+        path: String,
+        /// The column.
+        column: String,
+    },
+    /// An option names something that the model does not have.
+    #[error("{option} {name}: the model has no coordinate or input `{name}`; it has {}", .available.join(", "))]
+    UnknownName {
+        /// The option (`--map`, `--scale`, `--offset`).
+        option: &'static str,
+        /// The unknown name.
+        name: String,
+        /// What the model has.
+        available: Vec<String>,
+    },
+    /// A scale or an offset is not a usable number.
+    #[error("{option} {name}={value}: the value must be finite{}", if *.option == "--scale" { " and not zero" } else { "" })]
+    BadOption {
+        /// The option.
+        option: &'static str,
+        /// The signal.
+        name: String,
+        /// The value given.
+        value: f64,
+    },
+    /// A line has more or fewer fields than the header.
+    #[error("{path}:{line}: {found} fields, the header has {expected}; every line needs all columns")]
+    FieldCount {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// Fields in the line.
+        found: u64,
+        /// Fields in the header.
+        expected: u64,
+    },
+    /// A field is empty: one column is shorter than the others.
+    #[error(
+        "{path}:{line}: column `{column}` is empty; columns of different lengths cannot be used, cut the log before this line"
+    )]
+    Empty {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// The column.
+        column: String,
+    },
+    /// A field is not a finite number.
+    #[error(
+        "{path}:{line}: column `{column}` holds `{text}`, not a finite number; cut the log around it or repair the recording"
+    )]
+    NotANumber {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What stands there.
+        text: String,
+    },
+    /// Time does not advance evenly.
+    #[error(
+        "{path}:{line}: time advances by {step} s here, by {expected} s elsewhere ({:.3} % off); resample the log evenly with its true time stamps first",
+        100.0 * (.step / .expected - 1.0)
+    )]
+    Jitter {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// Time from the line before, s.
+        step: f64,
+        /// Sample time, s.
+        expected: f64,
+    },
+    /// Time stamps drift away from an even grid.
+    #[error(
+        "{path}:{line}: the time stamp is {deviation:e} s away from an even grid of {expected} s; the clock drifts, resample the log evenly first"
+    )]
+    Drift {
+        /// The file.
+        path: String,
+        /// Line in the file.
+        line: u64,
+        /// Deviation, s.
+        deviation: f64,
+        /// Sample time, s.
+        expected: f64,
+    },
+    /// Too few samples to say anything.
+    #[error(
+        "{path}:{line}: the log ends after {samples} samples; {needed} are needed at least, record two whole periods or more"
+    )]
+    TooShort {
+        /// The file.
+        path: String,
+        /// Last line in the file.
+        line: u64,
+        /// Samples in the log.
+        samples: usize,
+        /// Samples needed.
+        needed: usize,
+    },
+    /// A signal never changes.
+    #[error(
+        "{path}:{from}-{to}: column `{column}` is {value} throughout; is it the right column (--map), or was the sensor disconnected?"
+    )]
+    Constant {
+        /// The file.
+        path: String,
+        /// First data line.
+        from: u64,
+        /// Last data line.
+        to: u64,
+        /// The column.
+        column: String,
+        /// Its value.
+        value: f64,
+    },
+    /// No two periods follow each other.
+    #[error(
+        "{path}:{from}-{to}: the motion is not periodic: the best period found, {period} s, leaves {:.1} % between successive periods; \
+         run the machine on a periodic reference, record at least two whole periods after it has settled, or state --period and --from-sample",
+        100.0 * .mismatch
+    )]
+    NotPeriodic {
+        /// The file.
+        path: String,
+        /// First data line of the part that was searched.
+        from: u64,
+        /// Last data line of it.
+        to: u64,
+        /// Best period, s.
+        period: f64,
+        /// Root-mean-square difference of successive periods, as a share of the motion.
+        mismatch: f64,
+    },
+    /// No candidate of a period at all.
+    #[error(
+        "{path}:{from}-{to}: the motion does not repeat within the log; run the machine on a periodic reference and record at least two whole periods, \
+         or state --period and --from-sample"
+    )]
+    NoPeriod {
+        /// The file.
+        path: String,
+        /// First data line.
+        from: u64,
+        /// Last data line.
+        to: u64,
+    },
+    /// The stated period or start does not fit the log.
+    #[error("{path}: {what}; the log has {samples} samples of {sample_time} s")]
+    BadRange {
+        /// The file.
+        path: String,
+        /// What does not fit.
+        what: String,
+        /// Samples in the log.
+        samples: usize,
+        /// Sample time, s.
+        sample_time: f64,
+    },
+    /// Constants of the model have no value.
+    #[error("the model has {needed} constants known at run time ({}), {given} values were given", .names.join(", "))]
+    Constants {
+        /// Constants of the model.
+        needed: usize,
+        /// Values given.
+        given: usize,
+        /// Their names.
+        names: Vec<String>,
+    },
+    /// The harmonics could not be computed.
+    #[error("{path}: {source}")]
+    Spectrum {
+        /// The file.
+        path: String,
+        /// The reason.
+        source: SpectrumError,
+    },
+    /// The parameters could not be estimated.
+    #[error("{path}: {source}")]
+    Estimate {
+        /// The file.
+        path: String,
+        /// The reason.
+        source: EstimateError,
+    },
+}

@@ -1,0 +1,352 @@
+//! Reading a logged run.
+//!
+//! Invariant: a [`Log`] holds evenly sampled, finite signals of equal lengths, in the model's units and order; each sample
+//! knows its line in the file.
+
+use super::LogError;
+use crate::estimate::Frozen;
+use crate::harmonics::Hold;
+use crate::model::{Label, Model};
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::Path;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+
+/// The column of time stamps.
+const TIME: &str = "t_s";
+/// Largest share of the sample time by which a step may deviate.
+const JITTER: f64 = 0.01;
+/// Largest share of the sample time by which a stamp may leave the even grid.
+const DRIFT: f64 = 0.5;
+/// Fewest samples of a log.
+const LEAST: usize = 16;
+
+/// What a user may say about a log.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LogOptions {
+    /// Column of a coordinate or input (or of `t_s`), when it is not called like it.
+    pub map: BTreeMap<String, String>,
+    /// Factor on a column.
+    pub scale: BTreeMap<String, f64>,
+    /// Added after the factor, in the model's unit: `signal = scale * column + offset`.
+    pub offset: BTreeMap<String, f64>,
+    /// First sample to use (from 0); found when not given.
+    pub from_sample: Option<usize>,
+    /// Period in seconds; found when not given.
+    pub period: Option<f64>,
+    /// What happens to the inputs between samples.
+    pub hold: Hold,
+    /// Highest harmonic; chosen from the spectrum when not given.
+    pub harmonics: Option<usize>,
+    /// Values of the model's run-time constants, in its order.
+    pub constants: Vec<f64>,
+    /// Prior values of the parameters, in the model's order; may be empty.
+    pub prior: Vec<f64>,
+    /// Parameters that are held.
+    pub frozen: Vec<Frozen>,
+}
+
+/// A run, read and checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Log {
+    /// Where it came from, for messages.
+    pub path: String,
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// Coordinates of the model, then its inputs; each as long as the log.
+    pub channels: Vec<Vec<f64>>,
+    /// Line in the file of every sample (from 1).
+    pub lines: Vec<u64>,
+}
+
+impl Log {
+    /// A log from samples in memory (coordinates, then inputs), such as those of a simulated plant.
+    ///
+    /// # Errors
+    /// [`LogError::TooShort`], [`LogError::FieldCount`] for unequal lengths, [`LogError::NotANumber`].
+    pub fn from_samples(name: &str, sample_time: f64, channels: Vec<Vec<f64>>) -> Result<Self, LogError> {
+        let samples = channels.first().map_or(0, Vec::len);
+        for channel in &channels {
+            if channel.len() != samples {
+                return Err(LogError::FieldCount {
+                    path: name.into(),
+                    line: channel.len().min(samples) as u64 + 1,
+                    found: channel.len() as u64,
+                    expected: samples as u64,
+                });
+            }
+            if let Some(at) = channel.iter().position(|x| !x.is_finite()) {
+                return Err(LogError::NotANumber {
+                    path: name.into(),
+                    line: at as u64 + 1,
+                    column: String::new(),
+                    text: channel[at].to_string(),
+                });
+            }
+        }
+        if samples < LEAST {
+            return Err(LogError::TooShort { path: name.into(), line: samples as u64, samples, needed: LEAST });
+        }
+        Ok(Log { path: name.into(), sample_time, channels, lines: (1..=samples as u64).collect() })
+    }
+
+    /// Reads a CSV file with one header line.
+    ///
+    /// # Errors
+    /// [`LogError`] for anything that is not right, with its line.
+    pub fn open(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
+        let name = path.display().to_string();
+        let file = std::fs::File::open(path).map_err(|source| LogError::Io { path: name.clone(), source })?;
+        Self::read(std::io::BufReader::new(file), &name, model, options)
+    }
+
+    /// Reads CSV text with one header line; `name` stands in messages.
+    ///
+    /// # Errors
+    /// [`LogError`] for anything that is not right, with its line.
+    pub fn read(input: impl Read, name: &str, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
+        let signals = signals(model);
+        check_names(&signals, options)?;
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
+        let header = reader.headers().map_err(|error| of_csv(error, name))?.clone();
+        let find = |signal: &str| -> Result<(usize, String), LogError> {
+            let column = options.map.get(signal).map_or(signal, String::as_str);
+            let mut places = header.iter().enumerate().filter(|(_, h)| *h == column);
+            match (places.next(), places.next()) {
+                (Some((at, _)), None) => Ok((at, column.into())),
+                (Some(_), Some(_)) => Err(LogError::DuplicateColumn { path: name.into(), column: column.into() }),
+                (None, _) => Err(LogError::MissingColumn {
+                    path: name.into(),
+                    name: signal.into(),
+                    column: column.into(),
+                    available: header.iter().map(String::from).collect(),
+                }),
+            }
+        };
+        let time_at = find(TIME)?;
+        let places: Vec<(usize, String)> = signals.iter().map(|s| find(s)).collect::<Result<_, _>>()?;
+        let mut time = Vec::new();
+        // Trailing zeros may be left out, so that the finest digit is the one that stamps are rounded to.
+        let mut resolution = f64::INFINITY;
+        let mut channels: Vec<Vec<f64>> = vec![Vec::new(); signals.len()];
+        let mut lines = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(|error| of_csv(error, name))?;
+            let line = record.position().map_or(0, csv::Position::line);
+            let number = |(at, column): &(usize, String)| -> Result<f64, LogError> {
+                let text = record.get(*at).unwrap_or("");
+                if text.is_empty() {
+                    return Err(LogError::Empty { path: name.into(), line, column: column.clone() });
+                }
+                match text.parse::<f64>() {
+                    Ok(value) if value.is_finite() => Ok(value),
+                    _ => {
+                        Err(LogError::NotANumber { path: name.into(), line, column: column.clone(), text: text.into() })
+                    }
+                }
+            };
+            time.push(number(&time_at)?);
+            resolution = resolution.min(last_digit(record.get(time_at.0).unwrap_or("")));
+            for ((channel, place), signal) in channels.iter_mut().zip(&places).zip(&signals) {
+                let scale = options.scale.get(signal).copied().unwrap_or(1.0);
+                let offset = options.offset.get(signal).copied().unwrap_or(0.0);
+                channel.push(scale * number(place)? + offset);
+            }
+            lines.push(line);
+        }
+        let last_line = lines.last().copied().unwrap_or(1);
+        if time.len() < LEAST {
+            return Err(LogError::TooShort { path: name.into(), line: last_line, samples: time.len(), needed: LEAST });
+        }
+        let sample_time = even_time(&time, resolution, &lines, name)?;
+        for (channel, (_, column)) in channels.iter().zip(&places) {
+            let first = channel[0];
+            if channel.iter().all(|x| *x == first) {
+                return Err(LogError::Constant {
+                    path: name.into(),
+                    from: lines[0],
+                    to: last_line,
+                    column: column.clone(),
+                    value: first,
+                });
+            }
+        }
+        Ok(Log { path: name.into(), sample_time, channels, lines })
+    }
+
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.lines.len()
+    }
+
+    /// No samples.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lines.is_empty()
+    }
+}
+
+/// Names of the signals that a log of the model must have.
+fn signals(model: &dyn Model<f64>) -> Vec<String> {
+    let dims = model.dims();
+    let name = |label: Label<'_>| label.name.to_string();
+    (0..dims.coordinates)
+        .map(|c| name(model.coordinate(c)))
+        .chain((0..dims.inputs).map(|i| name(model.input(i))))
+        .collect()
+}
+
+fn check_names(signals: &[String], options: &LogOptions) -> Result<(), LogError> {
+    let unknown = |option: &'static str, name: &String| LogError::UnknownName {
+        option,
+        name: name.clone(),
+        available: signals.to_vec(),
+    };
+    for name in options.map.keys() {
+        if name != TIME && !signals.contains(name) {
+            return Err(unknown("--map", name));
+        }
+    }
+    for (option, values) in [("--scale", &options.scale), ("--offset", &options.offset)] {
+        for (name, &value) in values {
+            if !signals.contains(name) {
+                return Err(unknown(option, name));
+            }
+            if !value.is_finite() || (option == "--scale" && value == 0.0) {
+                return Err(LogError::BadOption { option, name: name.clone(), value });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn of_csv(error: csv::Error, name: &str) -> LogError {
+    let line = error.position().map_or(1, csv::Position::line);
+    let message = error.to_string();
+    match error.into_kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            LogError::FieldCount { path: name.into(), line, found: len, expected: expected_len }
+        }
+        csv::ErrorKind::Io(source) => LogError::Io { path: name.into(), source },
+        csv::ErrorKind::Utf8 { .. } => LogError::Csv {
+            path: name.into(),
+            line,
+            message: "the text is not UTF-8; save the log as UTF-8 text".into(),
+        },
+        _ => LogError::Csv { path: name.into(), line, message },
+    }
+}
+
+/// Value of one unit in the last printed digit of a decimal number.
+fn last_digit(text: &str) -> f64 {
+    let (mantissa, exponent) = match text.find(['e', 'E']) {
+        Some(at) => (&text[..at], text[at + 1..].parse::<i32>().unwrap_or(0)),
+        None => (text, 0),
+    };
+    let decimals = mantissa.find('.').map_or(0, |at| (mantissa.len() - at - 1) as i32);
+    10.0_f64.powi(exponent - decimals)
+}
+
+/// The sample time of an even grid; a stamp printed with few digits may be off by one in the last.
+fn even_time(time: &[f64], resolution: f64, lines: &[u64], name: &str) -> Result<f64, LogError> {
+    let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    let typical = steps[steps.len() / 2];
+    let tolerance = (JITTER * typical.abs()).max(1.01 * resolution.min(0.5 * typical.abs()));
+    for (i, pair) in time.windows(2).enumerate() {
+        let step = pair[1] - pair[0];
+        if (step - typical).abs() > tolerance || step <= 0.0 {
+            return Err(LogError::Jitter { path: name.into(), line: lines[i + 1], step, expected: typical });
+        }
+    }
+    let sample_time = (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64;
+    for (i, t) in time.iter().enumerate() {
+        let deviation = t - time[0] - i as f64 * sample_time;
+        if deviation.abs() > (DRIFT * sample_time).max(resolution) {
+            return Err(LogError::Drift { path: name.into(), line: lines[i], deviation, expected: sample_time });
+        }
+    }
+    Ok(sample_time)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Log, LogError, LogOptions};
+    use crate::test_models::MassSpringDrag;
+    use std::format;
+    use std::string::String;
+
+    fn text(edit: impl Fn(usize) -> String) -> String {
+        let mut all = String::from("t_s,x,u\n");
+        for i in 0..40 {
+            all += &edit(i);
+        }
+        all
+    }
+
+    fn good(i: usize) -> String {
+        format!("{:.3},{},{}\n", i as f64 * 1e-3, (i as f64).sin(), i)
+    }
+
+    fn read(csv: &str, options: &LogOptions) -> Result<Log, LogError> {
+        Log::read(csv.as_bytes(), "run.csv", &MassSpringDrag, options)
+    }
+
+    fn fault(csv: &str) -> String {
+        format!("{}", read(csv, &LogOptions::default()).expect_err("the log is faulty"))
+    }
+
+    fn with(line: usize, replacement: &str) -> String {
+        text(|i| if i == line { replacement.into() } else { good(i) })
+    }
+
+    #[test]
+    fn reads_maps_and_scales() {
+        let csv = text(good).replace("t_s,x,u", "time,pos,u");
+        let mut options = LogOptions::default();
+        options.map.insert("t_s".into(), "time".into());
+        options.map.insert("x".into(), "pos".into());
+        options.scale.insert("u".into(), 2.0);
+        options.offset.insert("u".into(), -1.0);
+        let log = read(&csv, &options).expect("sound");
+        assert!((log.sample_time - 1e-3).abs() < 1e-15);
+        assert_eq!(log.channels[1][..3], [-1.0, 1.0, 3.0]);
+        assert_eq!(log.lines[0], 2);
+        options.scale.insert("v".into(), 2.0);
+        let message = format!("{}", read(&csv, &options).expect_err("unknown name"));
+        assert!(message.contains("--scale v"), "{message}");
+    }
+
+    #[test]
+    fn faults_name_their_line() {
+        assert!(fault(&with(5, "0.005,nan,1\n")).starts_with("run.csv:7: column `x` holds `nan`"));
+        assert!(fault(&with(5, "0.005,1e999,1\n")).starts_with("run.csv:7: column `x`"));
+        assert!(fault(&with(5, "0.005,,1\n")).starts_with("run.csv:7: column `x` is empty"));
+        assert!(fault(&with(5, "0.005,1\n")).starts_with("run.csv:7: 2 fields, the header has 3"));
+        let message = fault(&with(5, "0.0052,1,1\n"));
+        assert!(message.starts_with("run.csv:7: time advances by") && message.contains("20.0"), "{message}");
+        // A dropped sample, and time that stands still.
+        assert!(fault(&with(5, "")).starts_with("run.csv:7: time advances by"));
+        assert!(fault(&with(5, "0.004,1,1\n")).starts_with("run.csv:7: time advances by"));
+        let message = fault(&text(good).replace("t_s,x,u", "t_s,y,u"));
+        assert!(message.contains("no column `x`") && message.contains("--map x=COLUMN"), "{message}");
+        assert!(fault("t_s,x,u\n0,1,2\n").starts_with("run.csv:2: the log ends after 1 samples"));
+        assert!(fault("").contains("no column `t_s`"));
+        let message = fault(&text(|i| format!("{:.3},0.5,{i}\n", i as f64 * 1e-3)));
+        assert!(message.starts_with("run.csv:2-41: column `x` is 0.5 throughout"), "{message}");
+        let message = fault(&text(|i| format!("{:.6},{i},{i}\n", i as f64 * 1e-3 * (1.0 + 1e-3 * i as f64))));
+        assert!(message.contains("run.csv:"), "{message}");
+        let raw = Log::read(&b"t_s,x,u\n0,\xff,1\n"[..], "run.csv", &MassSpringDrag, &LogOptions::default());
+        assert!(format!("{}", raw.expect_err("not UTF-8")).contains("not UTF-8"));
+    }
+
+    #[test]
+    fn few_printed_digits_are_not_jitter() {
+        let csv = text(|i| format!("{:.4},{},{i}\n", i as f64 * 0.0016384, (i as f64).sin()));
+        let log = read(&csv, &LogOptions::default()).expect("rounding only");
+        assert!((log.sample_time - 0.0016384).abs() < 2e-6);
+    }
+}
