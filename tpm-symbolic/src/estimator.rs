@@ -342,7 +342,7 @@ fn table_plan(model: &Model, leaves: Leaves, table: HarmonicTable) -> TablePlan 
             places.push(place);
             sums.push(Vec::new());
         }
-        let value = entry_expr(model, &mut graph, entry);
+        let value = entry_expr(model, &mut graph, &entry);
         if let Some(terms) = sums.last_mut() {
             terms.push(value);
         }
@@ -537,7 +537,7 @@ mod tests {
             assert_eq!(*found, expected);
         }
         assert!(table.places.iter().any(|(_, column)| column.is_none()), "the known term is in the table");
-        let formulas: Vec<String> = table.table.entries().map(|entry| entry_formula(&table.table, entry)).collect();
+        let formulas: Vec<String> = table.table.entries().map(|entry| entry_formula(&table.table, &entry)).collect();
         assert!(formulas.contains(&"-lambda*w^2".to_owned()), "{formulas:?}");
     }
 }

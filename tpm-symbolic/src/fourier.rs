@@ -4,6 +4,7 @@
 //! (`sin[0]` is the coefficient of sin theta). Equal functions are therefore equal as data.
 
 use crate::rational::{self, Rational};
+use crate::spectrum;
 use num_traits::Zero;
 use serde::{Deserialize, Serialize};
 
@@ -104,40 +105,16 @@ impl Fourier {
         Self::from_parts(scale(&self.cos), scale(&self.sin))
     }
 
-    /// The product, by the product-to-sum formulas.
+    /// The product.
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
-        let half = rational::ratio(1, 2);
-        let top = self.highest_harmonic() + other.highest_harmonic();
-        let mut cos = vec![Rational::zero(); top + 1];
-        let mut sin = vec![Rational::zero(); top];
-        for (i, a) in self.cos.iter().enumerate().filter(|(_, a)| !a.is_zero()) {
-            for (j, b) in other.cos.iter().enumerate().filter(|(_, b)| !b.is_zero()) {
-                let c = a * b * &half;
-                cos[i + j] += &c;
-                cos[i.abs_diff(j)] += c;
-            }
-            for (j, b) in other.sin.iter().enumerate().filter(|(_, b)| !b.is_zero()) {
-                add_cos_sin(&mut sin, i, j + 1, &(a * b * &half));
-            }
-        }
-        for (i, a) in self.sin.iter().enumerate().filter(|(_, a)| !a.is_zero()) {
-            for (j, b) in other.cos.iter().enumerate().filter(|(_, b)| !b.is_zero()) {
-                add_cos_sin(&mut sin, j, i + 1, &(a * b * &half));
-            }
-            for (j, b) in other.sin.iter().enumerate().filter(|(_, b)| !b.is_zero()) {
-                let c = a * b * &half;
-                cos[i + j + 2] -= &c;
-                cos[i.abs_diff(j)] += c;
-            }
-        }
-        Self::from_parts(cos, sin)
+        spectrum::product(self, other)
     }
 
     /// A non-negative power.
     #[must_use]
     pub fn pow(&self, exponent: u32) -> Self {
-        (0..exponent).fold(Self::constant(rational::integer(1)), |product, _| product.mul(self))
+        spectrum::power_product(&[(self, exponent)])
     }
 
     /// The n-th derivative with respect to the phase theta; a time derivative is w^n times it.
@@ -196,16 +173,6 @@ impl Fourier {
             let sin = k.checked_sub(1).and_then(|i| self.sin.get(i)).map(|s| (k, Trig::Sin, s));
             cos.into_iter().chain(sin).filter(|(_, _, value)| !value.is_zero())
         })
-    }
-}
-
-/// Adds c (sin(i + k) + sin(k - i)) with k >= 1: twice c times cos(i theta) sin(k theta).
-fn add_cos_sin(sin: &mut [Rational], i: usize, k: usize, c: &Rational) {
-    sin[i + k - 1] += c;
-    match k.cmp(&i) {
-        std::cmp::Ordering::Greater => sin[k - i - 1] += c,
-        std::cmp::Ordering::Less => sin[i - k - 1] -= c,
-        std::cmp::Ordering::Equal => {}
     }
 }
 

@@ -27,6 +27,7 @@
 //! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
 //! ([`rational::to_f64`]).
 
+mod denominator;
 pub mod estimator;
 pub mod evaluation;
 pub mod expand;
@@ -40,6 +41,8 @@ pub mod leverrier;
 pub mod linalg;
 pub mod linearize;
 pub mod model;
+mod numerator;
+mod packed;
 pub mod pattern;
 pub mod plan;
 pub mod polynomial;
@@ -47,6 +50,7 @@ pub mod rational;
 pub mod regressor;
 pub mod series;
 pub mod singular;
+mod spectrum;
 pub mod table;
 pub mod trig;
 pub mod unit;

@@ -36,6 +36,13 @@ impl<V: Ord + Clone> Monomial<V> {
         Self(factors)
     }
 
+    /// From factors in increasing order of the variables, without zero exponents.
+    pub(crate) fn from_sorted(factors: impl IntoIterator<Item = (V, i32)>) -> Self {
+        let factors: SmallVec<[(V, i32); 4]> = factors.into_iter().collect();
+        debug_assert!(factors.is_sorted_by(|a, b| a.0 < b.0) && factors.iter().all(|factor| factor.1 != 0));
+        Self(factors)
+    }
+
     /// Whether this is the empty product.
     #[must_use]
     pub fn is_one(&self) -> bool {

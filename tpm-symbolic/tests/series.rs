@@ -286,7 +286,7 @@ fn a_truncated_arm_expands_and_converges_to_the_true_torque() {
             let angle = entry.harmonic as f64 * theta;
             let wave = if entry.function.name() == "cos" { angle.cos() } else { angle.sin() };
             let column = entry.column.expect("every term has a parameter");
-            torque[entry.equation] += table.evaluate(entry, &symbols) * wave * parameters[column];
+            torque[entry.equation] += table.evaluate(&entry, &symbols) * wave * parameters[column];
         }
         let shape = rest_to_rest(3).expect("odd");
         let position =

@@ -48,7 +48,7 @@ fn grouped(table: &HarmonicTable, equation: usize) -> BTreeMap<(usize, Trig), Ro
     let mut rows: BTreeMap<(usize, Trig), RowEntries> = BTreeMap::new();
     for entry in table.entries().filter(|entry| entry.equation == equation) {
         let row = rows.entry((entry.harmonic, entry.function)).or_default();
-        row.entry(entry.column).or_default().push(entry.clone());
+        row.entry(entry.column).or_default().push(entry);
     }
     rows
 }

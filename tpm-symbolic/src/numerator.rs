@@ -1,0 +1,602 @@
+//! Integers of fixed width for numerators, and the unlimited one that takes over beyond them.
+//!
+//! Invariant: an operation is only called where a bound, established beforehand by its caller, says that the result
+//! needs at most [`Numerator::BITS`] bits; the fixed widths therefore never wrap. The one-word and two-word types are
+//! the machine's own, checked in builds with debug assertions.
+
+use num_bigint::{BigInt, BigUint, Sign};
+use num_traits::{Signed, Zero};
+use std::ops::{Add, Sub};
+
+/// An odd prime with what is needed to divide by it without a division.
+#[derive(Clone, Debug)]
+pub(crate) struct OddPrime {
+    /// The prime.
+    pub(crate) value: u64,
+    /// 1/value modulo 2^64.
+    inverse: u64,
+    /// 1/value modulo 2^128.
+    inverse_wide: u128,
+    /// The largest quotients there are in one and in two words.
+    largest: u64,
+    largest_wide: u128,
+    /// The binary logarithm.
+    pub(crate) log2: f64,
+    /// value^0, value^1, ... as far as one word holds them.
+    powers: Vec<u64>,
+}
+
+impl OddPrime {
+    pub(crate) fn new(value: u64) -> Self {
+        debug_assert!(value % 2 == 1 && value > 1, "invariant: an odd prime");
+        // Newton's iteration doubles the number of correct low bits; an odd number is its own inverse modulo 8.
+        let wide = u128::from(value);
+        let inverse_wide = (0..6).fold(wide, |x, _| x.wrapping_mul(2u128.wrapping_sub(wide.wrapping_mul(x))));
+        let powers = std::iter::successors(Some(1u64), |power| power.checked_mul(value)).collect();
+        let (largest, largest_wide) = (u64::MAX / value, u128::MAX / wide);
+        Self {
+            value,
+            inverse: inverse_wide as u64,
+            inverse_wide,
+            largest,
+            largest_wide,
+            log2: (value as f64).log2(),
+            powers,
+        }
+    }
+
+    /// value^exponent as a product of one-word factors.
+    pub(crate) fn power_factors(&self, exponent: u32) -> impl Iterator<Item = u64> + '_ {
+        let most = self.powers.len() - 1;
+        let mut rest = exponent as usize;
+        std::iter::from_fn(move || {
+            if rest == 0 {
+                return None;
+            }
+            let part = rest.min(most);
+            rest -= part;
+            Some(self.powers[part])
+        })
+    }
+}
+
+/// An integer of some width.
+pub(crate) trait Numerator: Clone {
+    /// Values of magnitude below 2^BITS are represented.
+    const BITS: u64;
+    fn zero() -> Self;
+    fn is_zero(&self) -> bool;
+    fn is_negative(&self) -> bool;
+    /// From little-endian words in two's complement, as many as there are.
+    fn from_words(words: &[u64]) -> Self;
+    /// The `words` low words of the two's complement.
+    fn push_words(&self, words: usize, out: &mut Vec<u64>);
+    fn plus(&self, other: &Self) -> Self;
+    fn minus(&self, other: &Self) -> Self;
+    fn times(&self, factor: i64) -> Self;
+    fn negated(&self) -> Self;
+    /// The bit length of the largest magnitude.
+    fn bit_length(values: &[Self]) -> u64;
+    /// Number of trailing zero bits; the value is not zero.
+    fn trailing_zeros(&self) -> u32;
+    /// Divided by 2^count, which divides it.
+    fn shifted_right(&self, count: u32) -> Self;
+    /// The quotient when the non-negative `self` is divisible.
+    fn divided_exactly(&self, prime: &OddPrime) -> Option<Self>;
+    /// As an unlimited integer.
+    fn to_big(&self) -> BigInt;
+}
+
+impl Numerator for i64 {
+    const BITS: u64 = 63;
+
+    fn zero() -> Self {
+        0
+    }
+
+    fn is_zero(&self) -> bool {
+        *self == 0
+    }
+
+    fn is_negative(&self) -> bool {
+        *self < 0
+    }
+
+    fn from_words(words: &[u64]) -> Self {
+        words.first().map_or(0, |&word| word as i64)
+    }
+
+    fn push_words(&self, words: usize, out: &mut Vec<u64>) {
+        out.push(*self as u64);
+        for _ in 1..words {
+            out.push((*self >> 63) as u64);
+        }
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        self + other
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        self - other
+    }
+
+    fn times(&self, factor: i64) -> Self {
+        self * factor
+    }
+
+    fn negated(&self) -> Self {
+        -self
+    }
+
+    fn bit_length(values: &[Self]) -> u64 {
+        let mask = values.iter().fold(0u64, |mask, value| mask | value.unsigned_abs());
+        u64::from(64 - mask.leading_zeros())
+    }
+
+    fn trailing_zeros(&self) -> u32 {
+        Self::trailing_zeros(*self)
+    }
+
+    fn shifted_right(&self, count: u32) -> Self {
+        self >> count
+    }
+
+    fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
+        // n is divisible exactly when n/p modulo 2^64 is not above the largest quotient there is.
+        let quotient = (*self as u64).wrapping_mul(prime.inverse);
+        (quotient <= prime.largest).then_some(quotient as i64)
+    }
+
+    fn to_big(&self) -> BigInt {
+        BigInt::from(*self)
+    }
+}
+
+impl Numerator for i128 {
+    const BITS: u64 = 127;
+
+    fn zero() -> Self {
+        0
+    }
+
+    fn is_zero(&self) -> bool {
+        *self == 0
+    }
+
+    fn is_negative(&self) -> bool {
+        *self < 0
+    }
+
+    fn from_words(words: &[u64]) -> Self {
+        match words {
+            [] => 0,
+            [low] => Self::from(*low as i64),
+            [low, high, ..] => (u128::from(*low) | u128::from(*high) << 64) as Self,
+        }
+    }
+
+    fn push_words(&self, words: usize, out: &mut Vec<u64>) {
+        for i in 0..words {
+            out.push(match i {
+                0 => *self as u64,
+                1 => (*self >> 64) as u64,
+                _ => (*self >> 127) as u64,
+            });
+        }
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        self + other
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        self - other
+    }
+
+    fn times(&self, factor: i64) -> Self {
+        // The debug build checks; the product modulo 2^128 takes three word multiplications.
+        debug_assert!(self.checked_mul(Self::from(factor)).is_some(), "invariant: the bound keeps products in range");
+        self.wrapping_mul(Self::from(factor))
+    }
+
+    fn negated(&self) -> Self {
+        -self
+    }
+
+    fn bit_length(values: &[Self]) -> u64 {
+        let mask = values.iter().fold(0u128, |mask, value| mask | value.unsigned_abs());
+        u64::from(128 - mask.leading_zeros())
+    }
+
+    fn trailing_zeros(&self) -> u32 {
+        Self::trailing_zeros(*self)
+    }
+
+    fn shifted_right(&self, count: u32) -> Self {
+        self >> count
+    }
+
+    fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
+        let quotient = (*self as u128).wrapping_mul(prime.inverse_wide);
+        (quotient <= prime.largest_wide).then_some(quotient as Self)
+    }
+
+    fn to_big(&self) -> BigInt {
+        BigInt::from(*self)
+    }
+}
+
+/// N little-endian words in two's complement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Wide<const N: usize>([u64; N]);
+
+impl<const N: usize> Wide<N> {
+    fn fill(negative: bool) -> u64 {
+        if negative { u64::MAX } else { 0 }
+    }
+
+    fn magnitude(&self) -> Self {
+        if self.is_negative() { self.negated() } else { *self }
+    }
+}
+
+impl<const N: usize> Numerator for Wide<N> {
+    const BITS: u64 = 64 * N as u64 - 1;
+
+    fn zero() -> Self {
+        Self([0; N])
+    }
+
+    fn is_zero(&self) -> bool {
+        self.0.iter().all(|&word| word == 0)
+    }
+
+    fn is_negative(&self) -> bool {
+        self.0[N - 1] >> 63 == 1
+    }
+
+    fn from_words(words: &[u64]) -> Self {
+        let fill = Self::fill(words.last().is_some_and(|word| word >> 63 == 1));
+        Self(std::array::from_fn(|i| words.get(i).copied().unwrap_or(fill)))
+    }
+
+    fn push_words(&self, words: usize, out: &mut Vec<u64>) {
+        let fill = Self::fill(self.is_negative());
+        out.extend((0..words).map(|i| self.0.get(i).copied().unwrap_or(fill)));
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        let mut carry = false;
+        Self(std::array::from_fn(|i| {
+            let (sum, first) = self.0[i].overflowing_add(other.0[i]);
+            let (sum, second) = sum.overflowing_add(u64::from(carry));
+            carry = first | second;
+            sum
+        }))
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        let mut borrow = false;
+        Self(std::array::from_fn(|i| {
+            let (difference, first) = self.0[i].overflowing_sub(other.0[i]);
+            let (difference, second) = difference.overflowing_sub(u64::from(borrow));
+            borrow = first | second;
+            difference
+        }))
+    }
+
+    fn times(&self, factor: i64) -> Self {
+        let by = u128::from(factor.unsigned_abs());
+        let mut carry = 0u128;
+        // Modulo 2^(64 N) a two's complement times a non-negative word is the plain product.
+        let product = Self(std::array::from_fn(|i| {
+            let sum = u128::from(self.0[i]) * by + carry;
+            carry = sum >> 64;
+            sum as u64
+        }));
+        if factor < 0 { product.negated() } else { product }
+    }
+
+    fn negated(&self) -> Self {
+        Self::zero().minus(self)
+    }
+
+    fn bit_length(values: &[Self]) -> u64 {
+        let mut mask = [0u64; N];
+        for value in values {
+            for (mask, word) in mask.iter_mut().zip(value.magnitude().0) {
+                *mask |= word;
+            }
+        }
+        let top = mask.iter().rposition(|&word| word != 0);
+        top.map_or(0, |i| 64 * (i as u64 + 1) - u64::from(mask[i].leading_zeros()))
+    }
+
+    fn trailing_zeros(&self) -> u32 {
+        let mut count = 0;
+        for word in self.0 {
+            if word != 0 {
+                return count + word.trailing_zeros();
+            }
+            count += 64;
+        }
+        count
+    }
+
+    fn shifted_right(&self, count: u32) -> Self {
+        let (words, bits) = ((count / 64) as usize, count % 64);
+        let fill = Self::fill(self.is_negative());
+        let word = |i: usize| self.0.get(i).copied().unwrap_or(fill);
+        Self(std::array::from_fn(|i| match bits {
+            0 => word(i + words),
+            _ => word(i + words) >> bits | word(i + words + 1) << (64 - bits),
+        }))
+    }
+
+    fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
+        // Hensel division from the low end: what remains to be borrowed at the top is zero exactly when p divides.
+        let mut borrow = 0u64;
+        let quotient = Self(std::array::from_fn(|i| {
+            let (word, under) = self.0[i].overflowing_sub(borrow);
+            let digit = word.wrapping_mul(prime.inverse);
+            borrow = ((u128::from(digit) * u128::from(prime.value)) >> 64) as u64 + u64::from(under);
+            digit
+        }));
+        (borrow == 0).then_some(quotient)
+    }
+
+    fn to_big(&self) -> BigInt {
+        big_from_words(&self.0)
+    }
+}
+
+impl Numerator for BigInt {
+    const BITS: u64 = u64::MAX;
+
+    fn zero() -> Self {
+        Zero::zero()
+    }
+
+    fn is_zero(&self) -> bool {
+        Zero::is_zero(self)
+    }
+
+    fn is_negative(&self) -> bool {
+        Signed::is_negative(self)
+    }
+
+    fn from_words(words: &[u64]) -> Self {
+        big_from_words(words)
+    }
+
+    fn push_words(&self, words: usize, out: &mut Vec<u64>) {
+        let start = out.len();
+        out.extend(self.magnitude().iter_u64_digits());
+        debug_assert!(out.len() - start <= words, "invariant: the bound keeps the number of words");
+        out.resize(start + words, 0);
+        if self.sign() == Sign::Minus {
+            let mut carry = true;
+            for word in &mut out[start..] {
+                (*word, carry) = (!*word).overflowing_add(u64::from(carry));
+            }
+        }
+    }
+
+    fn plus(&self, other: &Self) -> Self {
+        self.add(other)
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        self.sub(other)
+    }
+
+    fn times(&self, factor: i64) -> Self {
+        self * factor
+    }
+
+    fn negated(&self) -> Self {
+        -self
+    }
+
+    fn bit_length(values: &[Self]) -> u64 {
+        values.iter().map(Self::bits).max().unwrap_or(0)
+    }
+
+    fn trailing_zeros(&self) -> u32 {
+        u32::try_from(Self::trailing_zeros(self).unwrap_or(0)).unwrap_or(u32::MAX)
+    }
+
+    fn shifted_right(&self, count: u32) -> Self {
+        self >> count
+    }
+
+    fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
+        Zero::is_zero(&(self % prime.value)).then(|| self / prime.value)
+    }
+
+    fn to_big(&self) -> BigInt {
+        self.clone()
+    }
+}
+
+/// The integer of little-endian words in two's complement.
+pub(crate) fn big_from_words(words: &[u64]) -> BigInt {
+    let negative = words.last().is_some_and(|word| word >> 63 == 1);
+    if !negative {
+        return BigInt::from(unsigned_from_words(words));
+    }
+    let mut carry = true;
+    let magnitude: Vec<u64> = words
+        .iter()
+        .map(|&word| {
+            let (word, over) = (!word).overflowing_add(u64::from(carry));
+            carry = over;
+            word
+        })
+        .collect();
+    BigInt::from_biguint(Sign::Minus, unsigned_from_words(&magnitude))
+}
+
+/// The non-negative integer of little-endian words.
+pub(crate) fn unsigned_from_words(words: &[u64]) -> BigUint {
+    match words {
+        [low] => BigUint::from(*low),
+        [low, high] => BigUint::from(u128::from(*low) | u128::from(*high) << 64),
+        _ => BigUint::new(words.iter().flat_map(|&word| [word as u32, (word >> 32) as u32]).collect()),
+    }
+}
+
+/// Numerators of one width. Which one is chosen by [`Values::hold`].
+#[derive(Clone, Debug)]
+pub(crate) enum Values {
+    One(Vec<i64>),
+    Two(Vec<i128>),
+    Three(Vec<Wide<3>>),
+    Four(Vec<Wide<4>>),
+    Six(Vec<Wide<6>>),
+    Eight(Vec<Wide<8>>),
+    Big(Vec<BigInt>),
+}
+
+/// Runs the same code for whichever width `$values` has; with `=> $wrap` the result, a vector of the same width, is
+/// wrapped again.
+macro_rules! for_width {
+    ($values:expr, $list:ident => $body:expr) => {
+        match $values {
+            $crate::numerator::Values::One($list) => $body,
+            $crate::numerator::Values::Two($list) => $body,
+            $crate::numerator::Values::Three($list) => $body,
+            $crate::numerator::Values::Four($list) => $body,
+            $crate::numerator::Values::Six($list) => $body,
+            $crate::numerator::Values::Eight($list) => $body,
+            $crate::numerator::Values::Big($list) => $body,
+        }
+    };
+    ($values:expr, $list:ident => wrap $body:expr) => {
+        match $values {
+            $crate::numerator::Values::One($list) => $crate::numerator::Values::One($body),
+            $crate::numerator::Values::Two($list) => $crate::numerator::Values::Two($body),
+            $crate::numerator::Values::Three($list) => $crate::numerator::Values::Three($body),
+            $crate::numerator::Values::Four($list) => $crate::numerator::Values::Four($body),
+            $crate::numerator::Values::Six($list) => $crate::numerator::Values::Six($body),
+            $crate::numerator::Values::Eight($list) => $crate::numerator::Values::Eight($body),
+            $crate::numerator::Values::Big($list) => $crate::numerator::Values::Big($body),
+        }
+    };
+}
+pub(crate) use for_width;
+
+impl Values {
+    /// Magnitudes below 2^this are represented.
+    pub(crate) fn capacity(&self) -> u64 {
+        fn bits<T: Numerator>(_: &[T]) -> u64 {
+            T::BITS
+        }
+        for_width!(self, list => bits(list))
+    }
+
+    /// The same numbers, in the narrowest width that holds magnitudes below 2^bits unless they already have room.
+    pub(crate) fn widened(&self, bits: u64) -> Self {
+        fn convert<S: Numerator, T: Numerator>(from: &[S]) -> Vec<T> {
+            let words = if S::BITS == u64::MAX { 0 } else { S::BITS.div_ceil(64) as usize };
+            let mut scratch = Vec::new();
+            from.iter()
+                .map(|value| {
+                    scratch.clear();
+                    let words = if words == 0 { (value.to_big().bits() / 64 + 1) as usize } else { words };
+                    value.push_words(words, &mut scratch);
+                    T::from_words(&scratch)
+                })
+                .collect()
+        }
+        match bits {
+            0..=63 => for_width!(self, list => Self::One(convert(list))),
+            64..=127 => for_width!(self, list => Self::Two(convert(list))),
+            128..=191 => for_width!(self, list => Self::Three(convert(list))),
+            192..=255 => for_width!(self, list => Self::Four(convert(list))),
+            256..=383 => for_width!(self, list => Self::Six(convert(list))),
+            384..=511 => for_width!(self, list => Self::Eight(convert(list))),
+            _ => for_width!(self, list => Self::Big(convert(list))),
+        }
+    }
+
+    /// Makes room for magnitudes below 2^bits.
+    pub(crate) fn hold(&mut self, bits: u64) {
+        if self.capacity() < bits {
+            *self = self.widened(bits);
+        }
+    }
+
+    /// As unlimited integers.
+    pub(crate) fn to_big(&self) -> Vec<BigInt> {
+        for_width!(self, list => list.iter().map(Numerator::to_big).collect())
+    }
+}
+
+/// An exact integer factor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Scalar {
+    Small(i64),
+    Big(BigInt),
+}
+
+impl Scalar {
+    pub(crate) const ONE: Self = Self::Small(1);
+
+    pub(crate) fn from_big(value: &BigInt) -> Self {
+        i64::try_from(value).map_or_else(|_| Self::Big(value.clone()), Self::Small)
+    }
+
+    pub(crate) fn to_big(&self) -> BigInt {
+        match self {
+            Self::Small(value) => BigInt::from(*value),
+            Self::Big(value) => value.clone(),
+        }
+    }
+
+    pub(crate) fn is_zero(&self) -> bool {
+        matches!(self, Self::Small(0))
+    }
+
+    pub(crate) fn is_one(&self) -> bool {
+        matches!(self, Self::Small(1))
+    }
+
+    /// Bit length of the magnitude.
+    pub(crate) fn bits(&self) -> u64 {
+        match self {
+            Self::Small(value) => u64::from(64 - value.unsigned_abs().leading_zeros()),
+            Self::Big(value) => value.bits(),
+        }
+    }
+
+    pub(crate) fn times(&self, other: &Self) -> Self {
+        if let (Self::Small(a), Self::Small(b)) = (self, other)
+            && let Some(product) = a.checked_mul(*b)
+        {
+            return Self::Small(product);
+        }
+        Self::from_big(&(self.to_big() * other.to_big()))
+    }
+
+    pub(crate) fn plus(&self, other: &Self) -> Self {
+        if let (Self::Small(a), Self::Small(b)) = (self, other)
+            && let Some(sum) = a.checked_add(*b)
+        {
+            return Self::Small(sum);
+        }
+        Self::from_big(&(self.to_big() + other.to_big()))
+    }
+
+    pub(crate) fn power(&self, exponent: u32) -> Self {
+        match self {
+            Self::Small(1) => Self::ONE,
+            Self::Small(value) => match value.checked_pow(exponent) {
+                Some(power) => Self::Small(power),
+                None => Self::from_big(&BigInt::from(*value).pow(exponent)),
+            },
+            Self::Big(value) => Self::from_big(&value.pow(exponent)),
+        }
+    }
+}

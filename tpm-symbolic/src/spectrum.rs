@@ -1,0 +1,518 @@
+//! Fourier polynomials over one common denominator, for multiplying out.
+//!
+//! With z = e^{j theta} a Fourier polynomial is a Laurent polynomial whose coefficients of z^-k follow from those of z^k,
+//!
+//! ```text
+//! F = [ sum_k C_k z^k + (1/j) sum_k S_k z^k ] / d ,     C_-k = C_k ,  S_-k = -S_k ,
+//! c_0 = C_0 / d ,   c_k = 2 C_k / d ,   s_k = 2 S_k / d    (k >= 1),
+//! ```
+//!
+//! so products of the integers C and S are plain convolutions and only k >= 0 is kept.
+//!
+//! Invariants of [`Spectrum`]: harmonics lie on the lattice first + stride i, with stride 2 as long as all factors have
+//! harmonics of one parity; the cosine numerators come before the sine numerators, each list `len` long when present;
+//! every magnitude is below 2^bits, and the width holds it. The denominator is kept by whoever multiplies, in factored
+//! form, since it is the product of the factors'.
+
+use crate::denominator::{Denominator, Factors};
+use crate::fourier::Fourier;
+use crate::numerator::{Numerator, Scalar, Values, for_width};
+use crate::rational::Rational;
+use num_bigint::{BigInt, BigUint};
+use num_integer::Integer;
+use num_traits::{CheckedMul, CheckedSub, One, Signed, Zero};
+
+/// A factor, by its few non-zero harmonics.
+#[derive(Clone, Debug)]
+pub(crate) struct Base {
+    /// (harmonic, C, S), increasing harmonics.
+    terms: BaseTerms,
+    cos: bool,
+    sin: bool,
+    /// The parity of the harmonics when they all have the same.
+    parity: Option<usize>,
+    highest: usize,
+    /// The sum over k = -highest..highest of |C_k| + |S_k| is at most 2^this.
+    norm_bits: u64,
+    denominator: Denominator,
+}
+
+#[derive(Clone, Debug)]
+enum BaseTerms {
+    Small(Vec<(usize, i64, i64)>),
+    Big(Vec<(usize, BigInt, BigInt)>),
+}
+
+/// (harmonic, C, S) and the denominator.
+type Parts<T> = (Vec<(usize, T, T)>, T);
+
+/// a * b when it and its negative fit.
+fn checked<T: Zero + CheckedMul + CheckedSub>(a: &T, b: &T) -> Option<T> {
+    a.checked_mul(b).filter(|product| T::zero().checked_sub(product).is_some())
+}
+
+/// The numerators of the n-th phase derivative of `fourier`; `None` when they do not fit into T.
+fn parts<T>(fourier: &Fourier, order: u32, exact: impl Fn(&BigInt) -> Option<T>) -> Option<Parts<T>>
+where
+    T: Clone + Integer + CheckedMul + CheckedSub + Signed,
+{
+    let two = T::one() + T::one();
+    let mut denominator = T::one();
+    let mut list: Vec<(usize, T, T)> = Vec::new();
+    for (k, function, value) in fourier.terms() {
+        if k == 0 && order > 0 {
+            continue;
+        }
+        let below = exact(value.denom())?;
+        if !denominator.is_multiple_of(&below) {
+            denominator = checked(&denominator, &(below.clone() / denominator.gcd(&below)))?;
+        }
+        if list.last().is_none_or(|last| last.0 != k) {
+            list.push((k, T::zero(), T::zero()));
+        }
+        let last = list.last_mut().expect("invariant: pushed just before");
+        match function {
+            crate::fourier::Trig::Cos => last.1 = exact(value.numer())?,
+            crate::fourier::Trig::Sin => last.2 = exact(value.numer())?,
+        }
+    }
+    // Every numerator stands over its own denominator so far.
+    let mut common = T::zero();
+    let mut index = 0;
+    for (k, function, value) in fourier.terms() {
+        if k == 0 && order > 0 {
+            continue;
+        }
+        if list[index].0 != k {
+            index += 1;
+        }
+        let mut factor = denominator.clone() / exact(value.denom())?;
+        if k == 0 {
+            factor = checked(&factor, &two)?;
+        } else if order > 0 {
+            let harmonic = exact(&BigInt::from(k))?;
+            for _ in 0..order {
+                factor = checked(&factor, &harmonic)?;
+            }
+        }
+        let slot = match function {
+            crate::fourier::Trig::Cos => &mut list[index].1,
+            crate::fourier::Trig::Sin => &mut list[index].2,
+        };
+        *slot = checked(slot, &factor)?;
+        common = common.gcd(slot);
+    }
+    denominator = checked(&denominator, &two)?;
+    common = common.gcd(&denominator);
+    denominator = denominator / common.clone();
+    for (_, c, s) in &mut list {
+        *c = c.clone() / common.clone();
+        *s = s.clone() / common.clone();
+        // d/dtheta maps (c, s) of harmonic k to (k s, -k c); the powers of k are in already.
+        if order % 4 >= 2 {
+            (*c, *s) = (-c.clone(), -s.clone());
+        }
+        if order % 2 == 1 {
+            (*c, *s) = (s.clone(), -c.clone());
+        }
+    }
+    Some((list, denominator))
+}
+
+impl Base {
+    /// The n-th phase derivative of a Fourier polynomial as a factor.
+    pub(crate) fn new(fourier: &Fourier, order: u32, factors: &mut Factors) -> Self {
+        if let Some((terms, denominator)) =
+            parts(fourier, order, |value| i64::try_from(value).ok().filter(|value| *value > i64::MIN))
+            && let Some(norm) = terms.iter().try_fold(0u64, |sum, (k, c, s)| {
+                let once = c.unsigned_abs().checked_add(s.unsigned_abs())?;
+                sum.checked_add(if *k == 0 { once } else { once.checked_mul(2)? })
+            })
+        {
+            let norm_bits = u64::from(64 - norm.saturating_sub(1).leading_zeros());
+            let denominator = factors.factor_word(denominator.unsigned_abs());
+            let (cos, sin) = (terms.iter().any(|t| t.1 != 0), terms.iter().any(|t| t.2 != 0));
+            let harmonics = terms.iter().map(|term| term.0);
+            let (parity, highest) = (common_parity(harmonics.clone()), harmonics.max().unwrap_or(0));
+            return Self { terms: BaseTerms::Small(terms), cos, sin, parity, highest, norm_bits, denominator };
+        }
+        let (terms, denominator) =
+            parts(fourier, order, |value| Some(value.clone())).expect("invariant: unlimited integers do not overflow");
+        let norm: BigUint =
+            terms.iter().map(|(k, c, s)| (c.magnitude() + s.magnitude()) * if *k == 0 { 1u32 } else { 2u32 }).sum();
+        let denominator = factors.factor(denominator.magnitude());
+        let (cos, sin) = (terms.iter().any(|t| !Zero::is_zero(&t.1)), terms.iter().any(|t| !Zero::is_zero(&t.2)));
+        let harmonics = terms.iter().map(|term| term.0);
+        let (parity, highest) = (common_parity(harmonics.clone()), harmonics.max().unwrap_or(0));
+        Self { terms: BaseTerms::Big(terms), cos, sin, parity, highest, norm_bits: norm.bits(), denominator }
+    }
+
+    pub(crate) fn highest_harmonic(&self) -> usize {
+        self.highest
+    }
+
+    pub(crate) fn norm_bits(&self) -> u64 {
+        self.norm_bits
+    }
+
+    pub(crate) fn denominator(&self) -> &Denominator {
+        &self.denominator
+    }
+
+    pub(crate) fn parity(&self) -> Option<usize> {
+        self.parity
+    }
+
+    /// Whether there are cosines, and whether there are sines.
+    pub(crate) fn functions(&self) -> (bool, bool) {
+        (self.cos, self.sin)
+    }
+}
+
+fn common_parity(mut harmonics: impl Iterator<Item = usize>) -> Option<usize> {
+    let first = harmonics.next()? % 2;
+    harmonics.all(|k| k % 2 == first).then_some(first)
+}
+
+/// A product of bases.
+#[derive(Clone, Debug)]
+pub(crate) struct Spectrum {
+    first: usize,
+    stride: usize,
+    len: usize,
+    cos: bool,
+    sin: bool,
+    bits: u64,
+    values: Values,
+}
+
+impl Spectrum {
+    /// The constant 1.
+    pub(crate) fn one() -> Self {
+        Self { first: 0, stride: 2, len: 1, cos: true, sin: false, bits: 1, values: Values::One(vec![1]) }
+    }
+
+    /// The constant 0 on the lattice of `like`.
+    pub(crate) fn zero_like(like: &Self) -> Self {
+        Self { len: 0, cos: false, sin: false, bits: 0, values: Values::One(Vec::new()), ..*like }
+    }
+
+    pub(crate) fn first(&self) -> usize {
+        self.first
+    }
+
+    pub(crate) fn stride(&self) -> usize {
+        self.stride
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    pub(crate) fn has_cos(&self) -> bool {
+        self.cos
+    }
+
+    pub(crate) fn has_sin(&self) -> bool {
+        self.sin
+    }
+
+    pub(crate) fn bits(&self) -> u64 {
+        self.bits
+    }
+
+    pub(crate) fn values(&self) -> &Values {
+        &self.values
+    }
+
+    /// The same function on the lattice of all harmonics.
+    fn spread(&self) -> Self {
+        fn place<T: Numerator>(from: &[T], first: usize, len: usize) -> Vec<T> {
+            let spread = first + 2 * len - 1;
+            let mut list = vec![T::zero(); from.len() / len * spread];
+            for (part, slots) in from.chunks(len).zip(list.chunks_mut(spread)) {
+                for (i, value) in part.iter().enumerate() {
+                    slots[first + 2 * i] = value.clone();
+                }
+            }
+            list
+        }
+        if self.stride == 1 || self.len == 0 {
+            return Self { first: 0, stride: 1, ..self.clone() };
+        }
+        let values = for_width!(&self.values, list => wrap place(list, self.first, self.len));
+        Self { first: 0, stride: 1, len: self.first + 2 * self.len - 1, values, ..*self }
+    }
+
+    /// The product with a base; the denominators multiply too.
+    pub(crate) fn multiply(&self, base: &Base) -> Self {
+        if (self.stride == 2 && base.parity.is_none()) || self.len == 0 {
+            let spread = self.spread();
+            return if self.len == 0 { spread } else { spread.multiply(base) };
+        }
+        // |product| <= max |self| * (sum of |base|), and so is every partial sum.
+        let bound = self.bits + base.norm_bits;
+        let first = if self.stride == 2 { (self.first + base.parity.unwrap_or(0)) % 2 } else { 0 };
+        let highest = self.first + self.stride * (self.len - 1) + base.highest;
+        let len = (highest - first) / self.stride + 1;
+        let (cos, sin) = (self.cos && base.cos || self.sin && base.sin, self.cos && base.sin || self.sin && base.cos);
+        let needed = if matches!(base.terms, BaseTerms::Big(_)) { u64::MAX } else { bound };
+        let wide;
+        let values = if self.values.capacity() < needed {
+            wide = self.values.widened(needed);
+            &wide
+        } else {
+            &self.values
+        };
+        let shape = Shape { first, len, cos, sin };
+        let values = match &base.terms {
+            BaseTerms::Small(terms) => {
+                for_width!(values, list => wrap self.convolve(list, terms, base.highest, shape, |v, f: &i64| v.times(*f)))
+            }
+            BaseTerms::Big(terms) => {
+                let list = values.to_big();
+                Values::Big(self.convolve(&list, terms, base.highest, shape, |v, f: &BigInt| v * f))
+            }
+        };
+        let bits = for_width!(&values, list => Numerator::bit_length(list));
+        Self { first, stride: self.stride, len, cos, sin, bits, values }
+    }
+
+    fn convolve<T: Numerator, F: Signed + Clone>(
+        &self,
+        values: &[T],
+        terms: &[(usize, F, F)],
+        reach: usize,
+        shape: Shape,
+        times: impl Fn(&T, &F) -> T,
+    ) -> Vec<T> {
+        let stride = self.stride;
+        let below = (reach + self.first) / stride; // lattice points from -reach up to first - stride
+        let padded_len = below + shape.len + (shape.first + reach) / stride + 1;
+        let mut out = vec![T::zero(); shape.len * (usize::from(shape.cos) + usize::from(shape.sin))];
+        let mut padded: Vec<T> = Vec::with_capacity(padded_len);
+        let mut part = values;
+        for odd in [false, true] {
+            if !(if odd { self.sin } else { self.cos }) {
+                continue;
+            }
+            let (list, rest) = part.split_at(self.len);
+            part = rest;
+            // The list continued to both sides: mirrored below harmonic 0, zero above the highest.
+            padded.clear();
+            for i in (1..=below).rev() {
+                // harmonic first - stride i, mirrored: stride i - first
+                let mirrored = (stride * i - self.first - self.first) / stride;
+                let value = list.get(mirrored).cloned().unwrap_or_else(T::zero);
+                padded.push(if odd { value.negated() } else { value });
+            }
+            padded.extend_from_slice(list);
+            padded.resize(padded_len.max(padded.len()), T::zero());
+            // Index of harmonic h (on the list's lattice, h >= first - stride below).
+            let index = |h: isize| -> usize {
+                usize::try_from((h - self.first as isize) / stride as isize + below as isize)
+                    .expect("invariant: the list was continued far enough")
+            };
+            for (k, c, s) in terms {
+                for (factor, base_odd) in [(c, false), (s, true)] {
+                    if factor.is_zero() {
+                        continue;
+                    }
+                    let into_sin = odd != base_odd;
+                    let offset = if into_sin && shape.cos { shape.len } else { 0 };
+                    let target = &mut out[offset..offset + shape.len];
+                    let start = shape.first as isize;
+                    let lower = &padded[index(start - *k as isize)..][..shape.len];
+                    // (1/j)^2 = -1
+                    let negative = odd && base_odd;
+                    let negated = -factor.clone();
+                    let factor = if negative { &negated } else { factor };
+                    if *k == 0 {
+                        accumulate(target, lower.iter().cloned(), factor, &times);
+                        continue;
+                    }
+                    let upper = &padded[index(start + *k as isize)..][..shape.len];
+                    let pairs = lower.iter().zip(upper);
+                    if base_odd {
+                        accumulate(target, pairs.map(|(a, b)| a.minus(b)), factor, &times);
+                    } else {
+                        accumulate(target, pairs.map(|(a, b)| a.plus(b)), factor, &times);
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// self += factor * other, over the same denominator.
+    pub(crate) fn add_scaled(&mut self, other: &Self, factor: &Scalar) {
+        if other.len == 0 || factor.is_zero() {
+            return;
+        }
+        if self.len == 0 {
+            *self = Self::zero_like(other);
+        }
+        if self.len > 0 && (self.stride, self.first) != (other.stride, other.first) {
+            *self = self.spread();
+            return self.add_scaled(&other.spread(), factor);
+        }
+        let scaled_bits = other.bits + factor.bits();
+        let bound = self.bits.max(scaled_bits) + 1;
+        let (cos, sin, len) = (self.cos || other.cos, self.sin || other.sin, self.len.max(other.len));
+        if (cos, sin, len) != (self.cos, self.sin, self.len) {
+            let values = for_width!(&self.values, list => wrap self.arranged(list, cos, sin, len));
+            *self = Self { cos, sin, len, values, ..*self };
+        }
+        if let Scalar::Big(factor) = factor {
+            self.values.hold(u64::MAX);
+            if let Values::Big(into) = &mut self.values {
+                let from = other.values.to_big();
+                add_list(into, &from, len, cos, other, factor, |value, factor| value * factor);
+            }
+            self.bits = bound;
+            return;
+        }
+        let Scalar::Small(factor) = factor else { return };
+        self.values.hold(bound);
+        let wide;
+        let same = std::mem::discriminant(&self.values) == std::mem::discriminant(&other.values);
+        let values = if same {
+            &other.values
+        } else {
+            wide = other.values.widened(self.values.capacity());
+            &wide
+        };
+        match (&mut self.values, values) {
+            (Values::One(into), Values::One(from)) => {
+                add_list(into, from, len, cos, other, factor, |value, factor| value.times(*factor))
+            }
+            (Values::Two(into), Values::Two(from)) => {
+                add_list(into, from, len, cos, other, factor, |value, factor| value.times(*factor))
+            }
+            (Values::Three(into), Values::Three(from)) => {
+                add_list(into, from, len, cos, other, factor, |value, factor| value.times(*factor))
+            }
+            (Values::Four(into), Values::Four(from)) => {
+                add_list(into, from, len, cos, other, factor, |value, factor| value.times(*factor))
+            }
+            (Values::Six(into), Values::Six(from)) => {
+                add_list(into, from, len, cos, other, factor, |value, factor| value.times(*factor))
+            }
+            (Values::Eight(into), Values::Eight(from)) => {
+                add_list(into, from, len, cos, other, factor, |value, factor| value.times(*factor))
+            }
+            (Values::Big(into), Values::Big(from)) => {
+                add_list(into, from, len, cos, other, factor, |value, factor| value.times(*factor))
+            }
+            _ => unreachable!("invariant: both lists were brought to one width"),
+        }
+        self.bits = bound;
+    }
+
+    fn arranged<T: Numerator>(&self, list: &[T], cos: bool, sin: bool, len: usize) -> Vec<T> {
+        let mut out = vec![T::zero(); len * (usize::from(cos) + usize::from(sin))];
+        let (old_cos, old_sin) = list.split_at(if self.cos { self.len } else { 0 });
+        for (value, slot) in old_cos.iter().zip(&mut out) {
+            *slot = value.clone();
+        }
+        let start = if cos { len } else { 0 };
+        for (value, slot) in old_sin.iter().zip(out.iter_mut().skip(start)) {
+            *slot = value.clone();
+        }
+        out
+    }
+
+    /// Back to coefficients, over the given denominator.
+    pub(crate) fn to_fourier(&self, denominator: &BigInt) -> Fourier {
+        let values = self.values.to_big();
+        let mut lists = [Vec::new(), Vec::new()];
+        let mut rest = values.as_slice();
+        for (list, present) in lists.iter_mut().zip([self.cos, self.sin]) {
+            if present {
+                let (part, behind) = rest.split_at(self.len);
+                rest = behind;
+                *list = vec![Rational::zero(); self.first + self.stride * self.len];
+                for (i, value) in part.iter().enumerate() {
+                    let k = self.first + self.stride * i;
+                    let value = if k == 0 { value.clone() } else { value * 2 };
+                    list[k] = Rational::new(value, denominator.clone());
+                }
+            }
+        }
+        let [cos, mut sin] = lists;
+        if !sin.is_empty() {
+            sin.remove(0);
+        }
+        Fourier::from_parts(cos, sin)
+    }
+}
+
+/// Lattice and parts of a product.
+#[derive(Clone, Copy)]
+struct Shape {
+    first: usize,
+    len: usize,
+    cos: bool,
+    sin: bool,
+}
+
+/// target += factor * source; factors +-1 are frequent in patterns and cost no multiplication.
+fn accumulate<T: Numerator, F: Signed + Clone>(
+    target: &mut [T],
+    source: impl Iterator<Item = T>,
+    factor: &F,
+    times: impl Fn(&T, &F) -> T,
+) {
+    if factor.is_one() {
+        target.iter_mut().zip(source).for_each(|(slot, value)| *slot = slot.plus(&value));
+    } else if (-factor.clone()).is_one() {
+        target.iter_mut().zip(source).for_each(|(slot, value)| *slot = slot.minus(&value));
+    } else {
+        target.iter_mut().zip(source).for_each(|(slot, value)| *slot = slot.plus(&times(&value, factor)));
+    }
+}
+
+/// Adds factor * from, laid out as `other` says, to lists of length `len` with cosines first when `cos`.
+fn add_list<T: Numerator, F: Signed + Clone>(
+    into: &mut [T],
+    from: &[T],
+    len: usize,
+    cos: bool,
+    other: &Spectrum,
+    factor: &F,
+    times: impl Fn(&T, &F) -> T,
+) {
+    let (from_cos, from_sin) = from.split_at(if other.cos { other.len } else { 0 });
+    for (from, start) in [(from_cos, 0), (from_sin, if cos { len } else { 0 })] {
+        if !from.is_empty() {
+            accumulate(&mut into[start..start + from.len()], from.iter().cloned(), factor, &times);
+        }
+    }
+}
+
+/// The product of two Fourier polynomials.
+pub(crate) fn product(a: &Fourier, b: &Fourier) -> Fourier {
+    power_product(&[(a, 1), (b, 1)])
+}
+
+/// The product of powers of Fourier polynomials.
+pub(crate) fn power_product(factors: &[(&Fourier, u32)]) -> Fourier {
+    let mut result = Spectrum::one();
+    let mut denominator = BigInt::one();
+    for (fourier, exponent) in factors {
+        if *exponent == 0 {
+            continue;
+        }
+        if fourier.is_zero() {
+            return Fourier::zero();
+        }
+        let mut known = Factors::default();
+        let base = Base::new(fourier, 0, &mut known);
+        let below = known.quotient(base.denominator(), &Denominator::default()).to_big();
+        for _ in 0..*exponent {
+            result = result.multiply(&base);
+        }
+        denominator *= below.pow(*exponent);
+    }
+    result.to_fourier(&denominator)
+}
