@@ -1,0 +1,225 @@
+//! Weighted least squares over the harmonic equations of one or several records.
+//!
+//! Invariant: the weights are those of the noise at the present estimate plus a flat error of the model, both found anew
+//! until the estimate stands still; what noise in the regressors adds to the normal equations is taken out.
+
+use super::noise::excess;
+use super::{EstimateError, MeasuredMotion, Settings};
+use crate::estimate::{Estimate, Information, Status};
+use crate::model::Dims;
+use nalgebra::DMatrix;
+use std::vec;
+use std::vec::Vec;
+
+/// A deviation beyond this share of the value, and a visible share of the force, makes a parameter poorly determined.
+const POOR: f64 = 0.25;
+/// Smallest share of the force that counts in that judgement.
+const POOR_FORCE: f64 = 0.01;
+
+/// Estimates the parameters from the pooled equations of one or several records of the same model.
+///
+/// The records' line selections are refined in place (a tail that the model does not explain is left out when the number
+/// of harmonics was not given).
+///
+/// # Errors
+/// [`EstimateError`].
+pub fn estimate_measured_motion(
+    records: &mut [MeasuredMotion],
+    settings: &Settings,
+) -> Result<Estimate, EstimateError> {
+    let Some(dims) = records.first().map(|r| r.dims) else {
+        return Err(EstimateError::NoSignal);
+    };
+    let mut estimate = solve_records(records, dims, settings)?;
+    if settings.harmonics.is_none() {
+        // Each cut lowers the median of what remains, so the loop is short; it ends at half of the lines at the latest.
+        for _ in 0..8 {
+            let mut cut = false;
+            for record in records.iter_mut() {
+                let (variance, _) = record.row_noise(&estimate.values);
+                cut |= record.cut_tail(&estimate.values, &variance);
+            }
+            if !cut {
+                break;
+            }
+            estimate = solve_records(records, dims, settings)?;
+        }
+    }
+    Ok(estimate)
+}
+
+fn solve_records(records: &[MeasuredMotion], dims: Dims, settings: &Settings) -> Result<Estimate, EstimateError> {
+    let p = dims.parameters;
+    let mut start = settings.prior.clone();
+    start.resize(p, 0.0);
+    let mut free: Vec<usize> = (0..p).collect();
+    for frozen in &settings.frozen {
+        if frozen.parameter >= p {
+            return Err(EstimateError::Frozen(frozen.parameter));
+        }
+        start[frozen.parameter] = frozen.value;
+        free.retain(|&j| j != frozen.parameter);
+    }
+    if free.is_empty() && p > 0 {
+        return Err(EstimateError::AllFrozen);
+    }
+    let prior_free: Vec<f64> = free.iter().map(|&j| start[j]).collect();
+
+    let mut theta = start.clone();
+    let mut model_error = vec![vec![0.0; dims.rows]; records.len()];
+    let mut weights: Vec<Vec<Vec<f64>>> = records
+        .iter()
+        .map(|record| {
+            (0..dims.rows)
+                .map(|r| {
+                    // The first pass weighs all lines of a row alike, rows by the size of their force.
+                    let (_, force) = record.row_power(r, &vec![1.0; p]);
+                    let size = if force > 0.0 { force * force } else { 1.0 };
+                    record.used[r].iter().map(|_| size).collect()
+                })
+                .collect()
+        })
+        .collect();
+    let mut gradient = vec![0.0; free.len()];
+    let mut information = Information::empty(free.len());
+    let mut solution = information.solve(&prior_free, None);
+    let mut equations_total = 0;
+    for pass in 0..12 {
+        information = Information::empty(free.len());
+        equations_total = 0;
+        for (record, variance) in records.iter().zip(&weights) {
+            let mut equations = record.equations(variance);
+            for e in 0..equations.len() {
+                for frozen in &settings.frozen {
+                    let part = equations.regressor(e)[frozen.parameter] * frozen.value;
+                    equations.right[e] -= part;
+                }
+            }
+            equations_total += equations.real_len();
+            let (matrix, right) = equations.weighted(&free);
+            information = information.pool(&Information::of(&matrix, &right));
+        }
+        let correction = (pass > 0).then_some(gradient.as_slice());
+        solution = information.solve(&prior_free, correction);
+        let before = theta.clone();
+        for (&j, &value) in free.iter().zip(&solution.values) {
+            theta[j] = value;
+        }
+        let moved = free
+            .iter()
+            .map(|&j| (theta[j] - before[j]).abs() - 1e-9 * theta[j].abs())
+            .fold(f64::NEG_INFINITY, f64::max);
+        if pass > 2 && moved <= 0.0 {
+            break;
+        }
+        gradient.fill(0.0);
+        let share = 1.0 - (solution.rank as f64 / equations_total.max(1) as f64).min(1.0);
+        for (i, record) in records.iter().enumerate() {
+            let (mut variance, bias) = record.row_noise(&theta);
+            for row in 0..dims.rows {
+                let residual = record.residuals(row, &theta);
+                let error = excess(&residual, &variance[row], &record.used[row], share);
+                model_error[i][row] = error;
+                for (v, &k) in variance[row].iter_mut().zip(&record.used[row]) {
+                    *v += if k == 0 { error / 4.0 } else { error };
+                }
+                for ((v, &k), parts) in variance[row].iter().zip(&record.used[row]).zip(&bias[row]) {
+                    let weight = if k == 0 { 1.0 } else { 2.0 } / v;
+                    for (g, &j) in gradient.iter_mut().zip(&free) {
+                        *g -= weight * parts[j];
+                    }
+                }
+            }
+            weights[i] = variance;
+        }
+    }
+
+    let freedom = equations_total.saturating_sub(solution.rank);
+    let chi_squared = if freedom > 0 { solution.remainder / freedom as f64 } else { 0.0 };
+    // Noise read between the lines may miss errors that repeat in every period; the residuals then show them.
+    let inflation = chi_squared.max(1.0);
+    let mut covariance = DMatrix::zeros(p, p);
+    for (a, &i) in free.iter().enumerate() {
+        for (b, &j) in free.iter().enumerate() {
+            covariance[(i, j)] = solution.covariance[(a, b)] * inflation;
+        }
+    }
+    let mut unobservable = Vec::new();
+    for direction in &solution.unobservable {
+        let mut full = vec![0.0; p];
+        for (&j, &part) in free.iter().zip(direction) {
+            full[j] = part;
+        }
+        unobservable.push(full);
+    }
+    let norms = information.column_norms();
+    let scales: Vec<f64> = norms.iter().map(|n| if *n > 0.0 { *n } else { 1.0 }).collect();
+    let touched = Information::touched(&solution.unobservable, &scales);
+    let (residual, _) = pooled_residual(records, &theta);
+    let mut std = vec![0.0; p];
+    let mut status = vec![Status::Frozen; p];
+    for (a, &j) in free.iter().enumerate() {
+        if touched[a] {
+            std[j] = f64::INFINITY;
+            status[j] = Status::Unobservable;
+            continue;
+        }
+        std[j] = covariance[(j, j)].max(0.0).sqrt();
+        let uncertain_force = records.iter().map(|record| record.force_share(j, std[j])).fold(0.0, f64::max);
+        status[j] = if std[j] > POOR * theta[j].abs() && uncertain_force > POOR_FORCE {
+            Status::PoorlyDetermined
+        } else {
+            Status::Identified
+        };
+    }
+    Ok(Estimate {
+        values: theta,
+        std,
+        covariance,
+        status,
+        rank: solution.rank,
+        unobservable,
+        condition: solution.condition,
+        residual,
+        chi_squared,
+        model_error: (0..dims.rows).map(|r| model_error.iter().map(|e| e[r].sqrt()).fold(0.0, f64::max)).collect(),
+    })
+}
+
+/// Residual of all records as a share of the force: root mean square over rows and records of each one's share.
+fn pooled_residual(records: &[MeasuredMotion], theta: &[f64]) -> (f64, usize) {
+    let (mut sum, mut rows) = (0.0, 0);
+    for record in records {
+        for row in 0..record.dims.rows {
+            let (residual, force) = record.row_power(row, theta);
+            if force > 0.0 {
+                sum += (residual / force).powi(2);
+                rows += 1;
+            }
+        }
+    }
+    ((sum / f64::from(rows.max(1))).sqrt(), rows as usize)
+}
+
+impl MeasuredMotion {
+    /// Largest share of a row's force that a change of one parameter makes.
+    fn force_share(&self, parameter: usize, change: f64) -> f64 {
+        let p = self.dims.parameters;
+        (0..self.dims.rows)
+            .map(|row| {
+                let (mut part, mut force) = (0.0, 0.0);
+                for &k in &self.used[row] {
+                    let share = if k == 0 { 1.0 } else { 0.5 };
+                    part += share * (self.phi[row * p + parameter][k] * change).norm_sqr();
+                    force += share
+                        * if self.driven[row] {
+                            self.drive[row][k].norm_sqr()
+                        } else {
+                            self.phi[row * p + parameter][k].norm_sqr()
+                        };
+                }
+                if force > 0.0 { (part / force).sqrt() } else { 0.0 }
+            })
+            .fold(0.0, f64::max)
+    }
+}
