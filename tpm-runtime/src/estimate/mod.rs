@@ -5,12 +5,20 @@
 //! pooled there, and [`Information::solve`] gives rank first, then values. Nothing is estimated along a direction that the
 //! data do not show.
 
+mod along;
+mod applied;
 mod equations;
+mod estimator;
+mod first_order;
 mod information;
 mod measured_motion;
 mod select;
 
+pub use along::Along;
 pub use equations::Equations;
+pub use estimator::{Estimator, Method, Run};
+pub use first_order::FirstOrder;
+pub(crate) use first_order::error_lines;
 pub use information::{Information, Solution};
 pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, estimate_measured_motion};
 

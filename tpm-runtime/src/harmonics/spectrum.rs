@@ -41,8 +41,16 @@ impl Window {
         }
     }
 
+    /// Noise bandwidth in bins: N times the sum of the squared weights.
+    pub(crate) const fn bandwidth(self) -> f64 {
+        match self {
+            Window::Rectangular => 1.0,
+            Window::Hann => 1.5,
+        }
+    }
+
     /// Bins around a line that carry the line itself.
-    const fn guard(self) -> f64 {
+    pub(crate) const fn guard(self) -> f64 {
         match self {
             Window::Rectangular => 0.5,
             Window::Hann => 1.5,
@@ -103,6 +111,8 @@ pub struct Spectra {
     pub noise: Vec<DMatrix<Complex<f64>>>,
     /// Bins that each noise estimate averages; 0 when the record has one period only.
     pub noise_bins: usize,
+    /// Per channel: the windowed transform, its weights summing to one (of the residual of the fit for broken periods).
+    pub(crate) bins: Vec<Vec<Complex<f64>>>,
 }
 
 impl Spectra {
@@ -176,6 +186,7 @@ impl Spectra {
             lines,
             noise,
             noise_bins,
+            bins,
         })
     }
 

@@ -13,6 +13,7 @@ mod noise;
 mod sampling;
 
 pub use fit::estimate_measured_motion;
+pub(in crate::estimate) use sampling::{analyse, synthesise};
 
 use super::select::{highest_visible, strongest, unexplained_tail, visible, without_stragglers};
 use super::{Equations, Information};
@@ -114,6 +115,8 @@ pub struct MeasuredMotion {
     /// Used harmonics, per row, ascending.
     used: Vec<Vec<usize>>,
     tail: Option<Tail>,
+    /// Noise variance of the rows' phasors by harmonic, where more is known than the channels' covariance says.
+    refined: Option<Vec<Vec<f64>>>,
 }
 
 /// Harmonics that the model does not explain and that were therefore left out.
@@ -182,6 +185,7 @@ impl MeasuredMotion {
             jacobian,
             used: Vec::new(),
             tail: None,
+            refined: None,
         };
         this.used = (0..dims.rows).map(|r| this.excited(r, wanted, false)).collect();
         let rank = this.rank();
@@ -196,6 +200,55 @@ impl MeasuredMotion {
         let even = context.even_in_velocity(&sampled)?;
         this.decide_means(&even);
         Ok(this)
+    }
+
+    /// (coordinate, derivative) of every slot that the rows read.
+    pub(in crate::estimate) fn slots(&self) -> &[(usize, usize)] {
+        &self.jacobian.slots
+    }
+
+    /// Mean factor of every input in a row.
+    pub(in crate::estimate) fn input_map(&self, row: usize) -> Vec<f64> {
+        self.map.row(row).iter().copied().collect()
+    }
+
+    /// d(row)/d(slot) along the period.
+    pub(in crate::estimate) fn derivative(&self, slot: usize, row: usize, theta: &[f64]) -> Vec<f64> {
+        let mut series = vec![0.0; self.jacobian.points];
+        for (j, factor) in theta.iter().copied().chain([1.0]).enumerate() {
+            let part = self.jacobian.series(slot, row * (self.dims.parameters + 1) + j);
+            for (sum, value) in series.iter_mut().zip(part) {
+                *sum += factor * value;
+            }
+        }
+        series
+    }
+
+    /// Sets the noise variance of the rows' phasors, from harmonic 0 on.
+    pub(in crate::estimate) fn set_variance(&mut self, variance: Vec<Vec<f64>>) {
+        self.refined = Some(variance);
+    }
+
+    /// Takes the means of the driven rows in, with what noise adds to the mean of every regressor (and, last, of the known
+    /// term); `uncertainty` is the standard deviation of a shift as a share of it.
+    pub(in crate::estimate) fn admit_means(&mut self, shifts: &[Vec<f64>], theta: &[f64], uncertainty: f64) {
+        let p = self.dims.parameters;
+        for (row, shift) in shifts.iter().enumerate() {
+            for (j, value) in shift.iter().enumerate() {
+                if j < p {
+                    self.phi[row * p + j][0] += *value;
+                } else {
+                    self.known[row][0] += *value;
+                }
+            }
+            let whole: f64 = shift.iter().zip(theta.iter().chain(&[1.0])).map(|(s, t)| s * t).sum();
+            if let Some(mean) = self.refined.as_mut().and_then(|rows| rows[row].first_mut()) {
+                *mean += (uncertainty * whole).powi(2);
+            }
+            if self.driven[row] && !self.used[row].contains(&0) {
+                self.used[row].insert(0, 0);
+            }
+        }
     }
 
     /// Highest harmonic used in any row.

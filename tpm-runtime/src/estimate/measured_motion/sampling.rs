@@ -91,7 +91,7 @@ pub(super) fn hold_corrected(spectra: &Spectra, dims: Dims, hold: Hold) -> (Line
 }
 
 /// Values of one period of a signal, or of its derivative, at `points` even times.
-fn synthesise(
+pub(in crate::estimate) fn synthesise(
     planner: &mut RealFftPlanner<f64>,
     lines: &[Complex<f64>],
     derivative: usize,
@@ -117,7 +117,7 @@ fn synthesise(
 }
 
 /// One-sided phasors 0 to `harmonics` of a period sampled evenly, every `stride`-th value from `offset`.
-fn analyse(
+pub(in crate::estimate) fn analyse(
     planner: &mut RealFftPlanner<f64>,
     values: &[f64],
     offset: usize,

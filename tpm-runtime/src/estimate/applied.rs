@@ -1,0 +1,352 @@
+//! Measured motion when the inputs are known exactly because they were applied, not measured.
+//!
+//! Between the lines of the spectrum such a record holds the sensors' noise n and the motion nu that this noise caused on
+//! its way round the loop. The motion obeys the model, so that `J q - B u = J n` whatever nu is (J is the periodic derivative
+//! of the rows along the motion): formed bin by bin, this residual shows the noise of the equations without the motion
+//! that the inputs explain. Its level is smooth in frequency where the plant's response is not; a line therefore gets the
+//! level of its neighbours times its own response.
+//!
+//! The mean of a row with terms that are even in the velocity holds `mean Phi(q + nu) = mean Phi(q) + Phi'' cov(nu) / 2`, and
+//! since nu follows from the inputs, this shift is worked out and the mean can be used. Invariant: a record is refined at
+//! estimates that were found without all this; what is added are corrections of second order in the noise.
+
+use super::measured_motion::{MeasuredMotion, analyse, synthesise};
+use super::{EstimateError, Settings, estimate_measured_motion};
+use crate::harmonics::{Hold, Spectra, hold_factor};
+use crate::model::Model;
+use nalgebra::{Complex, DMatrix, DVector};
+use realfft::RealFftPlanner;
+use std::vec;
+use std::vec::Vec;
+
+/// Points of a period at which second derivatives are averaged.
+const POINTS: usize = 128;
+/// Step of second differences as a share of a slot's amplitude.
+const STEP: f64 = 1e-2;
+/// Bins that one level of noise averages, at least.
+const BINS: usize = 24;
+/// The motion between the lines is summed up to where so many lines add less than a share of it.
+const BLOCK: usize = 16;
+const NEGLIGIBLE: f64 = 1e-4;
+/// Standard deviation of a shift of a mean as a share of it.
+const SHIFT_UNCERTAINTY: f64 = 0.25;
+
+/// Refines the last record at the estimates from all of them.
+///
+/// # Errors
+/// [`EstimateError`] of a first estimate without the refinement.
+pub(super) fn refine_last(
+    records: &mut [MeasuredMotion],
+    model: &dyn Model<f64>,
+    constants: &[f64],
+    spectra: &Spectra,
+    hold: Hold,
+    settings: &Settings,
+) -> Result<(), EstimateError> {
+    let dims = model.dims();
+    // Broken periods have no bins between the lines in common with the shifts of the periodic derivative.
+    let whole = (spectra.samples_per_period - spectra.samples_per_period.round()).abs() < 1e-9;
+    if !whole || dims.rows != dims.coordinates || spectra.periods < 4 || spectra.bins.is_empty() {
+        return Ok(());
+    }
+    let theta = estimate_measured_motion(records, settings)?.values;
+    let Some(record) = records.last_mut() else { return Ok(()) };
+    let bins = Bins { spectra, hold, periods: spectra.periods as isize };
+    let slots = record.slots().to_vec();
+    let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| record.gains(row, &theta)).collect();
+    let noisy = (0..dims.coordinates).any(|c| bins.level(c, 0, spectra.highest().min(32)) > 0.0);
+    if !noisy {
+        return Ok(());
+    }
+    let mut variance = Vec::with_capacity(dims.rows);
+    for (row, gain) in gains.iter().enumerate() {
+        variance.push(row_variance(&bins, record, &slots, row, gain, dims.coordinates));
+    }
+    record.set_variance(variance);
+    let motion = true_motion(&bins, record, &slots, &gains, dims.coordinates);
+    if let Some(motion) = motion {
+        let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;
+        record.admit_means(&shift, &theta, SHIFT_UNCERTAINTY);
+    }
+    Ok(())
+}
+
+/// The windowed transforms of a record of whole periods.
+struct Bins<'a> {
+    spectra: &'a Spectra,
+    hold: Hold,
+    periods: isize,
+}
+
+impl Bins<'_> {
+    fn at(&self, channel: usize, bin: isize) -> Complex<f64> {
+        let value = self.spectra.bins[channel].get(bin.unsigned_abs()).copied().unwrap_or_default();
+        if bin < 0 { value.conj() } else { value }
+    }
+
+    fn frequency(&self, bin: isize) -> f64 {
+        bin as f64 / self.periods as f64 * self.spectra.fundamental
+    }
+
+    /// A bin of an input as the force that was applied.
+    fn applied(&self, coordinates: usize, input: usize, bin: isize) -> Complex<f64> {
+        let value = self.at(coordinates + input, bin);
+        match self.hold {
+            Hold::None => value,
+            Hold::Zoh => {
+                let (re, im) = hold_factor(self.frequency(bin) * self.spectra.sample_time);
+                value * Complex::new(re, im)
+            }
+        }
+    }
+
+    /// A bin between the lines, where a periodic signal has nothing.
+    fn free(&self, bin: isize) -> bool {
+        let last = self.spectra.bins.first().map_or(0, Vec::len) as isize;
+        let beyond = bin.rem_euclid(self.periods);
+        let offset = beyond.min(self.periods - beyond);
+        bin > 0 && bin < last && offset as f64 > self.spectra.window.guard()
+    }
+
+    /// Bins between the lines around a line that hold at least so many, symmetric where the spectrum allows.
+    fn around(&self, line: usize, least: usize) -> Vec<isize> {
+        let last = self.spectra.bins.first().map_or(0, Vec::len) as isize;
+        let centre = line as isize * self.periods;
+        let mut reach = self.periods / 2;
+        loop {
+            let found: Vec<isize> = (centre - reach..=centre + reach).filter(|bin| self.free(*bin)).collect();
+            if found.len() >= least || reach > last {
+                return found;
+            }
+            reach += self.periods / 2 + 1;
+        }
+    }
+
+    /// Power of a channel in the bins between lines `from` and `to`.
+    fn level(&self, channel: usize, from: usize, to: usize) -> f64 {
+        (from..=to).flat_map(|k| self.around(k, 1)).map(|b| self.at(channel, b).norm_sqr()).sum()
+    }
+}
+
+/// Response of a row to the coordinates at a frequency through one harmonic of its derivative.
+fn response(
+    slots: &[(usize, usize)],
+    gain: &[Vec<Complex<f64>>],
+    m: isize,
+    frequency: f64,
+    coordinates: usize,
+) -> Vec<Complex<f64>> {
+    let mut response = vec![Complex::new(0.0, 0.0); coordinates];
+    for (&(c, d), lines) in slots.iter().zip(gain) {
+        let line = lines.get(m.unsigned_abs()).copied().unwrap_or_default();
+        let line = if m < 0 { line.conj() } else { line };
+        response[c] += Complex::new(0.0, frequency).powu(d as u32) * line;
+    }
+    response
+}
+
+/// E|n|^2 of the row's phasors, from harmonic 0 to the highest used one.
+fn row_variance(
+    bins: &Bins<'_>,
+    record: &MeasuredMotion,
+    slots: &[(usize, usize)],
+    row: usize,
+    gain: &[Vec<Complex<f64>>],
+    coordinates: usize,
+) -> Vec<f64> {
+    let strongest: Vec<f64> =
+        gain.iter().map(|lines| lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max)).collect();
+    let reach = gain.first().map_or(0, Vec::len) as isize;
+    let mixing: Vec<isize> = (-(reach - 1)..reach)
+        .filter(|m| {
+            *m == 0
+                || gain.iter().zip(&strongest).any(|(lines, peak)| lines[m.unsigned_abs()].norm_sqr() > 1e-14 * peak)
+        })
+        .collect();
+    let highest = record.used(row).last().copied().unwrap_or(0);
+    (0..=highest)
+        .map(|k| {
+            let near = bins.around(k, BINS);
+            let sizes: Vec<f64> =
+                (0..coordinates).map(|c| near.iter().map(|&b| bins.at(c, b).norm_sqr()).sum::<f64>()).collect();
+            let shape = |bin: isize| -> f64 {
+                mixing
+                    .iter()
+                    .flat_map(|&m| response(slots, gain, m, bins.frequency(bin - m * bins.periods), coordinates))
+                    .zip(sizes.iter().cycle())
+                    .map(|(z, size)| z.norm_sqr() * size)
+                    .sum()
+            };
+            let (mut found, mut expected) = (0.0, 0.0);
+            for &bin in &near {
+                let mut residual = Complex::new(0.0, 0.0);
+                for &m in &mixing {
+                    let source = bin - m * bins.periods;
+                    let through = response(slots, gain, m, bins.frequency(source), coordinates);
+                    for (c, z) in through.iter().enumerate() {
+                        residual += z * bins.at(c, source);
+                    }
+                }
+                for (i, &b) in record.input_map(row).iter().enumerate() {
+                    residual -= bins.applied(coordinates, i, bin) * b;
+                }
+                found += residual.norm_sqr();
+                expected += shape(bin);
+            }
+            let scale = if k == 0 { 1.0 } else { 4.0 };
+            if expected > 0.0 { scale * found / expected * shape(k as isize * bins.periods) } else { 0.0 }
+        })
+        .collect()
+}
+
+/// Covariance of the motion between the lines, per pair of slots: what the inputs between the lines explain, or what was
+/// measured where that is less (near a resonance of the plant inputs say little).
+fn true_motion(
+    bins: &Bins<'_>,
+    record: &MeasuredMotion,
+    slots: &[(usize, usize)],
+    gains: &[Vec<Vec<Complex<f64>>>],
+    coordinates: usize,
+) -> Option<DMatrix<f64>> {
+    let spectra = bins.spectra;
+    // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
+    let bandwidth = spectra.window.bandwidth();
+    let mut covariance = DMatrix::zeros(slots.len(), slots.len());
+    // The highest derivative of a coordinate enters its rows linearly and shifts nothing by itself; its spectrum may be wide.
+    let order = |c: usize| slots.iter().filter(|slot| slot.0 == c).map(|slot| slot.1).max().unwrap_or(0);
+    let states: Vec<usize> = (0..slots.len()).filter(|&s| slots[s].1 < order(slots[s].0)).collect();
+    let mut checked = vec![0.0; states.len()];
+    for k in 0..=spectra.highest() {
+        if k > 0 && k.is_multiple_of(BLOCK) {
+            let now: Vec<f64> = states.iter().map(|&s| covariance[(s, s)]).collect();
+            if now.iter().zip(&checked).all(|(now, before)| now - before <= NEGLIGIBLE * now) {
+                break;
+            }
+            checked = now;
+        }
+        let first = k as isize * bins.periods;
+        let near: Vec<isize> = (first..first + bins.periods).filter(|bin| bins.free(*bin)).collect();
+        let mut powers = vec![(0.0, 0.0); coordinates];
+        let mut vectors = Vec::with_capacity(near.len());
+        for &bin in &near {
+            let frequency = bins.frequency(bin);
+            let mut matrix = DMatrix::zeros(coordinates, coordinates);
+            let mut force = DVector::zeros(coordinates);
+            for (row, gain) in gains.iter().enumerate() {
+                for (c, z) in response(slots, gain, 0, frequency, coordinates).into_iter().enumerate() {
+                    matrix[(row, c)] = z;
+                }
+                force[row] =
+                    record.input_map(row).iter().enumerate().map(|(i, &b)| bins.applied(coordinates, i, bin) * b).sum();
+            }
+            let explained = matrix.lu().solve(&force)?;
+            for (c, power) in powers.iter_mut().enumerate() {
+                power.0 += explained[c].norm_sqr();
+                power.1 += bins.at(c, bin).norm_sqr();
+            }
+            vectors.push((bin, explained));
+        }
+        if near.is_empty() {
+            return None;
+        }
+        // Both signs of the frequency, and the bins that the lines cover.
+        let weight = 2.0 / bandwidth * bins.periods as f64 / near.len() as f64;
+        for (bin, explained) in &vectors {
+            let frequency = bins.frequency(*bin);
+            let parts: Vec<Complex<f64>> = slots
+                .iter()
+                .map(|&(c, d)| {
+                    let value = if powers[c].0 <= powers[c].1 { explained[c] } else { bins.at(c, *bin) };
+                    Complex::new(0.0, frequency).powu(d as u32) * value
+                })
+                .collect();
+            for (a, x) in parts.iter().enumerate() {
+                for (b, y) in parts.iter().enumerate() {
+                    covariance[(a, b)] += weight * (x * y.conj()).re;
+                }
+            }
+        }
+    }
+    covariance.iter().all(|x: &f64| x.is_finite()).then_some(covariance)
+}
+
+/// Shift of the mean of every regressor, then of the known term, per row: half the mean second derivative times the covariance.
+fn shifts(
+    model: &dyn Model<f64>,
+    constants: &[f64],
+    spectra: &Spectra,
+    harmonics: usize,
+    slots: &[(usize, usize)],
+    covariance: &DMatrix<f64>,
+) -> Result<Vec<Vec<f64>>, EstimateError> {
+    let dims = model.dims();
+    let mut planner = RealFftPlanner::new();
+    let harmonics = harmonics.min(POINTS / 2 - 1);
+    let waves: Vec<Vec<f64>> = slots
+        .iter()
+        .map(|&(c, d)| synthesise(&mut planner, &spectra.lines[c], d, spectra.fundamental, harmonics, POINTS))
+        .collect();
+    let steps: Vec<f64> = waves
+        .iter()
+        .map(|wave| {
+            let power = wave.iter().map(|x| x * x).sum::<f64>() / POINTS as f64;
+            if power > 0.0 { STEP * power.sqrt() } else { STEP }
+        })
+        .collect();
+    let width = dims.parameters + 1;
+    let mut shift = vec![vec![0.0; width]; dims.rows];
+    let mut scratch = vec![0.0; model.workspace_len()];
+    let (mut phi, mut known) = (vec![0.0; dims.regressor_len()], vec![0.0; dims.rows]);
+    let mut motion = vec![0.0; dims.motion_len()];
+    for i in 0..POINTS {
+        for (&(c, d), wave) in slots.iter().zip(&waves) {
+            motion[d * dims.coordinates + c] = wave[i];
+        }
+        for a in 0..slots.len() {
+            for b in 0..=a {
+                let (at_a, at_b) = (slot_index(slots[a], dims.coordinates), slot_index(slots[b], dims.coordinates));
+                // The pair (b, a) gives the same as (a, b); half of the sum is half of the diagonal plus the upper part.
+                let share = if a == b { 0.5 } else { 1.0 };
+                let weight = share * covariance[(a, b)] / (4.0 * steps[a] * steps[b] * POINTS as f64);
+                for (sign_a, sign_b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+                    let (before_a, before_b) = (motion[at_a], motion[at_b]);
+                    motion[at_a] += sign_a * steps[a];
+                    motion[at_b] += sign_b * steps[b];
+                    model.regressor(&motion, constants, &mut scratch, &mut phi)?;
+                    model.known(&motion, constants, &mut scratch, &mut known)?;
+                    motion[at_a] = before_a;
+                    motion[at_b] = before_b;
+                    for (r, of_row) in shift.iter_mut().enumerate() {
+                        for (j, sum) in of_row.iter_mut().enumerate() {
+                            let value = if j < dims.parameters { phi[r * dims.parameters + j] } else { known[r] };
+                            *sum += weight * sign_a * sign_b * value;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    Ok(shift)
+}
+
+const fn slot_index(slot: (usize, usize), coordinates: usize) -> usize {
+    slot.1 * coordinates + slot.0
+}
+
+impl MeasuredMotion {
+    /// Two-sided Fourier coefficients of d(row)/d(slot) along the period, per slot.
+    fn gains(&self, row: usize, theta: &[f64]) -> Vec<Vec<Complex<f64>>> {
+        let mut planner = RealFftPlanner::new();
+        (0..self.slots().len())
+            .map(|s| {
+                let series = self.derivative(s, row, theta);
+                let half = series.len() / 2;
+                let mut lines = analyse(&mut planner, &series, 0, 1, half.saturating_sub(1));
+                for line in lines.iter_mut().skip(1) {
+                    *line *= 0.5;
+                }
+                lines
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,380 @@
+//! The estimators behind one trait, each pooling the runs of a campaign.
+//!
+//! Invariant: what an estimator has learnt from earlier runs is kept and pooled by information; a later run, which tracks
+//! better and therefore shows less, never replaces it. Two things reduce what a linearised run counts: residuals beyond its
+//! noise (its covariance is inflated by them), and a start farther from the truth than that of a later run, since the error
+//! of a linearisation grows with the distance.
+
+use super::along::Along;
+use super::applied::refine_last;
+use super::first_order::{FirstOrder, error_lines};
+use super::{
+    Equations, Estimate, EstimateError, Information, MeasuredMotion, Settings, Status, estimate_measured_motion,
+};
+use crate::harmonics::{Hold, Spectra};
+use crate::model::Model;
+use crate::procedure::Trial;
+use nalgebra::Complex;
+use std::boxed::Box;
+use std::vec;
+use std::vec::Vec;
+
+/// A deviation beyond this share of the value makes a parameter poorly determined.
+const POOR: f64 = 0.25;
+/// A change within so many standard deviations is noise.
+const INSIGNIFICANT: f64 = 3.0;
+/// Change of a parameter in a perturbed run of [`Numerical`], as a share of the value, or of the whole force.
+const PERTURBATION: f64 = 0.5;
+
+/// One run as an estimator sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct Run<'a> {
+    /// What was played.
+    pub trial: &'a Trial,
+    /// Spectra of the coordinates, then the inputs, over whole periods that start at phase zero.
+    pub spectra: &'a Spectra,
+    /// How the recorded inputs became forces.
+    pub hold: Hold,
+}
+
+/// From runs to parameters.
+pub trait Estimator: Send {
+    /// The name in experiment files and reports.
+    fn name(&self) -> &'static str;
+
+    /// The parameters that the next run's feed-forward uses, given the present estimates.
+    fn play(&self, current: &[f64]) -> Vec<f64> {
+        current.to_vec()
+    }
+
+    /// Takes in a run; the estimate from all runs so far, or nothing while further runs are needed for an update.
+    ///
+    /// # Errors
+    /// [`EstimateError`]; what was learnt before is kept.
+    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError>;
+
+    /// Highest harmonic used in the last run.
+    fn harmonics(&self) -> usize;
+}
+
+/// Which estimator to use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Inverse dynamics on the measured motion; exact in one run without noise.
+    #[default]
+    MeasuredMotion,
+    /// Harmonics of the tracking error with the exact phase (Feng, Eqns 3.22, 4.29).
+    Error,
+    /// The same with harmonics coupled.
+    Hill,
+    /// Harmonics of the feedback's effort on the table.
+    Effort,
+    /// Harmonics of the tracking error and one extra run per parameter (Feng, Eqn 3.28).
+    Numerical,
+}
+
+impl Method {
+    /// The estimator, with everything still to learn.
+    #[must_use]
+    pub fn estimator(self, settings: &Settings) -> Box<dyn Estimator> {
+        let first_order = |kind| Box::new(Linearised { kind, settings: settings.clone(), pool: None, harmonics: 0 });
+        match self {
+            Method::MeasuredMotion => Box::new(PooledMotion { settings: settings.clone(), records: Vec::new() }),
+            Method::Error => first_order(FirstOrder::Error),
+            Method::Hill => first_order(FirstOrder::Hill),
+            Method::Effort => first_order(FirstOrder::Effort),
+            Method::Numerical => Box::new(Numerical {
+                settings: settings.clone(),
+                pool: None,
+                base: None,
+                columns: Vec::new(),
+                harmonics: 0,
+            }),
+        }
+    }
+}
+
+/// Measured motion over all runs.
+struct PooledMotion {
+    settings: Settings,
+    records: Vec<MeasuredMotion>,
+}
+
+impl Estimator for PooledMotion {
+    fn name(&self) -> &'static str {
+        "measured-motion"
+    }
+
+    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
+        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &self.settings)?;
+        self.records.push(record);
+        let estimate =
+            refine_last(&mut self.records, model, &run.trial.constants, run.spectra, run.hold, &self.settings)
+                .and_then(|()| estimate_measured_motion(&mut self.records, &self.settings));
+        if estimate.is_err() {
+            self.records.pop();
+        }
+        estimate.map(Some)
+    }
+
+    fn harmonics(&self) -> usize {
+        self.records.last().map_or(0, MeasuredMotion::harmonics)
+    }
+}
+
+/// `error`, `effort` and `hill`.
+struct Linearised {
+    kind: FirstOrder,
+    settings: Settings,
+    pool: Option<Pool>,
+    harmonics: usize,
+}
+
+impl Estimator for Linearised {
+    fn name(&self) -> &'static str {
+        match self.kind {
+            FirstOrder::Error => "error",
+            FirstOrder::Effort => "effort",
+            FirstOrder::Hill => "hill",
+        }
+    }
+
+    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
+        let highest = highest_harmonic(&self.settings, run);
+        let along = Along::new(model, &run.trial.constants, &run.trial.trajectory, highest)?;
+        let equations = self.kind.equations(run.trial, &along, run.spectra, highest)?;
+        self.harmonics = highest;
+        pool_run(&mut self.pool, &equations, &self.settings, &run.trial.parameters).map(Some)
+    }
+
+    fn harmonics(&self) -> usize {
+        self.harmonics
+    }
+}
+
+/// `numerical`: the matrix from runs with one parameter changed at a time.
+struct Numerical {
+    settings: Settings,
+    pool: Option<Pool>,
+    base: Option<Base>,
+    /// Per parameter so far: change of every coordinate's error lines per change of the parameter.
+    columns: Vec<Vec<Vec<Complex<f64>>>>,
+    harmonics: usize,
+}
+
+/// The run that the changed ones are compared with.
+struct Base {
+    parameters: Vec<f64>,
+    error: Vec<Vec<Complex<f64>>>,
+    variance: Vec<Vec<f64>>,
+    steps: Vec<f64>,
+}
+
+impl Estimator for Numerical {
+    fn name(&self) -> &'static str {
+        "numerical"
+    }
+
+    fn play(&self, current: &[f64]) -> Vec<f64> {
+        let Some(base) = &self.base else { return current.to_vec() };
+        let mut changed = base.parameters.clone();
+        if let (Some(value), Some(step)) = (changed.get_mut(self.columns.len()), base.steps.get(self.columns.len())) {
+            *value += step;
+        }
+        changed
+    }
+
+    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
+        let dims = model.dims();
+        if run.spectra.lines.len() < dims.coordinates {
+            return Err(EstimateError::Channels {
+                needed: dims.coordinates + dims.inputs,
+                given: run.spectra.lines.len(),
+            });
+        }
+        let highest = highest_harmonic(&self.settings, run);
+        let error = error_lines(run.trial, run.spectra, dims.coordinates, highest);
+        self.harmonics = highest;
+        let same_motion = self.columns.iter().flatten().all(|lines| lines.len() == highest + 1);
+        let Some(base) = self.base.as_ref().filter(|base| same_motion && base.error[0].len() == highest + 1) else {
+            self.columns.clear();
+            self.base = Some(Base {
+                parameters: run.trial.parameters.clone(),
+                variance: (0..dims.coordinates)
+                    .map(|c| (0..=highest).map(|k| run.spectra.variance(c, k)).collect())
+                    .collect(),
+                steps: steps(model, run)?,
+                error,
+            });
+            return Ok(None);
+        };
+        let step = base.steps[self.columns.len()];
+        let column = error
+            .iter()
+            .zip(&base.error)
+            .map(|(changed, before)| changed.iter().zip(before).map(|(a, b)| (a - b) / step).collect())
+            .collect();
+        self.columns.push(column);
+        if self.columns.len() < dims.parameters {
+            return Ok(None);
+        }
+        let peak = base.error.iter().flatten().map(|line| line.norm()).fold(0.0, f64::max);
+        let mut equations = Equations::new(dims.parameters);
+        for c in 0..dims.coordinates {
+            for k in 0..=highest {
+                // E = M (theta' - theta).
+                let phi: Vec<Complex<f64>> = self.columns.iter().map(|column| column[c][k]).collect();
+                let at: Complex<f64> = phi.iter().zip(&base.parameters).map(|(m, value)| m * *value).sum();
+                let variance = base.variance[c][k] + (1e-9 * peak).powi(2) + f64::MIN_POSITIVE;
+                equations.push(c, k, &phi, at - base.error[c][k], variance);
+            }
+        }
+        let prior = base.parameters.clone();
+        self.base = None;
+        self.columns.clear();
+        pool_run(&mut self.pool, &equations, &self.settings, &prior).map(Some)
+    }
+
+    fn harmonics(&self) -> usize {
+        self.harmonics
+    }
+}
+
+/// Steps of the parameters for the changed runs: half of the value, or what makes half of the applied force when the
+/// value is nearly nothing.
+fn steps(model: &dyn Model<f64>, run: &Run<'_>) -> Result<Vec<f64>, EstimateError> {
+    let dims = model.dims();
+    let along =
+        Along::new(model, &run.trial.constants, &run.trial.trajectory, highest_harmonic(&Settings::default(), run))?;
+    let power = |lines: &[Complex<f64>]| lines.iter().map(|z| z.norm_sqr()).sum::<f64>();
+    let force = run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
+    Ok((0..dims.parameters)
+        .map(|j| {
+            let felt = (0..dims.rows).map(|r| power(along.regressor(r, j))).fold(0.0, f64::max).sqrt();
+            let whole = if felt > 0.0 { force / felt } else { 1.0 };
+            let value = run.trial.parameters[j].abs();
+            PERTURBATION * if value > 0.1 * whole { value } else { whole }
+        })
+        .collect())
+}
+
+/// Harmonics to use: as asked, or four times the highest of the reference, as far as the record resolves them.
+fn highest_harmonic(settings: &Settings, run: &Run<'_>) -> usize {
+    let reach = 4 * run.trial.trajectory.highest_harmonic() as usize;
+    settings.harmonics.unwrap_or(reach).min(run.spectra.highest()).max(1)
+}
+
+/// What linearised runs have taught.
+struct Pool {
+    information: Information,
+    /// Relative distance from the parameters of the last run's feed-forward to its estimate.
+    distance: f64,
+}
+
+/// Distance between the start of a run and its estimate relative to the values: the size of what was linearised. It is
+/// never taken below what noise alone makes of it, so that converged runs count alike.
+fn distance(start: &[f64], found: &[f64], covariance: &nalgebra::DMatrix<f64>) -> f64 {
+    start
+        .iter()
+        .zip(found)
+        .enumerate()
+        .map(|(j, (before, now))| {
+            let noise = INSIGNIFICANT * covariance[(j, j)].max(0.0).sqrt();
+            (now - before).abs().max(noise) / now.abs().max(f64::MIN_POSITIVE)
+        })
+        .fold(0.0, f64::max)
+}
+
+/// Adds a run's equations to the pool and solves it.
+fn pool_run(
+    pool: &mut Option<Pool>,
+    equations: &Equations,
+    settings: &Settings,
+    current: &[f64],
+) -> Result<Estimate, EstimateError> {
+    let p = equations.parameters;
+    let mut prior = if settings.prior.len() == p { settings.prior.clone() } else { current.to_vec() };
+    let mut free: Vec<usize> = (0..p).collect();
+    for frozen in &settings.frozen {
+        if frozen.parameter >= p {
+            return Err(EstimateError::Frozen(frozen.parameter));
+        }
+        prior[frozen.parameter] = frozen.value;
+        free.retain(|&j| j != frozen.parameter);
+    }
+    if free.is_empty() && p > 0 {
+        return Err(EstimateError::AllFrozen);
+    }
+    let mut reduced = equations.clone();
+    for e in 0..reduced.len() {
+        for frozen in &settings.frozen {
+            let part = reduced.regressor(e)[frozen.parameter] * frozen.value;
+            reduced.right[e] -= part;
+        }
+    }
+    let (matrix, right) = reduced.weighted(&free);
+    let information = Information::of(&matrix, &right);
+    let start: Vec<f64> = free.iter().map(|&j| prior[j]).collect();
+    let alone = information.solve(&start, None);
+    let freedom = reduced.real_len().saturating_sub(alone.rank);
+    let chi_squared = if freedom > 0 { alone.remainder / freedom as f64 } else { 0.0 };
+    let inflation = chi_squared.max(1.0);
+    let scaled = information.forget(1.0 / inflation);
+    let begun: Vec<f64> = free.iter().map(|&j| current[j]).collect();
+    let distance = distance(&begun, &alone.values, &(&alone.covariance * inflation));
+    let pooled = match pool.as_ref() {
+        Some(before) => {
+            let trust = (distance / before.distance).powi(2);
+            let trust = if trust.is_finite() { trust.min(1.0) } else { 1.0 };
+            before.information.forget(trust).pool(&scaled)
+        }
+        None => scaled,
+    };
+    let solution = pooled.solve(&start, None);
+    let mut values = prior;
+    let mut std = vec![0.0; p];
+    let mut status = vec![Status::Frozen; p];
+    let mut covariance = nalgebra::DMatrix::zeros(p, p);
+    let norms: Vec<f64> = pooled.column_norms().iter().map(|n| if *n > 0.0 { *n } else { 1.0 }).collect();
+    let touched = Information::touched(&solution.unobservable, &norms);
+    for (a, &j) in free.iter().enumerate() {
+        values[j] = solution.values[a];
+        for (b, &i) in free.iter().enumerate() {
+            covariance[(j, i)] = solution.covariance[(a, b)];
+        }
+        (std[j], status[j]) = if touched[a] {
+            (f64::INFINITY, Status::Unobservable)
+        } else {
+            let std = solution.covariance[(a, a)].max(0.0).sqrt();
+            (std, if std > POOR * values[j].abs() { Status::PoorlyDetermined } else { Status::Identified })
+        };
+    }
+    let unobservable = solution
+        .unobservable
+        .iter()
+        .map(|direction| {
+            let mut full = vec![0.0; p];
+            for (&j, &part) in free.iter().zip(direction) {
+                full[j] = part;
+            }
+            full
+        })
+        .collect();
+    let (left, whole) = (0..equations.len()).fold((0.0, 0.0), |(left, whole), e| {
+        (left + equations.residual(e, &values).norm_sqr(), whole + equations.right[e].norm_sqr())
+    });
+    *pool = Some(Pool { information: pooled, distance });
+    Ok(Estimate {
+        values,
+        std,
+        covariance,
+        status,
+        rank: solution.rank,
+        unobservable,
+        condition: solution.condition,
+        residual: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 },
+        chi_squared,
+        model_error: vec![0.0; equations.row.iter().max().map_or(0, |r| r + 1)],
+    })
+}

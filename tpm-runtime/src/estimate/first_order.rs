@@ -1,0 +1,150 @@
+//! Estimators from the harmonics of the tracking error: `error`, `effort` and `hill` (Feng, Eqns 3.22 and 4.29, with the
+//! exact phase).
+//!
+//! The machine was driven by `u = f + C`, feed-forward f with the estimates theta' and feedback C of the measured error e.
+//! Linearised about the reference, `Phi(q) theta = Phi(q_r) theta + J e`, and harmonic by harmonic
+//!
+//! ```text
+//! B Lambda theta = hold (f - C E) - known - J(theta') E ,
+//! ```
+//!
+//! with B Lambda from the exact table. The estimators differ in J: nothing (`effort`), its mean along the reference, which
+//! is the linear part of the rows (`error`; dividing by `H^-1 = J + hold C` gives Feng's `E = H B Lambda P`, P = theta' - theta),
+//! or its periodic whole (`hill`). Invariant: a fixed point of the update is the true theta for all three when the machine
+//! obeys the model, since J is multiplied by an error that then vanishes.
+
+use super::along::Along;
+use super::{Equations, EstimateError};
+use crate::harmonics::Spectra;
+use crate::procedure::Trial;
+use nalgebra::Complex;
+use realfft::RealFftPlanner;
+use std::vec;
+use std::vec::Vec;
+
+/// An error below this share of the largest harmonic is rounding, not noise that could be weighed.
+const ROUNDING: f64 = 1e-9;
+
+/// How much of the rows' dependence on the error is taken into account.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FirstOrder {
+    /// None: the feedback's effort alone is compared with the table.
+    Effort,
+    /// The linear terms, with their phase.
+    Error,
+    /// All of it to first order, harmonics coupled.
+    Hill,
+}
+
+impl FirstOrder {
+    /// The harmonic equations of one run: `spectra` has the measured coordinates as its first channels, over whole periods
+    /// that start at the phase zero of the trial.
+    ///
+    /// # Errors
+    /// [`EstimateError::Channels`] when spectra or trial do not fit the model, [`EstimateError::NoSignal`] when the record does
+    /// not resolve a harmonic.
+    pub fn equations(
+        self,
+        trial: &Trial,
+        along: &Along,
+        spectra: &Spectra,
+        harmonics: usize,
+    ) -> Result<Equations, EstimateError> {
+        let dims = along.dims;
+        let coordinates = dims.coordinates;
+        if spectra.lines.len() < coordinates || trial.parameters.len() != dims.parameters {
+            return Err(EstimateError::Channels { needed: coordinates + dims.inputs, given: spectra.lines.len() });
+        }
+        let kept = along.known.first().map_or(0, |lines| lines.len().saturating_sub(1));
+        let highest = harmonics.min(spectra.highest()).min(kept);
+        if highest == 0 {
+            return Err(EstimateError::NoSignal);
+        }
+        let error = error_lines(trial, spectra, coordinates, 2 * highest);
+        let forward = feed_forward_lines(trial, dims.inputs, highest);
+        let peak = error.iter().flatten().map(|line| line.norm()).fold(0.0, f64::max);
+        let mut equations = Equations::new(dims.parameters);
+        let mut phi = vec![Complex::new(0.0, 0.0); dims.parameters];
+        for row in 0..dims.rows {
+            let coupled = match self {
+                FirstOrder::Hill => along.applied(row, &trial.parameters, &error, highest),
+                FirstOrder::Effort | FirstOrder::Error => Vec::new(),
+            };
+            for k in 0..=highest {
+                let frequency = k as f64 * along.frequency;
+                let hold = trial.control.hold(frequency);
+                let mut right = -along.known[row][k];
+                let mut gain = vec![Complex::new(0.0, 0.0); coordinates];
+                for (i, lines) in forward.iter().enumerate() {
+                    let map = along.map[row * dims.inputs + i] * hold;
+                    right += map * lines[k];
+                    for (c, gain) in gain.iter_mut().enumerate() {
+                        *gain += map * trial.control.response(i, c, frequency);
+                    }
+                }
+                let feedback: Complex<f64> = gain.iter().zip(&error).map(|(g, e)| g * e[k]).sum();
+                right -= feedback;
+                // The noise passes through H^-1 whatever part of the plant an estimator leaves out of its equation.
+                let linear = along.response(row, &trial.parameters, k);
+                match self {
+                    FirstOrder::Effort => {}
+                    FirstOrder::Error => {
+                        right -= linear.iter().zip(&error).map(|(j, e)| j * e[k]).sum::<Complex<f64>>();
+                    }
+                    FirstOrder::Hill => right -= coupled[k],
+                }
+                if self != FirstOrder::Effort {
+                    for (gain, linear) in gain.iter_mut().zip(&linear) {
+                        *gain += linear;
+                    }
+                }
+                for (j, entry) in phi.iter_mut().enumerate() {
+                    *entry = along.regressor(row, j)[k];
+                }
+                let noise = &spectra.noise[k];
+                let mut variance = f64::MIN_POSITIVE;
+                for (a, x) in gain.iter().enumerate() {
+                    for (b, y) in gain.iter().enumerate() {
+                        variance += (x * noise[(a, b)] * y.conj()).re;
+                    }
+                    variance += x.norm_sqr() * (ROUNDING * peak).powi(2);
+                }
+                equations.push(row, k, &phi, right, variance);
+            }
+        }
+        Ok(equations)
+    }
+}
+
+/// Lines of the tracking error of every coordinate: measured minus reference.
+pub(crate) fn error_lines(
+    trial: &Trial,
+    spectra: &Spectra,
+    coordinates: usize,
+    highest: usize,
+) -> Vec<Vec<Complex<f64>>> {
+    (0..coordinates)
+        .map(|c| {
+            let mut lines: Vec<Complex<f64>> = spectra.lines[c].iter().take(highest + 1).copied().collect();
+            if let Some(series) = trial.trajectory.coordinates.get(c) {
+                if let Some(mean) = lines.first_mut() {
+                    *mean -= series.mean;
+                }
+                for line in &series.lines {
+                    if let Some(present) = lines.get_mut(line.harmonic as usize) {
+                        *present -= Complex::new(line.cos, -line.sin);
+                    }
+                }
+            }
+            lines
+        })
+        .collect()
+}
+
+/// Lines of the samples of every input's feed-forward.
+fn feed_forward_lines(trial: &Trial, inputs: usize, highest: usize) -> Vec<Vec<Complex<f64>>> {
+    let mut planner = RealFftPlanner::<f64>::new();
+    (0..inputs)
+        .map(|i| super::measured_motion::analyse(&mut planner, &trial.feed_forward, i, inputs, highest))
+        .collect()
+}

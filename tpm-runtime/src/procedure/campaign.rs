@@ -1,0 +1,557 @@
+//! The campaign: a state machine that says what to play next and learns from what comes back.
+//!
+//! Invariant: [`Campaign::next`] depends on the settings and on the records submitted so far, in their order, and on nothing
+//! else; whoever submits the same records gets the same trials and the same estimates, whether they come from a simulation or
+//! from a machine. Estimates only change by a record that was accepted.
+//!
+//! A stage is one amplitude and frequency (Feng, chapter 3, steps 1-5): play, let it settle, measure whole periods, update,
+//! repeat until the update no longer changes anything (or the tracking error's harmonics are small enough), then grow.
+
+use super::record::{Ending, Record};
+use super::settle::settled_from;
+use super::trial::{Loop, Trial, TrialError, TrialSettings};
+use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
+use crate::harmonics::{Hold, Spectra, SpectrumError};
+use crate::model::Model;
+use crate::trajectory::Pattern;
+use serde::Serialize;
+use std::boxed::Box;
+use std::string::String;
+use std::vec::Vec;
+
+/// Fewest whole periods that are measured: a window needs them, and so does the noise between the lines.
+pub const LEAST_PERIODS: usize = 4;
+/// A change within so many standard deviations is no change.
+const INSIGNIFICANT: f64 = 3.0;
+/// How often the settling time of a trial is doubled.
+const EXTENSIONS: usize = 3;
+
+/// One amplitude and frequency of the schedule.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// Amplitudes, in the order of the pattern.
+    pub amplitudes: Vec<f64>,
+    /// Fundamental angular frequency asked for, rad/s.
+    pub frequency: f64,
+}
+
+/// How a campaign goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Procedure {
+    /// The stages, growing.
+    pub stages: Vec<Stage>,
+    /// Periods that are let pass at least before anything is measured.
+    pub settle_periods: usize,
+    /// Time that is measured in every run, s; rounded up to whole periods, at least [`LEAST_PERIODS`].
+    pub measure_time: f64,
+    /// Most updates in one stage.
+    pub updates_per_stage: usize,
+    /// Most runs in the whole campaign.
+    pub max_runs: usize,
+    /// A stage is done when no parameter changed by more than this share (or insignificantly).
+    pub tolerance: f64,
+    /// A stage is also done when no harmonic of the tracking error exceeds this, per coordinate; zero to leave it out.
+    pub error_limits: Vec<f64>,
+    /// Largest tracking error; a run that passes it is aborted, per coordinate.
+    pub tracking_bounds: Vec<f64>,
+    /// Largest magnitude of each input; infinite where there is none.
+    pub input_limits: Vec<f64>,
+    /// Share of an input's limit at which the campaign ends.
+    pub effort_share: f64,
+    /// Factor on the amplitudes after an aborted run.
+    pub back_off: f64,
+    /// Most aborted runs in succession.
+    pub max_aborts: usize,
+    /// Hold of the recorded inputs.
+    pub hold: Hold,
+}
+
+/// Everything that a campaign starts from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// The reference.
+    pub pattern: Pattern,
+    /// Constants of the model.
+    pub constants: Vec<f64>,
+    /// Estimates before the first run.
+    pub prior: Vec<f64>,
+    /// Feedback and sampling.
+    pub control: Loop,
+    /// The schedule.
+    pub procedure: Procedure,
+    /// The estimator.
+    pub method: Method,
+    /// Its settings.
+    pub estimation: Settings,
+}
+
+/// Why a campaign ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// The last stage converged.
+    Converged,
+    /// An input reached its stated share; what was asked for is there.
+    EffortShare,
+    /// All runs were used before the last stage converged.
+    RunsUsed,
+    /// An input was cut at its limit.
+    InputLimit,
+    /// Run after run passed the bound on the tracking error, or diverged.
+    Aborted,
+    /// The motion did not settle.
+    NotSettled,
+}
+
+impl Outcome {
+    /// Ended as planned.
+    #[must_use]
+    pub const fn is_normal(self) -> bool {
+        matches!(self, Outcome::Converged | Outcome::EffortShare)
+    }
+
+    /// What a report says of it.
+    #[must_use]
+    pub const fn describe(self) -> &'static str {
+        match self {
+            Outcome::Converged => "converged",
+            Outcome::EffortShare => "an input reached the stated share of its limit",
+            Outcome::RunsUsed => "all runs were used before the estimates converged",
+            Outcome::InputLimit => "an input was cut at its limit",
+            Outcome::Aborted => "the tracking error passed its bound again and again",
+            Outcome::NotSettled => "the motion did not settle",
+        }
+    }
+}
+
+/// One parameter's value in a run's report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunParameter {
+    /// Its name.
+    pub name: String,
+    /// Its estimate after the run; nothing when unobservable.
+    pub value: Option<f64>,
+    /// Its standard deviation; nothing when unobservable.
+    pub std: Option<f64>,
+}
+
+/// What is kept of every run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunReport {
+    /// Number of the run, from 1.
+    pub run: usize,
+    /// Stage of the schedule, from 1.
+    pub stage: usize,
+    /// Names and values of the amplitudes.
+    pub amplitudes: Vec<(String, f64)>,
+    /// Fundamental angular frequency that was played, rad/s.
+    pub frequency: f64,
+    /// Samples in a period.
+    pub samples_per_period: usize,
+    /// Period from which the motion had settled.
+    pub settled_after: Option<usize>,
+    /// Whole periods that were measured.
+    pub periods: usize,
+    /// Root-mean-square tracking error per coordinate over these (or over an aborted run).
+    pub tracking_rms: Vec<f64>,
+    /// Largest share of its limit that an input took; nothing without limits.
+    pub effort_share: Option<f64>,
+    /// complete, tracking_bound, diverged or unsettled.
+    pub ending: &'static str,
+    /// Whether the run belongs to an update (a perturbed run of `numerical` does so with later ones).
+    pub updated: bool,
+    /// Estimates after the run.
+    pub parameters: Vec<RunParameter>,
+    /// Rank of all equations so far.
+    pub rank: Option<usize>,
+    /// Condition number of all equations so far.
+    pub condition: Option<f64>,
+    /// Residual as a share of the force.
+    pub residual: Option<f64>,
+    /// Highest harmonic used.
+    pub harmonics: Option<usize>,
+}
+
+/// Why a campaign cannot go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CampaignError {
+    /// The schedule is empty.
+    #[error("the schedule has no stage")]
+    NoStage,
+    /// A record came although the campaign had ended.
+    #[error("the campaign has ended; no record is expected")]
+    Ended,
+    /// The record is not that of the trial.
+    #[error("the record has {given} {what}, the trial has {needed}")]
+    Mismatch {
+        /// What differs.
+        what: &'static str,
+        /// In the trial.
+        needed: usize,
+        /// In the record.
+        given: usize,
+    },
+    /// The record holds a value that is not finite.
+    #[error("sample {sample} of the record is not finite; was a sensor disconnected?")]
+    NotFinite {
+        /// The sample.
+        sample: usize,
+    },
+    /// The next trial cannot be worked out.
+    #[error("run {run}: {source}")]
+    Trial {
+        /// Number of the run, from 1.
+        run: usize,
+        /// Why.
+        source: TrialError,
+    },
+    /// The record has no harmonics.
+    #[error("run {run}: {source}")]
+    Spectrum {
+        /// Number of the run, from 1.
+        run: usize,
+        /// Why.
+        source: SpectrumError,
+    },
+    /// The estimator refused the run.
+    #[error("run {run}: {source}")]
+    Estimate {
+        /// Number of the run, from 1.
+        run: usize,
+        /// Why.
+        source: EstimateError,
+    },
+}
+
+/// A campaign of runs on one machine.
+pub struct Campaign<'m> {
+    model: &'m dyn Model<f64>,
+    setup: Setup,
+    estimator: Box<dyn Estimator>,
+    current: Vec<f64>,
+    estimate: Option<Estimate>,
+    reports: Vec<RunReport>,
+    stage: usize,
+    updates_in_stage: usize,
+    /// Factor on the amplitudes of the present stage.
+    scale: f64,
+    aborts: usize,
+    extensions: usize,
+    pending: Option<Trial>,
+    outcome: Option<Outcome>,
+}
+
+impl std::fmt::Debug for Campaign<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Campaign")
+            .field("model", &self.model.name())
+            .field("estimator", &self.estimator.name())
+            .field("runs", &self.reports.len())
+            .field("current", &self.current)
+            .field("outcome", &self.outcome)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'m> Campaign<'m> {
+    /// A campaign before its first run.
+    ///
+    /// # Errors
+    /// [`CampaignError::NoStage`], [`CampaignError::Trial`].
+    pub fn new(model: &'m dyn Model<f64>, setup: Setup) -> Result<Self, CampaignError> {
+        if setup.procedure.stages.is_empty() {
+            return Err(CampaignError::NoStage);
+        }
+        let mut current = setup.prior.clone();
+        current.resize(model.dims().parameters, 0.0);
+        for frozen in &setup.estimation.frozen {
+            if let Some(value) = current.get_mut(frozen.parameter) {
+                *value = frozen.value;
+            }
+        }
+        let estimator = setup.method.estimator(&setup.estimation);
+        let mut campaign = Campaign {
+            model,
+            setup,
+            estimator,
+            current,
+            estimate: None,
+            reports: Vec::new(),
+            stage: 0,
+            updates_in_stage: 0,
+            scale: 1.0,
+            aborts: 0,
+            extensions: 0,
+            pending: None,
+            outcome: None,
+        };
+        campaign.prepare()?;
+        Ok(campaign)
+    }
+
+    /// What to play next; nothing when the campaign has ended.
+    #[must_use]
+    pub const fn next(&self) -> Option<&Trial> {
+        self.pending.as_ref()
+    }
+
+    /// Why the campaign ended; nothing while it goes on.
+    #[must_use]
+    pub const fn outcome(&self) -> Option<Outcome> {
+        self.outcome
+    }
+
+    /// The estimates that the next run's feed-forward starts from.
+    #[must_use]
+    pub fn current(&self) -> &[f64] {
+        &self.current
+    }
+
+    /// The last estimate with its uncertainty; nothing before the first update.
+    #[must_use]
+    pub const fn estimate(&self) -> Option<&Estimate> {
+        self.estimate.as_ref()
+    }
+
+    /// The runs so far.
+    #[must_use]
+    pub fn runs(&self) -> &[RunReport] {
+        &self.reports
+    }
+
+    /// What the campaign started from.
+    #[must_use]
+    pub const fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// Takes in the record of the trial that [`next`](Self::next) gave, updates the estimates and works out the next trial.
+    ///
+    /// # Errors
+    /// [`CampaignError`]; the campaign is then as it was before, and expects another record of the same trial.
+    pub fn submit(&mut self, record: &Record) -> Result<&RunReport, CampaignError> {
+        let Some(trial) = self.pending.clone() else { return Err(CampaignError::Ended) };
+        let dims = self.model.dims();
+        for (what, needed, given) in
+            [("coordinates", dims.coordinates, record.coordinates.len()), ("inputs", dims.inputs, record.inputs.len())]
+        {
+            if needed != given {
+                return Err(CampaignError::Mismatch { what, needed, given });
+            }
+        }
+        let mut report = self.report(&trial, record);
+        if record.ending != Ending::Complete {
+            self.aborts += 1;
+            self.scale *= self.setup.procedure.back_off;
+            if self.aborts > self.setup.procedure.max_aborts {
+                self.outcome = Some(Outcome::Aborted);
+            }
+            return self.finish(report);
+        }
+        if record.len() < trial.samples() {
+            return Err(CampaignError::Mismatch { what: "samples", needed: trial.samples(), given: record.len() });
+        }
+        let not_finite = |channel: &Vec<f64>| channel.iter().position(|x| !x.is_finite());
+        if let Some(sample) = record.coordinates.iter().chain(&record.inputs).find_map(not_finite) {
+            return Err(CampaignError::NotFinite { sample });
+        }
+        let samples = trial.samples_per_period;
+        let settled = settled_from(record, samples, self.setup.procedure.settle_periods)
+            .filter(|from| from + LEAST_PERIODS <= trial.periods);
+        let Some(from) = settled else {
+            report.ending = "unsettled";
+            self.extensions += 1;
+            if self.extensions > EXTENSIONS {
+                self.outcome = Some(Outcome::NotSettled);
+            }
+            return self.finish(report);
+        };
+        let run = self.reports.len() + 1;
+        let channels: Vec<&[f64]> =
+            record.coordinates.iter().chain(&record.inputs).map(|c| &c[from * samples..trial.samples()]).collect();
+        let periods = trial.periods - from;
+        let spectra = Spectra::analyse(&channels, trial.control.sample_time, samples as f64, periods)
+            .map_err(|source| CampaignError::Spectrum { run, source })?;
+        let seen = Run { trial: &trial, spectra: &spectra, hold: self.setup.procedure.hold };
+        let update =
+            self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
+        self.aborts = 0;
+        report.settled_after = Some(from);
+        report.periods = periods;
+        report.tracking_rms = tracking_rms(&trial, record, from * samples);
+        report.harmonics = Some(self.estimator.harmonics());
+        if let Some(estimate) = update {
+            let converged = self.converged(&estimate) || self.tracks_well(&trial, &spectra);
+            self.current.clone_from(&estimate.values);
+            report.updated = true;
+            self.estimate = Some(estimate);
+            self.updates_in_stage += 1;
+            self.decide(&trial, record, &report, converged);
+        }
+        if self.outcome.is_none() && run >= self.setup.procedure.max_runs {
+            self.outcome = Some(Outcome::RunsUsed);
+        }
+        self.finish(report)
+    }
+
+    /// After an update: repeat, grow or end.
+    fn decide(&mut self, trial: &Trial, record: &Record, report: &RunReport, converged: bool) {
+        let procedure = &self.setup.procedure;
+        if record.saturated > 0 && trial.input_limits.iter().any(|limit| limit.is_finite()) {
+            self.outcome = Some(Outcome::InputLimit);
+        } else if report.effort_share.is_some_and(|share| share >= procedure.effort_share) {
+            self.outcome = Some(Outcome::EffortShare);
+        } else if converged || self.updates_in_stage >= procedure.updates_per_stage {
+            let last = self.stage + 1 == procedure.stages.len();
+            if last && converged {
+                self.outcome = Some(Outcome::Converged);
+            } else if last {
+                self.outcome = Some(Outcome::RunsUsed);
+            } else {
+                self.stage += 1;
+                self.updates_in_stage = 0;
+                self.scale = 1.0;
+                self.extensions = 0;
+            }
+        }
+    }
+
+    /// Files the report and works out the next trial.
+    fn finish(&mut self, mut report: RunReport) -> Result<&RunReport, CampaignError> {
+        report.parameters = self.run_parameters();
+        report.rank = self.estimate.as_ref().map(|e| e.rank);
+        report.condition = self.estimate.as_ref().map(|e| e.condition).filter(|c| c.is_finite());
+        report.residual = self.estimate.as_ref().map(|e| e.residual);
+        self.reports.push(report);
+        self.pending = None;
+        if self.outcome.is_none() && self.reports.len() >= self.setup.procedure.max_runs {
+            self.outcome = Some(Outcome::RunsUsed);
+        }
+        if self.outcome.is_none() {
+            self.prepare()?;
+        }
+        Ok(self.reports.last().expect("invariant: a report was just filed"))
+    }
+
+    fn prepare(&mut self) -> Result<(), CampaignError> {
+        let procedure = &self.setup.procedure;
+        let stage = &procedure.stages[self.stage];
+        let amplitudes: Vec<f64> = stage.amplitudes.iter().map(|a| a * self.scale).collect();
+        let period = 2.0 * std::f64::consts::PI / stage.frequency;
+        // A periods' sum that misses the time by rounding alone is not given another period.
+        let measured = ((procedure.measure_time / period - 1e-6).ceil().max(0.0) as usize).max(LEAST_PERIODS);
+        let settle = procedure.settle_periods << self.extensions.min(EXTENSIONS);
+        let settings = TrialSettings {
+            run: self.reports.len(),
+            trajectory: self.setup.pattern.trajectory(&amplitudes, stage.frequency),
+            amplitudes,
+            periods: settle + measured,
+            control: &self.setup.control,
+            parameters: &self.estimator.play(&self.current),
+            constants: &self.setup.constants,
+            tracking_bounds: &procedure.tracking_bounds,
+            input_limits: &procedure.input_limits,
+        };
+        let run = self.reports.len() + 1;
+        let trial = Trial::new(self.model, settings).map_err(|source| CampaignError::Trial { run, source })?;
+        if self.estimate.is_some() && trial.feed_forward_share().0 >= procedure.effort_share {
+            // The demand alone would pass the share: it is not played.
+            self.outcome = Some(Outcome::EffortShare);
+        } else {
+            self.pending = Some(trial);
+        }
+        Ok(())
+    }
+
+    fn converged(&self, estimate: &Estimate) -> bool {
+        if self.estimate.is_none() {
+            return false;
+        }
+        estimate.values.iter().zip(&self.current).zip(estimate.std.iter().zip(&estimate.status)).all(
+            |((now, before), (std, status))| {
+                let change = (now - before).abs();
+                *status == Status::Unobservable
+                    || change <= self.setup.procedure.tolerance * now.abs()
+                    || change <= INSIGNIFICANT * std
+            },
+        )
+    }
+
+    /// No harmonic of the tracking error exceeds its limit, when there are limits.
+    fn tracks_well(&self, trial: &Trial, spectra: &Spectra) -> bool {
+        let limits = &self.setup.procedure.error_limits;
+        if self.estimate.is_none() || !limits.iter().any(|limit| *limit > 0.0) {
+            return false;
+        }
+        let highest = self.estimator.harmonics().max(1);
+        let lines = crate::estimate::error_lines(trial, spectra, limits.len(), highest);
+        lines.iter().zip(limits).all(|(lines, limit)| *limit <= 0.0 || lines.iter().all(|line| line.norm() <= *limit))
+    }
+
+    fn report(&self, trial: &Trial, record: &Record) -> RunReport {
+        let shares = record.inputs.iter().zip(&trial.input_limits).filter(|(_, limit)| limit.is_finite());
+        let share = shares
+            .map(|(channel, limit)| channel.iter().fold(0.0, |most: f64, u| most.max(u.abs())) / limit)
+            .fold(None, |most: Option<f64>, share| Some(most.map_or(share, |m| m.max(share))));
+        RunReport {
+            run: self.reports.len() + 1,
+            stage: self.stage + 1,
+            amplitudes: self.setup.pattern.amplitudes.iter().cloned().zip(trial.amplitudes.iter().copied()).collect(),
+            frequency: trial.trajectory.frequency,
+            samples_per_period: trial.samples_per_period,
+            settled_after: None,
+            periods: 0,
+            tracking_rms: tracking_rms(trial, record, 0),
+            effort_share: share,
+            ending: match record.ending {
+                Ending::Complete => "complete",
+                Ending::TrackingBound { .. } => "tracking_bound",
+                Ending::Diverged { .. } => "diverged",
+            },
+            updated: false,
+            parameters: Vec::new(),
+            rank: None,
+            condition: None,
+            residual: None,
+            harmonics: None,
+        }
+    }
+
+    fn run_parameters(&self) -> Vec<RunParameter> {
+        self.current
+            .iter()
+            .enumerate()
+            .map(|(j, &value)| {
+                let estimate = self.estimate.as_ref();
+                let hidden = estimate.is_none_or(|e| e.status[j] == Status::Unobservable);
+                RunParameter {
+                    name: self.model.parameter(j).name.into(),
+                    value: (!hidden).then_some(value),
+                    std: estimate.filter(|_| !hidden).map(|e| e.std[j]),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Root mean square of the measured tracking error of every coordinate from a sample on.
+fn tracking_rms(trial: &Trial, record: &Record, from: usize) -> Vec<f64> {
+    let width = trial.reference.len() / trial.samples_per_period.max(1);
+    record
+        .coordinates
+        .iter()
+        .enumerate()
+        .map(|(c, channel)| {
+            let used = channel.get(from..).unwrap_or_default();
+            let power: f64 = used
+                .iter()
+                .enumerate()
+                .map(|(n, q)| {
+                    let e = q - trial.reference[(from + n) % trial.samples_per_period * width + c];
+                    e * e
+                })
+                .sum();
+            (power / used.len().max(1) as f64).sqrt()
+        })
+        .collect()
+}
