@@ -1,2 +1,55 @@
-//! The `tpm` command line.
-fn main() {}
+//! `tpm`: the command line of the Trajectory Pattern Method tools.
+//!
+//! Files in, results out; every step of the work itself is a function of the libraries. Results go to standard output,
+//! errors and progress to standard error. Exit codes: 0 done, 1 not everything asked for was identified, 2 bad input,
+//! 130 interrupted.
+
+mod commands;
+mod failure;
+mod interrupt;
+mod load;
+mod output;
+mod progress;
+mod text_table;
+
+use clap::{Parser, Subcommand};
+use failure::Failure;
+use std::process::ExitCode;
+
+/// Identify the parameters of a non-linear machine by the Trajectory Pattern Method.
+#[derive(Parser)]
+#[command(name = "tpm", version, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Parse a model, check units, linearity and finiteness, and say what was found.
+    Check(commands::check::Args),
+    /// Print the exact harmonic coefficient table of a model under its pattern.
+    Expand(commands::expand::Args),
+    /// Identify parameters: on a simulated plant, or from a log.
+    Identify(commands::identify::Args),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    interrupt::install();
+    let outcome = match &cli.command {
+        Command::Check(args) => commands::check::run(args),
+        Command::Expand(args) => commands::expand::run(args),
+        Command::Identify(args) => commands::identify::run(args),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.report();
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// What a command gives back: success, or a failure with its exit code.
+type Outcome = Result<(), Failure>;

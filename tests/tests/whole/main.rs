@@ -1,0 +1,6 @@
+//! Tests of the whole, one binary: what no single crate can show.
+
+mod foundation;
+mod licences;
+mod support;
+mod tables;

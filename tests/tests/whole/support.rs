@@ -1,0 +1,39 @@
+//! What the tests share: models by name, and their tables.
+
+use std::path::{Path, PathBuf};
+use tpm_codegen::source::Source;
+use tpm_symbolic::expand::expand;
+use tpm_symbolic::model::Model;
+use tpm_symbolic::regressor::regressor_form;
+use tpm_symbolic::table::HarmonicTable;
+
+/// The workspace's folder.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()
+}
+
+/// Parses a text, which must be right.
+pub(crate) fn parse(name: &str, text: &str) -> Model {
+    let source = Source::new(name, text);
+    match tpm_codegen::parse_model(&source) {
+        Ok(parsed) => parsed.model,
+        Err(diagnostics) => panic!("{}", diagnostics.render(&source)),
+    }
+}
+
+/// A model of the folder `models`.
+pub(crate) fn model(name: &str) -> Model {
+    let path = root().join("models").join(format!("{name}.tpm"));
+    parse(name, &std::fs::read_to_string(path).expect("a shipped model"))
+}
+
+/// The table of a model under its first pattern.
+pub(crate) fn expanded(model: &Model) -> HarmonicTable {
+    let form = regressor_form(model).expect("linear in the parameters");
+    expand(model, &form, &model.patterns[0]).expect("expands finitely")
+}
+
+/// The table of a shipped model under its first pattern.
+pub(crate) fn table_of(name: &str) -> HarmonicTable {
+    expanded(&model(name))
+}

@@ -1,0 +1,5 @@
+//! The verbs, one module each.
+
+pub(crate) mod check;
+pub(crate) mod expand;
+pub(crate) mod identify;

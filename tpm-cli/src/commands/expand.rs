@@ -1,0 +1,77 @@
+//! `tpm expand`: the exact harmonic coefficient table.
+
+use crate::failure::Failure;
+use crate::load::Loaded;
+use crate::{Outcome, interrupt, output, progress};
+use clap::ValueEnum;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use tpm_codegen::emit::table;
+use tpm_symbolic::expand::{ExpandError, ExpandOptions, expand_with};
+
+/// How a table is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Format {
+    /// The contract's JSON (tpm.table/1).
+    Json,
+    /// One line per entry.
+    Csv,
+    /// A matrix of harmonics and parameters per equation.
+    Markdown,
+    /// A document that pdflatex compiles.
+    Latex,
+}
+
+/// Options of `tpm expand`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    /// How to write the table.
+    #[arg(long, value_enum, default_value = "markdown")]
+    format: Format,
+    /// The pattern to expand under; the model's first when not given.
+    #[arg(long, value_name = "NAME")]
+    pattern: Option<String>,
+    /// Expand even when the table would be very large.
+    #[arg(long)]
+    allow_large: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let loaded = Loaded::from_file(&args.file)?;
+    let model = loaded.model();
+    let pattern = loaded.pattern(args.pattern.as_deref())?;
+    let form = loaded.regressor_form()?;
+    let bar = progress::Bar::new("expanding");
+    let expanded = interrupt::watched(|go_on| {
+        let mut step = |step: tpm_symbolic::expand::Progress| {
+            bar.set(step.done as u64, step.total as u64);
+            if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        let mut options = ExpandOptions { allow_large: args.allow_large, progress: Some(&mut step) };
+        expand_with(model, &form, pattern, &mut options)
+    });
+    drop(bar);
+    let table = expanded.map_err(|error| match error {
+        ExpandError::Stopped { .. } => Failure::Interrupted,
+        ExpandError::TooLarge { .. } => loaded.at_with_help(&error, "to expand it all the same, give --allow-large"),
+        error => loaded.at(&error),
+    })?;
+    let text = match args.format {
+        Format::Json => {
+            let mut text = serde_json::to_string_pretty(&table)
+                .map_err(|error| Failure::Input(format!("the table cannot be written as JSON: {error}")))?;
+            text.push('\n');
+            text
+        }
+        Format::Csv => table::csv(&table),
+        Format::Markdown => table::markdown(&table),
+        Format::Latex => table::latex(&table),
+    };
+    output::emit(args.output.as_deref(), &text)
+}

@@ -1,0 +1,247 @@
+//! `tpm identify`: parameters with standard deviations, from a log or from experiments on a simulated plant.
+
+use crate::failure::Failure;
+use crate::load::Loaded;
+use crate::text_table::{Align, TextTable, number};
+use crate::{Outcome, output};
+use clap::ValueEnum;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use tpm_runtime::estimate::Frozen;
+use tpm_runtime::harmonics::Hold;
+use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::log::{Identification, Log, LogOptions, ParameterReport, identify_log};
+use tpm_runtime::model::Model as _;
+
+/// What an input does between samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum HoldChoice {
+    /// The recorded value is a sample of a signal that goes on between samples, or the timing is unknown.
+    None,
+    /// The recorded value is applied until the next sample.
+    Zoh,
+}
+
+/// Options of `tpm identify`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    /// Identify from this log (CSV with one header line, time in `t_s`) instead of a simulated plant.
+    #[arg(long, value_name = "CSV")]
+    log: Option<PathBuf>,
+    /// Column of a coordinate or input (or of t_s) that is named otherwise in the log.
+    #[arg(long, value_name = "NAME=COLUMN", requires = "log", value_parser = assignment)]
+    map: Vec<(String, String)>,
+    /// Factor on a column: counts to radians, a gear ratio.
+    #[arg(long, value_name = "NAME=FACTOR", requires = "log", value_parser = number_assignment)]
+    scale: Vec<(String, f64)>,
+    /// Added to a column after its factor.
+    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
+    offset: Vec<(String, f64)>,
+    /// First sample to use, from 0; found when not given.
+    #[arg(long, value_name = "N", requires = "log")]
+    from_sample: Option<usize>,
+    /// Period of the motion in seconds; found when not given.
+    #[arg(long, value_name = "SECONDS", requires = "log")]
+    period: Option<f64>,
+    /// What the inputs do between samples.
+    #[arg(long, value_enum, requires = "log")]
+    hold: Option<HoldChoice>,
+    /// Highest harmonic to use; chosen from the spectrum when not given.
+    #[arg(long, value_name = "N")]
+    harmonics: Option<usize>,
+    /// Value of a constant that is known at run time only.
+    #[arg(long = "constant", value_name = "NAME=VALUE", value_parser = number_assignment)]
+    constants: Vec<(String, f64)>,
+    /// Prior value of a parameter: what an unobservable direction keeps.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = number_assignment)]
+    prior: Vec<(String, f64)>,
+    /// Hold a parameter at a value.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = number_assignment)]
+    freeze: Vec<(String, f64)>,
+    /// Print the contract's JSON (tpm.identification/1).
+    #[arg(long)]
+    json: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+fn assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
+            Ok((name.trim().to_owned(), value.trim().to_owned()))
+        }
+        _ => Err(format!("`{text}` is not of the form NAME=VALUE")),
+    }
+}
+
+fn number_assignment(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = assignment(text)?;
+    match value.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok((name, number)),
+        _ => Err(format!("`{value}` is not a finite number")),
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let loaded = Loaded::from_file(&args.file)?;
+    let form = loaded.regressor_form()?;
+    let model = Interpreted::new(loaded.model(), &form);
+    match &args.log {
+        Some(path) => from_log(args, &model, path),
+        None => Err(Failure::Input("give --log CSV".to_owned())),
+    }
+}
+
+fn from_log(args: &Args, model: &Interpreted, path: &std::path::Path) -> Outcome {
+    let options = log_options(args, model)?;
+    let log = Log::open(path, model, &options).map_err(|error| Failure::Input(error.to_string()))?;
+    let result = identify_log(model, &log, &options).map_err(|error| Failure::Input(error.to_string()))?;
+    let text = if args.json { json(&result)? } else { describe(&result) };
+    output::emit(args.output.as_deref(), &text)?;
+    if result.rank < result.parameters.iter().filter(|parameter| parameter.status != "frozen").count() {
+        return Err(Failure::Incomplete(format!(
+            "the data determine {} independent combinations of the parameters, not all of them",
+            result.rank
+        )));
+    }
+    Ok(())
+}
+
+fn log_options(args: &Args, model: &Interpreted) -> Result<LogOptions, Failure> {
+    let dims = model.dims();
+    let coordinates = (0..dims.coordinates).map(|i| model.coordinate(i).name.to_owned());
+    let inputs = (0..dims.inputs).map(|i| model.input(i).name.to_owned());
+    let mut signals: Vec<String> = coordinates.chain(inputs).collect();
+    signals.push("t_s".to_owned());
+    let parameters: Vec<String> = (0..dims.parameters).map(|i| model.parameter(i).name.to_owned()).collect();
+    let constants: Vec<String> = (0..dims.constants).map(|i| model.constant(i).name.to_owned()).collect();
+
+    let given = by_name("--constant", &args.constants, &constants)?;
+    let missing: Vec<&str> = constants.iter().filter(|name| !given.contains_key(*name)).map(String::as_str).collect();
+    if !missing.is_empty() {
+        return Err(Failure::Input(format!(
+            "the model has constants that are known at run time only; give {}",
+            missing.iter().map(|name| format!("--constant {name}=VALUE")).collect::<Vec<_>>().join(" ")
+        )));
+    }
+    let priors = by_name("--prior", &args.prior, &parameters)?;
+    let frozen = by_name("--freeze", &args.freeze, &parameters)?;
+    let index = |name: &str| parameters.iter().position(|parameter| parameter == name);
+    Ok(LogOptions {
+        map: by_name("--map", &args.map, &signals)?,
+        scale: by_name("--scale", &args.scale, &signals)?,
+        offset: by_name("--offset", &args.offset, &signals)?,
+        from_sample: args.from_sample,
+        period: args.period,
+        hold: match args.hold {
+            Some(HoldChoice::Zoh) => Hold::Zoh,
+            Some(HoldChoice::None) | None => Hold::None,
+        },
+        harmonics: args.harmonics,
+        constants: constants.iter().map(|name| given[name]).collect(),
+        prior: if priors.is_empty() {
+            Vec::new()
+        } else {
+            parameters.iter().map(|name| priors.get(name).copied().unwrap_or(0.0)).collect()
+        },
+        frozen: frozen
+            .iter()
+            .filter_map(|(name, &value)| index(name).map(|parameter| Frozen { parameter, value }))
+            .collect(),
+    })
+}
+
+/// Assignments by name; an unknown or repeated name is an error that lists what there is.
+fn by_name<V: Clone>(flag: &str, given: &[(String, V)], known: &[String]) -> Result<BTreeMap<String, V>, Failure> {
+    let mut result = BTreeMap::new();
+    for (name, value) in given {
+        if !known.contains(name) {
+            let known =
+                if known.is_empty() { "it has none".to_owned() } else { format!("there are {}", known.join(", ")) };
+            return Err(Failure::Input(format!("{flag} {name}=...: the model has no such name; {known}")));
+        }
+        if result.insert(name.clone(), value.clone()).is_some() {
+            return Err(Failure::Input(format!("{flag} {name}=... is given twice")));
+        }
+    }
+    Ok(result)
+}
+
+fn json(result: &Identification) -> Result<String, Failure> {
+    let mut text = serde_json::to_string_pretty(result)
+        .map_err(|error| Failure::Input(format!("the result cannot be written as JSON: {error}")))?;
+    text.push('\n');
+    Ok(text)
+}
+
+fn describe(result: &Identification) -> String {
+    let log = &result.log;
+    let mut text = format!(
+        "model {} from {}\n{} samples every {} s; {} periods of {} s from sample {} (line {}); hold {}; {} window; harmonics up to {}\n\n",
+        result.model,
+        log.path,
+        log.samples,
+        number(log.sample_time),
+        log.periods,
+        number(log.period),
+        log.from_sample,
+        log.from_line,
+        result.hold,
+        log.window,
+        result.harmonics,
+    );
+    text.push_str(&parameters(&result.parameters));
+    if !result.physical.is_empty() {
+        text.push_str("\nphysical parameters\n");
+        text.push_str(&parameters(&result.physical));
+    }
+    text.push_str(&format!(
+        "\nrank {} of {}, condition number {}, residual {} % of the force\n",
+        result.rank,
+        result.parameters.len(),
+        number(result.condition),
+        number(100.0 * result.residual),
+    ));
+    for direction in &result.unobservable {
+        let terms: Vec<String> = direction.iter().map(|(name, weight)| format!("{weight} {name}")).collect();
+        text.push_str(&format!("the data do not show the direction {}\n", terms.join(" + ")));
+    }
+    for warning in &result.warnings {
+        text.push_str(&format!("warning: {warning}\n"));
+    }
+    text
+}
+
+/// Parameter, unit, prior, identified, standard deviation, change. An unobservable parameter gets no number.
+fn parameters(list: &[ParameterReport]) -> String {
+    let mut table = TextTable::new(&[
+        ("parameter", Align::Left),
+        ("unit", Align::Left),
+        ("prior", Align::Right),
+        ("identified", Align::Right),
+        ("std. dev.", Align::Right),
+        ("change", Align::Right),
+        ("", Align::Left),
+    ]);
+    for parameter in list {
+        let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
+        let change = match (parameter.prior, parameter.value) {
+            (Some(prior), Some(value)) if prior != 0.0 => format!("{:+.3} %", 100.0 * (value - prior) / prior),
+            _ => "-".to_owned(),
+        };
+        table.row(&[
+            parameter.name.clone(),
+            parameter.unit.clone().unwrap_or_else(|| "-".to_owned()),
+            optional(parameter.prior),
+            optional(parameter.value),
+            optional(parameter.std),
+            change,
+            if parameter.status == "identified" { String::new() } else { parameter.status.replace('_', " ") },
+        ]);
+    }
+    table.finish()
+}

@@ -1,0 +1,64 @@
+//! Why a command did not succeed, and the exit code that says so.
+
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// A failure of a command.
+#[derive(Debug, Error)]
+pub(crate) enum Failure {
+    /// Diagnostics of a model, already rendered with their places.
+    #[error("{0}")]
+    Model(String),
+    /// A file could not be read.
+    #[error("error: cannot read {path}: {source}", path = path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A file could not be written; nothing was left behind.
+    #[error("error: cannot write {path}: {source}; no partial file was left", path = path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Anything else that is wrong with what was given.
+    #[error("error: {0}")]
+    Input(String),
+    /// The result was printed, but it is not all that was asked for.
+    #[error("{0}")]
+    Incomplete(String),
+    /// Stopped by the user.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl Failure {
+    /// A file that could not be read.
+    pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
+        Self::Read { path: path.to_owned(), source }
+    }
+
+    /// A file that could not be written.
+    pub(crate) fn write(path: &Path, source: std::io::Error) -> Self {
+        Self::Write { path: path.to_owned(), source }
+    }
+
+    /// The process's exit code.
+    pub(crate) fn exit_code(&self) -> u8 {
+        match self {
+            Self::Model(_) | Self::Read { .. } | Self::Write { .. } | Self::Input(_) => 2,
+            Self::Incomplete(_) => 1,
+            Self::Interrupted => 130,
+        }
+    }
+
+    /// Prints the message to standard error. A closed standard error is no reason to fail differently.
+    pub(crate) fn report(&self) {
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), "{}", self.to_string().trim_end());
+    }
+}

@@ -1,0 +1,24 @@
+//! Ctrl-C: long work that asks stops cleanly, anything else ends at once.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+static REQUESTED: AtomicBool = AtomicBool::new(false);
+static WATCHED: AtomicBool = AtomicBool::new(false);
+
+/// Installs the handler. Where signals cannot be handled the default (ending at once) stays, which is just as good.
+pub(crate) fn install() {
+    let _ = ctrlc::set_handler(|| {
+        let again = REQUESTED.swap(true, Ordering::SeqCst);
+        if again || !WATCHED.load(Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    });
+}
+
+/// Runs long work that polls the given function, which says whether to go on.
+pub(crate) fn watched<T>(work: impl FnOnce(&dyn Fn() -> bool) -> T) -> T {
+    WATCHED.store(true, Ordering::SeqCst);
+    let result = work(&|| !REQUESTED.load(Ordering::SeqCst));
+    WATCHED.store(false, Ordering::SeqCst);
+    result
+}

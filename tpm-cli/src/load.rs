@@ -1,0 +1,86 @@
+//! From a path to a model, with every fault rendered at its place.
+
+use crate::failure::Failure;
+use crate::output;
+use std::path::Path;
+use tpm_codegen::diagnostic::{self, Diagnostic};
+use tpm_codegen::language::AtTerm;
+use tpm_codegen::source::Source;
+use tpm_codegen::{Parsed, parse_model};
+use tpm_symbolic::model::Model;
+use tpm_symbolic::pattern::Pattern;
+use tpm_symbolic::regressor::{RegressorForm, regressor_form};
+
+/// A parsed model with the text it came from, so that later stages can still point at places.
+pub(crate) struct Loaded {
+    source: Source,
+    parsed: Parsed,
+}
+
+impl Loaded {
+    /// Reads and parses a model file. Warnings go to standard error.
+    pub(crate) fn from_file(path: &Path) -> Result<Self, Failure> {
+        let bytes = std::fs::read(path).map_err(|error| Failure::read(path, error))?;
+        let source = Source::from_bytes(path.display().to_string(), bytes);
+        match parse_model(&source) {
+            Ok(parsed) => {
+                if !parsed.warnings.is_empty() {
+                    output::remark(parsed.warnings.render(&source).trim_end());
+                }
+                Ok(Self { source, parsed })
+            }
+            Err(diagnostics) => Err(Failure::Model(diagnostics.render(&source))),
+        }
+    }
+
+    /// The model.
+    pub(crate) fn model(&self) -> &Model {
+        &self.parsed.model
+    }
+
+    /// The model sorted into its parameters.
+    pub(crate) fn regressor_form(&self) -> Result<RegressorForm, Failure> {
+        regressor_form(self.model()).map_err(|error| self.at(&error))
+    }
+
+    /// An error of a later stage, at its place in the text.
+    pub(crate) fn at(&self, error: &impl AtTerm) -> Failure {
+        Failure::Model(self.rendered(&self.parsed.locate(error)))
+    }
+
+    /// The same, with what to do about it.
+    pub(crate) fn at_with_help(&self, error: &impl AtTerm, help: &str) -> Failure {
+        Failure::Model(self.rendered(&self.parsed.locate(error).help(help)))
+    }
+
+    /// What stands in the way of one use of the model but is no fault of it, at its place.
+    pub(crate) fn remark(&self, error: &impl AtTerm) -> String {
+        let mut diagnostic = self.parsed.locate(error);
+        diagnostic.severity = diagnostic::Severity::Warning;
+        self.rendered(&diagnostic)
+    }
+
+    fn rendered(&self, diagnostic: &Diagnostic) -> String {
+        diagnostic::render(&self.source, diagnostic)
+    }
+
+    /// The chosen pattern, the first when no name is given.
+    pub(crate) fn pattern(&self, name: Option<&str>) -> Result<&Pattern, Failure> {
+        let model = self.model();
+        model.pattern(name).ok_or_else(|| match name {
+            None => Failure::Input(format!(
+                "model {} has no pattern; add `pattern {{ ... }}` to it to expand it (logs need none)",
+                model.name
+            )),
+            Some(name) => {
+                let known: Vec<&str> = model.patterns.iter().filter_map(|pattern| pattern.name.as_deref()).collect();
+                let known = if known.is_empty() {
+                    "its patterns have no names".to_owned()
+                } else {
+                    format!("it has {}", known.join(", "))
+                };
+                Failure::Input(format!("model {} has no pattern named `{name}`; {known}", model.name))
+            }
+        })
+    }
+}

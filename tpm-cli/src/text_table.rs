@@ -1,0 +1,88 @@
+//! Tables for reading in a terminal.
+
+/// How a column is aligned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Align {
+    /// Text.
+    Left,
+    /// Numbers.
+    Right,
+}
+
+/// Rows of cells under a head.
+pub(crate) struct TextTable {
+    align: Vec<Align>,
+    rows: Vec<Vec<String>>,
+}
+
+impl TextTable {
+    /// A table with a head.
+    pub(crate) fn new(head: &[(&str, Align)]) -> Self {
+        let names = head.iter().map(|(name, _)| (*name).to_owned()).collect();
+        Self { align: head.iter().map(|(_, align)| *align).collect(), rows: vec![names] }
+    }
+
+    /// Adds a row; missing cells are empty.
+    pub(crate) fn row(&mut self, cells: &[String]) {
+        let mut cells = cells.to_vec();
+        cells.resize(self.align.len(), String::new());
+        self.rows.push(cells);
+    }
+
+    /// The text, columns two spaces apart, no trailing spaces.
+    pub(crate) fn finish(&self) -> String {
+        let width = |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..self.align.len()).map(width).collect();
+        let mut text = String::new();
+        for row in &self.rows {
+            let mut line = String::new();
+            for ((cell, &width), align) in row.iter().zip(&widths).zip(&self.align) {
+                let padding = " ".repeat(width - cell.chars().count());
+                match align {
+                    Align::Left => line.push_str(&format!("{cell}{padding}  ")),
+                    Align::Right => line.push_str(&format!("{padding}{cell}  ")),
+                }
+            }
+            text.push_str(line.trim_end());
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// A number with six significant digits, plain where that is short.
+pub(crate) fn number(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let magnitude = value.abs().log10().floor();
+    if !(-4.0..7.0).contains(&magnitude) {
+        return format!("{value:.5e}");
+    }
+    let decimals = (5.0 - magnitude).max(0.0) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Align, TextTable, number};
+
+    #[test]
+    fn numbers_have_six_significant_digits() {
+        assert_eq!(number(95.108_94), "95.1089");
+        assert_eq!(number(-0.001_234_567_8), "-0.00123457");
+        assert_eq!(number(5.371_5e-6), "5.37150e-6");
+        assert_eq!(number(0.0), "0");
+        assert_eq!(number(2.0), "2");
+        assert_eq!(number(1e9), "1.00000e9");
+    }
+
+    #[test]
+    fn columns_line_up() {
+        let mut table = TextTable::new(&[("name", Align::Left), ("value", Align::Right)]);
+        table.row(&["m".to_owned(), "2".to_owned()]);
+        table.row(&["long name".to_owned(), "12.5".to_owned()]);
+        assert_eq!(table.finish(), "name       value\nm              2\nlong name   12.5\n");
+    }
+}
