@@ -20,19 +20,25 @@
 //! parameter errors. This crate computes it exactly:
 //!
 //! ```text
-//! Model --regressor_form--> RegressorForm --expand(Pattern)--> HarmonicTable
-//!                                          \--Plan------------> straight-line evaluation
+//! Model --prepare--> RegressorForm --expand(Pattern)--> HarmonicTable --identifiability--> rank, directions
+//!                    |             \--Plan------------> straight-line evaluation
+//!                    \--ParameterMap--> lumped from physical parameters, and back
 //! ```
 //!
 //! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
 //! ([`rational::to_f64`]).
 
+pub mod content;
 mod denominator;
+pub mod eliminate;
 pub mod estimator;
 pub mod evaluation;
 pub mod expand;
 pub mod expr;
 pub mod fourier;
+pub mod fraction;
+pub mod generic;
+pub mod identifiability;
 pub mod implicit;
 pub mod interval;
 pub mod jet;
@@ -43,11 +49,14 @@ pub mod linearize;
 pub mod model;
 mod numerator;
 mod packed;
+pub mod parameter_map;
 pub mod pattern;
 pub mod plan;
 pub mod polynomial;
+pub mod prepare;
 pub mod rational;
 pub mod regressor;
+pub mod regressor_rank;
 pub mod series;
 pub mod singular;
 mod spectrum;

@@ -177,12 +177,20 @@ fn classify(model: &Model, atom: ExprId) -> Class {
 type ParameterMonomial = Monomial<ExprId>;
 
 /// coefficient and source of every (parameter monomial, motion monomial) of one equation.
-type Collected = BTreeMap<(ParameterMonomial, Monomial<ExprId>), (Rational, TermId)>;
+pub(crate) type Collected = BTreeMap<(ParameterMonomial, Monomial<ExprId>), (Rational, TermId)>;
 
-struct CollectedRow {
-    name: String,
-    terms: Collected,
-    inputs: Vec<(Symbol, Polynomial<ExprId>)>,
+/// An equation sorted into parameter and motion monomials.
+pub(crate) struct CollectedRow {
+    pub(crate) name: String,
+    pub(crate) terms: Collected,
+    pub(crate) inputs: Vec<(Symbol, Polynomial<ExprId>)>,
+}
+
+/// A source term as a Laurent polynomial over atoms, beside the expression it was written as.
+pub(crate) struct WrittenTerm {
+    pub(crate) id: TermId,
+    pub(crate) source: ExprId,
+    pub(crate) polynomial: Polynomial<ExprId>,
 }
 
 /// Sorts a model into its parameters.
@@ -202,11 +210,24 @@ pub fn regressor_form(model: &Model) -> Result<RegressorForm, RegressorError> {
 }
 
 fn collect(model: &Model, equation: &crate::model::Equation) -> Result<CollectedRow, RegressorError> {
+    let written = equation.terms.iter().map(|term| WrittenTerm {
+        id: term.id,
+        source: term.expr,
+        polynomial: model.graph.polynomial(term.expr),
+    });
+    collect_terms(model, &equation.name, &written.collect::<Vec<_>>())
+}
+
+pub(crate) fn collect_terms(
+    model: &Model,
+    name: &str,
+    written: &[WrittenTerm],
+) -> Result<CollectedRow, RegressorError> {
     let mut terms: Collected = BTreeMap::new();
     // input -> (factor monomial -> coefficient), on the left-hand side
     let mut inputs: BTreeMap<Symbol, (Polynomial<ExprId>, TermId)> = BTreeMap::new();
-    for source in &equation.terms {
-        for (monomial, coefficient) in model.graph.polynomial(source.expr).terms() {
+    for source in written {
+        for (monomial, coefficient) in source.polynomial.terms() {
             let mut coefficient = coefficient.clone();
             let (mut parameters, mut motion) = (Vec::new(), Vec::new());
             let mut input = None;
@@ -215,7 +236,7 @@ fn collect(model: &Model, equation: &crate::model::Equation) -> Result<Collected
                 match classify(model, atom) {
                     Class::Input(symbol) if exponent == 1 && input.is_none() => input = Some(symbol),
                     Class::Input(symbol) => {
-                        return Err(input_not_linear(model, source.id, symbol, source.expr));
+                        return Err(input_not_linear(model, source.id, symbol, source.source));
                     }
                     Class::Parameter => parameters.push((atom, exponent)),
                     Class::Value(value) => coefficient *= rational::power(&value, exponent),
@@ -225,7 +246,7 @@ fn collect(model: &Model, equation: &crate::model::Equation) -> Result<Collected
                         motion.push((atom, exponent));
                     }
                     Class::Mixed(symbol) if model.quantity(symbol).kind == Kind::Input => {
-                        return Err(input_not_linear(model, source.id, symbol, source.expr));
+                        return Err(input_not_linear(model, source.id, symbol, source.source));
                     }
                     Class::Mixed(symbol) => {
                         return Err(RegressorError::InsideFunction {
@@ -240,7 +261,7 @@ fn collect(model: &Model, equation: &crate::model::Equation) -> Result<Collected
             let motion: Monomial<ExprId> = motion.into_iter().collect();
             if let Some(symbol) = input {
                 if moves {
-                    return Err(input_not_linear(model, source.id, symbol, source.expr));
+                    return Err(input_not_linear(model, source.id, symbol, source.source));
                 }
                 let slot = inputs.entry(symbol).or_insert_with(|| (Polynomial::zero(), source.id));
                 slot.0.add_term(parameters.mul(&motion), coefficient);
@@ -253,13 +274,13 @@ fn collect(model: &Model, equation: &crate::model::Equation) -> Result<Collected
     terms.retain(|_, (coefficient, _)| !coefficient.is_zero());
     inputs.retain(|_, (factor, _)| !factor.is_zero());
     if terms.is_empty() {
-        let term = equation.terms.first().map(|term| term.id);
-        return Err(RegressorError::Empty { name: equation.name.clone(), term });
+        let term = written.first().map(|term| term.id);
+        return Err(RegressorError::Empty { name: name.to_owned(), term });
     }
     normalise(model, &mut terms, &mut inputs)?;
     let name = match inputs.len() {
         1 => inputs.keys().next().map_or_else(String::new, |symbol| model.symbol_name(*symbol)),
-        _ => equation.name.clone(),
+        _ => name.to_owned(),
     };
     // The input moves to the right-hand side.
     let minus_one = rational::integer(-1);
