@@ -2,4 +2,5 @@
 
 pub(crate) mod check;
 pub(crate) mod expand;
+pub(crate) mod identifiability;
 pub(crate) mod identify;

@@ -9,7 +9,7 @@ use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
 use tpm_symbolic::model::Model;
 use tpm_symbolic::pattern::Pattern;
-use tpm_symbolic::regressor::{RegressorForm, regressor_form};
+use tpm_symbolic::prepare::{Prepared, prepare};
 
 /// A parsed model with the text it came from, so that later stages can still point at places.
 pub(crate) struct Loaded {
@@ -38,9 +38,9 @@ impl Loaded {
         &self.parsed.model
     }
 
-    /// The model sorted into its parameters.
-    pub(crate) fn regressor_form(&self) -> Result<RegressorForm, Failure> {
-        regressor_form(self.model()).map_err(|error| self.at(&error))
+    /// The model with its coordinates eliminated, sorted into its parameters.
+    pub(crate) fn prepared(&self) -> Result<Prepared, Failure> {
+        prepare(self.model().clone()).map_err(|error| self.at(&error))
     }
 
     /// An error of a later stage, at its place in the text.

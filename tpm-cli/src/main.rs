@@ -30,6 +30,8 @@ enum Command {
     Check(commands::check::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(commands::expand::Args),
+    /// Say what a pattern can show: exact rank, unobservable directions, base parameters.
+    Identifiability(commands::identifiability::Args),
     /// Identify parameters: on a simulated plant, or from a log.
     Identify(commands::identify::Args),
 }
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
     let outcome = match &cli.command {
         Command::Check(args) => commands::check::run(args),
         Command::Expand(args) => commands::expand::run(args),
+        Command::Identifiability(args) => commands::identifiability::run(args),
         Command::Identify(args) => commands::identify::run(args),
     };
     match outcome {

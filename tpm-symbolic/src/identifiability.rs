@@ -679,7 +679,7 @@ pub fn evaluated_matrix(
             let label =
                 RowLabel { experiment, equation: entry.equation, harmonic: entry.harmonic, function: entry.function };
             let row = cells.entry(label).or_insert_with(|| vec![0.0; table.parameters.len()]);
-            row[column] += table.evaluate(entry, &symbols);
+            row[column] += table.evaluate(&entry, &symbols);
         }
     }
     cells.into_iter().unzip()

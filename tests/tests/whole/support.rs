@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use tpm_codegen::source::Source;
 use tpm_symbolic::expand::expand;
 use tpm_symbolic::model::Model;
-use tpm_symbolic::regressor::regressor_form;
+use tpm_symbolic::prepare::prepare;
 use tpm_symbolic::table::HarmonicTable;
 
 /// The workspace's folder.
@@ -29,8 +29,8 @@ pub(crate) fn model(name: &str) -> Model {
 
 /// The table of a model under its first pattern.
 pub(crate) fn expanded(model: &Model) -> HarmonicTable {
-    let form = regressor_form(model).expect("linear in the parameters");
-    expand(model, &form, &model.patterns[0]).expect("expands finitely")
+    let prepared = prepare(model.clone()).expect("linear in the parameters");
+    expand(&prepared.model, &prepared.form, &model.patterns[0]).expect("expands finitely")
 }
 
 /// The table of a shipped model under its first pattern.

@@ -18,16 +18,20 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
-    let model = loaded.model();
-    let form = loaded.regressor_form()?;
-    let mut text = describe(model, &form);
+    let prepared = loaded.prepared()?;
+    let (model, form) = (&prepared.model, &prepared.form);
+    let mut text = describe(model, form);
+    for reconstruction in &prepared.reconstructions {
+        let name = &model.coordinates[reconstruction.coordinate.0 as usize].name;
+        let _ = writeln!(text, "eliminated: {name} = {}", model.display(reconstruction.expr));
+    }
     // A model that does not expand is still whole for logs, so this is a remark and not an error.
     if model.patterns.is_empty() {
         text.push_str("remark: no pattern, so `expand` has nothing to expand under; logs need none\n");
     }
     for pattern in &model.patterns {
         let name = pattern.name.as_ref().map_or_else(|| "the pattern".to_owned(), |name| format!("pattern {name}"));
-        match expand(model, &form, pattern) {
+        match expand(model, form, pattern) {
             Ok(table) => {
                 for (equation, row) in table.equations.iter().enumerate() {
                     let _ = writeln!(text, "{name}: highest harmonic of {row} is {}", table.highest_harmonic(equation));

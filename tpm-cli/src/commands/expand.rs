@@ -44,9 +44,8 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
-    let model = loaded.model();
     let pattern = loaded.pattern(args.pattern.as_deref())?;
-    let form = loaded.regressor_form()?;
+    let prepared = loaded.prepared()?;
     let bar = progress::Bar::new("expanding");
     let expanded = interrupt::watched(|go_on| {
         let mut step = |step: tpm_symbolic::expand::Progress| {
@@ -54,7 +53,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
         let mut options = ExpandOptions { allow_large: args.allow_large, progress: Some(&mut step) };
-        expand_with(model, &form, pattern, &mut options)
+        expand_with(&prepared.model, &prepared.form, pattern, &mut options)
     });
     drop(bar);
     let table = expanded.map_err(|error| match error {

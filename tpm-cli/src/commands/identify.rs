@@ -88,8 +88,8 @@ fn number_assignment(text: &str) -> Result<(String, f64), String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
-    let form = loaded.regressor_form()?;
-    let model = Interpreted::new(loaded.model(), &form);
+    let prepared = loaded.prepared()?;
+    let model = Interpreted::new(&prepared.model, &prepared.form);
     match &args.log {
         Some(path) => from_log(args, &model, path),
         None => Err(Failure::Input("give --log CSV".to_owned())),

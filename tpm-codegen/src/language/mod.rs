@@ -18,6 +18,7 @@ pub use parse::DEEPEST;
 use tpm_symbolic::expand::ExpandError;
 use tpm_symbolic::lagrange::{LagrangeError, Lagrangian};
 use tpm_symbolic::model::{Model, TermId};
+use tpm_symbolic::prepare::PrepareError;
 use tpm_symbolic::regressor::RegressorError;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
@@ -63,6 +64,12 @@ pub trait AtTerm: std::error::Error {
 }
 
 impl AtTerm for RegressorError {
+    fn at_term(&self) -> Option<TermId> {
+        self.term()
+    }
+}
+
+impl AtTerm for PrepareError {
     fn at_term(&self) -> Option<TermId> {
         self.term()
     }
