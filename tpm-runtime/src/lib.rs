@@ -11,6 +11,8 @@ extern crate std;
 pub mod control;
 #[cfg(feature = "std")]
 pub mod estimate;
+#[cfg(feature = "std")]
+pub mod experiment;
 pub mod harmonics;
 #[cfg(feature = "interpret")]
 pub mod interpret;

@@ -3,15 +3,19 @@
 use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
-use crate::{Outcome, output};
+use crate::{Outcome, interrupt, output, progress};
 use clap::ValueEnum;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tpm_runtime::estimate::Frozen;
+use tpm_runtime::experiment::{CampaignIdentification, Experiment, identify_simulated};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::log::{Identification, Log, LogOptions, ParameterReport, identify_log};
 use tpm_runtime::model::Model as _;
+use tpm_runtime::procedure::RunReport;
+use tpm_runtime::trajectory::Pattern;
+use tpm_symbolic::prepare::Prepared;
 
 /// What an input does between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -49,17 +53,26 @@ pub(crate) struct Args {
     #[arg(long, value_enum, requires = "log")]
     hold: Option<HoldChoice>,
     /// Highest harmonic to use; chosen from the spectrum when not given.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", requires = "log")]
     harmonics: Option<usize>,
     /// Value of a constant that is known at run time only.
-    #[arg(long = "constant", value_name = "NAME=VALUE", value_parser = number_assignment)]
+    #[arg(long = "constant", value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     constants: Vec<(String, f64)>,
     /// Prior value of a parameter: what an unobservable direction keeps.
-    #[arg(long, value_name = "NAME=VALUE", value_parser = number_assignment)]
+    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     prior: Vec<(String, f64)>,
     /// Hold a parameter at a value.
-    #[arg(long, value_name = "NAME=VALUE", value_parser = number_assignment)]
+    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     freeze: Vec<(String, f64)>,
+    /// Experiment on the simulated plant; the file of the model's name ending in .toml when not given.
+    #[arg(long, value_name = "FILE", conflicts_with = "log")]
+    experiment: Option<PathBuf>,
+    /// Change a value of the experiment, such as seed=7 or plant.parameters.m=3.
+    #[arg(long, value_name = "KEY=VALUE", conflicts_with = "log", value_parser = assignment)]
+    set: Vec<(String, String)>,
+    /// The pattern to play on the simulated plant; the model's first when not given.
+    #[arg(long, value_name = "NAME", conflicts_with = "log")]
+    pattern: Option<String>,
     /// Print the contract's JSON (tpm.identification/1).
     #[arg(long)]
     json: bool,
@@ -92,11 +105,115 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let model = Interpreted::new(&prepared.model, &prepared.form);
     match &args.log {
         Some(path) => from_log(args, &model, path),
-        None => Err(Failure::Input("give --log CSV".to_owned())),
+        None => simulated(args, &loaded, &prepared, &model),
     }
 }
 
-fn from_log(args: &Args, model: &Interpreted, path: &std::path::Path) -> Outcome {
+/// The experiment file that was named, or the one beside the model.
+fn experiment(args: &Args) -> Result<Experiment, Failure> {
+    let path = args.experiment.clone().unwrap_or_else(|| args.file.with_extension("toml"));
+    if args.experiment.is_none() && !path.exists() {
+        return Err(Failure::Input(format!(
+            "there is no experiment {} beside the model; write one, name another with --experiment FILE, or give --log CSV",
+            path.display()
+        )));
+    }
+    let text = std::fs::read_to_string(&path).map_err(|error| Failure::read(&path, error))?;
+    let at = |error: tpm_runtime::experiment::ExperimentError| Failure::Input(format!("{}: {error}", path.display()));
+    let mut experiment = Experiment::parse(&text).map_err(at)?;
+    for (key, value) in &args.set {
+        experiment.apply_override(key, value).map_err(|error| Failure::Input(error.to_string()))?;
+    }
+    Ok(experiment)
+}
+
+fn simulated(args: &Args, loaded: &Loaded, prepared: &Prepared, model: &Interpreted) -> Outcome {
+    let experiment = experiment(args)?;
+    let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
+    let name = args.pattern.as_deref().or(experiment.pattern.as_deref());
+    let pattern = loaded.pattern(name)?;
+    let constant = |name: &str| experiment.constants.get(name).copied();
+    let pattern = Pattern::of_symbolic(pattern, &prepared.model, constant).map_err(|error| input(&error))?;
+    let bar = progress::Bar::new("identifying");
+    let most = experiment.schedule.max_runs as u64;
+    let result = interrupt::watched(|go_on| {
+        let mut step = |run: &RunReport| {
+            bar.set(run.run as u64, most);
+            go_on()
+        };
+        let result = identify_simulated(model, &pattern, &experiment, &mut step);
+        result.map(|result| (result, !go_on()))
+    });
+    drop(bar);
+    let (result, interrupted) = result.map_err(|error| input(&error))?;
+    let text = if args.json { json(&result)? } else { describe_campaign(&result, &prepared.model) };
+    output::emit(args.output.as_deref(), &text)?;
+    if interrupted {
+        return Err(Failure::Interrupted);
+    }
+    if !result.is_complete() {
+        let why = result.outcome.map_or("the campaign was not finished", |outcome| outcome.describe());
+        return Err(Failure::Incomplete(format!("not everything was identified: {why}")));
+    }
+    Ok(())
+}
+
+fn describe_campaign(result: &CampaignIdentification, model: &tpm_symbolic::model::Model) -> String {
+    let mut text = format!(
+        "model {} on a simulated plant; estimator {}; hold {}; seed {}\n\n",
+        result.model, result.estimator, result.hold, result.seed
+    );
+    let amplitudes: Vec<&str> =
+        result.runs.first().map_or_else(Vec::new, |run| run.amplitudes.iter().map(|(name, _)| name.as_str()).collect());
+    let frequency = model.patterns.first().map_or("w", |pattern| &model.quantity(pattern.frequency).name);
+    let mut head = vec![("run", Align::Right)];
+    head.extend(amplitudes.iter().map(|name| (*name, Align::Right)));
+    head.extend([(frequency, Align::Right), ("periods", Align::Right), ("rms error", Align::Right)]);
+    head.extend([("effort", Align::Right), ("condition", Align::Right), ("ending", Align::Left)]);
+    let mut table = TextTable::new(&head);
+    for run in &result.runs {
+        let mut row = vec![run.run.to_string()];
+        row.extend(run.amplitudes.iter().map(|(_, value)| number(*value)));
+        row.push(number(run.frequency));
+        row.push(run.periods.to_string());
+        row.push(run.tracking_rms.iter().map(|rms| number(*rms)).collect::<Vec<_>>().join(" "));
+        row.push(run.effort_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)));
+        row.push(run.condition.map_or_else(|| "-".to_owned(), number));
+        row.push(run.ending.replace('_', " "));
+        table.row(&row);
+    }
+    text.push_str(&table.finish());
+    text.push('\n');
+    text.push_str(&parameters(&result.parameters));
+    if !result.physical.is_empty() {
+        text.push_str("\nphysical parameters\n");
+        text.push_str(&parameters(&result.physical));
+    }
+    let condition = result.condition.map_or_else(|| "-".to_owned(), number);
+    let outcome = result.outcome.map_or("not finished", |outcome| outcome.describe());
+    text.push_str(&format!(
+        "\n{outcome}; rank {} of {}, condition number {condition}, residual {} % of the force\n",
+        result.rank,
+        result.parameters.len(),
+        number(100.0 * result.residual),
+    ));
+    text.push_str(&remarks(&result.unobservable, &result.warnings));
+    text
+}
+
+fn remarks(unobservable: &[BTreeMap<String, String>], warnings: &[String]) -> String {
+    let mut text = String::new();
+    for direction in unobservable {
+        let terms: Vec<String> = direction.iter().map(|(name, weight)| format!("{weight} {name}")).collect();
+        text.push_str(&format!("the data do not show the direction {}\n", terms.join(" + ")));
+    }
+    for warning in warnings {
+        text.push_str(&format!("warning: {warning}\n"));
+    }
+    text
+}
+
+fn from_log(args: &Args, model: &Interpreted, path: &Path) -> Outcome {
     let options = log_options(args, model)?;
     let log = Log::open(path, model, &options).map_err(|error| Failure::Input(error.to_string()))?;
     let result = identify_log(model, &log, &options).map_err(|error| Failure::Input(error.to_string()))?;
@@ -171,7 +288,7 @@ fn by_name<V: Clone>(flag: &str, given: &[(String, V)], known: &[String]) -> Res
     Ok(result)
 }
 
-fn json(result: &Identification) -> Result<String, Failure> {
+fn json(result: &impl serde::Serialize) -> Result<String, Failure> {
     let mut text = serde_json::to_string_pretty(result)
         .map_err(|error| Failure::Input(format!("the result cannot be written as JSON: {error}")))?;
     text.push('\n');
@@ -206,13 +323,7 @@ fn describe(result: &Identification) -> String {
         number(result.condition),
         number(100.0 * result.residual),
     ));
-    for direction in &result.unobservable {
-        let terms: Vec<String> = direction.iter().map(|(name, weight)| format!("{weight} {name}")).collect();
-        text.push_str(&format!("the data do not show the direction {}\n", terms.join(" + ")));
-    }
-    for warning in &result.warnings {
-        text.push_str(&format!("warning: {warning}\n"));
-    }
+    text.push_str(&remarks(&result.unobservable, &result.warnings));
     text
 }
 

@@ -75,6 +75,18 @@ pub enum Method {
 }
 
 impl Method {
+    /// The name in experiment files and reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Method::MeasuredMotion => "measured-motion",
+            Method::Error => "error",
+            Method::Hill => "hill",
+            Method::Effort => "effort",
+            Method::Numerical => "numerical",
+        }
+    }
+
     /// The estimator, with everything still to learn.
     #[must_use]
     pub fn estimator(self, settings: &Settings) -> Box<dyn Estimator> {

@@ -184,3 +184,30 @@ pub fn simulate(model: &dyn Model<f64>, bench: &Bench, trial: &Trial) -> Result<
     let ending = session.play()?;
     Ok(session.record(ending))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Session;
+    use crate::experiment::Experiment;
+    use crate::harmonics::Hold;
+    use crate::procedure::{Campaign, Ending};
+    use crate::test_models::MassSpringDrag;
+    use crate::trajectory::tests::rest_to_rest_3;
+
+    #[test]
+    fn the_control_loop_allocates_nothing() {
+        let file = include_str!("../../../models/mass_spring_drag.toml");
+        let experiment = Experiment::parse(file).expect("the shipped file is right");
+        let bench = experiment.bench(&MassSpringDrag).expect("fits");
+        let setup = experiment.setup(&MassSpringDrag, &rest_to_rest_3(), Hold::Zoh).expect("fits");
+        let campaign = Campaign::new(&MassSpringDrag, setup).expect("playable");
+        let trial = campaign.next().expect("first");
+        let mut session = Session::new(&MassSpringDrag, &bench, trial).expect("fits");
+        let mut ending = Ok(Ending::Diverged { sample: 0 });
+        let counted = allocation_counter::measure(|| ending = session.play());
+        assert_eq!(ending, Ok(Ending::Complete));
+        assert_eq!(counted.count_total, 0);
+        let record = session.record(Ending::Complete);
+        assert_eq!(record.len(), trial.samples());
+    }
+}

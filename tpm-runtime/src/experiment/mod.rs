@@ -1,0 +1,200 @@
+//! Experiment files: everything about a campaign that is not the model.
+//!
+//! Invariant: every field is documented here, unknown fields are refused, and names of parameters, coordinates, inputs and
+//! amplitudes are checked against the model when the experiment meets it ([`Experiment::setup`], [`Experiment::bench`]).
+//! Values are in the units of the model; nothing is converted.
+
+mod overrides;
+mod resolve;
+mod result;
+
+pub use resolve::ExperimentError;
+pub use result::{CampaignIdentification, identify_simulated, summary};
+
+use crate::estimate::Method;
+use crate::procedure::HoldCompensation;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::string::String;
+use std::vec::Vec;
+
+/// Values by name.
+pub type Named = BTreeMap<String, f64>;
+
+/// An experiment file (TOML).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// Name of the pattern; the model's first one when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
+    /// measured-motion (default), error, hill, effort or numerical.
+    #[serde(default)]
+    pub estimator: Method,
+    /// Highest harmonic to use; chosen from the spectrum (measured-motion) or the pattern when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub harmonics: Option<usize>,
+    /// Seed of the sensors' noise: the same seed gives the same result.
+    #[serde(default)]
+    pub seed: u64,
+    /// Values of the constants that are known at run time.
+    #[serde(default)]
+    pub constants: Named,
+    /// Estimates before the first run; zero where not given.
+    #[serde(default)]
+    pub prior: Named,
+    /// Parameters held at a value.
+    #[serde(default)]
+    pub frozen: Named,
+    /// The simulated machine.
+    #[serde(default)]
+    pub plant: PlantSection,
+    /// Feedback and sampling.
+    pub control: ControlSection,
+    /// What must not be passed.
+    #[serde(default)]
+    pub limits: LimitsSection,
+    /// Amplitudes and frequencies, and when to move on.
+    pub schedule: ScheduleSection,
+}
+
+/// The simulated machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlantSection {
+    /// True values of all parameters.
+    pub parameters: Named,
+    /// Integration steps per sample.
+    pub sub_steps: usize,
+    /// Sensors by coordinate; exact where not given.
+    pub sensors: BTreeMap<String, SensorSection>,
+    /// Step of the commanded value by input, unit of the input; continuous where not given.
+    pub input_steps: Named,
+}
+
+impl Default for PlantSection {
+    fn default() -> Self {
+        PlantSection { parameters: Named::new(), sub_steps: 1, sensors: BTreeMap::new(), input_steps: Named::new() }
+    }
+}
+
+/// The sensor of one coordinate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensorSection {
+    /// Standard deviation of the white noise on every sample, unit of the coordinate.
+    pub noise: f64,
+    /// Counts of an encoder per turn of 2 pi; zero for none.
+    pub counts: f64,
+    /// Step of a linear encoder, unit of the coordinate; zero for none. Not together with `counts`.
+    pub step: f64,
+    /// Samples by which the measured value lags.
+    pub delay: usize,
+}
+
+/// Feedback and sampling.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ControlSection {
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// Time constant of the filtered difference that forms the rate of the tracking error, s; without it the rate is measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub derivative_filter: Option<f64>,
+    /// What the feed-forward does about the hold between samples: none, advance (half a sample) or exact (default).
+    #[serde(default)]
+    pub compensation: HoldCompensation,
+    /// Paths of the feedback.
+    pub feedback: Vec<FeedbackSection>,
+}
+
+/// One path of the feedback: -kp e - kd e'.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeedbackSection {
+    /// Input that is driven.
+    pub input: String,
+    /// Coordinate whose tracking error is fed back.
+    pub coordinate: String,
+    /// Proportional gain, positive against the error.
+    pub kp: f64,
+    /// Derivative gain, positive against the rate of the error.
+    pub kd: f64,
+}
+
+/// What must not be passed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitsSection {
+    /// Largest magnitude by input; the simulated drive cuts there. None where not given.
+    pub inputs: Named,
+    /// Largest tracking error by coordinate; a run that passes it is aborted. None where not given.
+    pub tracking: Named,
+    /// Share of an input's limit at which the campaign ends (Feng uses 0.7).
+    pub effort_share: f64,
+    /// Factor on the amplitudes after an aborted run.
+    pub back_off: f64,
+    /// Most aborted runs in succession.
+    pub max_aborts: usize,
+}
+
+impl Default for LimitsSection {
+    fn default() -> Self {
+        LimitsSection { inputs: Named::new(), tracking: Named::new(), effort_share: 0.7, back_off: 0.5, max_aborts: 3 }
+    }
+}
+
+/// Amplitudes and frequencies, and when to move on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScheduleSection {
+    /// Stages, growing: a value for every amplitude of the pattern and for its frequency (rad/s), by name.
+    pub stages: Vec<Named>,
+    /// Periods that are let pass at least before anything is measured; settling is tested besides.
+    #[serde(default = "settle_periods")]
+    pub settle_periods: usize,
+    /// Time measured in every run, s; rounded up to whole periods, four at least.
+    pub measure_time: f64,
+    /// Most updates in one stage.
+    #[serde(default = "updates_per_stage")]
+    pub updates_per_stage: usize,
+    /// Most runs in the campaign.
+    #[serde(default = "max_runs")]
+    pub max_runs: usize,
+    /// A stage is done when no parameter changed by more than this share, or by more than noise explains.
+    #[serde(default = "tolerance")]
+    pub tolerance: f64,
+    /// A stage is also done when no harmonic of the tracking error exceeds this, by coordinate.
+    #[serde(default)]
+    pub error: Named,
+}
+
+const fn settle_periods() -> usize {
+    3
+}
+
+const fn updates_per_stage() -> usize {
+    4
+}
+
+const fn max_runs() -> usize {
+    40
+}
+
+const fn tolerance() -> f64 {
+    1e-3
+}
+
+impl Experiment {
+    /// Reads an experiment file's text.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Syntax`] with line and column.
+    pub fn parse(text: &str) -> Result<Self, ExperimentError> {
+        toml::from_str(text)
+            .map_err(|fault| ExperimentError::Syntax { message: std::string::ToString::to_string(&fault) })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,275 @@
+//! An experiment meets a model: names become indices.
+
+use super::overrides::near;
+use super::{Experiment, Named};
+use crate::control::Gain;
+use crate::estimate::{EstimateError, Frozen, Settings};
+use crate::harmonics::Hold;
+use crate::model::{EvalError, Model};
+use crate::procedure::{CampaignError, Loop, Procedure, Setup, Stage, Velocity};
+use crate::simulate::{Actuator, Bench, Sensor};
+use crate::trajectory::Pattern;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+
+/// Why an experiment cannot be done.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ExperimentError {
+    /// The file is not an experiment.
+    #[error("{message}")]
+    Syntax {
+        /// Place and fault.
+        message: String,
+    },
+    /// An override names nothing, or its value does not fit.
+    #[error("--set {key}: {reason}{}", alternatives(.near))]
+    Override {
+        /// The key as given.
+        key: String,
+        /// What is wrong.
+        reason: String,
+        /// Keys that are like it.
+        near: Vec<String>,
+    },
+    /// A name is not one of the model's.
+    #[error("{place}: the model has no {kind} `{name}`; it has {}{}", .available.join(", "), alternatives(.near))]
+    UnknownName {
+        /// Table of the experiment.
+        place: String,
+        /// parameter, coordinate, input, constant, or amplitude or frequency.
+        kind: &'static str,
+        /// The name.
+        name: String,
+        /// What the model has.
+        available: Vec<String>,
+        /// The names that are like it.
+        near: Vec<String>,
+    },
+    /// A value is missing.
+    #[error("{place}: a value for `{name}` is missing")]
+    Missing {
+        /// Table of the experiment.
+        place: String,
+        /// What has no value.
+        name: String,
+    },
+    /// A value makes no sense.
+    #[error("{key} = {value}: {must}")]
+    Invalid {
+        /// Its key.
+        key: String,
+        /// The value.
+        value: f64,
+        /// What it must be.
+        must: &'static str,
+    },
+    /// The simulated machine cannot be evaluated.
+    #[error("the simulated machine: {0}")]
+    Plant(#[from] EvalError),
+    /// The campaign cannot go on.
+    #[error(transparent)]
+    Campaign(#[from] CampaignError),
+    /// Nothing was estimated.
+    #[error(transparent)]
+    Estimate(#[from] EstimateError),
+}
+
+fn alternatives(near: &[String]) -> String {
+    if near.is_empty() { String::new() } else { std::format!("; did you mean {}?", near.join(" or ")) }
+}
+
+/// Names of one kind in a model.
+struct Names {
+    kind: &'static str,
+    names: Vec<String>,
+}
+
+impl Names {
+    fn index(&self, place: &str, name: &str) -> Result<usize, ExperimentError> {
+        self.names.iter().position(|known| known == name).ok_or_else(|| ExperimentError::UnknownName {
+            place: place.to_string(),
+            kind: self.kind,
+            name: name.to_string(),
+            available: self.names.clone(),
+            near: near(name, self.names.iter().map(String::as_str)),
+        })
+    }
+
+    /// A value per name, `default` where none is given.
+    fn fill(&self, place: &str, given: &Named, default: f64) -> Result<Vec<f64>, ExperimentError> {
+        let mut values = vec![default; self.names.len()];
+        for (name, &value) in given {
+            let at = self.index(place, name)?;
+            require(value.is_finite(), std::format!("{place}.{name}"), value, "the value must be finite")?;
+            values[at] = value;
+        }
+        Ok(values)
+    }
+
+    /// A value per name, all of them given.
+    fn all(&self, place: &str, given: &Named) -> Result<Vec<f64>, ExperimentError> {
+        let values = self.fill(place, given, f64::NAN)?;
+        match values.iter().position(|value| value.is_nan()) {
+            Some(at) => Err(ExperimentError::Missing { place: place.to_string(), name: self.names[at].clone() }),
+            None => Ok(values),
+        }
+    }
+}
+
+fn require(holds: bool, key: String, value: f64, must: &'static str) -> Result<(), ExperimentError> {
+    if holds { Ok(()) } else { Err(ExperimentError::Invalid { key, value, must }) }
+}
+
+fn positive(key: &str, value: f64) -> Result<(), ExperimentError> {
+    require(value.is_finite() && value > 0.0, key.to_string(), value, "the value must be positive")
+}
+
+fn parameters(model: &dyn Model<f64>) -> Names {
+    let names = (0..model.dims().parameters).map(|i| model.parameter(i).name.to_string()).collect();
+    Names { kind: "parameter", names }
+}
+
+fn coordinates(model: &dyn Model<f64>) -> Names {
+    let names = (0..model.dims().coordinates).map(|i| model.coordinate(i).name.to_string()).collect();
+    Names { kind: "coordinate", names }
+}
+
+fn inputs(model: &dyn Model<f64>) -> Names {
+    let names = (0..model.dims().inputs).map(|i| model.input(i).name.to_string()).collect();
+    Names { kind: "input", names }
+}
+
+impl Experiment {
+    /// Values of the model's run-time constants.
+    ///
+    /// # Errors
+    /// [`ExperimentError::UnknownName`], [`ExperimentError::Missing`].
+    pub fn constant_values(&self, model: &dyn Model<f64>) -> Result<Vec<f64>, ExperimentError> {
+        let names = (0..model.dims().constants).map(|i| model.constant(i).name.to_string()).collect();
+        Names { kind: "constant", names }.all("constants", &self.constants)
+    }
+
+    /// The simulated machine.
+    ///
+    /// # Errors
+    /// [`ExperimentError`].
+    pub fn bench(&self, model: &dyn Model<f64>) -> Result<Bench, ExperimentError> {
+        let coordinates = coordinates(model);
+        let mut sensors = vec![Sensor::default(); coordinates.names.len()];
+        for (name, section) in &self.plant.sensors {
+            let at = coordinates.index("plant.sensors", name)?;
+            let key = |field: &str| std::format!("plant.sensors.{name}.{field}");
+            for (field, value) in [("noise", section.noise), ("counts", section.counts), ("step", section.step)] {
+                require(value.is_finite() && value >= 0.0, key(field), value, "the value must not be negative")?;
+            }
+            let both = section.counts > 0.0 && section.step > 0.0;
+            require(!both, key("step"), section.step, "give either counts or step, not both")?;
+            let step = if section.counts > 0.0 { 2.0 * std::f64::consts::PI / section.counts } else { section.step };
+            sensors[at] = Sensor { noise: section.noise, step, delay: section.delay };
+        }
+        let inputs = inputs(model);
+        let limits = inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?;
+        let steps = inputs.fill("plant.input_steps", &self.plant.input_steps, 0.0)?;
+        require(
+            self.plant.sub_steps > 0,
+            "plant.sub_steps".into(),
+            self.plant.sub_steps as f64,
+            "there must be one at least",
+        )?;
+        Ok(Bench {
+            parameters: parameters(model).all("plant.parameters", &self.plant.parameters)?,
+            constants: self.constant_values(model)?,
+            sensors,
+            actuators: limits.into_iter().zip(steps).map(|(limit, step)| Actuator { limit, step }).collect(),
+            sub_steps: self.plant.sub_steps,
+            seed: self.seed,
+        })
+    }
+
+    /// The campaign, on a simulated machine (whose inputs are held between samples) or on a real one.
+    ///
+    /// # Errors
+    /// [`ExperimentError`].
+    pub fn setup(&self, model: &dyn Model<f64>, pattern: &Pattern, hold: Hold) -> Result<Setup, ExperimentError> {
+        let (parameters, coordinates, inputs) = (parameters(model), coordinates(model), inputs(model));
+        positive("control.sample_time", self.control.sample_time)?;
+        let velocity = match self.control.derivative_filter {
+            None => Velocity::Measured,
+            Some(time_constant) => {
+                let usable = time_constant.is_finite() && time_constant >= 0.0;
+                require(usable, "control.derivative_filter".into(), time_constant, "the value must not be negative")?;
+                Velocity::Filtered(time_constant)
+            }
+        };
+        let mut gains = Vec::with_capacity(self.control.feedback.len());
+        for (i, path) in self.control.feedback.iter().enumerate() {
+            let place = std::format!("control.feedback.{i}");
+            for (field, value) in [("kp", path.kp), ("kd", path.kd)] {
+                require(value.is_finite(), std::format!("{place}.{field}"), value, "the value must be finite")?;
+            }
+            gains.push(Gain {
+                input: inputs.index(&place, &path.input)?,
+                coordinate: coordinates.index(&place, &path.coordinate)?,
+                proportional: path.kp,
+                derivative: path.kd,
+            });
+        }
+        let share = self.limits.effort_share;
+        require(share > 0.0 && share <= 1.0, "limits.effort_share".into(), share, "the value must lie in (0, 1]")?;
+        let back_off = self.limits.back_off;
+        require(back_off > 0.0 && back_off < 1.0, "limits.back_off".into(), back_off, "the value must lie in (0, 1)")?;
+        let schedule = &self.schedule;
+        let measured = schedule.measure_time;
+        require(
+            measured.is_finite() && measured >= 0.0,
+            "schedule.measure_time".into(),
+            measured,
+            "the value must not be negative",
+        )?;
+        let mut names = pattern.amplitudes.clone();
+        names.push(pattern.frequency.clone());
+        let open = Names { kind: "amplitude or frequency", names };
+        let mut stages = Vec::with_capacity(schedule.stages.len());
+        for (i, stage) in schedule.stages.iter().enumerate() {
+            let place = std::format!("schedule.stages.{i}");
+            let mut amplitudes = open.all(&place, stage)?;
+            let frequency = amplitudes.pop().unwrap_or(f64::NAN);
+            positive(&std::format!("{place}.{}", pattern.frequency), frequency)?;
+            stages.push(Stage { amplitudes, frequency });
+        }
+        let mut frozen = Vec::with_capacity(self.frozen.len());
+        for (name, &value) in &self.frozen {
+            frozen.push(Frozen { parameter: parameters.index("frozen", name)?, value });
+        }
+        let prior = parameters.fill("prior", &self.prior, 0.0)?;
+        Ok(Setup {
+            pattern: pattern.clone(),
+            constants: self.constant_values(model)?,
+            control: Loop {
+                sample_time: self.control.sample_time,
+                gains,
+                velocity,
+                compensation: self.control.compensation,
+            },
+            procedure: Procedure {
+                stages,
+                settle_periods: schedule.settle_periods,
+                measure_time: measured,
+                updates_per_stage: schedule.updates_per_stage.max(1),
+                max_runs: schedule.max_runs.max(1),
+                tolerance: schedule.tolerance,
+                error_limits: coordinates.fill("schedule.error", &schedule.error, 0.0)?,
+                tracking_bounds: coordinates.fill("limits.tracking", &self.limits.tracking, f64::INFINITY)?,
+                input_limits: inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?,
+                effort_share: share,
+                back_off,
+                max_aborts: self.limits.max_aborts,
+                hold,
+            },
+            method: self.estimator,
+            estimation: Settings { harmonics: self.harmonics, prior: prior.clone(), frozen, ..Settings::default() },
+            prior,
+        })
+    }
+}
