@@ -13,6 +13,7 @@
 //!
 //! ```text
 //! Source --lex, parse--> ast::Model --check--> (names, structure, units) --lower--> tpm_symbolic::model::Model
+//! Model --> emit::estimator::Estimator --emit--> tables, Rust, C
 //! ```
 //!
 //! The macro and the command line both call it. Its stages collect every independent fault and report them together as
@@ -57,6 +58,9 @@
 
 pub mod diagnostic;
 pub mod emit;
+#[cfg(feature = "generate")]
+pub mod generate;
+pub mod inline;
 pub mod language;
 pub mod source;
 

@@ -4,6 +4,7 @@
 //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
 //! column; that is as stable as Householder's (Björck, 1967) and needs no index arithmetic.
 
+use crate::model::Label;
 use crate::real::Real;
 use core::fmt;
 
@@ -54,7 +55,7 @@ struct Pivot<T, const C: usize> {
     row: [T; C],
 }
 
-/// The x that minimises |A x - b|, A given by rows, with the names of x's entries for errors.
+/// The x that minimises |A x - b|, A given by rows, with the labels of x's entries for errors.
 ///
 /// Columns are scaled to unit length first; a column whose part outside the span of the others is below the rounding error of
 /// that scaling is reported, since any value of its parameter would fit as well.
@@ -64,7 +65,7 @@ struct Pivot<T, const C: usize> {
 pub fn least_squares<T: Real, const R: usize, const C: usize>(
     matrix: &[[T; C]; R],
     right: &[T; R],
-    names: &[&'static str; C],
+    labels: &[Label<'static>; C],
 ) -> Result<[T; C], SolveError> {
     let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
     let mut scales = [T::ONE; C];
@@ -102,7 +103,7 @@ pub fn least_squares<T: Real, const R: usize, const C: usize>(
         }
         pivot.index = first.index;
         if diagonal <= tiny {
-            let name = names.get(first.index).copied().unwrap_or_default();
+            let name = labels.get(first.index).map_or("", |label| label.name);
             return Err(SolveError::Unobservable { parameter: first.index, name });
         }
         pivot.diagonal = diagonal;
@@ -170,12 +171,17 @@ fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
 #[cfg(test)]
 mod tests {
     use super::{SolveError, least_squares};
+    use crate::model::Label;
+
+    fn labels<const C: usize>(names: [&'static str; C]) -> [Label<'static>; C] {
+        names.map(Label::bare)
+    }
 
     #[test]
     fn an_overdetermined_system_gives_the_minimum() {
         // y = a + b t fitted to (0, 1), (1, 3), (2, 4), (3, 4): a = 3/2, b = 1.
         let matrix = [[1.0_f64, 0.0], [1.0, 1.0], [1.0, 2.0], [1.0, 3.0]];
-        let x = least_squares(&matrix, &[1.0, 3.0, 4.0, 4.0], &["a", "b"]).expect("full rank");
+        let x = least_squares(&matrix, &[1.0, 3.0, 4.0, 4.0], &labels(["a", "b"])).expect("full rank");
         assert!((x[0] - 1.5).abs() < 1e-14 && (x[1] - 1.0).abs() < 1e-14, "{x:?}");
     }
 
@@ -193,7 +199,7 @@ mod tests {
                 *b += plain * truth[j];
             }
         }
-        let x = least_squares(&matrix, &right, &["a", "b", "c"]).expect("full rank");
+        let x = least_squares(&matrix, &right, &labels(["a", "b", "c"])).expect("full rank");
         for ((x, truth), scale) in x.iter().zip(truth).zip(scales) {
             assert!((x * scale - truth).abs() < 1e-12, "{x:e} {scale:e}");
         }
@@ -202,13 +208,13 @@ mod tests {
     #[test]
     fn what_is_not_determined_is_named() {
         let matrix = [[1.0_f64, 2.0, 0.0], [2.0, 4.0, 1.0], [3.0, 6.0, 1.0]];
-        let error = least_squares(&matrix, &[1.0; 3], &["m", "k1", "k2"]);
+        let error = least_squares(&matrix, &[1.0; 3], &labels(["m", "k1", "k2"]));
         assert!(matches!(error, Err(SolveError::Unobservable { name: "m" | "k1", .. })), "{error:?}");
-        let zero = least_squares(&[[1.0_f32, 0.0], [1.0, 0.0]], &[1.0; 2], &["m", "k"]);
+        let zero = least_squares(&[[1.0_f32, 0.0], [1.0, 0.0]], &[1.0; 2], &labels(["m", "k"]));
         assert_eq!(zero, Err(SolveError::Unobservable { parameter: 1, name: "k" }));
-        let few = least_squares(&[[1.0_f64, 2.0]], &[1.0], &["m", "k"]);
+        let few = least_squares(&[[1.0_f64, 2.0]], &[1.0], &labels(["m", "k"]));
         assert!(matches!(few, Err(SolveError::Unobservable { .. })), "{few:?}");
-        assert_eq!(least_squares(&[[f64::NAN]], &[1.0], &["m"]), Err(SolveError::NotFinite));
-        assert_eq!(least_squares(&[[1.0]], &[f64::INFINITY], &["m"]), Err(SolveError::NotFinite));
+        assert_eq!(least_squares(&[[f64::NAN]], &[1.0], &labels(["m"])), Err(SolveError::NotFinite));
+        assert_eq!(least_squares(&[[1.0]], &[f64::INFINITY], &labels(["m"])), Err(SolveError::NotFinite));
     }
 }

@@ -32,6 +32,8 @@ pub mod trajectory;
 pub use least_squares::{SolveError, least_squares};
 pub use model::{Buffer, Dims, EvalError, Label, Model};
 pub use real::Real;
+#[cfg(feature = "macros")]
+pub use tpm_macros::{model, model_file};
 
 #[cfg(test)]
 mod test_models;

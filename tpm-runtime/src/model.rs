@@ -168,6 +168,28 @@ pub fn require_len(buffer: Buffer, given: usize, needed: usize) -> Result<(), Ev
     if given == needed { Ok(()) } else { Err(EvalError::Length { buffer, needed, given }) }
 }
 
+/// A slice of exactly N entries as an array.
+///
+/// # Errors
+/// [`EvalError::Length`] that names the slice.
+pub fn fixed<T, const N: usize>(buffer: Buffer, slice: &[T]) -> Result<&[T; N], EvalError> {
+    let wrong = EvalError::Length { buffer, needed: N, given: slice.len() };
+    slice.try_into().map_err(|_| wrong)
+}
+
+/// Copies results into the caller's output.
+///
+/// # Errors
+/// [`EvalError::Length`] when the output has another length.
+pub fn store<T: Copy>(results: &[T], out: &mut [T]) -> Result<(), EvalError> {
+    require_len(Buffer::Output, out.len(), results.len())?;
+    // Not `copy_from_slice`, whose own length check could panic as far as a linker knows.
+    for (slot, &result) in out.iter_mut().zip(results) {
+        *slot = result;
+    }
+    Ok(())
+}
+
 /// The first `needed` entries of a workspace and the rest.
 ///
 /// # Errors

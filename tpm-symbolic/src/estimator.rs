@@ -540,4 +540,37 @@ mod tests {
         let formulas: Vec<String> = table.table.entries().map(|entry| entry_formula(&table.table, &entry)).collect();
         assert!(formulas.contains(&"-lambda*w^2".to_owned()), "{formulas:?}");
     }
+
+    #[test]
+    fn a_power_of_a_difference_stays_one() {
+        // k (x - x0)^2 x'' - 2 c (x - x0)^3 = u
+        let mut model = Model { name: "Test".to_owned(), ..Model::default() };
+        let x = model.declare_coordinate("x", None);
+        let u = model.declare("u", None, Kind::Input);
+        let k = model.declare("k", None, Kind::Parameter);
+        let [x0, c] = ["x0", "c"].map(|name| model.declare(name, None, Kind::Constant { value: None }));
+        let graph = &mut model.graph;
+        let [u, k, x0, c] = [u, k, x0, c].map(|symbol| graph.symbol(symbol));
+        let (position, acceleration) = (graph.derivative_of(x, 0), graph.derivative_of(x, 2));
+        let distance = graph.sub(position, x0);
+        let (square, cube, minus_two) = (graph.pow(distance, 2), graph.pow(distance, 3), graph.integer(-2));
+        let terms = [graph.product(&[k, square, acceleration]), graph.product(&[minus_two, c, cube]), graph.neg(u)];
+        let terms = (0..).zip(terms).map(|(id, expr)| SourceTerm { id: TermId(id), expr }).collect();
+        model.equations.push(Equation { name: "u".to_owned(), terms });
+        let form = regressor_form(&model).expect("linear");
+        assert_eq!(form.rows[0].terms.len(), 7, "the form itself is multiplied out");
+        let plan = EstimatorPlan::new(&model, &form);
+        let counts = [&plan.evaluation.regressor, &plan.evaluation.known].map(|plan| {
+            let counts = plan.counts();
+            (counts.additions, counts.multiplications)
+        });
+        // x - x0, its square, times x''; x - x0, its cube, times c, times 2, negated.
+        assert_eq!(counts, [(1, 2), (2, 4)]);
+        let leaf = |node: &Node| leaf(&model, &plan, node);
+        let (distance, acceleration) = (ratio(3, 5) - value(&model, "x0"), ratio(1, 1));
+        let square = &distance * &distance;
+        assert_eq!(plan.evaluation.regressor.evaluate_exact(leaf), Some(vec![&square * acceleration]));
+        let known = -integer(2) * value(&model, "c") * square * distance;
+        assert_eq!(plan.evaluation.known.evaluate_exact(leaf), Some(vec![known]));
+    }
 }

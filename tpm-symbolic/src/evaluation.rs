@@ -5,6 +5,7 @@
 //! listed coordinates and the listed constants, nothing else.
 
 use crate::expr::{Coordinate, ExprId, Graph, Node, Symbol};
+use crate::factored;
 use crate::model::{Kind, Model};
 use crate::plan::Plan;
 use crate::polynomial::Polynomial;
@@ -45,7 +46,7 @@ impl Evaluation {
             }
         }
         let (mut regressor, mut known, mut input_map) = (Vec::new(), Vec::new(), Vec::new());
-        for row in &form.rows {
+        for (r, row) in form.rows.iter().enumerate() {
             let mut entries: BTreeMap<Option<usize>, Polynomial<ExprId>> = BTreeMap::new();
             for term in &row.terms {
                 let entry = entries.entry(term.column).or_default();
@@ -53,7 +54,10 @@ impl Evaluation {
             }
             let mut entry = |graph: &mut Graph, column: Option<usize>| {
                 let polynomial = entries.remove(&column).unwrap_or_default();
-                let expr = graph.from_polynomial(&polynomial);
+                let expr = match factored::entry(model, form, graph, (r, column), &polynomial) {
+                    Some(expr) => expr,
+                    None => graph.from_polynomial(&polynomial),
+                };
                 substitute_values(model, graph, expr)
             };
             for column in 0..form.columns.len() {

@@ -35,6 +35,7 @@ pub mod estimator;
 pub mod evaluation;
 pub mod expand;
 pub mod expr;
+mod factored;
 pub mod fourier;
 pub mod fraction;
 pub mod generic;

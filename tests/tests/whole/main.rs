@@ -1,6 +1,8 @@
 //! Tests of the whole, one binary: what no single crate can show.
 
+mod emitted;
 mod foundation;
 mod licences;
 mod support;
 mod tables;
+mod ui;

@@ -1,0 +1,438 @@
+//! Emitted code, compiled by the macro and run, against exact rational evaluation and against the interpreter.
+//!
+//! The exact side never sees a plan: it multiplies the terms of the regressor form, and the entries of the table, as rationals.
+//! Inputs are dyadic, so that they are exact in both precisions; every bound is a number of roundings times the sum of the
+//! magnitudes of the terms, since cancellation is the model's, not the code's.
+
+use proptest::prelude::*;
+use proptest::test_runner::TestRunner;
+use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::{Source, parse_model};
+use tpm_models as models;
+use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::{Model, Real, SolveError};
+use tpm_symbolic::expr::{ExprId, Node};
+use tpm_symbolic::polynomial::Monomial;
+use tpm_symbolic::rational::{self, Rational};
+use tpm_symbolic::regressor::Term;
+
+/// Roundings that any entry of the shipped models may gather.
+const ROUNDINGS: f64 = 64.0;
+
+fn estimator(file: &str) -> Estimator {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let path = folder.join(if file.contains('/') { "." } else { "../models" }).join(file);
+    let source = Source::from_bytes(file, std::fs::read(&path).expect("a model file"));
+    let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    Estimator::new(parsed.model).expect("emits")
+}
+
+/// The same cases at every run.
+fn runner(cases: u32) -> TestRunner {
+    let rng = proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha);
+    TestRunner::new_with_rng(ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }, rng)
+}
+
+/// Numbers k/64 with |k| <= 192, so that powers stay well inside both precisions.
+fn dyadic(count: usize) -> impl Strategy<Value = Vec<f64>> {
+    proptest::collection::vec((-192i32..=192).prop_map(|k| f64::from(k) / 64.0), count)
+}
+
+fn exact(value: f64) -> Rational {
+    rational::from_f64(value).expect("finite")
+}
+
+/// An exact sum and the sum of the magnitudes of its terms; `None` where a function has no rational value.
+struct Sum {
+    value: Rational,
+    magnitude: Rational,
+}
+
+impl Sum {
+    fn of(terms: impl IntoIterator<Item = Option<Rational>>) -> Option<Self> {
+        let mut sum = Self { value: rational::integer(0), magnitude: rational::integer(0) };
+        for term in terms {
+            let term = term?;
+            sum.magnitude += rational::abs(&term);
+            sum.value += term;
+        }
+        Some(sum)
+    }
+
+    fn holds<T: Real>(&self, found: T) -> bool {
+        let epsilon = T::EPSILON.to_f64();
+        let error = rational::to_f64(&rational::abs(&(exact(found.to_f64()) - &self.value)));
+        error <= ROUNDINGS * epsilon * rational::to_f64(&self.magnitude)
+    }
+}
+
+/// The exact value of constants and motion atoms.
+fn monomial(estimator: &Estimator, atoms: &Monomial<ExprId>, motion: &[f64], constants: &[f64]) -> Option<Rational> {
+    let evaluation = &estimator.plan.evaluation;
+    let leaf = |node: &Node| match node {
+        Node::Derivative(coordinate, order) => {
+            let position = evaluation.coordinates.iter().position(|(present, _)| present == coordinate)?;
+            Some(exact(motion[*order as usize * evaluation.coordinates.len() + position]))
+        }
+        Node::Symbol(symbol) => match evaluation.constants.iter().position(|present| present == symbol) {
+            Some(position) => Some(exact(constants[position])),
+            None => match &estimator.model.quantity(*symbol).kind {
+                tpm_symbolic::model::Kind::Constant { value } => value.clone(),
+                _ => None,
+            },
+        },
+        _ => None,
+    };
+    let mut product = rational::integer(1);
+    for (&atom, exponent) in atoms.factors() {
+        let value = estimator.model.graph.evaluate_exact(atom, leaf)?;
+        if value == rational::integer(0) && exponent < 0 {
+            return None;
+        }
+        product *= rational::power(&value, exponent);
+    }
+    Some(product)
+}
+
+fn entry(
+    estimator: &Estimator,
+    terms: &[Term],
+    column: Option<usize>,
+    motion: &[f64],
+    constants: &[f64],
+) -> Option<Sum> {
+    let terms = terms.iter().filter(|term| term.column == column);
+    Sum::of(terms.map(|term| Some(monomial(estimator, &term.atoms, motion, constants)? * &term.coefficient)))
+}
+
+/// Phi, known terms and B, one after the other, as a model computes them.
+fn evaluate<T: Real>(model: &dyn Model<T>, motion: &[f64], constants: &[f64]) -> Vec<T> {
+    let dims = model.dims();
+    let of = |values: &[f64]| values.iter().map(|&value| T::from_f64(value)).collect::<Vec<T>>();
+    let (motion, constants) = (of(motion), of(constants));
+    let mut workspace = vec![T::ZERO; model.workspace_len()];
+    let mut out = vec![T::ZERO; dims.regressor_len() + dims.rows + dims.input_map_len()];
+    let (phi, rest) = out.split_at_mut(dims.regressor_len());
+    let (known, map) = rest.split_at_mut(dims.rows);
+    model.regressor(&motion, &constants, &mut workspace, phi).expect("lengths fit");
+    model.known(&motion, &constants, &mut workspace, known).expect("lengths fit");
+    model.input_map(&motion, &constants, &mut workspace, map).expect("lengths fit");
+    out
+}
+
+/// Compiled code against the interpreter, bit by bit, and both precisions against the exact values.
+fn check_dynamics<M: Model<f64> + Model<f32>>(file: &str, compiled: &M) {
+    let estimator = estimator(file);
+    let interpreted = Interpreted::new(&estimator.model, &estimator.form);
+    let dims = Model::<f64>::dims(compiled);
+    assert_eq!(dims, interpreted.dims(), "{file}");
+    let names = |model: &dyn Model<f64>| {
+        let lists: [(usize, &dyn Fn(usize) -> String); 5] = [
+            (dims.coordinates, &|i| model.coordinate(i).to_string()),
+            (dims.inputs, &|i| model.input(i).to_string()),
+            (dims.parameters, &|i| model.parameter(i).to_string()),
+            (dims.constants, &|i| model.constant(i).to_string()),
+            (dims.rows, &|i| model.row(i).to_string()),
+        ];
+        // One beyond the end too: an empty label, not a panic.
+        lists.iter().flat_map(|(count, name)| (0..=*count).map(name)).collect::<Vec<String>>()
+    };
+    assert_eq!(names(compiled), names(&interpreted), "{file}");
+    for c in 0..dims.coordinates {
+        assert_eq!(Model::<f64>::coordinate_order(compiled, c), interpreted.coordinate_order(c), "{file}");
+    }
+    let compared = std::cell::Cell::new(0u32);
+    let inputs = (dyadic(dims.motion_len()), dyadic(dims.constants), dyadic(dims.parameters));
+    let result = runner(128).run(&inputs, |(motion, constants, theta)| {
+        let double = evaluate::<f64>(compiled, &motion, &constants);
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<u64>>();
+        prop_assert_eq!(bits(&double), bits(&evaluate(&interpreted, &motion, &constants)));
+        let single = evaluate::<f32>(compiled, &motion, &constants);
+        let mut at = 0;
+        let columns: Vec<Option<usize>> = (0..dims.parameters).map(Some).collect();
+        for (kind, columns) in [("regressor", columns.as_slice()), ("known", &[None])] {
+            for (r, row) in estimator.form.rows.iter().enumerate() {
+                for &column in columns {
+                    if let Some(sum) = entry(&estimator, &row.terms, column, &motion, &constants) {
+                        compared.set(compared.get() + 1);
+                        prop_assert!(sum.holds(double[at]), "{} row {} column {:?}: {}", kind, r, column, double[at]);
+                        prop_assert!(sum.holds(single[at]), "{} row {} column {:?}: {}", kind, r, column, single[at]);
+                    }
+                    at += 1;
+                }
+            }
+        }
+        for row in &estimator.form.rows {
+            for input in &estimator.plan.evaluation.inputs {
+                let factor = row.inputs.iter().find(|(symbol, _)| symbol == input);
+                let terms = factor.iter().flat_map(|(_, factor)| factor.terms());
+                let terms = terms.map(|(atoms, c)| Some(monomial(&estimator, atoms, &motion, &constants)? * c));
+                if let Some(sum) = Sum::of(terms) {
+                    prop_assert!(sum.holds(double[at]) && sum.holds(single[at]), "input map: {}", double[at]);
+                }
+                at += 1;
+            }
+        }
+        let mut forces = vec![0.0; dims.rows];
+        compiled.inverse_dynamics(&motion, &theta, &constants, &mut [], &mut forces).expect("lengths fit");
+        for (row, &force) in estimator.form.rows.iter().zip(&forces) {
+            let terms = row.terms.iter().map(|term| {
+                let theta = term.column.map_or_else(|| rational::integer(1), |c| exact(theta[c]));
+                Some(monomial(&estimator, &term.atoms, &motion, &constants)? * &term.coefficient * theta)
+            });
+            if let Some(sum) = Sum::of(terms) {
+                prop_assert!(sum.holds(force), "inverse dynamics: {}", force);
+            }
+        }
+        Ok(())
+    });
+    result.unwrap_or_else(|fault| panic!("{file}: {fault}"));
+    assert!(compared.get() > 0, "{file}: nothing was compared with exact values");
+}
+
+macro_rules! dynamics {
+    ($($test:ident: $file:literal, $model:path;)*) => {
+        $(#[test]
+        fn $test() {
+            check_dynamics($file, &$model);
+        })*
+    };
+}
+
+dynamics! {
+    brushless_motor: "brushless_motor.tpm", models::BrushlessMotor;
+    cart_pendulum: "cart_pendulum.tpm", models::CartPendulum;
+    closed_loop_arm: "closed_loop_arm.tpm", models::ClosedLoopArm;
+    emps: "emps.tpm", models::Emps;
+    mass_spring_drag: "mass_spring_drag.tpm", models::MassSpringDrag;
+    mass_spring_drag_in_place: "mass_spring_drag.tpm", models::inline::MassSpringDrag;
+    rotary_pendulum: "rotary_pendulum.tpm", models::RotaryPendulum;
+    rotary_pendulum_down: "rotary_pendulum_down.tpm", models::RotaryPendulumDown;
+    silverbox: "silverbox.tpm", models::Silverbox;
+    three_carts: "three_carts.tpm", models::ThreeCarts;
+    two_carts: "two_carts.tpm", models::TwoCarts;
+}
+
+/// What a compiled pattern does, over plain slices.
+struct PatternCode<'a> {
+    reference: &'a dyn Fn(&[f64], &[f64], f64) -> Vec<f64>,
+    matrix: &'a dyn Fn(&[f64], &[f64]) -> Vec<f64>,
+    /// Harmonics of the forces that the reference needs, from so many samples of a period.
+    sampled: &'a dyn Fn(&[f64], &[f64], &[f64], usize) -> Vec<f64>,
+    /// The parameters that belong to harmonics.
+    solved: &'a dyn Fn(&[f64], &[f64], &[f64]) -> Result<Vec<f64>, SolveError>,
+}
+
+fn check_pattern(file: &str, code: &PatternCode<'_>, observable: Option<bool>) {
+    let estimator = estimator(file);
+    let dims = Interpreted::new(&estimator.model, &estimator.form).dims();
+    let pattern = &estimator.plan.patterns[0];
+    let table = pattern.table.as_ref().expect("a finite table");
+    let (rows, columns) = (table.rows.len(), estimator.form.columns.len());
+    let symbols: Vec<_> = pattern.amplitudes.iter().chain([&pattern.frequency]).copied().collect();
+    let inputs = (dyadic(symbols.len()), dyadic(dims.constants), dyadic(columns), -3.0..3.0f64);
+    // Every case sums the whole table exactly.
+    let cases = if rows * columns > 500 { 4 } else { 64 };
+    let result = runner(cases).run(&inputs, |(pattern_values, constants, theta, phase)| {
+        let value = |symbol: usize| {
+            let symbol = tpm_symbolic::expr::Symbol(u32::try_from(symbol).expect("small"));
+            let own = symbols.iter().position(|present| *present == symbol);
+            let constant = estimator.plan.evaluation.constants.iter().position(|present| *present == symbol);
+            own.map(|i| pattern_values[i]).or(constant.map(|i| constants[i])).expect("a known symbol")
+        };
+        // Estimator matrix against the table, exactly.
+        let matrix = (code.matrix)(&pattern_values, &constants);
+        prop_assert_eq!(matrix.len(), rows * columns);
+        let at = |row: usize, column: Option<usize>| {
+            let (equation, harmonic, function) = table.rows[row];
+            Sum::of(table.table.at(equation, harmonic, function, column).map(|entry| {
+                let factors = entry.powers.factors();
+                let powers = factors.map(|(&symbol, power)| rational::power(&exact(value(symbol)), power));
+                Some(powers.product::<Rational>() * &entry.coefficient)
+            }))
+            .expect("a table is rational")
+        };
+        for row in 0..rows {
+            for column in 0..columns {
+                let (sum, found) = (at(row, Some(column)), matrix[row * columns + column]);
+                prop_assert!(sum.holds(found), "row {} column {}: {} is not {}", row, column, found, sum.value);
+            }
+        }
+        // Reference against the pattern's Fourier series.
+        let reference = (code.reference)(&pattern_values, &constants, phase);
+        let w = value(pattern.frequency.0 as usize);
+        for (c, &(coordinate, order)) in estimator.plan.evaluation.coordinates.iter().enumerate() {
+            let motion = estimator.model.patterns[0].motions[coordinate.0 as usize].as_ref().expect("it moves");
+            for n in 0..=order {
+                let scale = w.powi(i32::try_from(n).expect("small"));
+                let (mut expected, mut magnitude) = (0.0, 0.0);
+                for (monomial, fourier) in motion.derivative(n).terms() {
+                    let factors = monomial.factors();
+                    let factor: f64 = factors.map(|(symbol, power)| value(symbol.0 as usize).powi(power)).product();
+                    expected += scale * factor * fourier.evaluate(phase);
+                    let size: f64 = fourier.terms().map(|(_, _, c)| rational::to_f64(c).abs()).sum();
+                    magnitude += (scale * factor).abs() * size;
+                }
+                let found = reference[n as usize * dims.coordinates + c];
+                prop_assert!((found - expected).abs() <= 2e-14 * magnitude, "{} is not {}", found, expected);
+            }
+        }
+        // The forces of the reference have the harmonics that the matrix says: Feng, Eqn 3.16, by quadrature.
+        let highest = table.rows.iter().map(|(_, harmonic, _)| *harmonic).max().unwrap_or(0);
+        let sampled = (code.sampled)(&pattern_values, &constants, &theta, 2 * highest + 3);
+        let mut magnitude = 0.0_f64;
+        let mut expected = Vec::new();
+        for row in 0..rows {
+            let mut sum = at(row, None).value;
+            for column in 0..columns {
+                let term = at(row, Some(column)).value * exact(theta[column]);
+                magnitude = magnitude.max(rational::to_f64(&rational::abs(&term)));
+                sum += term;
+            }
+            magnitude = magnitude.max(rational::to_f64(&rational::abs(&sum)));
+            expected.push(rational::to_f64(&sum));
+        }
+        for (row, (found, expected)) in sampled.iter().zip(&expected).enumerate() {
+            prop_assert!((found - expected).abs() <= 1e-10 * magnitude, "row {}: {} is not {}", row, found, expected);
+        }
+        // And they lead back to the parameters, unless an amplitude or the frequency is too small to excite them.
+        let excited = pattern_values.iter().all(|value| value.abs() >= 0.5);
+        if let (true, Some(observable)) = (excited, observable) {
+            match (code.solved)(&pattern_values, &constants, &expected) {
+                Ok(found) => {
+                    prop_assert!(observable, "parameters were determined that are not: {:?}", found);
+                    for (found, truth) in found.iter().zip(&theta) {
+                        prop_assert!((found - truth).abs() <= 1e-7, "{:?} is not {:?}", found, theta);
+                    }
+                }
+                Err(SolveError::Unobservable { name, .. }) => prop_assert!(!observable, "{} is determined", name),
+                Err(fault) => prop_assert!(false, "{}", fault),
+            }
+        }
+        Ok(())
+    });
+    result.unwrap_or_else(|fault| panic!("{file}: {fault}"));
+}
+
+macro_rules! pattern {
+    ($test:ident, $file:literal, $module:path, observable: $observable:expr $(, constants: $constants:ident)?) => {
+        #[test]
+        fn $test() {
+            use $module as code;
+            fn fixed<const N: usize>(values: &[f64]) -> [f64; N] {
+                values.try_into().expect("the length of the declaration")
+            }
+            let pattern = |values: &[f64]| code::Pattern::from_array(fixed(values));
+            let check = PatternCode {
+                reference: &|values, _constants, phase| {
+                    $(let $constants = &code::Constants::from_array(fixed(_constants));)?
+                    pattern(values).reference_at($($constants,)? phase).into_array().to_vec()
+                },
+                matrix: &|values, _constants| {
+                    $(let $constants = &code::Constants::from_array(fixed(_constants));)?
+                    pattern(values).estimator_matrix($($constants)?).as_flattened().to_vec()
+                },
+                sampled: &|values, _constants, theta, count| {
+                    $(let $constants = &code::Constants::from_array(fixed(_constants));)?
+                    let theta = code::Parameters::from_array(fixed(theta));
+                    let samples: Vec<_> = (0..count)
+                        .map(|i| {
+                            let phase = 2.0 * std::f64::consts::PI * i as f64 / count as f64;
+                            let motion = pattern(values).reference_at($($constants,)? phase);
+                            code::inverse_dynamics(&motion, &theta $(, $constants)?)
+                        })
+                        .collect();
+                    let at_once = code::harmonics(&samples).expect("enough samples").into_array();
+                    let mut accumulator = code::Accumulator::new();
+                    for (i, sample) in samples.iter().enumerate() {
+                        accumulator.push(2.0 * std::f64::consts::PI * i as f64 / count as f64, sample);
+                    }
+                    let stepwise = accumulator.harmonics().expect("samples were taken in").into_array();
+                    let size = at_once.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+                    for (a, b) in at_once.iter().zip(stepwise) {
+                        assert!((a - b).abs() <= 1e-12 * size, "{a} {b}");
+                    }
+                    assert!(code::harmonics(&samples[..2 * code::HIGHEST_HARMONIC]).is_err());
+                    at_once.to_vec()
+                },
+                solved: &|values, _constants, harmonics| {
+                    $(let $constants = &code::Constants::from_array(fixed(_constants));)?
+                    let harmonics = code::Harmonics::from_array(fixed(harmonics));
+                    pattern(values).parameters($($constants,)? &harmonics).map(|found| found.into_array().to_vec())
+                },
+            };
+            check_pattern($file, &check, $observable);
+        }
+    };
+}
+
+pattern!(mass_spring_drag_pattern, "mass_spring_drag.tpm", models::mass_spring_drag, observable: Some(true));
+pattern!(silverbox_pattern, "silverbox.tpm", models::silverbox, observable: Some(true));
+pattern!(closed_loop_arm_pattern, "closed_loop_arm.tpm", models::closed_loop_arm, observable: Some(false), constants: constants);
+
+/// Models that only the emitter's own corners need.
+mod corners {
+    tpm_runtime::model_file!("fixtures/emit/dense.tpm");
+    tpm_runtime::model_file!("fixtures/emit/names.tpm", crate = ::tpm_runtime);
+}
+
+// 425 entries: a table and a loop. One run of one pattern cannot tell so many parameters apart, so nothing is solved.
+pattern!(dense_pattern, "fixtures/emit/dense.tpm", corners::dense, observable: None, constants: constants);
+
+#[test]
+fn names_of_the_language_are_carried_over() {
+    use corners::type_model::{Constants, Motion, Parameters, TypeModel, fast, feed_forward, slow};
+    check_dynamics("fixtures/emit/names.tpm", &TypeModel);
+    let parameters = Parameters { m: 1.0, M: 2.0, crate_: 3.0, r#loop: 4.0 };
+    let constants = Constants { r#match: 0.5 };
+    let slow = slow::Pattern { r#fn: 0.2, w: 1.0 };
+    let motion: Motion<f64> = slow.reference(&constants, 0.0);
+    assert!((motion.r#type.value - 0.2 * 8.0 / 9.0).abs() < 1e-15);
+    let inputs = feed_forward(&motion, &parameters, &constants);
+    assert!((inputs.self_ - (2.0 * motion.r#type.ddot + motion.r#type.value + 0.5)).abs() < 1e-15);
+    assert!((inputs.Self_ - (3.0 * motion.motion.ddot + 4.0 * motion.motion.value.sin())).abs() < 1e-15);
+    let fast = fast::Pattern { fn2: 0.2, w2: 1.0 };
+    assert!((fast.reference(&constants, 0.3).motion.dot - 0.4 * 0.6_f64.cos()).abs() < 1e-15);
+}
+
+#[test]
+fn feed_forward_is_the_input_of_the_equation() {
+    use models::mass_spring_drag::{Parameters, Pattern, feed_forward, inverse_dynamics};
+    let pattern = Pattern { lambda: 0.5_f64, w: 2.0 };
+    let parameters = Parameters { m: 2.0, k1: 40.0, k2: 1.5 };
+    let motion = pattern.reference(0.3);
+    let force = feed_forward(&motion, &parameters).u;
+    assert_eq!(force, inverse_dynamics(&motion, &parameters).u);
+    let x = motion.x;
+    assert!((force - (2.0 * x.ddot + 40.0 * x.value + 1.5 * x.dot * x.dot)).abs() < 1e-13);
+    assert!((pattern.period() - std::f64::consts::PI).abs() < 1e-15);
+}
+
+#[test]
+fn lumped_parameters_follow_from_the_physical_ones() {
+    use models::rotary_pendulum::{Constants, PARAMETERS, Physical};
+    let estimator = estimator("rotary_pendulum.tpm");
+    let plan = &estimator.plan;
+    let lumping = plan.lumping.as_ref().expect("products of parameters");
+    let mut runner = runner(128);
+    let count = estimator.model.parameters().count();
+    let result = runner.run(&(dyadic(count), dyadic(plan.evaluation.constants.len())), |(physical, constants)| {
+        let values = lumping.evaluate_exact(|node| match plan.leaves.leaf(node) {
+            tpm_symbolic::estimator::Leaf::Symbol(symbol) => {
+                let own = estimator.model.parameters().position(|present| present == symbol);
+                let constant = plan.evaluation.constants.iter().position(|present| *present == symbol);
+                own.map(|i| physical[i]).or(constant.map(|i| constants[i])).map(exact)
+            }
+            _ => None,
+        });
+        let Some(values) = values else { return Ok(()) };
+        let fixed = Constants::from_array(constants.as_slice().try_into().expect("three constants"));
+        let found = Physical::from_array(physical.as_slice().try_into().expect("eight parameters")).lump(&fixed);
+        for ((found, exact), label) in found.into_array().iter().zip(&values).zip(PARAMETERS) {
+            let expected = rational::to_f64(exact);
+            prop_assert!((found - expected).abs() <= 1e-12 * expected.abs().max(1.0), "{}", label.name);
+        }
+        Ok(())
+    });
+    result.expect("lumped parameters agree");
+}

@@ -1,0 +1,3 @@
+tpm_runtime::model_file!(slider);
+
+fn main() {}

@@ -1,0 +1,11 @@
+tpm_runtime::model! {
+    model Pendulum {
+        coordinate x;
+        input u;
+        parameter k;
+
+        ddot(x) + sin(k*x) = u;
+    }
+}
+
+fn main() {}

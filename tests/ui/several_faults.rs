@@ -1,0 +1,12 @@
+tpm_runtime::model! {
+    model Slider {
+        coordinate x [m];
+        input u [N];
+        parameter m [kg], k [N/m];
+
+        m*ddot(x) + k*dot(x) + d*x = u;
+        m*ddot(y) = u;
+    }
+}
+
+fn main() {}

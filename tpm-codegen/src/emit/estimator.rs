@@ -1,0 +1,192 @@
+//! A model with everything that its source code is made of.
+//!
+//! Invariant of [`Estimator`]: the form belongs to the model, the plans to both, and every number of the plans has a finite,
+//! non-vanishing double.
+
+use thiserror::Error;
+use tpm_symbolic::estimator::{EstimatorPlan, TablePlan};
+use tpm_symbolic::model::Model;
+use tpm_symbolic::plan::{Op, Plan};
+use tpm_symbolic::rational::{self, Rational};
+use tpm_symbolic::regressor::{RegressorError, RegressorForm, regressor_form};
+
+use super::number::{Rounded, resembles_constant};
+
+/// A model, its regressor form and its plans.
+#[derive(Clone, Debug)]
+pub struct Estimator {
+    /// The model.
+    pub model: Model,
+    /// Its regressor form.
+    pub form: RegressorForm,
+    /// What its code computes.
+    pub plan: EstimatorPlan,
+}
+
+/// Why no source code can be made of a model.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum EmitError {
+    /// The model is not linear in its parameters.
+    #[error(transparent)]
+    Regressor(#[from] RegressorError),
+    /// A number of the model is beyond double precision.
+    #[error("the number {0} is beyond double precision (about 1e-308 to 1e308); choose other units")]
+    OutOfRange(String),
+    /// Identified values are of another model, or incomplete.
+    #[error("{0}")]
+    Identified(#[from] IdentifiedError),
+    /// The text could not be laid out.
+    #[error("the emitted code is not Rust as the formatter knows it: {0}")]
+    Layout(String),
+}
+
+impl Estimator {
+    /// Everything that follows from a model.
+    ///
+    /// # Errors
+    /// When the model is not linear in its parameters, or holds a number beyond double precision.
+    pub fn new(model: Model) -> Result<Self, EmitError> {
+        let form = regressor_form(&model)?;
+        Self::from_form(model, form)
+    }
+
+    /// The same with a regressor form that was made elsewhere.
+    ///
+    /// # Errors
+    /// When a number is beyond double precision.
+    pub fn from_form(model: Model, form: RegressorForm) -> Result<Self, EmitError> {
+        let plan = EstimatorPlan::new(&model, &form);
+        let estimator = Self { model, form, plan };
+        if let Some(lost) = estimator.numbers().find(|value| Rounded::new(value).is_lost(value)) {
+            return Err(EmitError::OutOfRange(shortened(&rational::display(lost))));
+        }
+        Ok(estimator)
+    }
+
+    fn tables(&self) -> impl Iterator<Item = &TablePlan> {
+        self.plan.patterns.iter().filter_map(|pattern| pattern.table.as_ref().ok())
+    }
+
+    /// All plans.
+    fn plans(&self) -> impl Iterator<Item = &Plan> {
+        let plan = &self.plan;
+        let fixed = [&plan.evaluation.regressor, &plan.evaluation.known, &plan.evaluation.input_map];
+        let references = plan.patterns.iter().filter_map(|pattern| pattern.reference.as_ref().ok());
+        let tables = self.tables().flat_map(|table| [&table.matrix, &table.bank]);
+        fixed.into_iter().chain([&plan.inverse_dynamics]).chain(&plan.lumping).chain(references).chain(tables)
+    }
+
+    fn numbers(&self) -> impl Iterator<Item = &Rational> {
+        self.plans().flat_map(|plan| &plan.ops).filter_map(|op| match op {
+            Op::Constant(value) => Some(value),
+            _ => None,
+        })
+    }
+
+    /// Whether a literal of the code would look like a mistyped irrational constant.
+    pub(super) fn resembles_constant(&self) -> bool {
+        self.numbers().any(|value| resembles_constant(rational::to_f64(value)))
+    }
+}
+
+/// The first and last digits of a number too long to be read.
+fn shortened(digits: &str) -> String {
+    match (digits.get(..20), digits.get(digits.len().saturating_sub(10)..)) {
+        (Some(first), Some(last)) if digits.len() > 40 => format!("{first}...{last}"),
+        _ => digits.to_owned(),
+    }
+}
+
+/// One identified parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct IdentifiedParameter {
+    /// Its name, as the columns of the model are named.
+    pub name: String,
+    /// The identified value, or the prior where the data say nothing about it.
+    pub value: f64,
+    /// Its standard deviation, when the data determine it.
+    pub std: Option<f64>,
+    /// As the identification reports it.
+    pub status: String,
+}
+
+/// The result of an identification, as it is baked into emitted code.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Identified {
+    /// Name of the model.
+    pub model: String,
+    /// One entry per column.
+    pub parameters: Vec<IdentifiedParameter>,
+}
+
+/// Why the result of an identification cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum IdentifiedError {
+    /// Not the schema.
+    #[error("the identified values are not of the schema `{SCHEMA}`: {0}")]
+    Schema(String),
+    /// Another model's.
+    #[error("the identified values are of the model `{found}`, not of `{expected}`")]
+    Model {
+        /// The model in the file.
+        found: String,
+        /// The model that is emitted.
+        expected: String,
+    },
+    /// A parameter has no value.
+    #[error("the parameter `{0}` has no identified value and no prior one; identify it, or give it a prior")]
+    Missing(String),
+}
+
+/// The schema of identification results, which is part of the contract.
+pub const SCHEMA: &str = "tpm.identification/1";
+
+impl Identified {
+    /// One value per column of `estimator`, in its order.
+    pub(crate) fn in_order(&self, estimator: &Estimator) -> Result<Vec<&IdentifiedParameter>, IdentifiedError> {
+        if self.model != estimator.model.name {
+            let expected = estimator.model.name.clone();
+            return Err(IdentifiedError::Model { found: self.model.clone(), expected });
+        }
+        let find = |name: &String| {
+            let found = self.parameters.iter().find(|parameter| parameter.name == *name);
+            found.ok_or_else(|| IdentifiedError::Missing(name.clone()))
+        };
+        estimator.form.columns.iter().map(|column| find(&column.name)).collect()
+    }
+
+    /// Reads the JSON that `tpm identify --json` prints.
+    ///
+    /// # Errors
+    /// When the text is not of that schema, or a parameter has neither an identified nor a prior value.
+    #[cfg(feature = "generate")]
+    pub fn from_json(text: &str) -> Result<Self, IdentifiedError> {
+        #[derive(serde::Deserialize)]
+        struct File {
+            schema: String,
+            model: String,
+            parameters: Vec<Parameter>,
+        }
+        #[derive(serde::Deserialize)]
+        struct Parameter {
+            name: String,
+            #[serde(default)]
+            prior: Option<f64>,
+            value: Option<f64>,
+            #[serde(default)]
+            std: Option<f64>,
+            #[serde(default)]
+            status: String,
+        }
+        let file: File = serde_json::from_str(text).map_err(|error| IdentifiedError::Schema(error.to_string()))?;
+        if file.schema != SCHEMA {
+            return Err(IdentifiedError::Schema(format!("it says `{}`", file.schema)));
+        }
+        let parameters = file.parameters.into_iter().map(|parameter| {
+            let value = parameter.value.or(parameter.prior);
+            let value = value.ok_or_else(|| IdentifiedError::Missing(parameter.name.clone()))?;
+            Ok(IdentifiedParameter { name: parameter.name, value, std: parameter.std, status: parameter.status })
+        });
+        Ok(Self { model: file.model, parameters: parameters.collect::<Result<_, IdentifiedError>>()? })
+    }
+}

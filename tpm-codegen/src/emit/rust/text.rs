@@ -1,0 +1,258 @@
+//! Documentation texts of emitted modules.
+
+use tpm_symbolic::estimator::PatternPlan;
+use tpm_symbolic::expr::ExprId;
+use tpm_symbolic::plan::{OperationCounts, Plan};
+use tpm_symbolic::polynomial::Polynomial;
+use tpm_symbolic::unit::Unit;
+
+use super::super::estimator::Estimator;
+use super::Context;
+
+/// Longest line of an equation before it is broken.
+const WIDTH: usize = 100;
+
+/// `2 additions, 5 multiplications`.
+fn counts(counts: OperationCounts) -> String {
+    let parts = [
+        (counts.additions, "addition"),
+        (counts.multiplications, "multiplication"),
+        (counts.divisions, "division"),
+        (counts.functions, "function call"),
+    ];
+    let parts: Vec<String> = parts
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, name)| format!("{count} {name}{}", if count == 1 { "" } else { "s" }))
+        .collect();
+    parts.join(", ")
+}
+
+/// `Operations: ...` as a paragraph of its own.
+pub(super) fn operations(plan: &Plan) -> String {
+    match plan.counts() {
+        none if none == OperationCounts::default() => "\n\nNo operations.".to_owned(),
+        some => format!("\n\nOperations: {}.", counts(some)),
+    }
+}
+
+/// ` in kg`; nothing for what has no unit.
+pub(super) fn in_unit(unit: Option<&Unit>) -> String {
+    match unit {
+        Some(unit) if *unit != Unit::one() => format!(" in `{unit}`"),
+        _ => String::new(),
+    }
+}
+
+/// The unit of a time derivative.
+pub(super) fn rate(unit: Option<&Unit>, order: u32) -> Option<Unit> {
+    let per_second = Unit::named("s").pow(-i32::try_from(order).ok()?);
+    unit.map(|unit| unit.mul(&per_second))
+}
+
+fn display(estimator: &Estimator, polynomial: &Polynomial<ExprId>) -> String {
+    let mut graph = estimator.model.graph.clone();
+    let expr = graph.from_polynomial(polynomial);
+    graph.display(expr, &estimator.model)
+}
+
+/// The entry of the regressor in a row and column, or the known terms.
+pub(super) fn entry(estimator: &Estimator, row: usize, column: Option<usize>) -> String {
+    let terms = estimator.form.rows[row].terms.iter().filter(|term| term.column == column);
+    let polynomial: Polynomial<ExprId> = terms.map(|term| (term.atoms.clone(), term.coefficient.clone())).collect();
+    display(estimator, &polynomial)
+}
+
+/// The factor of an input in a row.
+pub(super) fn input_factor(estimator: &Estimator, row: usize, input: usize) -> String {
+    let symbol = estimator.plan.evaluation.inputs[input];
+    let found = estimator.form.rows[row].inputs.iter().find(|(present, _)| *present == symbol);
+    found.map_or_else(|| "0".to_owned(), |(_, factor)| display(estimator, factor))
+}
+
+/// The equations, one after the other, as the model language writes them, over the parameters that are estimated.
+pub(super) fn equations(estimator: &Estimator) -> String {
+    let mut text = String::new();
+    for (r, row) in estimator.form.rows.iter().enumerate() {
+        let mut parts: Vec<String> = Vec::new();
+        for (c, column) in estimator.form.columns.iter().enumerate() {
+            if !row.terms.iter().any(|term| term.column == Some(c)) {
+                continue;
+            }
+            parts.push(match entry(estimator, r, Some(c)).as_str() {
+                "1" => column.name.clone(),
+                "-1" => format!("-{}", column.name),
+                sum if sum.contains(" + ") || sum.contains(" - ") => format!("{}*({sum})", column.name),
+                factor => match factor.strip_prefix('-') {
+                    Some(positive) => format!("-{}*{positive}", column.name),
+                    None => format!("{}*{factor}", column.name),
+                },
+            });
+        }
+        if row.terms.iter().any(|term| term.column.is_none()) {
+            parts.push(entry(estimator, r, None));
+        }
+        let inputs = row.inputs.iter().map(|(symbol, factor)| {
+            let name = &estimator.model.quantity(*symbol).name;
+            match display(estimator, factor).as_str() {
+                "1" => name.clone(),
+                "-1" => format!("-{name}"),
+                factor => format!("({factor})*{name}"),
+            }
+        });
+        let right: Vec<String> = inputs.collect();
+        parts.push(format!("= {}", if right.is_empty() { "0".to_owned() } else { right.join(" + ") }));
+        let mut width = 0;
+        for (i, part) in parts.iter().enumerate() {
+            let joined = match part.strip_prefix('-') {
+                _ if i == 0 || part.starts_with('=') => part.clone(),
+                Some(positive) => format!("- {positive}"),
+                None => format!("+ {part}"),
+            };
+            if i > 0 && width + joined.len() > WIDTH {
+                text.push_str("\n    ");
+                width = 4;
+            } else if i > 0 {
+                text.push(' ');
+            }
+            width += joined.len() + 1;
+            text.push_str(&joined);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The pattern's motions, one line per coordinate that has one.
+pub(super) fn motions(estimator: &Estimator, index: usize) -> String {
+    let mut text = String::new();
+    let Some(pattern) = estimator.model.patterns.get(index) else { return text };
+    let w = &estimator.model.quantity(pattern.frequency).name;
+    for (coordinate, motion) in estimator.model.coordinates.iter().zip(&pattern.motions) {
+        let Some(motion) = motion else { continue };
+        let mut sum = String::new();
+        for (monomial, fourier) in motion.terms() {
+            let mut factors: Vec<String> = Vec::new();
+            for (&symbol, exponent) in monomial.factors() {
+                let name = &estimator.model.quantity(symbol).name;
+                factors.push(if exponent == 1 { name.clone() } else { format!("{name}^{exponent}") });
+            }
+            let series = fourier.terms().fold(String::new(), |mut series, (harmonic, function, coefficient)| {
+                let base = match harmonic {
+                    0 => String::new(),
+                    1 => format!("{}({w}*t)", super::names::harmonic_function(function)),
+                    _ => format!("{}({harmonic}*{w}*t)", super::names::harmonic_function(function)),
+                };
+                push_term(&mut series, coefficient, &base);
+                series
+            });
+            let plain = fourier.highest_harmonic() == 0 && series == "1";
+            if !plain {
+                factors.push(if fourier.terms().count() > 1 && !factors.is_empty() {
+                    format!("({series})")
+                } else {
+                    series
+                });
+            }
+            if !sum.is_empty() {
+                sum.push_str(" + ");
+            }
+            sum.push_str(&factors.join("*"));
+        }
+        let sum = if sum.is_empty() { "0" } else { &sum };
+        text.push_str(&format!("{} = {sum}\n", coordinate.name));
+    }
+    text
+}
+
+fn push_term(text: &mut String, coefficient: &tpm_symbolic::rational::Rational, base: &str) {
+    use num_traits::{One, Signed};
+    let magnitude = tpm_symbolic::rational::abs(coefficient);
+    text.push_str(match (text.is_empty(), coefficient.is_negative()) {
+        (true, true) => "-",
+        (true, false) => "",
+        (false, true) => " - ",
+        (false, false) => " + ",
+    });
+    let number = tpm_symbolic::rational::display(&magnitude);
+    match (base, magnitude.is_one()) {
+        ("", _) => text.push_str(&number),
+        (_, true) => text.push_str(base),
+        (_, false) => {
+            text.push_str(&number);
+            text.push('*');
+            text.push_str(base);
+        }
+    }
+}
+
+/// A fault in one line, without the markup of a message.
+pub(super) fn reason(error: &impl std::fmt::Display) -> String {
+    error.to_string().lines().collect::<Vec<_>>().join(" ")
+}
+
+/// The module's own documentation.
+pub(super) fn header(context: &Context<'_>) -> String {
+    let Estimator { model, plan, .. } = context.estimator;
+    let mut text = format!("`{}`: dynamics and estimator. Generated by\n`{}`;", model.name, context.options.command);
+    text.push_str(" to change it, change the model.\n\n```text\n");
+    text.push_str(&equations(context.estimator));
+    text.push_str("```\n");
+    for (i, pattern) in plan.patterns.iter().enumerate() {
+        let name = pattern.name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
+        text.push_str(&format!("\nPattern{name}:\n\n```text\n{}```\n", motions(context.estimator, i)));
+        for gap in gaps(pattern) {
+            text.push_str(&format!("\n{gap}\n"));
+        }
+    }
+    if plan.patterns.is_empty() {
+        text.push_str(
+            "\nThe model declares no pattern, so that there is no reference motion, estimator matrix or harmonic here.\n",
+        );
+    }
+    if plan.feed_forward.is_none() {
+        text.push_str(
+            "\nAn input stands in several equations, or beside another one, so that no input follows from one equation: \
+             there is `inverse_dynamics` but no `feed_forward`.\n",
+        );
+    }
+    text.push_str("\n| function | additions | multiplications | divisions | function calls |\n|---|---|---|---|---|\n");
+    for (name, plan) in functions(context) {
+        let OperationCounts { additions, multiplications, divisions, functions } = plan.counts();
+        text.push_str(&format!("| `{name}` | {additions} | {multiplications} | {divisions} | {functions} |\n"));
+    }
+    text
+}
+
+/// What is left out for a pattern, and why.
+pub(super) fn gaps(pattern: &PatternPlan) -> Vec<String> {
+    let mut gaps = Vec::new();
+    if let Err(gap) = &pattern.reference {
+        gaps.push(format!("There is no reference motion: {}.", reason(gap)));
+    }
+    if let Err(gap) = &pattern.table {
+        gaps.push(format!("There is no estimator matrix and no harmonic: {}.", reason(gap)));
+    }
+    gaps
+}
+
+fn functions<'a>(context: &'a Context<'_>) -> Vec<(String, &'a Plan)> {
+    let plan = &context.estimator.plan;
+    let mut list = vec![
+        ("regressor".to_owned(), &plan.evaluation.regressor),
+        ("known".to_owned(), &plan.evaluation.known),
+        ("input_map".to_owned(), &plan.evaluation.input_map),
+        ("inverse_dynamics".to_owned(), &plan.inverse_dynamics),
+    ];
+    list.extend(plan.feed_forward.iter().map(|plan| ("feed_forward".to_owned(), plan)));
+    list.extend(plan.lumping.iter().map(|plan| ("Physical::lump".to_owned(), plan)));
+    for (pattern, names) in plan.patterns.iter().zip(&context.names.patterns) {
+        let path = names.module.as_ref().map_or_else(String::new, |module| format!("{module}::"));
+        list.extend(pattern.reference.iter().map(|plan| (format!("{path}Pattern::reference"), plan)));
+        if let Ok(table) = &pattern.table {
+            list.push((format!("{path}Pattern::estimator_matrix"), &table.matrix));
+            list.push((format!("{path}Accumulator::push_at"), &table.bank));
+        }
+    }
+    list
+}

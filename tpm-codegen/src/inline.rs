@@ -1,0 +1,231 @@
+//! What the macros `model!` and `model_file!` expand to.
+//!
+//! Invariant: every fault becomes a `compile_error!`, several at once; nothing panics, and no fault hides another one's place.
+
+use proc_macro2::{Literal, Span, TokenStream, TokenTree};
+use quote::{quote, quote_spanned};
+use std::path::Path;
+
+use crate::diagnostic::{Diagnostic, Diagnostics, Severity};
+use crate::emit::estimator::{EmitError, Estimator};
+use crate::emit::rust;
+use crate::language::{Parsed, parse_model, parse_tokens};
+use crate::source::Source;
+
+/// A fault of a macro call: what is wrong, and on which token.
+type Fault = (Span, String);
+
+fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
+    let items = faults.into_iter().map(|(span, message)| {
+        let message = Literal::string(&message);
+        quote_spanned!(span => ::core::compile_error! { #message })
+    });
+    items.collect()
+}
+
+/// Everything that follows from a model that was read; a fault is a diagnostic at its place.
+fn estimator(parsed: &Parsed) -> Result<Estimator, Diagnostic> {
+    Estimator::new(parsed.model.clone()).map_err(|error| match error {
+        EmitError::Regressor(error) => parsed.locate(&error),
+        other => Diagnostic::error(parsed.ast.name.span, other.to_string()),
+    })
+}
+
+/// The expansion of `model! { [crate = path;] model Name { ... } }`.
+#[must_use]
+pub fn model(input: TokenStream) -> TokenStream {
+    let mut tokens = input.into_iter().peekable();
+    let mut runtime = "::tpm_runtime".to_owned();
+    if tokens.peek().is_some_and(|token| is_ident(token, "crate")) {
+        let first = tokens.next().map_or_else(Span::call_site, |token| token.span());
+        let head = tokens.by_ref().take_while(|token| !is_punct(token, ';')).collect();
+        match crate_path(first, head) {
+            Ok(path) => runtime = path,
+            Err(fault) => return errors([fault]),
+        }
+    }
+    let (parsed, tokens) = match parse_tokens("model!", tokens.collect()) {
+        Ok(parsed) => parsed,
+        Err(errors) => return errors,
+    };
+    match estimator(&parsed) {
+        Ok(estimator) => {
+            let options = rust::Options { command: "tpm_runtime::model!", runtime: &runtime, identified: None };
+            rust::items(&estimator, &options, &TokenStream::new())
+        }
+        Err(diagnostic) => tokens.compile_errors(&Diagnostics::from_iter([diagnostic])),
+    }
+}
+
+/// The expansion of `model_file!("path/to/x.tpm" [, crate = path])`; `folder` is the root of the package that calls it.
+#[must_use]
+pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
+    let (literal, path, runtime) = match file_arguments(input) {
+        Ok(arguments) => arguments,
+        Err(fault) => return errors([fault]),
+    };
+    let Some(folder) = folder else {
+        let message =
+            "CARGO_MANIFEST_DIR is not set, so that a relative path leads nowhere; build with cargo".to_owned();
+        return errors([(literal, message)]);
+    };
+    let bytes = match std::fs::read(folder.join(&path)) {
+        Ok(bytes) => bytes,
+        Err(error) => {
+            let message = format!(
+                "cannot read `{}`: {error}; the path is relative to the folder of the package's Cargo.toml, {}",
+                path,
+                folder.display()
+            );
+            return errors([(literal, message)]);
+        }
+    };
+    let source = Source::from_bytes(path.as_str(), bytes);
+    let parsed = match parse_model(&source) {
+        Ok(parsed) => parsed,
+        Err(diagnostics) => return errors(at_places(&source, &diagnostics, literal)),
+    };
+    match estimator(&parsed) {
+        Ok(estimator) => {
+            let options = rust::Options { command: "tpm_runtime::model_file!", runtime: &runtime, identified: None };
+            // The compiler watches what is included, so that a change of the file rebuilds the crate.
+            let watch = quote! {
+                const _: &[u8] = ::core::include_bytes!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/", #path));
+            };
+            rust::items(&estimator, &options, &watch)
+        }
+        Err(diagnostic) => errors(at_places(&source, &Diagnostics::from_iter([diagnostic]), literal)),
+    }
+}
+
+/// Diagnostics of a file, each with file, line and column in its text.
+fn at_places(source: &Source, diagnostics: &Diagnostics, span: Span) -> Vec<Fault> {
+    let errors = diagnostics.iter().filter(|diagnostic| diagnostic.severity == Severity::Error);
+    let mut faults: Vec<Fault> = errors
+        .map(|diagnostic| {
+            let place = source.position(diagnostic.span.start);
+            (span, format!("{}:{}:{}: {}", source.name(), place.line, place.column, diagnostic.headline()))
+        })
+        .collect();
+    if diagnostics.omitted() > 0 {
+        faults.push((span, format!("and {} more", diagnostics.omitted())));
+    }
+    faults
+}
+
+fn is_ident(token: &TokenTree, name: &str) -> bool {
+    matches!(token, TokenTree::Ident(ident) if ident == name)
+}
+
+fn is_punct(token: &TokenTree, mark: char) -> bool {
+    matches!(token, TokenTree::Punct(punct) if punct.as_char() == mark)
+}
+
+/// The path behind `crate`: `= a::b`.
+fn crate_path(at: Span, tokens: TokenStream) -> Result<String, Fault> {
+    let mut tokens = tokens.into_iter();
+    let sign = tokens.next();
+    let rest: TokenStream = tokens.collect();
+    let is_path = |token: TokenTree| match token {
+        TokenTree::Ident(_) => true,
+        TokenTree::Punct(punct) => punct.as_char() == ':',
+        _ => false,
+    };
+    if !sign.is_some_and(|token| is_punct(&token, '=')) || rest.is_empty() || !rest.clone().into_iter().all(is_path) {
+        return Err((at, "write `crate = path::to::tpm_runtime` to say where the runtime is".to_owned()));
+    }
+    // No blanks between the parts: a path is one thing.
+    Ok(rest.to_string().replace(' ', ""))
+}
+
+/// The span of the path's literal, the path, and the runtime's path.
+fn file_arguments(input: TokenStream) -> Result<(Span, String, String), Fault> {
+    let usage = "write model_file!(\"path/to/model.tpm\"), the path relative to the folder of the package's Cargo.toml";
+    let mut tokens = input.into_iter();
+    let first = tokens.next().ok_or_else(|| (Span::call_site(), usage.to_owned()))?;
+    let span = first.span();
+    let path = string_of(&first).ok_or_else(|| (span, usage.to_owned()))?;
+    let mut runtime = "::tpm_runtime".to_owned();
+    if let Some(comma) = tokens.next() {
+        if !is_punct(&comma, ',') {
+            return Err((comma.span(), usage.to_owned()));
+        }
+        if let Some(word) = tokens.next() {
+            if !is_ident(&word, "crate") {
+                return Err((word.span(), usage.to_owned()));
+            }
+            let rest: Vec<TokenTree> = tokens.collect();
+            let end = rest.iter().position(|token| is_punct(token, ',')).unwrap_or(rest.len());
+            if rest.len() > end + 1 {
+                return Err((rest[end + 1].span(), usage.to_owned()));
+            }
+            runtime = crate_path(word.span(), rest[..end].iter().cloned().collect())?;
+        }
+    }
+    Ok((span, path, runtime))
+}
+
+/// The text of a string literal, also one that a `macro_rules` fragment handed over.
+fn string_of(token: &TokenTree) -> Option<String> {
+    match token {
+        TokenTree::Group(group) => {
+            let mut inner = group.stream().into_iter();
+            let (Some(only), None) = (inner.next(), inner.next()) else { return None };
+            string_of(&only)
+        }
+        TokenTree::Literal(literal) => {
+            let text = literal.to_string();
+            let raw = text.strip_prefix('r').map(|rest| rest.trim_matches('#'));
+            if let Some(inner) = raw.and_then(|rest| rest.strip_prefix('"')).and_then(|rest| rest.strip_suffix('"')) {
+                return Some(inner.to_owned());
+            }
+            let inner = text.strip_prefix('"')?.strip_suffix('"')?;
+            // Paths need no other escapes; a stray backslash would be an unreadable path and is reported as one.
+            Some(inner.replace("\\\\", "\\").replace("\\\"", "\""))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{model, model_file};
+    use proc_macro2::TokenStream;
+    use std::path::Path;
+
+    fn expand_file(arguments: &str, folder: Option<&Path>) -> String {
+        model_file(arguments.parse::<TokenStream>().expect("tokens"), folder).to_string()
+    }
+
+    #[test]
+    fn wrong_arguments_say_what_to_write() {
+        for arguments in ["", "x", "1", "\"a.tpm\" b", "\"a.tpm\", b = c", "\"a.tpm\", crate = a, b"] {
+            let expansion = expand_file(arguments, Some(Path::new(".")));
+            assert!(
+                expansion.contains("compile_error") && expansion.contains("model_file!"),
+                "{arguments}: {expansion}"
+            );
+        }
+        assert!(expand_file("\"a.tpm\", crate = 1", Some(Path::new("."))).contains("crate = path"));
+        assert!(expand_file("\"absent.tpm\"", Some(Path::new("."))).contains("cannot read `absent.tpm`"));
+        assert!(expand_file("\"absent.tpm\"", None).contains("CARGO_MANIFEST_DIR"));
+        let expansion = model("crate = ; model A {}".parse().expect("tokens")).to_string();
+        assert!(expansion.contains("crate = path"), "{expansion}");
+    }
+
+    #[test]
+    fn faults_of_a_file_have_their_lines() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let text = "model A {\n  coordinate x;\n  input u;\n  parameter m;\n  m*ddot(y) = u;\n  m*ddot(z) = u;\n}\n";
+        std::fs::write(folder.path().join("a.tpm"), text).expect("written");
+        let expansion = expand_file("r\"a.tpm\"", Some(folder.path()));
+        assert!(expansion.contains("a.tpm:5:") && expansion.contains("a.tpm:6:"), "{expansion}");
+    }
+
+    #[test]
+    fn the_runtime_can_be_elsewhere() {
+        let text = "crate = my::rt; model A { coordinate x; input u; parameter m; m*ddot(x) = u; }";
+        let expansion = model(text.parse().expect("tokens")).to_string();
+        assert!(expansion.contains("use my :: rt ::") && !expansion.contains("tpm_runtime ::"), "{expansion}");
+    }
+}

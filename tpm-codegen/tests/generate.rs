@@ -1,0 +1,112 @@
+//! Emitted source files of models built by hand.
+
+use tpm_codegen::emit::estimator::{EmitError, Estimator, Identified, IdentifiedError};
+use tpm_codegen::generate::{Language, Options, generate};
+use tpm_symbolic::expr::ExprId;
+use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::polynomial::Monomial;
+use tpm_symbolic::unit::Unit;
+
+/// Feng, Eqn 3.24: m x'' + k1 x + k2 x'^2 = u.
+fn mass_spring_drag() -> Model {
+    let mut model = Model { name: "MassSpringDrag".to_owned(), ..Model::default() };
+    let (newton, metre, second) = (Unit::named("N"), Unit::named("m"), Unit::named("s"));
+    let x = model.declare_coordinate("x", Some(metre.clone()));
+    let mut quantity = |name: &str, unit: Unit, kind: Kind| {
+        let symbol = model.declare(name, Some(unit), kind);
+        (symbol, model.graph.symbol(symbol))
+    };
+    let (_, u) = quantity("u", newton.clone(), Kind::Input);
+    let (_, m) = quantity("m", Unit::named("kg"), Kind::Parameter);
+    let (_, k1) = quantity("k1", newton.mul(&metre.pow(-1)), Kind::Parameter);
+    let (_, k2) = quantity("k2", newton.mul(&second.pow(2)).mul(&metre.pow(-2)), Kind::Parameter);
+    let (lambda, _) = quantity("lambda", metre, Kind::Amplitude);
+    let (w, _) = quantity("w", Unit::named("rad").mul(&second.pow(-1)), Kind::Frequency);
+    let graph = &mut model.graph;
+    let [position, velocity, acceleration] = [0, 1, 2].map(|order| graph.derivative_of(x, order));
+    let drag = graph.pow(velocity, 2);
+    let terms: [ExprId; 4] = [graph.mul(m, acceleration), graph.mul(k1, position), graph.mul(k2, drag), graph.neg(u)];
+    let terms = (0..).zip(terms).map(|(id, expr)| SourceTerm { id: TermId(id), expr }).collect();
+    model.equations.push(Equation { name: "u".to_owned(), terms });
+    let motion = Motion::term(Monomial::power_of(lambda, 1), rest_to_rest(3).expect("odd order"));
+    model.patterns.push(Pattern { name: None, amplitudes: vec![lambda], frequency: w, motions: vec![Some(motion)] });
+    model
+}
+
+fn options() -> Options<'static> {
+    let command = "tpm generate mass_spring_drag.tpm --lang rust";
+    Options { language: Language::Rust, command, identified: None }
+}
+
+#[test]
+fn mass_spring_drag_as_a_file() {
+    let estimator = Estimator::new(mass_spring_drag()).expect("linear");
+    let files = generate(&estimator, &options()).expect("emits");
+    assert_eq!(files.len(), 1);
+    assert_eq!(files[0].name, "mass_spring_drag.rs");
+    let again = generate(&Estimator::new(mass_spring_drag()).expect("linear"), &options()).expect("emits");
+    assert_eq!(files, again, "equal models give equal bytes");
+    for formula in ["u, cos 0, k2: 5/9*lambda^2*w^2", "u, cos 1, m: -lambda*w^2", "u, cos 6, k2: -1/18*lambda^2*w^2"] {
+        assert!(files[0].text.contains(formula), "{formula} is missing");
+    }
+    insta::assert_snapshot!(files[0].text);
+}
+
+const RESULT: &str = r#"{"schema": "tpm.identification/1", "model": "MassSpringDrag", "hold": "none", "harmonics": 6,
+ "parameters": [{"name": "k1", "unit": "N/m", "prior": null, "value": 40.25, "std": 0.125, "status": "identified"},
+  {"name": "m", "unit": "kg", "prior": null, "value": 2.0, "std": 0.1, "status": "identified"},
+  {"name": "k2", "unit": null, "prior": -1.5, "value": null, "std": null, "status": "unobservable"}],
+ "physical": [], "unobservable": [], "covariance": [], "rank": 2, "condition": 4.3, "residual": 0.033, "runs": [], "warnings": []}"#;
+
+#[test]
+fn identified_values_are_baked_in_by_name() {
+    let estimator = Estimator::new(mass_spring_drag()).expect("linear");
+    let identified = Identified::from_json(RESULT).expect("the contract's schema");
+    let files = generate(&estimator, &Options { identified: Some(&identified), ..options() }).expect("emits");
+    let constant =
+        "pub const IDENTIFIED: Parameters<f64> = Parameters {\n    m: 2.0,\n    k1: 40.25,\n    k2: -1.5,\n};";
+    assert!(files[0].text.contains(constant), "{}", files[0].text);
+    assert!(files[0].text.contains("/// | `k2` | -1.5 | unknown | unobservable |"));
+}
+
+#[test]
+fn identified_values_that_do_not_fit_are_refused() {
+    let estimator = Estimator::new(mass_spring_drag()).expect("linear");
+    let refused = |text: &str| {
+        let identified = match Identified::from_json(text) {
+            Ok(identified) => identified,
+            Err(error) => return EmitError::from(error),
+        };
+        generate(&estimator, &Options { identified: Some(&identified), ..options() }).expect_err("does not fit")
+    };
+    let other = refused(&RESULT.replace("MassSpringDrag", "Emps"));
+    assert!(matches!(other, EmitError::Identified(IdentifiedError::Model { .. })), "{other}");
+    let missing = refused(&RESULT.replace("\"k1\"", "\"k9\""));
+    assert_eq!(missing, EmitError::Identified(IdentifiedError::Missing("k1".to_owned())));
+    let empty = refused(&RESULT.replace("-1.5", "null"));
+    assert_eq!(empty, EmitError::Identified(IdentifiedError::Missing("k2".to_owned())));
+    let schema = refused(&RESULT.replace("identification/1", "identification/2"));
+    assert!(schema.to_string().contains("tpm.identification/2"), "{schema}");
+    assert!(matches!(refused("[]"), EmitError::Identified(IdentifiedError::Schema(_))));
+}
+
+#[test]
+fn numbers_beyond_double_precision_are_refused() {
+    let mut model = mass_spring_drag();
+    let large = tpm_symbolic::rational::power(&tpm_symbolic::rational::integer(10), 400);
+    let first = model.equations[0].terms[0].expr;
+    model.equations[0].terms[0].expr = model.graph.scale(first, large);
+    let error = Estimator::new(model).expect_err("1e400 is no double");
+    assert!(error.to_string().contains("beyond double precision"), "{error}");
+}
+
+#[test]
+fn a_model_without_a_pattern_is_whole_for_logs() {
+    let mut model = mass_spring_drag();
+    model.patterns.clear();
+    let files = generate(&Estimator::new(model).expect("linear"), &options()).expect("emits");
+    let text = &files[0].text;
+    assert!(text.contains("pub fn feed_forward") && text.contains("impl<T: Real> Model<T> for MassSpringDrag"));
+    assert!(!text.contains("pub struct Pattern") && text.contains("declares no pattern"));
+}
