@@ -1,3 +1,4 @@
-//! What the benchmarks share.
+//! Workloads for the benchmarks, the same written by hand, and the comparison with other tools.
 
 pub mod by_hand;
+pub mod workloads;

@@ -33,7 +33,7 @@ enum Command {
     /// Say what a pattern can show: exact rank, unobservable directions, base parameters.
     Identifiability(commands::identifiability::Args),
     /// Identify parameters: on a simulated plant, or from a log.
-    Identify(commands::identify::Args),
+    Identify(Box<commands::identify::Args>),
 }
 
 fn main() -> ExitCode {

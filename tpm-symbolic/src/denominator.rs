@@ -5,7 +5,7 @@
 //! need not be coprime: the exponents then describe a common multiple that may be larger than the least one, and
 //! reduction by a cofactor takes a greatest common divisor.
 
-use crate::numerator::{Numerator, OddPrime, Scalar};
+use crate::numerator::{Numerator, OddPrime, Scalar, write_unsigned};
 use num_bigint::{BigInt, BigUint};
 use num_integer::Integer;
 use num_traits::{One, ToPrimitive};
@@ -17,53 +17,69 @@ const TRIAL: u64 = 1024;
 /// The odd primes and cofactors met so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Factors {
+    /// Beyond [`OddPrime::SMALL`], which come first in the numbering.
     primes: Vec<OddPrime>,
     cofactors: Vec<BigUint>,
 }
 
-/// A positive integer by its exponents; lists end with a non-zero entry or are empty.
+static SMALL: [OddPrime; 9] = OddPrime::SMALL;
+
+/// A positive integer by its exponents. The lists of what is rare end with a non-zero entry or are empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Denominator {
     two: u32,
-    odd: SmallVec<[u32; 6]>,
-    cofactors: SmallVec<[u32; 2]>,
+    /// Of the first primes.
+    odd: [u32; 8],
+    /// Of the primes after these.
+    more: Vec<u32>,
+    cofactors: Vec<u32>,
+}
+
+/// into[i] = combine(into[i], from[i]), with missing entries as 0.
+fn combine(into: &mut Vec<u32>, from: &[u32], combine: impl Fn(u32, u32) -> u32) {
+    if into.len() < from.len() {
+        into.resize(from.len(), 0);
+    }
+    into.iter_mut().zip(from).for_each(|(into, &from)| *into = combine(*into, from));
 }
 
 impl Denominator {
     /// self * other^times. Exponents saturate; whoever goes that far is refused for the size of the numbers.
     pub(crate) fn multiply(&mut self, other: &Self, times: u32) {
-        self.two = self.two.saturating_add(other.two.saturating_mul(times));
-        let combine = |into: &mut [u32], from: &[u32]| {
-            for (into, from) in into.iter_mut().zip(from) {
-                *into = into.saturating_add(from.saturating_mul(times));
-            }
-        };
-        if self.odd.len() < other.odd.len() {
-            self.odd.resize(other.odd.len(), 0);
-        }
-        combine(&mut self.odd, &other.odd);
-        if self.cofactors.len() < other.cofactors.len() {
-            self.cofactors.resize(other.cofactors.len(), 0);
-        }
-        combine(&mut self.cofactors, &other.cofactors);
+        let raise = |into: u32, from: u32| into.saturating_add(from.saturating_mul(times));
+        self.two = raise(self.two, other.two);
+        self.odd.iter_mut().zip(other.odd).for_each(|(into, from)| *into = raise(*into, from));
+        combine(&mut self.more, &other.more, raise);
+        combine(&mut self.cofactors, &other.cofactors, raise);
     }
 
     /// A common multiple of both.
     pub(crate) fn join(&mut self, other: &Self) {
         self.two = self.two.max(other.two);
-        let join = |into: &mut [u32], from: &[u32]| {
-            for (into, from) in into.iter_mut().zip(from) {
-                *into = (*into).max(*from);
+        self.odd.iter_mut().zip(other.odd).for_each(|(into, from)| *into = (*into).max(from));
+        combine(&mut self.more, &other.more, u32::max);
+        combine(&mut self.cofactors, &other.cofactors, u32::max);
+    }
+
+    /// (index of the prime, exponent) where the exponent is not 0.
+    fn primes(&self) -> impl Iterator<Item = (usize, u32)> + '_ {
+        self.odd.iter().chain(&self.more).copied().enumerate().filter(|(_, exponent)| *exponent > 0)
+    }
+
+    fn exponent(&self, prime: usize) -> u32 {
+        let more = || self.more.get(prime - 8).copied().unwrap_or(0);
+        self.odd.get(prime).copied().unwrap_or_else(more)
+    }
+
+    fn count(&mut self, prime: usize) {
+        match self.odd.get_mut(prime) {
+            Some(exponent) => *exponent += 1,
+            None => {
+                let index = prime - self.odd.len();
+                self.more.resize(self.more.len().max(index + 1), 0);
+                self.more[index] += 1;
             }
-        };
-        if self.odd.len() < other.odd.len() {
-            self.odd.resize(other.odd.len(), 0);
         }
-        join(&mut self.odd, &other.odd);
-        if self.cofactors.len() < other.cofactors.len() {
-            self.cofactors.resize(other.cofactors.len(), 0);
-        }
-        join(&mut self.cofactors, &other.cofactors);
     }
 }
 
@@ -78,14 +94,17 @@ impl Factors {
     pub(crate) fn factor_word(&mut self, value: u64) -> Denominator {
         let mut result = Denominator { two: value.trailing_zeros(), ..Denominator::default() };
         let mut rest = value >> result.two;
-        for index in 0..self.primes.len() {
-            let prime = self.primes[index].value;
+        for index in 0..SMALL.len() + self.primes.len() {
+            if rest == 1 {
+                break;
+            }
+            let prime = self.known(index).value;
             while rest.is_multiple_of(prime) {
                 rest /= prime;
-                self.count(&mut result, index);
+                result.count(index);
             }
         }
-        let mut trial = 3;
+        let mut trial = 31;
         while rest > 1 && trial < TRIAL {
             if trial * trial > rest {
                 trial = rest;
@@ -94,7 +113,7 @@ impl Factors {
                 let index = self.prime(trial);
                 while rest.is_multiple_of(trial) {
                     rest /= trial;
-                    self.count(&mut result, index);
+                    result.count(index);
                 }
             }
             trial += 2;
@@ -102,7 +121,7 @@ impl Factors {
         if rest > 1 {
             if rest < TRIAL * TRIAL {
                 let index = self.prime(rest);
-                self.count(&mut result, index);
+                result.count(index);
             } else {
                 self.cofactor(&mut result, BigUint::from(rest));
             }
@@ -119,7 +138,7 @@ impl Factors {
             while (&rest % trial).to_u64() == Some(0) {
                 rest /= trial;
                 let index = self.prime(trial);
-                self.count(&mut result, index);
+                result.count(index);
             }
         }
         if rest < BigUint::from(TRIAL * TRIAL) {
@@ -131,18 +150,16 @@ impl Factors {
         result
     }
 
-    fn prime(&mut self, value: u64) -> usize {
-        self.primes.iter().position(|prime| prime.value == value).unwrap_or_else(|| {
-            self.primes.push(OddPrime::new(value));
-            self.primes.len() - 1
-        })
+    fn known(&self, index: usize) -> &OddPrime {
+        SMALL.get(index).unwrap_or_else(|| &self.primes[index - SMALL.len()])
     }
 
-    fn count(&self, result: &mut Denominator, index: usize) {
-        if result.odd.len() <= index {
-            result.odd.resize(index + 1, 0);
-        }
-        result.odd[index] += 1;
+    fn prime(&mut self, value: u64) -> usize {
+        let mut known = SMALL.iter().chain(&self.primes);
+        known.position(|prime| prime.value == value).unwrap_or_else(|| {
+            self.primes.push(OddPrime::new(value));
+            SMALL.len() + self.primes.len() - 1
+        })
     }
 
     fn cofactor(&mut self, result: &mut Denominator, value: BigUint) {
@@ -158,7 +175,7 @@ impl Factors {
 
     /// An upper bound of the bit length.
     pub(crate) fn bits(&self, denominator: &Denominator) -> u64 {
-        let odd = denominator.odd.iter().zip(&self.primes).map(|(&e, prime)| f64::from(e) * prime.log2);
+        let odd = denominator.primes().map(|(prime, e)| f64::from(e) * self.known(prime).log2);
         let cofactors = denominator.cofactors.iter().zip(&self.cofactors).map(|(&e, c)| f64::from(e) * c.bits() as f64);
         // The added part exceeds the rounding of the sum by far.
         let logarithm = odd.chain(cofactors).sum::<f64>() * (1.0 + 1e-12) + 1e-9;
@@ -170,7 +187,6 @@ impl Factors {
         if multiple == denominator {
             return Scalar::ONE;
         }
-        let at = |list: &[u32], i: usize| list.get(i).copied().unwrap_or(0);
         let mut small = Some(1i64);
         let mut factor = |value: u64| {
             small = small.and_then(|small| small.checked_mul(i64::try_from(value).ok()?));
@@ -181,8 +197,8 @@ impl Factors {
         } else {
             factor(u64::MAX)
         }
-        for (i, &e) in multiple.odd.iter().enumerate() {
-            self.primes[i].power_factors(e - at(&denominator.odd, i)).for_each(&mut factor);
+        for (i, e) in multiple.primes() {
+            self.known(i).power_factors(e - denominator.exponent(i)).for_each(&mut factor);
         }
         if multiple.cofactors == denominator.cofactors
             && let Some(value) = small
@@ -190,22 +206,24 @@ impl Factors {
             return Scalar::Small(value);
         }
         let mut value = BigUint::one() << two;
-        for (i, &e) in multiple.odd.iter().enumerate() {
-            value *= BigUint::from(self.primes[i].value).pow(e - at(&denominator.odd, i));
+        for (i, e) in multiple.primes() {
+            value *= BigUint::from(self.known(i).value).pow(e - denominator.exponent(i));
         }
         for (i, &e) in multiple.cofactors.iter().enumerate() {
-            value *= self.cofactors[i].pow(e - at(&denominator.cofactors, i));
+            value *= self.cofactors[i].pow(e - denominator.cofactors.get(i).copied().unwrap_or(0));
         }
         Scalar::from_big(&BigInt::from(value))
     }
 
     /// Prepares the reduction of many fractions over the same denominator.
     pub(crate) fn reduction(&self, denominator: &Denominator) -> Reduction<'_> {
-        let odd = denominator.odd.iter().zip(&self.primes).filter(|(e, _)| **e > 0).map(|(&e, prime)| (prime, e));
+        let mut odd: SmallVec<[(&OddPrime, u32); 6]> = SmallVec::new();
+        for (prime, exponent) in denominator.primes() {
+            odd.push((self.known(prime), exponent));
+        }
         let cofactor = denominator.cofactors.iter().zip(&self.cofactors).filter(|(e, _)| **e > 0);
         let cofactor = cofactor.map(|(&e, c)| c.pow(e)).reduce(|a, b| a * b);
-        let bits = self.bits(denominator);
-        Reduction { two: denominator.two, odd: odd.collect(), cofactor, bits }
+        Reduction { two: denominator.two, odd, cofactor, bits: self.bits(denominator) }
     }
 }
 
@@ -228,12 +246,13 @@ impl Reduction<'_> {
         self.two > 0
     }
 
-    /// Appends `numerator / (denominator / 2^halvings)` in lowest terms: `words` words of the numerator in two's
-    /// complement, then [`Self::words`] of the positive denominator. The numerator is not zero; the denominator is even
-    /// when `halvings` is 1.
-    pub(crate) fn push<T: Numerator>(&self, numerator: &T, halvings: u32, words: usize, out: &mut Vec<u64>) {
+    /// Writes `numerator / (denominator / 2^halvings)` in lowest terms: the numerator's words in two's complement, then
+    /// [`Self::words`] of the positive denominator. The numerator is not zero; the denominator is even when `halvings`
+    /// is 1.
+    pub(crate) fn write<T: Numerator>(&self, numerator: &T, halvings: u32, out: &mut [u64]) {
+        let (above, below) = out.split_at_mut(out.len() - self.words());
         if self.cofactor.is_some() {
-            return self.push_with_cofactor(&numerator.to_big(), halvings, words, out);
+            return self.write_with_cofactor(&numerator.to_big(), halvings, above, below);
         }
         let negative = numerator.is_negative();
         let two = self.two - halvings;
@@ -241,31 +260,15 @@ impl Reduction<'_> {
         let shift = magnitude.trailing_zeros().min(two);
         let mut magnitude = if shift > 0 { magnitude.shifted_right(shift) } else { magnitude };
         let two = two - shift;
-        let signed = |magnitude: T| if negative { magnitude.negated() } else { magnitude };
-        if self.bits <= 128 {
-            let mut denominator = 1u128;
-            for (prime, exponent) in &self.odd {
-                let mut exponent = *exponent;
-                while exponent > 0
-                    && let Some(quotient) = magnitude.divided_exactly(prime)
-                {
-                    magnitude = quotient;
-                    exponent -= 1;
-                }
-                for factor in prime.power_factors(exponent) {
-                    denominator *= u128::from(factor);
-                }
-            }
-            denominator <<= two;
-            signed(magnitude).push_words(words, out);
-            out.push(denominator as u64);
-            if self.words() == 2 {
-                out.push((denominator >> 64) as u64);
-            }
-            return;
+        // What is left of the denominator: low words first, 2^two before the rest when there are more than two.
+        let mut small = 1u128;
+        let low = (two / 64) as usize;
+        let mut top = low;
+        if below.len() > 2 {
+            below.fill(0);
+            below[low] = 1 << (two % 64);
+            top += 1;
         }
-        // The denominator is written behind the numerator, whose final value is known only after the division.
-        let mut exponents: SmallVec<[u32; 6]> = SmallVec::new();
         for (prime, exponent) in &self.odd {
             let mut exponent = *exponent;
             while exponent > 0
@@ -274,33 +277,35 @@ impl Reduction<'_> {
                 magnitude = quotient;
                 exponent -= 1;
             }
-            exponents.push(exponent);
-        }
-        signed(magnitude).push_words(words, out);
-        let start = out.len();
-        out.resize(start + self.words(), 0);
-        let denominator = &mut out[start..];
-        // 2^two first, so that only the words above it are multiplied.
-        let low = (two / 64) as usize;
-        denominator[low] = 1 << (two % 64);
-        let mut top = low + 1;
-        for ((prime, _), exponent) in self.odd.iter().zip(exponents) {
-            for factor in prime.power_factors(exponent) {
-                let mut carry = 0u128;
-                for word in &mut denominator[low..top] {
-                    let product = u128::from(*word) * u128::from(factor) + carry;
-                    *word = product as u64;
-                    carry = product >> 64;
+            if below.len() > 2 {
+                for factor in prime.power_factors(exponent) {
+                    let mut carry = 0u128;
+                    for word in &mut below[low..top] {
+                        let product = u128::from(*word) * u128::from(factor) + carry;
+                        *word = product as u64;
+                        carry = product >> 64;
+                    }
+                    if carry > 0 {
+                        below[top] = carry as u64;
+                        top += 1;
+                    }
                 }
-                if carry > 0 {
-                    denominator[top] = carry as u64;
-                    top += 1;
-                }
+            } else if let Some(power) = prime.small_power(exponent) {
+                small *= u128::from(power);
+            } else {
+                prime.power_factors(exponent).for_each(|factor| small *= u128::from(factor));
             }
         }
+        if let [first] = below {
+            *first = (small as u64) << two;
+        } else if let [first, second] = below {
+            small <<= two;
+            (*first, *second) = (small as u64, (small >> 64) as u64);
+        }
+        if negative { magnitude.negated().write_words(above) } else { magnitude.write_words(above) }
     }
 
-    fn push_with_cofactor(&self, numerator: &BigInt, halvings: u32, words: usize, out: &mut Vec<u64>) {
+    fn write_with_cofactor(&self, numerator: &BigInt, halvings: u32, above: &mut [u64], below: &mut [u64]) {
         let mut denominator = BigUint::one() << (self.two - halvings);
         for (prime, exponent) in &self.odd {
             denominator *= BigUint::from(prime.value).pow(*exponent);
@@ -309,9 +314,7 @@ impl Reduction<'_> {
             denominator *= cofactor;
         }
         let common = numerator.magnitude().gcd(&denominator);
-        (numerator / BigInt::from(common.clone())).push_words(words, out);
-        let start = out.len();
-        out.extend((denominator / common).iter_u64_digits());
-        out.resize(start + self.words(), 0);
+        (numerator / BigInt::from(common.clone())).write_words(above);
+        write_unsigned(&(denominator / common), below);
     }
 }

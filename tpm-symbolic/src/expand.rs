@@ -145,10 +145,10 @@ pub fn expand_with(
     atoms.refuse_too_many_products(options)?;
     let shapes = Layout::new(atoms.shapes.len(), atoms.largest_exponent);
     let symbols = Layout::new(atoms.symbols.len(), atoms.largest_exponent);
-    if shapes.is_short() && symbols.is_short() {
-        Expansion::<u128>::new(model, form, &atoms, shapes, symbols).run(options)
-    } else {
-        Expansion::<LongKey>::new(model, form, &atoms, shapes, symbols).run(options)
+    match shapes.key_bits().max(symbols.key_bits()) {
+        0..=64 => Expansion::<u64>::new(model, form, &atoms, shapes, symbols).run(options),
+        65..=128 => Expansion::<u128>::new(model, form, &atoms, shapes, symbols).run(options),
+        _ => Expansion::<LongKey>::new(model, form, &atoms, shapes, symbols).run(options),
     }
 }
 
@@ -245,7 +245,21 @@ impl<'a> Atoms<'a> {
             }
         }
         atoms.sort_shapes();
+        atoms.sort_symbols();
         Ok(atoms)
+    }
+
+    /// In the model's order, so that powers come out sorted.
+    fn sort_symbols(&mut self) {
+        if self.symbols.is_sorted() {
+            return;
+        }
+        let before = std::mem::take(&mut self.symbols);
+        self.symbols.clone_from(&before);
+        self.symbols.sort_unstable();
+        for (symbol, _) in self.parts.iter_mut().flatten().flat_map(|part| &mut part.symbols) {
+            *symbol = self.symbols.partition_point(|&other| other < before[*symbol]);
+        }
     }
 
     /// The last shape is multiplied first: those that occur most come early on the way to all products.
@@ -369,9 +383,10 @@ type PowersPart<'a, K> = (i32, Monomial<usize>, &'a [Product<K>]);
 
 /// The entries of one row, column and product of symbols.
 struct Group {
-    denominator: Denominator,
-    /// With several products of shapes: the common denominator of these, without the coefficients'.
-    joined: Option<Denominator>,
+    /// The common denominator of the column's coefficients, when it is not 1: an index into [`Expansion::common`].
+    common: Option<u32>,
+    /// With several products of shapes: the common denominator of these.
+    joined: Option<Box<Denominator>>,
     term: TermId,
     /// How many products of shapes are still to come.
     pending: usize,
@@ -398,6 +413,11 @@ struct Expansion<'a, K> {
     parts: Vec<Vec<Product<K>>>,
     /// Powers of atoms with several parts, by atom and exponent.
     powers: Vec<Vec<Vec<Product<K>>>>,
+    /// Common denominators of columns.
+    common: Vec<Denominator>,
+    /// The products of the column at hand, and room to multiply them.
+    products: Vec<Product<K>>,
+    scratch: Vec<Product<K>>,
     groups: Vec<Group>,
     contributions: Vec<Contribution<K>>,
     series: Vec<Series>,
@@ -442,6 +462,9 @@ impl<'a, K: Key> Expansion<'a, K> {
             bases,
             parts,
             powers,
+            common: Vec::new(),
+            products: Vec::new(),
+            scratch: Vec::new(),
             groups: Vec::with_capacity(terms),
             contributions: Vec::with_capacity(terms),
             series: Vec::with_capacity(terms),
@@ -479,7 +502,8 @@ impl<'a, K: Key> Expansion<'a, K> {
             return Ok(());
         };
         let common = common_denominator(terms);
-        let mut products: SmallVec<[Product<K>; 8]> = SmallVec::new();
+        let mut products = std::mem::take(&mut self.products);
+        products.clear();
         for term in terms {
             let factor = match &common {
                 None => Scalar::from_big(term.coefficient.numer()),
@@ -491,28 +515,29 @@ impl<'a, K: Key> Expansion<'a, K> {
             }
         }
         merge(&mut products);
-        let common = common.map(|common| self.factors.factor(common.magnitude())).unwrap_or_default();
+        let common = common.map(|common| {
+            let denominator = self.factors.factor(common.magnitude());
+            self.common.push(denominator);
+            u32::try_from(self.common.len() - 1).expect("invariant: fewer than 2^32 columns")
+        });
+        let mut parts: SmallVec<[PowersPart<'_, K>; 1]> = SmallVec::new();
+        for same in products.chunk_by(|a, b| a.symbols == b.symbols) {
+            let (pi, powers) = self.powers_of(&same[0].symbols);
+            parts.push((pi, powers, same));
+        }
         // In the order of the table, which is not that of the packed exponents.
-        let mut parts: SmallVec<[PowersPart<'_, K>; 4]> = products
-            .chunk_by(|a, b| a.symbols == b.symbols)
-            .map(|same| {
-                let (pi, powers) = self.powers_of(&same[0].symbols);
-                (pi, powers, same)
-            })
-            .collect();
         parts.sort_unstable_by(|a, b| (a.0, &a.1).cmp(&(b.0, &b.1)));
         for (pi, powers, same) in parts {
-            let mut denominator = self.denominator(&same[0].shapes);
             let mut joined = None;
             if same.len() > 1 {
+                let mut denominator = self.denominator(&same[0].shapes);
                 for product in &same[1..] {
                     denominator.join(&self.denominator(&product.shapes));
                 }
-                joined = Some(denominator.clone());
+                joined = Some(Box::new(denominator));
             }
-            denominator.multiply(&common, 1);
             let group = self.groups.len();
-            self.groups.push(Group { denominator, joined, term: source, pending: same.len(), sum: None });
+            self.groups.push(Group { common, joined, term: source, pending: same.len(), sum: None });
             self.contributions.extend(same.iter().map(|product| Contribution {
                 shapes: product.shapes.clone(),
                 group,
@@ -534,34 +559,33 @@ impl<'a, K: Key> Expansion<'a, K> {
                 start: 0,
             });
         }
+        self.products = products;
         Ok(())
     }
 
-    fn append_products(&mut self, term: &Term, factor: Scalar, products: &mut SmallVec<[Product<K>; 8]>) {
+    fn append_products(&mut self, term: &Term, factor: Scalar, products: &mut Vec<Product<K>>) {
         let start = products.len();
         products.push(Product { symbols: K::one(self.symbol_layout), shapes: K::one(self.shape_layout), factor });
         for (&atom, exponent) in term.atoms.factors() {
             let index = self.atoms.index[atom.index()] as usize;
-            match self.parts[index].as_slice() {
-                [part] => {
-                    let power =
-                        if part.factor.is_one() { Scalar::ONE } else { part.factor.power(exponent.unsigned_abs()) };
-                    for product in &mut products[start..] {
-                        product.symbols.add(&part.symbols, i64::from(exponent));
-                        product.shapes.add(&part.shapes, i64::from(exponent));
-                        if !power.is_one() {
-                            product.factor = product.factor.times(&power);
-                        }
+            if let [part] = self.parts[index].as_slice() {
+                let times = i64::from(exponent);
+                for product in &mut products[start..] {
+                    product.symbols.add(&part.symbols, times);
+                    product.shapes.add(&part.shapes, times);
+                    if !part.factor.is_one() {
+                        product.factor = product.factor.times(&part.factor.power(exponent.unsigned_abs()));
                     }
                 }
-                _ => {
-                    self.extend_powers(index, exponent.unsigned_abs());
-                    let power = &self.powers[index][exponent.unsigned_abs() as usize];
-                    let present: SmallVec<[Product<K>; 8]> = products.drain(start..).collect();
-                    for left in &present {
-                        products.extend(power.iter().map(|right| left.times(right)));
-                    }
+            } else {
+                self.extend_powers(index, exponent.unsigned_abs());
+                let power = &self.powers[index][exponent.unsigned_abs() as usize];
+                self.scratch.clear();
+                for left in &products[start..] {
+                    self.scratch.extend(power.iter().map(|right| left.times(right)));
                 }
+                products.truncate(start);
+                products.append(&mut self.scratch);
             }
         }
     }
@@ -578,12 +602,12 @@ impl<'a, K: Key> Expansion<'a, K> {
         }
         while powers.len() <= exponent as usize {
             let last = powers.last().expect("invariant: the power 0 is there");
-            let mut next: SmallVec<[Product<K>; 8]> = SmallVec::new();
+            let mut next = Vec::with_capacity(last.len() + 1);
             for left in last {
                 next.extend(self.parts[index].iter().map(|right| left.times(right)));
             }
             merge(&mut next);
-            powers.push(next.into_vec());
+            powers.push(next);
         }
     }
 
@@ -609,7 +633,6 @@ impl<'a, K: Key> Expansion<'a, K> {
                 symbol => factors.push((symbol, exponent)),
             }
         });
-        factors.sort_unstable_by_key(|factor| factor.0);
         (pi, Monomial::from_sorted(factors))
     }
 
@@ -618,23 +641,26 @@ impl<'a, K: Key> Expansion<'a, K> {
         let (mut entries, mut bytes) = (0.0, 0.0);
         let mut worst: Option<(f64, TermId)> = None;
         for contribution in &self.contributions {
-            let (mut highest, mut bits, mut odd, mut mixed) = (0.0, contribution.factor.bits() as f64, false, false);
-            let (mut both, mut below) = (false, 0.0);
+            let (mut highest, mut bits, mut below) = (0.0, contribution.factor.bits() as f64, 0.0);
+            let (mut mixed, mut both) = (false, false);
             contribution.shapes.exponents(self.shape_layout, |shape, exponent| {
                 if exponent > 0 {
-                    let base = &self.bases[shape];
-                    highest += exponent as f64 * base.highest_harmonic() as f64;
-                    bits += exponent as f64 * base.norm_bits() as f64;
-                    odd ^= base.parity() == Some(1) && exponent % 2 == 1;
+                    let (base, exponent) = (&self.bases[shape], exponent as f64);
+                    highest += exponent * base.highest_harmonic() as f64;
+                    bits += exponent * base.norm_bits() as f64;
+                    below += exponent * base.denominator_bits() as f64;
                     mixed |= base.parity().is_none();
                     both |= base.functions() == (true, true);
-                    below += exponent as f64 * self.factors.bits(base.denominator()) as f64;
                 }
             });
-            let count =
-                if mixed { highest + 1.0 } else { (highest / 2.0).floor() + 1.0 } * if both { 2.0 } else { 1.0 };
             let group = &self.groups[contribution.group];
-            let words = (bits / 64.0).floor() + 1.0 + (self.factors.bits(&group.denominator) as f64 / 64.0).ceil();
+            if let Some(common) = group.common {
+                below += self.factors.bits(&self.common[common as usize]) as f64;
+            }
+            // Harmonics of one parity, cosines or sines alone: as the factors have them.
+            let harmonics = if mixed { highest + 1.0 } else { highest * 0.5 + 1.0 };
+            let count = if both { harmonics * 2.0 } else { harmonics };
+            let words = (bits + below) / 64.0 + 2.0;
             // Exponents of primes are counted in 32 bits; beyond that no limit is wide enough.
             let size = if below < f64::from(u32::MAX) { count * words * 8.0 } else { f64::INFINITY };
             entries += count;
@@ -668,7 +694,7 @@ impl<'a, K: Key> Expansion<'a, K> {
         let count = self.shape_layout.variables;
         // The product so far and its exponents; `path` holds the products on the way to it, the empty one first.
         let mut present = vec![0i64; count];
-        let mut path = vec![Spectrum::one()];
+        let mut path = vec![(Spectrum::one(), Denominator::default())];
         let mut exponents = vec![0i64; count];
         for (done, contribution) in contributions.iter().enumerate() {
             contribution.shapes.exponents(self.shape_layout, |shape, exponent| exponents[shape] = exponent);
@@ -679,42 +705,51 @@ impl<'a, K: Key> Expansion<'a, K> {
                 for shape in (0..=differs).rev() {
                     let already = if shape == differs { present[differs].min(exponents[differs]) } else { 0 };
                     for _ in already..exponents[shape] {
-                        let last = path.last().expect("invariant: the empty product is on the path");
-                        let next = last.multiply(&self.bases[shape]);
-                        path.push(next);
+                        let (spectrum, denominator) = path.last().expect("invariant: the empty product is there");
+                        let mut denominator = denominator.clone();
+                        denominator.multiply(self.bases[shape].denominator(), 1);
+                        path.push((spectrum.multiply(&self.bases[shape]), denominator));
                         self.report(options, done, total, self.groups[contribution.group].term)?;
                     }
                 }
                 present.copy_from_slice(&exponents);
             }
-            let spectrum = path.last().expect("invariant: the empty product is on the path");
-            self.contribute(contribution, spectrum);
+            let (spectrum, denominator) = path.last().expect("invariant: the empty product is there");
+            self.contribute(contribution, spectrum, denominator);
         }
         Ok(())
     }
 
-    fn contribute(&mut self, contribution: &Contribution<K>, spectrum: &Spectrum) {
+    fn contribute(&mut self, contribution: &Contribution<K>, spectrum: &Spectrum, denominator: &Denominator) {
         let index = contribution.group;
-        if self.groups[index].joined.is_none() {
-            return self.finish(index, spectrum, &contribution.factor);
-        }
-        let own = self.denominator(&contribution.shapes);
         let group = &mut self.groups[index];
-        let scale = group.joined.as_ref().map_or(Scalar::ONE, |joined| self.factors.quotient(joined, &own));
+        let Some(joined) = &group.joined else {
+            return self.finish(index, spectrum, denominator, &contribution.factor);
+        };
+        let scale = self.factors.quotient(joined, denominator);
         let sum = group.sum.get_or_insert_with(|| Spectrum::zero_like(spectrum));
         sum.add_scaled(spectrum, &scale.times(&contribution.factor));
         group.pending -= 1;
         if group.pending == 0
-            && let Some(sum) = group.sum.take()
+            && let (Some(sum), Some(joined)) = (group.sum.take(), group.joined.take())
         {
-            self.finish(index, &sum, &Scalar::ONE);
+            self.finish(index, &sum, &joined, &Scalar::ONE);
         }
     }
 
     /// Reduces a group's coefficients to lowest terms and stores them.
-    fn finish(&mut self, index: usize, spectrum: &Spectrum, factor: &Scalar) {
-        let group = &mut self.groups[index];
-        let reduction = self.factors.reduction(&group.denominator);
+    fn finish(&mut self, index: usize, spectrum: &Spectrum, denominator: &Denominator, factor: &Scalar) {
+        let with_common;
+        let denominator = match self.groups[index].common {
+            None => denominator,
+            Some(common) => {
+                let mut product = denominator.clone();
+                product.multiply(&self.common[common as usize], 1);
+                with_common = product;
+                &with_common
+            }
+        };
+        let reduction = self.factors.reduction(denominator);
         let bits = spectrum.bits() + if factor.is_one() { 0 } else { factor.bits() };
         let bits = bits + u64::from(!reduction.is_even());
         let series = &mut self.series[index];
@@ -744,6 +779,9 @@ impl<'a, K: Key> Expansion<'a, K> {
 }
 
 /// Appends the coefficients factor * values / denominator and counts those that are not zero.
+///
+/// The coefficient of cos(k theta) and sin(k theta), k >= 1, is twice that of e^{j k theta}: half the denominator when it
+/// is even, otherwise twice the numerator.
 fn store<T: Numerator>(
     values: &[T],
     series: &Series,
@@ -752,46 +790,33 @@ fn store<T: Numerator>(
     out: &mut Vec<u64>,
 ) -> usize {
     let mut count = 0;
-    let words = series.numerator_words;
+    let size = series.numerator_words + series.denominator_words;
+    let start = out.len();
+    out.resize(start + values.len() * size, 0);
+    let mut slots = out[start..].chunks_exact_mut(size);
     for part in values.chunks(series.len) {
-        for (i, value) in part.iter().enumerate() {
+        for ((i, value), slot) in part.iter().enumerate().zip(&mut slots) {
             if value.is_zero() {
-                out.resize(out.len() + words + series.denominator_words, 0);
                 continue;
             }
             count += 1;
-            let scaled;
-            let value = match factor {
-                Scalar::Small(1) => value,
+            let constant = series.first + i == 0;
+            let halvings = u32::from(reduction.is_even() && !constant);
+            let double = !reduction.is_even() && !constant;
+            match factor {
+                Scalar::Small(1) if !double => reduction.write(value, halvings, slot),
                 Scalar::Small(factor) => {
-                    scaled = value.times(*factor);
-                    &scaled
+                    let scaled = value.times(*factor);
+                    reduction.write(&if double { scaled.times(2) } else { scaled }, halvings, slot);
                 }
                 Scalar::Big(factor) => {
-                    let product = value.to_big() * factor;
-                    reduction.push(
-                        &double_unless(&product, series, i, reduction),
-                        halving(series, i, reduction),
-                        words,
-                        out,
-                    );
-                    continue;
+                    let scaled = value.to_big() * factor.as_ref();
+                    reduction.write(&if double { scaled * 2 } else { scaled }, halvings, slot);
                 }
-            };
-            reduction.push(&double_unless(value, series, i, reduction), halving(series, i, reduction), words, out);
+            }
         }
     }
     count
-}
-
-/// The coefficient of cos(k theta) and sin(k theta), k >= 1, is twice that of e^{j k theta}: half the denominator when it
-/// is even, otherwise twice the numerator.
-fn halving(series: &Series, i: usize, reduction: &Reduction<'_>) -> u32 {
-    u32::from(reduction.is_even() && series.first + i > 0)
-}
-
-fn double_unless<T: Numerator>(value: &T, series: &Series, i: usize, reduction: &Reduction<'_>) -> T {
-    if reduction.is_even() || series.first + i == 0 { value.clone() } else { value.times(2) }
 }
 
 impl<K: Key> Product<K> {
@@ -804,7 +829,7 @@ impl<K: Key> Product<K> {
 }
 
 /// Sorts by symbols, then shapes, adds equal products and drops those that cancel.
-fn merge<K: Key>(products: &mut SmallVec<[Product<K>; 8]>) {
+fn merge<K: Key>(products: &mut Vec<Product<K>>) {
     if products.len() > 1 {
         products.sort_unstable_by(|a, b| (&a.symbols, &a.shapes).cmp(&(&b.symbols, &b.shapes)));
         products.dedup_by(|next, kept| {

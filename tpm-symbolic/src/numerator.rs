@@ -22,32 +22,60 @@ pub(crate) struct OddPrime {
     largest_wide: u128,
     /// The binary logarithm.
     pub(crate) log2: f64,
-    /// value^0, value^1, ... as far as one word holds them.
-    powers: Vec<u64>,
+    /// value^0, value^1, ... as far as one word holds them, `count` of them.
+    powers: [u64; 41],
+    count: usize,
 }
 
 impl OddPrime {
+    /// The primes of nearly all denominators, made by the compiler.
+    pub(crate) const SMALL: [Self; 9] = [
+        Self::with_logarithm(3, 1.584962500721156),
+        Self::with_logarithm(5, 2.321928094887362),
+        Self::with_logarithm(7, 2.807354922057604),
+        Self::with_logarithm(11, 3.4594316186372973),
+        Self::with_logarithm(13, 3.700439718141092),
+        Self::with_logarithm(17, 4.087462841250339),
+        Self::with_logarithm(19, 4.247927513443585),
+        Self::with_logarithm(23, 4.523561956057013),
+        Self::with_logarithm(29, 4.857980995127572),
+    ];
+
     pub(crate) fn new(value: u64) -> Self {
+        Self::with_logarithm(value, (value as f64).log2())
+    }
+
+    const fn with_logarithm(value: u64, log2: f64) -> Self {
         debug_assert!(value % 2 == 1 && value > 1, "invariant: an odd prime");
         // Newton's iteration doubles the number of correct low bits; an odd number is its own inverse modulo 8.
-        let wide = u128::from(value);
-        let inverse_wide = (0..6).fold(wide, |x, _| x.wrapping_mul(2u128.wrapping_sub(wide.wrapping_mul(x))));
-        let powers = std::iter::successors(Some(1u64), |power| power.checked_mul(value)).collect();
-        let (largest, largest_wide) = (u64::MAX / value, u128::MAX / wide);
-        Self {
-            value,
-            inverse: inverse_wide as u64,
-            inverse_wide,
-            largest,
-            largest_wide,
-            log2: (value as f64).log2(),
-            powers,
+        let wide = value as u128;
+        let mut inverse_wide = wide;
+        let mut i = 0;
+        while i < 6 {
+            inverse_wide = inverse_wide.wrapping_mul(2u128.wrapping_sub(wide.wrapping_mul(inverse_wide)));
+            i += 1;
         }
+        let mut powers = [1u64; 41];
+        let mut count = 1;
+        while count < 41
+            && let Some(power) = powers[count - 1].checked_mul(value)
+        {
+            powers[count] = power;
+            count += 1;
+        }
+        let (largest, largest_wide) = (u64::MAX / value, u128::MAX / wide);
+        Self { value, inverse: inverse_wide as u64, inverse_wide, largest, largest_wide, log2, powers, count }
+    }
+
+    /// value^exponent when one word holds it.
+    #[inline]
+    pub(crate) fn small_power(&self, exponent: u32) -> Option<u64> {
+        self.powers[..self.count].get(exponent as usize).copied()
     }
 
     /// value^exponent as a product of one-word factors.
     pub(crate) fn power_factors(&self, exponent: u32) -> impl Iterator<Item = u64> + '_ {
-        let most = self.powers.len() - 1;
+        let most = self.count - 1;
         let mut rest = exponent as usize;
         std::iter::from_fn(move || {
             if rest == 0 {
@@ -69,8 +97,8 @@ pub(crate) trait Numerator: Clone {
     fn is_negative(&self) -> bool;
     /// From little-endian words in two's complement, as many as there are.
     fn from_words(words: &[u64]) -> Self;
-    /// The `words` low words of the two's complement.
-    fn push_words(&self, words: usize, out: &mut Vec<u64>);
+    /// Fills `out` with the low words of the two's complement.
+    fn write_words(&self, out: &mut [u64]);
     fn plus(&self, other: &Self) -> Self;
     fn minus(&self, other: &Self) -> Self;
     fn times(&self, factor: i64) -> Self;
@@ -94,6 +122,7 @@ impl Numerator for i64 {
         0
     }
 
+    #[inline]
     fn is_zero(&self) -> bool {
         *self == 0
     }
@@ -106,21 +135,24 @@ impl Numerator for i64 {
         words.first().map_or(0, |&word| word as i64)
     }
 
-    fn push_words(&self, words: usize, out: &mut Vec<u64>) {
-        out.push(*self as u64);
-        for _ in 1..words {
-            out.push((*self >> 63) as u64);
+    #[inline]
+    fn write_words(&self, out: &mut [u64]) {
+        for (i, slot) in out.iter_mut().enumerate() {
+            *slot = if i == 0 { *self as u64 } else { (*self >> 63) as u64 };
         }
     }
 
+    #[inline]
     fn plus(&self, other: &Self) -> Self {
         self + other
     }
 
+    #[inline]
     fn minus(&self, other: &Self) -> Self {
         self - other
     }
 
+    #[inline]
     fn times(&self, factor: i64) -> Self {
         self * factor
     }
@@ -142,6 +174,7 @@ impl Numerator for i64 {
         self >> count
     }
 
+    #[inline]
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
         // n is divisible exactly when n/p modulo 2^64 is not above the largest quotient there is.
         let quotient = (*self as u64).wrapping_mul(prime.inverse);
@@ -160,6 +193,7 @@ impl Numerator for i128 {
         0
     }
 
+    #[inline]
     fn is_zero(&self) -> bool {
         *self == 0
     }
@@ -176,24 +210,28 @@ impl Numerator for i128 {
         }
     }
 
-    fn push_words(&self, words: usize, out: &mut Vec<u64>) {
-        for i in 0..words {
-            out.push(match i {
+    #[inline]
+    fn write_words(&self, out: &mut [u64]) {
+        for (i, slot) in out.iter_mut().enumerate() {
+            *slot = match i {
                 0 => *self as u64,
                 1 => (*self >> 64) as u64,
                 _ => (*self >> 127) as u64,
-            });
+            };
         }
     }
 
+    #[inline]
     fn plus(&self, other: &Self) -> Self {
         self + other
     }
 
+    #[inline]
     fn minus(&self, other: &Self) -> Self {
         self - other
     }
 
+    #[inline]
     fn times(&self, factor: i64) -> Self {
         // The debug build checks; the product modulo 2^128 takes three word multiplications.
         debug_assert!(self.checked_mul(Self::from(factor)).is_some(), "invariant: the bound keeps products in range");
@@ -217,6 +255,7 @@ impl Numerator for i128 {
         self >> count
     }
 
+    #[inline]
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
         let quotient = (*self as u128).wrapping_mul(prime.inverse_wide);
         (quotient <= prime.largest_wide).then_some(quotient as Self)
@@ -261,9 +300,11 @@ impl<const N: usize> Numerator for Wide<N> {
         Self(std::array::from_fn(|i| words.get(i).copied().unwrap_or(fill)))
     }
 
-    fn push_words(&self, words: usize, out: &mut Vec<u64>) {
+    fn write_words(&self, out: &mut [u64]) {
         let fill = Self::fill(self.is_negative());
-        out.extend((0..words).map(|i| self.0.get(i).copied().unwrap_or(fill)));
+        for (i, slot) in out.iter_mut().enumerate() {
+            *slot = self.0.get(i).copied().unwrap_or(fill);
+        }
     }
 
     fn plus(&self, other: &Self) -> Self {
@@ -286,6 +327,7 @@ impl<const N: usize> Numerator for Wide<N> {
         }))
     }
 
+    #[inline]
     fn times(&self, factor: i64) -> Self {
         let by = u128::from(factor.unsigned_abs());
         let mut carry = 0u128;
@@ -334,6 +376,7 @@ impl<const N: usize> Numerator for Wide<N> {
         }))
     }
 
+    #[inline]
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
         // Hensel division from the low end: what remains to be borrowed at the top is zero exactly when p divides.
         let mut borrow = 0u64;
@@ -370,14 +413,11 @@ impl Numerator for BigInt {
         big_from_words(words)
     }
 
-    fn push_words(&self, words: usize, out: &mut Vec<u64>) {
-        let start = out.len();
-        out.extend(self.magnitude().iter_u64_digits());
-        debug_assert!(out.len() - start <= words, "invariant: the bound keeps the number of words");
-        out.resize(start + words, 0);
+    fn write_words(&self, out: &mut [u64]) {
+        write_unsigned(self.magnitude(), out);
         if self.sign() == Sign::Minus {
             let mut carry = true;
-            for word in &mut out[start..] {
+            for word in out {
                 (*word, carry) = (!*word).overflowing_add(u64::from(carry));
             }
         }
@@ -391,6 +431,7 @@ impl Numerator for BigInt {
         self.sub(other)
     }
 
+    #[inline]
     fn times(&self, factor: i64) -> Self {
         self * factor
     }
@@ -411,6 +452,7 @@ impl Numerator for BigInt {
         self >> count
     }
 
+    #[inline]
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
         Zero::is_zero(&(self % prime.value)).then(|| self / prime.value)
     }
@@ -418,6 +460,13 @@ impl Numerator for BigInt {
     fn to_big(&self) -> BigInt {
         self.clone()
     }
+}
+
+/// Fills `out` with the words of a non-negative integer that fits.
+pub(crate) fn write_unsigned(value: &BigUint, out: &mut [u64]) {
+    let mut digits = value.iter_u64_digits();
+    out.iter_mut().for_each(|slot| *slot = digits.next().unwrap_or(0));
+    debug_assert!(digits.next().is_none(), "invariant: the bound keeps the number of words");
 }
 
 /// The integer of little-endian words in two's complement.
@@ -500,12 +549,12 @@ impl Values {
     pub(crate) fn widened(&self, bits: u64) -> Self {
         fn convert<S: Numerator, T: Numerator>(from: &[S]) -> Vec<T> {
             let words = if S::BITS == u64::MAX { 0 } else { S::BITS.div_ceil(64) as usize };
-            let mut scratch = Vec::new();
+            let mut scratch: Vec<u64> = Vec::new();
             from.iter()
                 .map(|value| {
-                    scratch.clear();
                     let words = if words == 0 { (value.to_big().bits() / 64 + 1) as usize } else { words };
-                    value.push_words(words, &mut scratch);
+                    scratch.resize(words, 0);
+                    value.write_words(&mut scratch);
                     T::from_words(&scratch)
                 })
                 .collect()
@@ -538,20 +587,20 @@ impl Values {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Scalar {
     Small(i64),
-    Big(BigInt),
+    Big(Box<BigInt>),
 }
 
 impl Scalar {
     pub(crate) const ONE: Self = Self::Small(1);
 
     pub(crate) fn from_big(value: &BigInt) -> Self {
-        i64::try_from(value).map_or_else(|_| Self::Big(value.clone()), Self::Small)
+        i64::try_from(value).map_or_else(|_| Self::Big(Box::new(value.clone())), Self::Small)
     }
 
     pub(crate) fn to_big(&self) -> BigInt {
         match self {
             Self::Small(value) => BigInt::from(*value),
-            Self::Big(value) => value.clone(),
+            Self::Big(value) => value.as_ref().clone(),
         }
     }
 
@@ -597,6 +646,18 @@ impl Scalar {
                 None => Self::from_big(&BigInt::from(*value).pow(exponent)),
             },
             Self::Big(value) => Self::from_big(&value.pow(exponent)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::OddPrime;
+
+    #[test]
+    fn logarithms_of_small_primes_are_right() {
+        for prime in OddPrime::SMALL {
+            assert_eq!(prime.log2, (prime.value as f64).log2());
         }
     }
 }

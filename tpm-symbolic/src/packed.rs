@@ -23,9 +23,9 @@ impl Layout {
         Self { bits, variables }
     }
 
-    /// Whether one `u128` is enough.
-    pub(crate) fn is_short(&self) -> bool {
-        self.variables as u64 * u64::from(self.bits) <= 128
+    /// The number of bits of a key.
+    pub(crate) fn key_bits(&self) -> u64 {
+        self.variables as u64 * u64::from(self.bits)
     }
 }
 
@@ -39,28 +39,36 @@ pub(crate) trait Key: Clone + Ord {
     fn exponents(&self, layout: Layout, each: impl FnMut(usize, i64));
 }
 
-impl Key for u128 {
-    fn one(_: Layout) -> Self {
-        0
-    }
+macro_rules! short_key {
+    ($key:ty, $signed:ty) => {
+        impl Key for $key {
+            fn one(_: Layout) -> Self {
+                0
+            }
 
-    fn variable(layout: Layout, variable: usize) -> Self {
-        1 << (layout.bits as usize * variable)
-    }
+            fn variable(layout: Layout, variable: usize) -> Self {
+                1 << (layout.bits as usize * variable)
+            }
 
-    fn add(&mut self, other: &Self, times: i64) {
-        *self = self.wrapping_add(other.wrapping_mul(i128::from(times) as Self));
-    }
+            #[inline]
+            fn add(&mut self, other: &Self, times: i64) {
+                *self = self.wrapping_add(other.wrapping_mul(<$signed>::from(times) as Self));
+            }
 
-    fn exponents(&self, layout: Layout, mut each: impl FnMut(usize, i64)) {
-        let mut rest = *self;
-        for variable in 0..layout.variables {
-            let field = ((rest as u64) << (64 - layout.bits)) as i64 >> (64 - layout.bits);
-            each(variable, field);
-            rest = rest.wrapping_sub(i128::from(field) as Self) >> layout.bits;
+            #[inline]
+            fn exponents(&self, layout: Layout, mut each: impl FnMut(usize, i64)) {
+                let mut rest = *self;
+                for variable in 0..layout.variables {
+                    let field = ((rest as u64) << (64 - layout.bits)) as i64 >> (64 - layout.bits);
+                    each(variable, field);
+                    rest = rest.wrapping_sub(<$signed>::from(field) as Self).checked_shr(layout.bits).unwrap_or(0);
+                }
+            }
         }
-    }
+    };
 }
+short_key!(u64, i64);
+short_key!(u128, i128);
 
 /// A key of any length; the last variables come first, so that the derived order is lexicographic.
 pub(crate) type LongKey = SmallVec<[u64; 6]>;

@@ -38,9 +38,11 @@ impl<V: Ord + Clone> Monomial<V> {
 
     /// From factors in increasing order of the variables, without zero exponents.
     pub(crate) fn from_sorted(factors: impl IntoIterator<Item = (V, i32)>) -> Self {
-        let factors: SmallVec<[(V, i32); 4]> = factors.into_iter().collect();
-        debug_assert!(factors.is_sorted_by(|a, b| a.0 < b.0) && factors.iter().all(|factor| factor.1 != 0));
-        Self(factors)
+        let mut list: SmallVec<[(V, i32); 4]> = SmallVec::new();
+        // Pushing beats collecting here: monomials are short.
+        factors.into_iter().for_each(|factor| list.push(factor));
+        debug_assert!(list.is_sorted_by(|a, b| a.0 < b.0) && list.iter().all(|factor| factor.1 != 0));
+        Self(list)
     }
 
     /// Whether this is the empty product.

@@ -32,6 +32,8 @@ pub(crate) struct Base {
     /// The parity of the harmonics when they all have the same.
     parity: Option<usize>,
     highest: usize,
+    /// An upper bound of the bits of the denominator.
+    denominator_bits: u64,
     /// The sum over k = -highest..highest of |C_k| + |S_k| is at most 2^this.
     norm_bits: u64,
     denominator: Denominator,
@@ -131,20 +133,40 @@ impl Base {
         {
             let norm_bits = u64::from(64 - norm.saturating_sub(1).leading_zeros());
             let denominator = factors.factor_word(denominator.unsigned_abs());
+            let denominator_bits = factors.bits(&denominator);
             let (cos, sin) = (terms.iter().any(|t| t.1 != 0), terms.iter().any(|t| t.2 != 0));
             let harmonics = terms.iter().map(|term| term.0);
             let (parity, highest) = (common_parity(harmonics.clone()), harmonics.max().unwrap_or(0));
-            return Self { terms: BaseTerms::Small(terms), cos, sin, parity, highest, norm_bits, denominator };
+            return Self {
+                terms: BaseTerms::Small(terms),
+                cos,
+                sin,
+                parity,
+                highest,
+                denominator_bits,
+                norm_bits,
+                denominator,
+            };
         }
         let (terms, denominator) =
             parts(fourier, order, |value| Some(value.clone())).expect("invariant: unlimited integers do not overflow");
         let norm: BigUint =
             terms.iter().map(|(k, c, s)| (c.magnitude() + s.magnitude()) * if *k == 0 { 1u32 } else { 2u32 }).sum();
         let denominator = factors.factor(denominator.magnitude());
+        let denominator_bits = factors.bits(&denominator);
         let (cos, sin) = (terms.iter().any(|t| !Zero::is_zero(&t.1)), terms.iter().any(|t| !Zero::is_zero(&t.2)));
         let harmonics = terms.iter().map(|term| term.0);
         let (parity, highest) = (common_parity(harmonics.clone()), harmonics.max().unwrap_or(0));
-        Self { terms: BaseTerms::Big(terms), cos, sin, parity, highest, norm_bits: norm.bits(), denominator }
+        Self {
+            terms: BaseTerms::Big(terms),
+            cos,
+            sin,
+            parity,
+            highest,
+            denominator_bits,
+            norm_bits: norm.bits(),
+            denominator,
+        }
     }
 
     pub(crate) fn highest_harmonic(&self) -> usize {
@@ -153,6 +175,10 @@ impl Base {
 
     pub(crate) fn norm_bits(&self) -> u64 {
         self.norm_bits
+    }
+
+    pub(crate) fn denominator_bits(&self) -> u64 {
+        self.denominator_bits
     }
 
     pub(crate) fn denominator(&self) -> &Denominator {
@@ -254,7 +280,7 @@ impl Spectrum {
         let bound = self.bits + base.norm_bits;
         let first = if self.stride == 2 { (self.first + base.parity.unwrap_or(0)) % 2 } else { 0 };
         let highest = self.first + self.stride * (self.len - 1) + base.highest;
-        let len = (highest - first) / self.stride + 1;
+        let len = ((highest - first) >> (self.stride - 1)) + 1;
         let (cos, sin) = (self.cos && base.cos || self.sin && base.sin, self.cos && base.sin || self.sin && base.cos);
         let needed = if matches!(base.terms, BaseTerms::Big(_)) { u64::MAX } else { bound };
         let wide;
@@ -286,9 +312,10 @@ impl Spectrum {
         shape: Shape,
         times: impl Fn(&T, &F) -> T,
     ) -> Vec<T> {
-        let stride = self.stride;
-        let below = (reach + self.first) / stride; // lattice points from -reach up to first - stride
-        let padded_len = below + shape.len + (shape.first + reach) / stride + 1;
+        // The stride is 1 or 2: shifts, since divisions would cost as much as the products.
+        let (stride, shift) = (self.stride, self.stride - 1);
+        let below = (reach + self.first) >> shift; // lattice points from -reach up to first - stride
+        let padded_len = below + shape.len + ((shape.first + reach) >> shift) + 1;
         let mut out = vec![T::zero(); shape.len * (usize::from(shape.cos) + usize::from(shape.sin))];
         let mut padded: Vec<T> = Vec::with_capacity(padded_len);
         let mut part = values;
@@ -302,7 +329,7 @@ impl Spectrum {
             padded.clear();
             for i in (1..=below).rev() {
                 // harmonic first - stride i, mirrored: stride i - first
-                let mirrored = (stride * i - self.first - self.first) / stride;
+                let mirrored = (stride * i - self.first - self.first) >> shift;
                 let value = list.get(mirrored).cloned().unwrap_or_else(T::zero);
                 padded.push(if odd { value.negated() } else { value });
             }
@@ -310,7 +337,7 @@ impl Spectrum {
             padded.resize(padded_len.max(padded.len()), T::zero());
             // Index of harmonic h (on the list's lattice, h >= first - stride below).
             let index = |h: isize| -> usize {
-                usize::try_from((h - self.first as isize) / stride as isize + below as isize)
+                usize::try_from(((h - self.first as isize) >> shift) + below as isize)
                     .expect("invariant: the list was continued far enough")
             };
             for (k, c, s) in terms {
@@ -367,7 +394,7 @@ impl Spectrum {
             self.values.hold(u64::MAX);
             if let Values::Big(into) = &mut self.values {
                 let from = other.values.to_big();
-                add_list(into, &from, len, cos, other, factor, |value, factor| value * factor);
+                add_list(into, &from, len, cos, other, factor.as_ref(), |value, factor| value * factor);
             }
             self.bits = bound;
             return;

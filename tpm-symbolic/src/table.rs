@@ -4,7 +4,7 @@
 //! and no two entries agree in all of these.
 
 use crate::fourier::Trig;
-use crate::numerator::{Numerator, big_from_words, unsigned_from_words};
+use crate::numerator::{Numerator, big_from_words, unsigned_from_words, write_unsigned};
 use crate::polynomial::Monomial;
 use crate::rational::{self, Rational};
 use num_traits::Zero;
@@ -182,10 +182,10 @@ impl HarmonicTable {
             words.resize(words.len() + item.len * parts * (numerator_words + denominator_words), 0);
             for entry in chunk {
                 let at = item.position(entry.harmonic, entry.function).expect("invariant: inside the series");
-                let mut number = Vec::with_capacity(numerator_words + denominator_words);
-                entry.coefficient.numer().push_words(numerator_words, &mut number);
-                entry.coefficient.denom().push_words(denominator_words, &mut number);
-                words[at..at + number.len()].copy_from_slice(&number);
+                let slot = &mut words[at..at + numerator_words + denominator_words];
+                let (numerator, denominator) = slot.split_at_mut(numerator_words);
+                entry.coefficient.numer().write_words(numerator);
+                write_unsigned(entry.coefficient.denom().magnitude(), denominator);
             }
             series.push(item);
         }

@@ -214,6 +214,7 @@ dynamics! {
 }
 
 /// What a compiled pattern does, over plain slices.
+#[allow(clippy::type_complexity)] // each type is written once
 struct PatternCode<'a> {
     reference: &'a dyn Fn(&[f64], &[f64], f64) -> Vec<f64>,
     matrix: &'a dyn Fn(&[f64], &[f64]) -> Vec<f64>,
@@ -284,8 +285,8 @@ fn check_pattern(file: &str, code: &PatternCode<'_>, observable: Option<bool>) {
         let mut expected = Vec::new();
         for row in 0..rows {
             let mut sum = at(row, None).value;
-            for column in 0..columns {
-                let term = at(row, Some(column)).value * exact(theta[column]);
+            for (column, &parameter) in theta.iter().enumerate().take(columns) {
+                let term = at(row, Some(column)).value * exact(parameter);
                 magnitude = magnitude.max(rational::to_f64(&rational::abs(&term)));
                 sum += term;
             }

@@ -1,5 +1,6 @@
 //! Tests of the whole, one binary: what no single crate can show.
 
+mod campaign;
 mod emitted;
 mod foundation;
 mod licences;

@@ -1,0 +1,17 @@
+//! From the model in memory to the finished table.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use std::hint::black_box;
+use tpm_benches::workloads::by_name;
+
+fn expansion(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("expansion");
+    for name in ["w1", "w2", "w3", "w4:4", "w4:8", "w4:16", "w4:24", "w4:32", "w6:2", "w6:4", "w6:8"] {
+        let Some(workload) = by_name(name) else { continue };
+        group.bench_function(name, |bencher| bencher.iter(|| black_box(&workload).expand()));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, expansion);
+criterion_main!(benches);

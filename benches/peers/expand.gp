@@ -1,0 +1,25 @@
+work()={
+  my(values=vector(#nodes[,1]+1),bases=vector(#dense,b,Polrev(dense[b],z)),table=List());
+  values[1]=1+0*z;
+  for(i=1,#nodes[,1],values[i+1]=values[nodes[i,1]]*bases[nodes[i,2]]);
+  for(g=1,#groups,
+    my(parts=groups[g],top=0,total=0,entries=List());
+    for(i=1,#parts[,1],top=max(top,span[parts[i,1]]));
+    for(i=1,#parts[,1],total+=parts[i,2]*values[parts[i,1]]*z^((top-span[parts[i,1]])/step));
+    my(c=Vecrev(total));
+    for(i=(top+step-1)\step,#c-1,my(k=step*i-top);if(c[i+1],listput(entries,[k,if(k,2*c[i+1],c[i+1])])));
+    listput(table,entries));
+  table;
+}
+{
+  my(table,batch=1,times=List(),t,start,begun);
+  if(#nodes==0,nodes=matrix(0,2));
+  table=work();
+  for(g=1,#table,foreach(table[g],e,print(g-1," ",e[1]," ",e[2])));
+  while(1,t=getabstime();for(i=1,batch,work());if(getabstime()-t>=20,break);batch*=2);
+  start=getabstime();
+  while(getabstime()-start<1000*seconds||#times<5,t=getabstime();for(i=1,batch,work());listput(times,(getabstime()-t)/batch));
+  times=vecsort(Vec(times));
+  printf("%.3f\n",1000.*times[#times\2+1]);
+}
+quit

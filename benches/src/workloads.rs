@@ -1,0 +1,269 @@
+//! The expansion workloads, as models in memory: built once, expanded many times.
+
+use tpm_symbolic::expr::{ExprId, Graph};
+use tpm_symbolic::fourier::{Fourier, Trig};
+use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::polynomial::Monomial;
+use tpm_symbolic::rational::{Rational, integer, ratio};
+use tpm_symbolic::regressor::{RegressorForm, regressor_form};
+use tpm_symbolic::table::HarmonicTable;
+
+/// A workload ready to expand.
+pub struct Workload {
+    /// The model; its equations are not read any more.
+    pub model: Model,
+    /// The model sorted into its parameters.
+    pub form: RegressorForm,
+    /// The trajectory pattern.
+    pub pattern: Pattern,
+}
+
+impl Workload {
+    /// The table, within the default limits.
+    ///
+    /// # Panics
+    /// When the workload does not expand, which would be a fault of this crate.
+    #[must_use]
+    pub fn expand(&self) -> HarmonicTable {
+        tpm_symbolic::expand::expand(&self.model, &self.form, &self.pattern).expect("invariant: workloads expand")
+    }
+}
+
+/// The workload of a name such as `w1` or `w4:32`; `None` for an unknown name.
+#[must_use]
+pub fn by_name(name: &str) -> Option<Workload> {
+    let (kind, size) = name.split_once(':').unwrap_or((name, ""));
+    match (kind, size.parse::<u32>()) {
+        ("w1", _) => Some(mass_spring_drag()),
+        ("w2", _) => Some(two_carts()),
+        ("w3", _) => Some(closed_loop_arm()),
+        ("w4", Ok(degree)) => Some(monomials(degree)),
+        ("w6", Ok(order)) => Some(serial_arm(order)),
+        _ => None,
+    }
+}
+
+/// Every entry as `equation parameter function harmonic coefficient symbol^power ...`, for comparison with other tools.
+#[must_use]
+pub fn listing(table: &HarmonicTable) -> Vec<String> {
+    table
+        .entries()
+        .map(|entry| {
+            let mut line = format!(
+                "{} {} {} {} {}",
+                table.equations[entry.equation],
+                entry.column.map_or("-", |column| table.parameters[column].as_str()),
+                if entry.function == Trig::Cos { "cos" } else { "sin" },
+                entry.harmonic,
+                entry.coefficient
+            );
+            let mut powers: Vec<String> =
+                entry.powers.factors().map(|(&s, power)| format!(" {}^{power}", table.symbols[s])).collect();
+            powers.sort();
+            line.push_str(&powers.concat());
+            line
+        })
+        .collect()
+}
+
+struct Builder {
+    model: Model,
+    next: u32,
+}
+
+impl Builder {
+    fn new(name: &str) -> Self {
+        Self { model: Model { name: name.to_owned(), ..Model::default() }, next: 0 }
+    }
+
+    fn quantity(&mut self, name: &str, kind: Kind) -> ExprId {
+        let symbol = self.model.declare(name, None, kind);
+        self.model.graph.symbol(symbol)
+    }
+
+    fn parameters<const N: usize>(&mut self, names: [&str; N]) -> [ExprId; N] {
+        names.map(|name| self.quantity(name, Kind::Parameter))
+    }
+
+    /// sum of terms = input.
+    fn equation(&mut self, input: &str, mut terms: Vec<ExprId>) {
+        let input_expr = self.quantity(input, Kind::Input);
+        terms.push(self.model.graph.neg(input_expr));
+        let terms = terms.into_iter().map(|expr| {
+            self.next += 1;
+            SourceTerm { id: TermId(self.next), expr }
+        });
+        let equation = Equation { name: input.to_owned(), terms: terms.collect() };
+        self.model.equations.push(equation);
+    }
+
+    fn finish(mut self, motions: Vec<(&str, Option<&str>, Fourier)>) -> Workload {
+        let amplitudes: Vec<_> =
+            motions.iter().map(|(name, ..)| self.model.declare(name, None, Kind::Amplitude)).collect();
+        let frequency = self.model.declare("w", None, Kind::Frequency);
+        let parts = motions.iter().zip(&amplitudes).map(|((_, offset, shape), &amplitude)| {
+            let motion = Motion::term(Monomial::power_of(amplitude, 1), shape.clone());
+            let offset = offset.and_then(|name| self.model.find_symbol(name));
+            Some(match offset {
+                Some(symbol) => motion.add(&Motion::term(Monomial::power_of(symbol, 1), Fourier::constant(integer(1)))),
+                None => motion,
+            })
+        });
+        let pattern = Pattern { name: None, amplitudes: amplitudes.clone(), frequency, motions: parts.collect() };
+        let form = regressor_form(&self.model).expect("invariant: workloads are linear in their parameters");
+        Workload { model: self.model, form, pattern }
+    }
+}
+
+fn shape(order: u32) -> Fourier {
+    rest_to_rest(order).expect("invariant: odd orders")
+}
+
+/// W1: Feng, Eqns 3.24 and 3.26.
+#[must_use]
+pub fn mass_spring_drag() -> Workload {
+    let mut b = Builder::new("MassSpringDrag");
+    let x = b.model.declare_coordinate("x", None);
+    let [m, k1, k2] = b.parameters(["m", "k1", "k2"]);
+    let g = &mut b.model.graph;
+    let (x0, x1, x2) = (g.derivative_of(x, 0), g.derivative_of(x, 1), g.derivative_of(x, 2));
+    let drag = g.pow(x1, 2);
+    let terms = vec![g.mul(m, x2), g.mul(k1, x0), g.mul(k2, drag)];
+    b.equation("u", terms);
+    b.finish(vec![("lambda", None, shape(3))])
+}
+
+/// W2: Feng, Eqns 4.34 and 4.44.
+#[must_use]
+pub fn two_carts() -> Workload {
+    let mut b = Builder::new("TwoCarts");
+    let x = b.model.declare_coordinate("x", None);
+    let c = b.parameters(["c1", "c2", "c3", "c4", "c5", "c6", "c7"]);
+    let g = &mut b.model.graph;
+    let (x0, x2, x4) = (g.derivative_of(x, 0), g.derivative_of(x, 2), g.derivative_of(x, 4));
+    let (xx, aa) = (g.pow(x0, 2), g.pow(x2, 2));
+    let regressors = [x4, x2, g.mul(xx, x2), g.mul(x0, aa), g.pow(x2, 3), x0, g.pow(x0, 3)];
+    let terms = c.into_iter().zip(regressors).map(|(c, phi)| g.mul(c, phi)).collect();
+    b.equation("F", terms);
+    b.finish(vec![("lambda", None, shape(5))])
+}
+
+/// W3: Feng, Eqns 5.1-5.7, B.1 and B.2, with symbolic offsets.
+#[must_use]
+pub fn closed_loop_arm() -> Workload {
+    let mut b = Builder::new("ClosedLoopArm");
+    let [c1, c2] = ["th1", "th2"].map(|name| b.model.declare_coordinate(name, None));
+    let a = b.parameters(["a10", "a11", "a12", "a20", "a21", "a22", "a30", "a31", "a32"]);
+    b.quantity("th10", Kind::Constant { value: None });
+    let th20 = b.quantity("th20", Kind::Constant { value: None });
+    let g = &mut b.model.graph;
+    let th2 = g.derivative_of(c2, 0);
+    let deviation = g.sub(th2, th20);
+    let f = |g: &mut Graph, i: usize| {
+        let square = g.pow(deviation, 2);
+        let (linear, quadratic) = (g.mul(a[3 * i + 1], deviation), g.mul(a[3 * i + 2], square));
+        let (two, slope) = (g.integer(2), g.mul(a[3 * i + 2], deviation));
+        let slope = g.mul(two, slope);
+        (g.sum(&[a[3 * i], linear, quadratic]), g.add(a[3 * i + 1], slope))
+    };
+    let ((f1, d1), (f2, d2), (f3, d3)) = (f(g, 0), f(g, 1), f(g, 2));
+    let [v1, v2, a1, a2] = [(c1, 1), (c2, 1), (c1, 2), (c2, 2)].map(|(c, order)| g.derivative_of(c, order));
+    let (two, v1v1, v2v2) = (g.integer(2), g.pow(v1, 2), g.pow(v2, 2));
+    let minus = g.integer(-1);
+    let first = vec![g.product(&[two, f1, a1]), g.mul(f3, a2), g.product(&[two, d1, v1, v2]), g.mul(d3, v2v2)];
+    let second = vec![g.mul(f3, a1), g.product(&[two, f2, a2]), g.product(&[minus, d1, v1v1]), g.mul(d2, v2v2)];
+    b.equation("tau1", first);
+    b.equation("tau2", second);
+    let shape = shape(3).add(&Fourier::constant(ratio(-8, 9)));
+    b.finish(vec![("lambda1", Some("th10"), shape.clone()), ("lambda2", Some("th20"), shape)])
+}
+
+/// W4: a parameter for every monomial x^p x'^q with p + q <= `degree`, on the pattern of order 3.
+#[must_use]
+pub fn monomials(degree: u32) -> Workload {
+    let mut b = Builder::new("Monomials");
+    let x = b.model.declare_coordinate("x", None);
+    let mut terms = Vec::new();
+    for p in 0..=degree {
+        for q in 0..=degree - p {
+            let parameter = b.quantity(&format!("k_{p}_{q}"), Kind::Parameter);
+            let g = &mut b.model.graph;
+            let (x0, x1) = (g.derivative_of(x, 0), g.derivative_of(x, 1));
+            let (p, q) = (i32::try_from(p).expect("small"), i32::try_from(q).expect("small"));
+            let (position, speed) = (g.pow(x0, p), g.pow(x1, q));
+            terms.push(g.product(&[parameter, position, speed]));
+        }
+    }
+    b.equation("u", terms);
+    b.finish(vec![("lambda", None, shape(3))])
+}
+
+/// W6: two joints in series with gravity; sines and cosines as Taylor polynomials about 0 of the given order.
+///
+/// ```text
+/// (p1 + 2 p2 cos q2) q1'' + (p3 + p2 cos q2) q2'' - p2 sin q2 (2 q1' q2' + q2'^2) + p4 cos q1 + p5 cos(q1 + q2) = tau1
+/// (p3 + p2 cos q2) q1'' + p3 q2'' + p2 sin q2 q1'^2 + p5 cos(q1 + q2) = tau2
+/// ```
+#[must_use]
+pub fn serial_arm(order: u32) -> Workload {
+    let mut b = Builder::new("SerialArm");
+    let [c1, c2] = ["q1", "q2"].map(|name| b.model.declare_coordinate(name, None));
+    let [p1, p2, p3, p4, p5] = b.parameters(["p1", "p2", "p3", "p4", "p5"]);
+    let g = &mut b.model.graph;
+    let [q1, q2] = [c1, c2].map(|c| g.derivative_of(c, 0));
+    let [v1, v2, a1, a2] = [(c1, 1), (c2, 1), (c1, 2), (c2, 2)].map(|(c, order)| g.derivative_of(c, order));
+    let sum = g.add(q1, q2);
+    let (cos1, cos2, cos12, sin2) =
+        (taylor(g, q1, order, 0), taylor(g, q2, order, 0), taylor(g, sum, order, 0), taylor(g, q2, order, 1));
+    let (two, minus) = (g.integer(2), g.integer(-1));
+    let (v1v1, v2v2, v1v2) = (g.pow(v1, 2), g.pow(v2, 2), g.product(&[two, v1, v2]));
+    let coriolis = g.add(v1v2, v2v2);
+    let first = vec![
+        g.mul(p1, a1),
+        g.product(&[two, p2, cos2, a1]),
+        g.mul(p3, a2),
+        g.product(&[p2, cos2, a2]),
+        g.product(&[minus, p2, sin2, coriolis]),
+        g.mul(p4, cos1),
+        g.mul(p5, cos12),
+    ];
+    let second =
+        vec![g.mul(p3, a1), g.product(&[p2, cos2, a1]), g.mul(p3, a2), g.product(&[p2, sin2, v1v1]), g.mul(p5, cos12)];
+    b.equation("tau1", first);
+    b.equation("tau2", second);
+    b.finish(vec![("lambda1", None, shape(3)), ("lambda2", None, shape(3))])
+}
+
+/// The Taylor polynomial of cos (`odd` = 0) or sin (`odd` = 1) about 0, up to `order`.
+fn taylor(g: &mut Graph, argument: ExprId, order: u32, odd: u32) -> ExprId {
+    let mut factorial = integer(1);
+    let mut terms = Vec::new();
+    for k in 0..=order {
+        if k > 0 {
+            factorial *= integer(i64::from(k));
+        }
+        if k % 2 == odd {
+            let power = g.pow(argument, i32::try_from(k).expect("small"));
+            let coefficient: Rational = integer(if k / 2 % 2 == 0 { 1 } else { -1 }) / &factorial;
+            terms.push(g.scale(power, coefficient));
+        }
+    }
+    g.sum(&terms)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{by_name, listing};
+
+    #[test]
+    fn workloads_have_the_expected_tables() {
+        let table = |name: &str| by_name(name).expect("known").expand();
+        assert_eq!(listing(&table("w1"))[0], "u k2 cos 0 5/9 lambda^2 w^2");
+        assert_eq!(table("w2").len(), 41);
+        assert_eq!(table("w4:4").len(), 69);
+        assert!(listing(&table("w3")).contains(&"tau1 a12 cos 9 1/54 lambda1^1 lambda2^2 w^2".to_owned()));
+        assert!(!table("w6:4").is_empty());
+        assert!(by_name("w9").is_none());
+    }
+}
