@@ -393,9 +393,11 @@ fn with_shared_factors(graph: &mut Graph, definitions: &[Polynomial<ExprId>]) ->
         if let Some((content, coefficient, sum)) = primitive_part(&rest)
             && sum.len() > 1
         {
+            // The denominator stays with the sum: m2/g1 + m3/g1 + m3/g2 is known once k2 and k2 times it are.
+            let below: Monomial<ExprId> = content.factors().filter(|(_, e)| *e < 0).map(|(&v, e)| (v, e)).collect();
             factors.push((bases.len(), 1));
-            bases.push((sum, 1));
-            rest = Polynomial::term(content, coefficient);
+            bases.push((sum.mul_monomial(&below), 1));
+            rest = Polynomial::term(content.mul(&below.pow(-1)), coefficient);
         }
         factored[i] = (rest, factors);
     }
