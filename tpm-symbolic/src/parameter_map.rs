@@ -366,6 +366,12 @@ fn evaluate_f64(polynomial: &Polynomial<ExprId>, atoms: &BTreeMap<ExprId, f64>) 
     polynomial.terms().map(term).sum()
 }
 
+/// Total of all exponents.
+fn weight(polynomial: &Polynomial<ExprId>) -> u32 {
+    let exponents = polynomial.terms().flat_map(|(monomial, _)| monomial.factors().map(|(_, e)| e));
+    exponents.map(i32::unsigned_abs).sum()
+}
+
 /// A polynomial times powers of shared factors, by index.
 type Factored = (Polynomial<ExprId>, Vec<(usize, i32)>);
 
@@ -374,7 +380,7 @@ fn with_shared_factors(graph: &mut Graph, definitions: &[Polynomial<ExprId>]) ->
     let mut bases: Vec<(Polynomial<ExprId>, usize)> = Vec::new();
     // Short sums first: a longer one is then divided by them.
     let mut order: Vec<usize> = (0..definitions.len()).collect();
-    order.sort_by_key(|&i| definitions[i].len());
+    order.sort_by_key(|&i| (definitions[i].len(), weight(&definitions[i])));
     let mut factored: Vec<Factored> = vec![(Polynomial::zero(), Vec::new()); order.len()];
     for i in order {
         let mut rest = definitions[i].clone();
@@ -424,11 +430,19 @@ struct LinearEquation {
     right: Fraction<Variable>,
 }
 
+/// What an equation says.
+#[derive(Clone, Copy)]
+enum Origin {
+    /// The definition of a column.
+    Column(usize),
+    /// Sum - atom = 0, which may be multiplied by any product.
+    Sum(ExprId),
+}
+
 /// polynomial in the parameters = known value.
 struct Equation {
     polynomial: Polynomial<ExprId>,
-    /// The column it defines; `None` for sum - atom = 0.
-    column: Option<usize>,
+    origin: Origin,
     /// Total of all exponents: short definitions are used before long ones.
     weight: u32,
     used: bool,
@@ -456,8 +470,9 @@ impl<'a> Inversion<'a> {
         let mut graph = map.graph.clone();
         let definitions = with_shared_factors(&mut graph, &map.definitions);
         let mut atoms = atoms_of(&definitions);
-        let mut equations: Vec<(Polynomial<ExprId>, Option<usize>)> =
-            definitions.into_iter().enumerate().map(|(column, definition)| (definition, Some(column))).collect();
+        let columns = definitions.into_iter().enumerate();
+        let mut equations: Vec<(Polynomial<ExprId>, Origin)> =
+            columns.map(|(column, definition)| (definition, Origin::Column(column))).collect();
         let mut pending: Vec<ExprId> = atoms.iter().copied().collect();
         while let Some(atom) = pending.pop() {
             if matches!(graph.node(atom), Node::Sum(_)) {
@@ -467,20 +482,20 @@ impl<'a> Inversion<'a> {
                         pending.push(inner);
                     }
                 }
-                equations.push((sum.sub(&Polynomial::variable(atom)), None));
+                equations.push((sum.sub(&Polynomial::variable(atom)), Origin::Sum(atom)));
             }
         }
-        let equations = equations.into_iter().map(|(polynomial, column)| {
-            let exponents = polynomial.terms().flat_map(|(monomial, _)| monomial.factors().map(|(_, e)| e));
-            let weight = exponents.map(i32::unsigned_abs).sum();
-            Equation { polynomial, column, weight, used: false }
+        let atoms: Vec<ExprId> = atoms.into_iter().collect();
+        let equations = equations.into_iter().map(|(polynomial, origin)| {
+            let weight = weight(&polynomial);
+            Equation { polynomial, origin, weight, used: false }
         });
         let mut equations: Vec<Equation> = equations.collect();
         equations.sort_by_key(|equation| equation.weight);
         Self {
             map,
             graph,
-            atoms: atoms.into_iter().collect(),
+            atoms,
             equations,
             lattice: Lattice { basis: Vec::new() },
             intermediates: Vec::new(),
@@ -501,12 +516,26 @@ impl<'a> Inversion<'a> {
         }
     }
 
+    /// A product that makes a known one of `atom`. Any other such product differs from it by a known factor.
+    fn scale_of(&self, atom: ExprId) -> Monomial<ExprId> {
+        let Some(position) = self.atoms.iter().position(|own| *own == atom) else { return Monomial::one() };
+        let known = self.lattice.basis.iter().find(|(vector, _)| vector[position].abs() == 1);
+        known.map_or_else(Monomial::one, |(vector, _)| {
+            let sign = vector[position];
+            let others = self.atoms.iter().zip(vector).filter(|(own, _)| **own != atom);
+            others.map(|(&own, &exponent)| (own, sign * exponent)).collect()
+        })
+    }
+
     fn linear(&self, origin: usize) -> LinearEquation {
-        let Equation { polynomial, column, .. } = &self.equations[origin];
-        let right = column.map_or_else(Fraction::zero, Fraction::variable);
+        let Equation { polynomial, origin: kind, .. } = &self.equations[origin];
+        let (right, shift) = match *kind {
+            Origin::Column(column) => (Fraction::variable(column), Monomial::one()),
+            Origin::Sum(atom) => (Fraction::zero(), self.scale_of(atom)),
+        };
         let mut equation = LinearEquation { origin, terms: BTreeMap::new(), right };
         for (monomial, coefficient) in polynomial.terms() {
-            let (rest, factor) = self.lattice.reduce(self.exponents(monomial));
+            let (rest, factor) = self.lattice.reduce(self.exponents(&monomial.mul(&shift)));
             let factor = factor.scale(coefficient);
             if rest.iter().all(|e| *e == 0) {
                 equation.right = equation.right.sub(&factor);
@@ -559,13 +588,15 @@ impl<'a> Inversion<'a> {
             let mut terms = equation.terms.iter();
             match (terms.next(), terms.next()) {
                 (None, _) => {
-                    let Equation { column, used, .. } = &mut self.equations[equation.origin];
+                    let Equation { origin, used, .. } = &mut self.equations[equation.origin];
                     *used = true;
-                    let value = match *column {
-                        Some(column) => Fraction::variable(column).sub(&equation.right),
-                        None => equation.right,
-                    };
-                    self.constraints.push(Constraint { column: *column, value });
+                    self.constraints.push(match *origin {
+                        Origin::Column(column) => {
+                            let value = Fraction::variable(column).sub(&equation.right);
+                            Constraint { column: Some(column), value }
+                        }
+                        Origin::Sum(_) => Constraint { column: None, value: equation.right },
+                    });
                     progress = true;
                 }
                 (Some((product, coefficient)), None) => {
