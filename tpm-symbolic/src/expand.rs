@@ -20,6 +20,7 @@ use crate::denominator::{Denominator, Factors, Reduction};
 use crate::expr::{Coordinate, ExprId, Node, Symbol};
 use crate::fourier::Fourier;
 use crate::model::{Kind, Model, TermId};
+use crate::nonsmooth::{self, SignError};
 use crate::numerator::{Numerator, Scalar, for_width};
 use crate::packed::{Key, Layout, LongKey};
 use crate::pattern::Pattern;
@@ -73,6 +74,14 @@ pub enum ExpandError {
         /// The limit in bytes.
         limit: u128,
     },
+    /// A sign or an absolute value has no exact series under the pattern.
+    #[error("{source}")]
+    Sign {
+        /// Where it occurs.
+        term: TermId,
+        /// Why.
+        source: SignError,
+    },
     /// The progress callback said to stop.
     #[error("the expansion was stopped")]
     Stopped {
@@ -89,6 +98,7 @@ impl ExpandError {
             Self::NoMotion { term, .. }
             | Self::NotFinite { term, .. }
             | Self::TooLarge { term, .. }
+            | Self::Sign { term, .. }
             | Self::Stopped { term } => *term,
         }
     }
@@ -111,6 +121,9 @@ pub struct ExpandOptions<'a> {
     pub allow_large: bool,
     /// Called many times a second during long expansions; [`ControlFlow::Break`] ends the expansion.
     pub progress: Option<&'a mut dyn FnMut(Progress) -> ControlFlow<()>>,
+    /// The highest harmonic kept of terms that have infinitely many (signs and absolute values);
+    /// [`nonsmooth::DEFAULT_HARMONICS`] when not given. Terms that have finitely many keep them all.
+    pub harmonics: Option<usize>,
 }
 
 impl ExpandOptions<'_> {
@@ -119,7 +132,7 @@ impl ExpandOptions<'_> {
     pub const DEFAULT_LIMIT: u128 = 256_000_000;
 
     /// What is refused always: beyond the memory of machines.
-    const ADDRESSABLE: u128 = 1 << 46;
+    pub(crate) const ADDRESSABLE: u128 = 1 << 46;
 }
 
 /// Expands a model in regressor form under a pattern, within the default limits.
@@ -141,6 +154,10 @@ pub fn expand_with(
     pattern: &Pattern,
     options: &mut ExpandOptions<'_>,
 ) -> Result<HarmonicTable, ExpandError> {
+    if let Some((finite, infinite)) = nonsmooth::split(model, form) {
+        let (entries, tails) = nonsmooth::expand(model, &infinite, pattern, options)?;
+        return Ok(expand_with(model, &finite, pattern, options)?.with_infinite(entries, tails));
+    }
     let atoms = Atoms::resolve(model, form, pattern)?;
     atoms.refuse_too_many_products(options)?;
     let shapes = Layout::new(atoms.shapes.len(), atoms.largest_exponent);

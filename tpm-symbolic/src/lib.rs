@@ -25,10 +25,15 @@
 //!                    \--ParameterMap--> lumped from physical parameters, and back
 //! ```
 //!
+//! Around it stands the calculus that leads to such a model and from it: Euler-Lagrange equations ([`lagrange`]), Taylor
+//! series of what does not expand finitely ([`series`]), signs and absolute values ([`nonsmooth`]), linearisation
+//! ([`linearize`]).
+//!
 //! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
-//! ([`rational::to_f64`]).
+//! ([`rational::to_f64`]), for error bounds ([`interval`]) and for Bessel functions, which are not rational ([`bessel`]).
 
 pub mod content;
+pub mod bessel;
 mod denominator;
 pub mod eliminate;
 pub mod estimator;
@@ -48,6 +53,8 @@ pub mod leverrier;
 pub mod linalg;
 pub mod linearize;
 pub mod model;
+pub mod motion;
+pub mod nonsmooth;
 mod numerator;
 mod packed;
 pub mod parameter_map;

@@ -41,6 +41,26 @@ impl Entry {
     }
 }
 
+/// What a table leaves out of an infinite series: its harmonics above the last one kept. Values are multiplied by the
+/// magnitude of prod symbol^power.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tail {
+    /// Index of the equation.
+    pub equation: usize,
+    /// Index of the parameter; `None` for a term without unknown parameters.
+    pub column: Option<usize>,
+    /// Powers of amplitudes, frequency and run-time constants, by index into [`HarmonicTable::symbols`].
+    pub powers: Monomial<usize>,
+    /// The signs of amplitudes that the term carries.
+    pub sign: Monomial<usize>,
+    /// The highest harmonic kept.
+    pub harmonics: usize,
+    /// An upper bound of the root mean square of what is left out, over a period.
+    pub rms: f64,
+    /// An upper bound of its largest value; `None` when the term jumps, so that no number of harmonics makes it small.
+    pub maximum: Option<f64>,
+}
+
 /// The coefficients of one equation, column and product of powers: a lattice of harmonics, cosines before sines.
 #[derive(Clone, Debug)]
 pub(crate) struct Series {
@@ -110,6 +130,8 @@ pub struct HarmonicTable {
     pub parameters: Vec<String>,
     /// Names of amplitudes, frequency and run-time constants that occur as powers.
     pub symbols: Vec<String>,
+    /// What is left out, one for every infinite series in the table; empty when the table is the whole.
+    pub tails: Vec<Tail>,
     /// Sorted by [`Series::key`].
     series: Vec<Series>,
     words: Vec<u64>,
@@ -122,11 +144,10 @@ impl PartialEq for HarmonicTable {
         (&self.model, &self.equations, &self.parameters, &self.symbols)
             == (&other.model, &other.equations, &other.parameters, &other.symbols)
             && self.len == other.len
+            && self.tails == other.tails
             && self.entries().eq(other.entries())
     }
 }
-
-impl Eq for HarmonicTable {}
 
 impl HarmonicTable {
     /// A table of entries in any order; zero coefficients are left out and equal keys added.
@@ -203,7 +224,16 @@ impl HarmonicTable {
         if !series.is_sorted_by(|a, b| a.key() < b.key()) {
             series.sort_by(|a, b| a.key().cmp(&b.key()));
         }
-        Self { model, equations, parameters, symbols, series, words, len }
+        Self { model, equations, parameters, symbols, tails: Vec::new(), series, words, len }
+    }
+
+    /// The table with further entries, and with a bound of what these leave out.
+    #[must_use]
+    pub(crate) fn with_infinite(self, entries: Vec<Entry>, tails: Vec<Tail>) -> Self {
+        let all = self.entries().chain(entries).collect();
+        let mut table = Self::new(self.model, self.equations, self.parameters, self.symbols, all);
+        table.tails = tails;
+        table
     }
 
     /// The number of entries.
@@ -390,6 +420,21 @@ struct JsonTable {
     model: String,
     parameters: Vec<String>,
     entries: Vec<JsonEntry>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    tails: Vec<JsonTail>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct JsonTail {
+    equation: String,
+    parameter: Option<String>,
+    #[serde(default)]
+    powers: BTreeMap<String, i32>,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    sign: BTreeMap<String, i32>,
+    harmonics: usize,
+    rms: f64,
+    maximum: Option<f64>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -422,11 +467,21 @@ impl Serialize for HarmonicTable {
             powers: named(&entry.powers),
             sign: named(&entry.sign),
         });
+        let tails = self.tails.iter().map(|tail| JsonTail {
+            equation: self.equations[tail.equation].clone(),
+            parameter: tail.column.map(|column| self.parameters[column].clone()),
+            powers: named(&tail.powers),
+            sign: named(&tail.sign),
+            harmonics: tail.harmonics,
+            rms: tail.rms,
+            maximum: tail.maximum,
+        });
         JsonTable {
             schema: SCHEMA.to_owned(),
             model: self.model.clone(),
             parameters: self.parameters.clone(),
             entries: entries.collect(),
+            tails: tails.collect(),
         }
         .serialize(serializer)
     }
@@ -447,11 +502,14 @@ impl<'de> Deserialize<'de> for HarmonicTable {
         }
         let (mut equations, mut symbols) = (Vec::new(), Vec::new());
         let mut entries = Vec::with_capacity(json.entries.len());
-        for entry in json.entries {
-            let column = entry.parameter.as_ref().map(|name| {
+        let column_of = |parameter: &Option<String>| -> Result<Option<usize>, D::Error> {
+            let column = parameter.as_ref().map(|name| {
                 let found = json.parameters.iter().position(|parameter| parameter == name);
                 found.ok_or_else(|| D::Error::custom(format!("parameter {name:?} is not listed")))
             });
+            column.transpose()
+        };
+        for entry in json.entries {
             let coefficient = rational::parse(&entry.coefficient).ok_or_else(|| {
                 D::Error::custom(format!("coefficient {:?} is not a rational number", entry.coefficient))
             })?;
@@ -459,13 +517,27 @@ impl<'de> Deserialize<'de> for HarmonicTable {
                 equation: index(&mut equations, &entry.equation),
                 harmonic: entry.harmonic,
                 function: entry.function,
-                column: column.transpose()?,
+                column: column_of(&entry.parameter)?,
                 coefficient,
                 pi: entry.pi,
                 powers: entry.powers.iter().map(|(name, &power)| (index(&mut symbols, name), power)).collect(),
                 sign: entry.sign.iter().map(|(name, &power)| (index(&mut symbols, name), power)).collect(),
             });
         }
-        Ok(Self::new(json.model, equations, json.parameters, symbols, entries))
+        let mut tails = Vec::with_capacity(json.tails.len());
+        for tail in json.tails {
+            tails.push(Tail {
+                equation: index(&mut equations, &tail.equation),
+                column: column_of(&tail.parameter)?,
+                powers: tail.powers.iter().map(|(name, &power)| (index(&mut symbols, name), power)).collect(),
+                sign: tail.sign.iter().map(|(name, &power)| (index(&mut symbols, name), power)).collect(),
+                harmonics: tail.harmonics,
+                rms: tail.rms,
+                maximum: tail.maximum,
+            });
+        }
+        let mut table = Self::new(json.model, equations, json.parameters, symbols, entries);
+        table.tails = tails;
+        Ok(table)
     }
 }
