@@ -10,6 +10,7 @@ use tpm_codegen::{Parsed, parse_model};
 use tpm_symbolic::model::Model;
 use tpm_symbolic::pattern::Pattern;
 use tpm_symbolic::prepare::{Prepared, prepare};
+use tpm_symbolic::series::{Series, Truncation};
 
 /// A parsed model with the text it came from, so that later stages can still point at places.
 pub(crate) struct Loaded {
@@ -41,6 +42,25 @@ impl Loaded {
     /// The model with its coordinates eliminated, sorted into its parameters.
     pub(crate) fn prepared(&self) -> Result<Prepared, Failure> {
         prepare(self.model().clone()).map_err(|error| self.at(&error))
+    }
+
+    /// The same for tables: with the declared Taylor polynomials in place. What they replace is said on standard error.
+    pub(crate) fn for_tables(&self) -> Result<Prepared, Failure> {
+        let (model, truncations) = self.parsed.for_tables().map_err(|error| self.at(&error))?;
+        let mut said = Vec::new();
+        for Truncation { series, .. } in &truncations {
+            if !said.contains(&series.function) {
+                said.push(series.function);
+                output::remark(&format!("remark: {}", replaced(&model, series)));
+            }
+        }
+        prepare(model.into_owned()).map_err(|error| self.at(&error))
+    }
+
+    /// The declared number of harmonics of terms with infinitely many.
+    pub(crate) fn harmonics(&self, pattern: &Pattern) -> Option<usize> {
+        let index = self.model().patterns.iter().position(|other| other == pattern)?;
+        self.parsed.harmonics_of(index)
     }
 
     /// An error of a later stage, at its place in the text.
@@ -83,4 +103,16 @@ impl Loaded {
             }
         })
     }
+}
+
+fn replaced(model: &Model, series: &Series) -> String {
+    let points: Vec<String> = series
+        .expansions
+        .iter()
+        .map(|expansion| {
+            let coordinate = &model.coordinates[expansion.coordinate.0 as usize].name;
+            format!("of order {} in {coordinate} about {}", expansion.order, model.display(expansion.point))
+        })
+        .collect();
+    format!("`{}` is replaced by its Taylor polynomial {}", model.display(series.function), points.join(", "))
 }

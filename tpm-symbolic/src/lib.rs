@@ -32,8 +32,8 @@
 //! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
 //! ([`rational::to_f64`]), for error bounds ([`interval`]) and for Bessel functions, which are not rational ([`bessel`]).
 
-pub mod content;
 pub mod bessel;
+pub mod content;
 mod denominator;
 pub mod eliminate;
 pub mod estimator;

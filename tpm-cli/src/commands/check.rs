@@ -4,7 +4,7 @@ use crate::load::Loaded;
 use crate::{Outcome, output};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_symbolic::expand::expand;
+use tpm_symbolic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::model::Model;
 use tpm_symbolic::regressor::{RegressorForm, canonical};
 
@@ -29,12 +29,18 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if model.patterns.is_empty() {
         text.push_str("remark: no pattern, so `expand` has nothing to expand under; logs need none\n");
     }
+    let tables = loaded.for_tables()?;
     for pattern in &model.patterns {
         let name = pattern.name.as_ref().map_or_else(|| "the pattern".to_owned(), |name| format!("pattern {name}"));
-        match expand(model, form, pattern) {
+        let harmonics = loaded.harmonics(pattern);
+        let mut options = ExpandOptions { harmonics, ..ExpandOptions::default() };
+        match expand_with(&tables.model, &tables.form, pattern, &mut options) {
             Ok(table) => {
                 for (equation, row) in table.equations.iter().enumerate() {
-                    let _ = writeln!(text, "{name}: highest harmonic of {row} is {}", table.highest_harmonic(equation));
+                    let infinite = table.tails.iter().any(|tail| tail.equation == equation);
+                    let note = if infinite { "; it has infinitely many, of which these are kept" } else { "" };
+                    let highest = table.highest_harmonic(equation);
+                    let _ = writeln!(text, "{name}: highest harmonic of {row} is {highest}{note}");
                 }
             }
             Err(error) => {

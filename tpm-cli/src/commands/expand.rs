@@ -8,6 +8,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use tpm_codegen::emit::table;
 use tpm_symbolic::expand::{ExpandError, ExpandOptions, expand_with};
+use tpm_symbolic::table::{HarmonicTable, Tail};
 
 /// How a table is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -36,6 +37,10 @@ pub(crate) struct Args {
     /// Expand even when the table would be very large.
     #[arg(long)]
     allow_large: bool,
+    /// Highest harmonic kept of terms that have infinitely many, such as sign(dot(x)); the pattern's own number when
+    /// not given, else 31.
+    #[arg(long, value_name = "N")]
+    harmonics: Option<usize>,
     /// Write to this file instead of standard output.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -45,14 +50,15 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let pattern = loaded.pattern(args.pattern.as_deref())?;
-    let prepared = loaded.prepared()?;
+    let prepared = loaded.for_tables()?;
     let bar = progress::Bar::new("expanding");
     let expanded = interrupt::watched(|go_on| {
         let mut step = |step: tpm_symbolic::expand::Progress| {
             bar.set(step.done as u64, step.total as u64);
             if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
-        let mut options = ExpandOptions { allow_large: args.allow_large, progress: Some(&mut step) };
+        let harmonics = args.harmonics.or_else(|| loaded.harmonics(pattern));
+        let mut options = ExpandOptions { allow_large: args.allow_large, progress: Some(&mut step), harmonics };
         expand_with(&prepared.model, &prepared.form, pattern, &mut options)
     });
     drop(bar);
@@ -61,6 +67,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
         ExpandError::TooLarge { .. } => loaded.at_with_help(&error, "to expand it all the same, give --allow-large"),
         error => loaded.at(&error),
     })?;
+    for tail in &table.tails {
+        output::remark(&left_out(&table, tail));
+    }
     let text = match args.format {
         Format::Json => {
             let mut text = serde_json::to_string_pretty(&table)
@@ -73,4 +82,27 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Format::Latex => table::latex(&table),
     };
     output::emit(args.output.as_deref(), &text)
+}
+
+/// What a table leaves out of an infinite series, in words.
+fn left_out(table: &HarmonicTable, tail: &Tail) -> String {
+    let factors: Vec<String> = tail
+        .powers
+        .factors()
+        .map(|(&symbol, power)| match power {
+            1 => format!("*|{}|", table.symbols[symbol]),
+            _ => format!("*|{}|^{power}", table.symbols[symbol]),
+        })
+        .collect();
+    let factors = factors.concat();
+    let term =
+        tail.column.map_or_else(|| "the known terms".to_owned(), |column| format!("`{}`", table.parameters[column]));
+    let maximum = match tail.maximum {
+        Some(maximum) => format!("at most {maximum:.3e}{factors}"),
+        None => "a jump, which no number of harmonics makes small everywhere".to_owned(),
+    };
+    format!(
+        "remark: {term} in {} has infinitely many harmonics, of which those above {} are left out: rms {:.3e}{factors}, {maximum}",
+        table.equations[tail.equation], tail.harmonics, tail.rms
+    )
 }

@@ -15,11 +15,14 @@ pub mod unit;
 pub use lower::{HIGHEST_ORDER, Taylor, Terms};
 pub use parse::DEEPEST;
 
+use std::borrow::Cow;
+
 use tpm_symbolic::expand::ExpandError;
 use tpm_symbolic::lagrange::{LagrangeError, Lagrangian};
 use tpm_symbolic::model::{Model, TermId};
 use tpm_symbolic::prepare::PrepareError;
 use tpm_symbolic::regressor::RegressorError;
+use tpm_symbolic::series::{self, Expansion, SeriesError, Truncation};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::stream::TokenSource;
@@ -81,6 +84,15 @@ impl AtTerm for ExpandError {
     }
 }
 
+impl AtTerm for SeriesError {
+    fn at_term(&self) -> Option<TermId> {
+        match self {
+            Self::Singular { term, .. } => *term,
+            _ => None,
+        }
+    }
+}
+
 impl AtTerm for LagrangeError {
     fn at_term(&self) -> Option<TermId> {
         self.term()
@@ -92,6 +104,32 @@ impl Parsed {
     #[must_use]
     pub fn span(&self, term: TermId) -> Span {
         self.terms.span(term)
+    }
+
+    /// The model that tables are made of: what does not expand finitely in a coordinate with a declared Taylor order is
+    /// replaced by its Taylor polynomial. The second list says what was replaced; it is empty, and the model the same,
+    /// when no order is declared.
+    ///
+    /// # Errors
+    /// When a term is singular at the declared point.
+    pub fn for_tables(&self) -> Result<(Cow<'_, Model>, Vec<Truncation>), SeriesError> {
+        if self.taylor.is_empty() {
+            return Ok((Cow::Borrowed(&self.model), Vec::new()));
+        }
+        let expansions: Vec<Expansion> = self
+            .taylor
+            .iter()
+            .map(|taylor| Expansion { coordinate: taylor.coordinate, point: taylor.point, order: taylor.order })
+            .collect();
+        let mut model = self.model.clone();
+        let truncations = series::truncate(&mut model, &expansions)?;
+        Ok((Cow::Owned(model), truncations))
+    }
+
+    /// How many harmonics the pattern of an index keeps of terms with infinitely many, when it says so.
+    #[must_use]
+    pub fn harmonics_of(&self, pattern: usize) -> Option<usize> {
+        self.harmonics.get(pattern).copied().flatten().and_then(|count| usize::try_from(count).ok())
     }
 
     /// An error of a later stage, at its place in the text: at its term, or at the model's name when it is about the whole.
