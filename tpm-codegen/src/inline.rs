@@ -26,7 +26,7 @@ fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
 /// Everything that follows from a model that was read; a fault is a diagnostic at its place.
 fn estimator(parsed: &Parsed) -> Result<Estimator, Diagnostic> {
     Estimator::new(parsed.model.clone()).map_err(|error| match error {
-        EmitError::Regressor(error) => parsed.locate(&error),
+        EmitError::Prepare(error) => parsed.locate(&error),
         other => Diagnostic::error(parsed.ast.name.span, other.to_string()),
     })
 }

@@ -369,6 +369,9 @@ macro_rules! pattern {
 
 pattern!(mass_spring_drag_pattern, "mass_spring_drag.tpm", models::mass_spring_drag, observable: Some(true));
 pattern!(silverbox_pattern, "silverbox.tpm", models::silverbox, observable: Some(true));
+// The seven columns of two carts have condition 2.2e4 after scaling: parameters lose four digits. Three carts lose nearly all.
+pattern!(two_carts_pattern, "two_carts.tpm", models::two_carts, observable: Some(true));
+pattern!(three_carts_pattern, "three_carts.tpm", models::three_carts, observable: None);
 pattern!(closed_loop_arm_pattern, "closed_loop_arm.tpm", models::closed_loop_arm, observable: Some(false), constants: constants);
 
 /// Models that only the emitter's own corners need.

@@ -7,8 +7,9 @@ use thiserror::Error;
 use tpm_symbolic::estimator::{EstimatorPlan, TablePlan};
 use tpm_symbolic::model::Model;
 use tpm_symbolic::plan::{Op, Plan};
+use tpm_symbolic::prepare::{PrepareError, prepare};
 use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::regressor::{RegressorError, RegressorForm, regressor_form};
+use tpm_symbolic::regressor::RegressorForm;
 
 use super::number::{Rounded, resembles_constant};
 
@@ -26,9 +27,9 @@ pub struct Estimator {
 /// Why no source code can be made of a model.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum EmitError {
-    /// The model is not linear in its parameters.
+    /// A coordinate cannot be eliminated, or the model is not linear in its parameters.
     #[error(transparent)]
-    Regressor(#[from] RegressorError),
+    Prepare(#[from] PrepareError),
     /// A number of the model is beyond double precision.
     #[error("the number {0} is beyond double precision (about 1e-308 to 1e308); choose other units")]
     OutOfRange(String),
@@ -44,10 +45,10 @@ impl Estimator {
     /// Everything that follows from a model.
     ///
     /// # Errors
-    /// When the model is not linear in its parameters, or holds a number beyond double precision.
+    /// When a coordinate cannot be eliminated, the model is not linear in its parameters, or it holds a number beyond double precision.
     pub fn new(model: Model) -> Result<Self, EmitError> {
-        let form = regressor_form(&model)?;
-        Self::from_form(model, form)
+        let prepared = prepare(model)?;
+        Self::from_form(prepared.model, prepared.form)
     }
 
     /// The same with a regressor form that was made elsewhere.

@@ -8,7 +8,7 @@ use tpm_runtime::Model;
 use tpm_runtime::control::{Differentiator, Feedback, Gain};
 use tpm_runtime::harmonics::{Accumulator, hold_factor};
 
-tpm_runtime::model_file!("../../models/two_carts.tpm");
+tpm_runtime::model_file!("../../models/mass_spring_drag.tpm");
 
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {
@@ -30,8 +30,8 @@ pub extern "C" fn _start() -> ! {
     let mut filters = [Differentiator::new(1e-3, 2e-3)];
     let mut inputs = [0.0];
     black_box(Feedback::new(&gains, &mut filters).add(&[black_box(0.1)], None, &mut inputs).is_ok());
-    let model: &dyn Model<f64> = black_box(&TwoCarts);
-    let (mut motion, mut workspace) = ([0.1; 12], [0.0; 128]);
-    black_box(model.forward_dynamics(&mut motion, &[1.0; 5], &[], &[1.0], &mut workspace).is_ok());
+    let model: &dyn Model<f64> = black_box(&MassSpringDrag);
+    let (mut motion, mut workspace) = ([0.1; 3], [0.0; 128]);
+    black_box(model.forward_dynamics(&mut motion, &[1.0; 3], &[], &[1.0], &mut workspace).is_ok());
     loop {}
 }
