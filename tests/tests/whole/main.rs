@@ -6,4 +6,3 @@ mod foundation;
 mod licences;
 mod support;
 mod tables;
-mod ui;

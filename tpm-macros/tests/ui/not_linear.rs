@@ -1,4 +1,4 @@
-tpm_runtime::model! {
+tpm_macros::model! {
     model Pendulum {
         coordinate x;
         input u;

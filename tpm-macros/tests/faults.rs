@@ -2,5 +2,5 @@
 
 #[test]
 fn faults_are_shown_on_the_users_tokens() {
-    trybuild::TestCases::new().compile_fail("ui/*.rs");
+    trybuild::TestCases::new().compile_fail("tests/ui/*.rs");
 }

@@ -1,4 +1,4 @@
-tpm_runtime::model! {
+tpm_macros::model! {
     model Slider {
         coordinate x [m];
         input u [N];

@@ -1,3 +1,0 @@
-tpm_runtime::model_file!(slider);
-
-fn main() {}

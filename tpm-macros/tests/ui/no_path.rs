@@ -1,0 +1,3 @@
+tpm_macros::model_file!(slider);
+
+fn main() {}
