@@ -1,7 +1,16 @@
 //! The printed tables of Feng, chapters 4 and 5, entry by entry.
 
-use crate::support::{root, table_of};
+use crate::support::{model, root, table_of};
+use proptest::prelude::*;
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::process::Command;
+use tpm_codegen::emit::table::{csv, latex, markdown};
+use tpm_runtime::Model as _;
+use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::trajectory::Pattern;
+use tpm_symbolic::fourier::Trig;
+use tpm_symbolic::prepare::prepare;
 use tpm_symbolic::rational::{self, Rational};
 use tpm_symbolic::table::HarmonicTable;
 
@@ -72,6 +81,109 @@ fn feng_b_1_and_b_2() {
     // The ten terms at harmonics 7 and 9 that the printed equations leave out.
     let high = |facts: &Facts| facts.keys().filter(|(harmonic, ..)| *harmonic > 6).count();
     assert_eq!((high(&first), high(&second)), (4, 6));
+}
+
+/// Sums of equally spaced samples integrate a finite Fourier series exactly, so that what is compared is rounding alone.
+fn agrees_with_quadrature(name: &str, values: &[f64]) {
+    let declared = model(name);
+    let prepared = prepare(declared).expect("linear in the parameters");
+    let table = table_of(name);
+    let mut values = values.iter().copied().cycle();
+    let symbols: Vec<f64> = table.symbols.iter().map(|_| values.next().expect("endless")).collect();
+    let symbol = |wanted: &str| {
+        table.symbols.iter().position(|name| name == wanted).map(|index| symbols[index]).expect("a symbol of the table")
+    };
+    let parameters: Vec<f64> = table.parameters.iter().map(|_| values.next().expect("endless")).collect();
+
+    let interpreted = Interpreted::new(&prepared.model, &prepared.form);
+    // What the table does not hold, it does not depend on.
+    let constants: Vec<f64> = vec![0.4; interpreted.dims().constants];
+    let mut pattern = prepared.model.pattern(None).expect("has a pattern").clone();
+    // An eliminated coordinate is no coordinate of the rows.
+    pattern.motions.retain(Option::is_some);
+    let pattern = Pattern::of_symbolic(&pattern, &prepared.model, |_| Some(0.4)).expect("every coordinate moves");
+    let amplitudes: Vec<f64> = pattern.amplitudes.iter().map(|name| symbol(name)).collect();
+    let trajectory = pattern.trajectory(&amplitudes, symbol("w"));
+
+    let dims = interpreted.dims();
+    let highest = (0..dims.rows).map(|row| table.highest_harmonic(row)).max().expect("a row");
+    let samples = 4 * (highest + 8);
+    let mut motion = vec![0.0; dims.motion_len()];
+    let mut workspace = vec![0.0; interpreted.inverse_workspace_len()];
+    let mut forces = vec![Vec::with_capacity(samples); dims.rows];
+    let mut sample = vec![0.0; dims.rows];
+    for n in 0..samples {
+        trajectory.motion_at(n, samples, 0.0, &mut motion);
+        interpreted
+            .inverse_dynamics(&motion, &parameters, &constants, &mut workspace, &mut sample)
+            .expect("defined everywhere");
+        forces.iter_mut().zip(&sample).for_each(|(force, value)| force.push(*value));
+    }
+    for (row, force) in forces.iter().enumerate() {
+        let peak = force.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
+        for harmonic in 0..=highest + 3 {
+            for function in [Trig::Cos, Trig::Sin] {
+                let weight = if harmonic == 0 { 1.0 } else { 2.0 } / samples as f64;
+                let wave = |n: usize| {
+                    let angle = TAU * ((n * harmonic) % samples) as f64 / samples as f64;
+                    if function == Trig::Cos { angle.cos() } else { angle.sin() }
+                };
+                let integral: f64 = force.iter().enumerate().map(|(n, value)| weight * value * wave(n)).sum();
+                let exact: f64 = (0..dims.parameters)
+                    .flat_map(|column| {
+                        table.at(row, harmonic, function, Some(column)).map(move |entry| (column, entry))
+                    })
+                    .map(|(column, entry)| parameters[column] * table.evaluate(&entry, &symbols))
+                    .sum();
+                let difference = (integral - exact).abs();
+                assert!(
+                    difference <= 1e-12 * peak,
+                    "{name}, row {row}, {function:?} {harmonic}: {difference:e} of {peak:e}"
+                );
+            }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn tables_agree_with_quadrature_at_random_values(values in prop::collection::vec(0.3_f64..2.0, 24)) {
+        for name in ["mass_spring_drag", "two_carts", "three_carts", "closed_loop_arm", "silverbox"] {
+            agrees_with_quadrature(name, &values);
+        }
+    }
+}
+
+#[test]
+fn printed_forms() {
+    for name in ["mass_spring_drag", "two_carts", "three_carts", "closed_loop_arm"] {
+        let table = table_of(name);
+        insta::assert_snapshot!(format!("{name}_markdown"), markdown(&table));
+        insta::assert_snapshot!(format!("{name}_latex"), latex(&table));
+        // One line an entry, below the header.
+        assert_eq!(csv(&table).lines().count(), table.len() + 1);
+    }
+}
+
+#[test]
+fn latex_is_set_as_it_is() {
+    if Command::new("pdflatex").arg("--version").output().is_err() {
+        eprintln!("skipped: no pdflatex on this machine");
+        return;
+    }
+    for name in ["mass_spring_drag", "two_carts", "three_carts", "closed_loop_arm", "emps"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("table.tex"), latex(&table_of(name))).expect("a file");
+        let run = Command::new("pdflatex")
+            .args(["-interaction=nonstopmode", "-halt-on-error", "table.tex"])
+            .current_dir(folder.path())
+            .output()
+            .expect("runs");
+        let printed = String::from_utf8_lossy(&run.stdout);
+        assert!(run.status.success(), "{name}: {printed}");
+        assert!(!printed.contains("Overfull"), "{name} runs over the margin: {printed}");
+    }
 }
 
 /// At t = 0 everything is at rest: columns with a derivative sum to 0, a pure power of x to x(0)^p.
