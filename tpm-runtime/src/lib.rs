@@ -21,6 +21,8 @@ pub mod linear;
 #[cfg(feature = "std")]
 pub mod log;
 pub mod model;
+#[cfg(feature = "interpret")]
+pub mod physical;
 #[cfg(feature = "std")]
 pub mod procedure;
 pub mod real;

@@ -4,5 +4,6 @@ mod campaign;
 mod emitted;
 mod foundation;
 mod licences;
+mod physical;
 mod support;
 mod tables;

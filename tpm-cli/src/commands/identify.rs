@@ -7,14 +7,16 @@ use crate::{Outcome, interrupt, output, progress};
 use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_runtime::estimate::Frozen;
+use tpm_runtime::estimate::{Estimate, Frozen};
 use tpm_runtime::experiment::{CampaignIdentification, Experiment, identify_simulated};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::log::{Identification, Log, LogOptions, ParameterReport, identify_log};
 use tpm_runtime::model::Model as _;
+use tpm_runtime::physical::{PhysicalSettings, is_lumped, negative_masses, physical};
 use tpm_runtime::procedure::RunReport;
 use tpm_runtime::trajectory::Pattern;
+use tpm_symbolic::model::Kind;
 use tpm_symbolic::prepare::Prepared;
 
 /// What an input does between samples.
@@ -58,12 +60,15 @@ pub(crate) struct Args {
     /// Value of a constant that is known at run time only.
     #[arg(long = "constant", value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     constants: Vec<(String, f64)>,
-    /// Prior value of a parameter: what an unobservable direction keeps.
+    /// Prior value of a parameter: what an unobservable direction keeps; of a physical one: where the search starts.
     #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     prior: Vec<(String, f64)>,
-    /// Hold a parameter at a value.
+    /// Hold a parameter, or a physical one, at a value.
     #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     freeze: Vec<(String, f64)>,
+    /// Bounds of a physical parameter behind lumped ones, either side may be left out; kg and kg*m^2 are not negative unless said.
+    #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = bounds_assignment)]
+    bound: Vec<(String, (f64, f64))>,
     /// Experiment on the simulated plant; the file of the model's name ending in .toml when not given.
     #[arg(long, value_name = "FILE", conflicts_with = "log")]
     experiment: Option<PathBuf>,
@@ -98,13 +103,23 @@ fn number_assignment(text: &str) -> Result<(String, f64), String> {
     }
 }
 
+fn bounds_assignment(text: &str) -> Result<(String, (f64, f64)), String> {
+    let (name, interval) = assignment(text)?;
+    let (low, high) = interval.split_once(':').ok_or_else(|| format!("`{interval}` is not of the form LOW:HIGH"))?;
+    let side = |text: &str, open: f64| match text.trim() {
+        "" => Ok(open),
+        text => text.parse::<f64>().map_err(|_| format!("`{text}` is not a number")),
+    };
+    Ok((name, (side(low, f64::NEG_INFINITY)?, side(high, f64::INFINITY)?)))
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let prepared = loaded.prepared()?;
     let model = Interpreted::new(&prepared.model, &prepared.form);
     match &args.log {
-        Some(path) => from_log(args, &model, path),
+        Some(path) => from_log(args, &prepared, &model, path),
         None => simulated(args, &loaded, &prepared, &model),
     }
 }
@@ -145,11 +160,20 @@ fn simulated(args: &Args, loaded: &Loaded, prepared: &Prepared, model: &Interpre
         result.map(|result| (result, !go_on()))
     });
     drop(bar);
-    let (result, interrupted) = result.map_err(|error| input(&error))?;
+    let (mut result, interrupted) = result.map_err(|error| input(&error))?;
+    if let Some(estimate) = &result.estimate {
+        let settings =
+            settings(args, &experiment.prior, &experiment.frozen, &experiment.constants, &physical_names(prepared));
+        (result.physical, result.warnings) =
+            physical_part(prepared, estimate, &settings, &result.parameters, result.warnings)?;
+    }
     let text = if args.json { json(&result)? } else { describe_campaign(&result, &prepared.model) };
     output::emit(args.output.as_deref(), &text)?;
     if interrupted {
         return Err(Failure::Interrupted);
+    }
+    if let Some(negative) = negative_masses(&result.parameters).into_iter().next() {
+        return Err(Failure::Incomplete(negative));
     }
     if !result.is_complete() {
         let why = result.outcome.map_or("the campaign was not finished", |outcome| outcome.describe());
@@ -213,12 +237,20 @@ fn remarks(unobservable: &[BTreeMap<String, String>], warnings: &[String]) -> St
     text
 }
 
-fn from_log(args: &Args, model: &Interpreted, path: &Path) -> Outcome {
-    let options = log_options(args, model)?;
+fn from_log(args: &Args, prepared: &Prepared, model: &Interpreted, path: &Path) -> Outcome {
+    let own = physical_names(prepared);
+    let options = log_options(args, model, &own)?;
     let log = Log::open(path, model, &options).map_err(|error| Failure::Input(error.to_string()))?;
-    let result = identify_log(model, &log, &options).map_err(|error| Failure::Input(error.to_string()))?;
+    let mut result = identify_log(model, &log, &options).map_err(|error| Failure::Input(error.to_string()))?;
+    let map = |list: &[(String, f64)]| list.iter().cloned().collect();
+    let settings = settings(args, &map(&args.prior), &map(&args.freeze), &map(&args.constants), &own);
+    (result.physical, result.warnings) =
+        physical_part(prepared, &result.estimate, &settings, &result.parameters, result.warnings)?;
     let text = if args.json { json(&result)? } else { describe(&result) };
     output::emit(args.output.as_deref(), &text)?;
+    if let Some(negative) = negative_masses(&result.parameters).into_iter().next() {
+        return Err(Failure::Incomplete(negative));
+    }
     if result.rank < result.parameters.iter().filter(|parameter| parameter.status != "frozen").count() {
         return Err(Failure::Incomplete(format!(
             "the data determine {} independent combinations of the parameters, not all of them",
@@ -228,7 +260,57 @@ fn from_log(args: &Args, model: &Interpreted, path: &Path) -> Outcome {
     Ok(())
 }
 
-fn log_options(args: &Args, model: &Interpreted) -> Result<LogOptions, Failure> {
+/// Names of the physical parameters behind lumped ones; none when nothing was lumped.
+fn physical_names(prepared: &Prepared) -> Vec<String> {
+    if !is_lumped(prepared) {
+        return Vec::new();
+    }
+    let parameters = prepared.model.symbols.iter().filter(|quantity| quantity.kind == Kind::Parameter);
+    parameters.map(|quantity| quantity.name.clone()).collect()
+}
+
+/// What was said of the physical parameters.
+fn settings(
+    args: &Args,
+    prior: &BTreeMap<String, f64>,
+    frozen: &BTreeMap<String, f64>,
+    constants: &BTreeMap<String, f64>,
+    own: &[String],
+) -> PhysicalSettings {
+    let only = |values: &BTreeMap<String, f64>| {
+        values.iter().filter(|(name, _)| own.contains(name)).map(|(name, value)| (name.clone(), *value)).collect()
+    };
+    PhysicalSettings {
+        prior: only(prior),
+        frozen: only(frozen),
+        bounds: args.bound.iter().cloned().collect(),
+        constants: constants.clone(),
+    }
+}
+
+/// The physical parameters behind lumped ones, and all warnings.
+fn physical_part(
+    prepared: &Prepared,
+    estimate: &Estimate,
+    settings: &PhysicalSettings,
+    parameters: &[ParameterReport],
+    mut warnings: Vec<String>,
+) -> Result<(Vec<ParameterReport>, Vec<String>), Failure> {
+    warnings.extend(negative_masses(parameters));
+    if !is_lumped(prepared) {
+        if let Some(name) = settings.bounds.keys().next() {
+            return Err(Failure::Input(format!(
+                "--bound {name}=...: the model is linear in its parameters as they are; bounds are for physical parameters behind lumped ones"
+            )));
+        }
+        return Ok((Vec::new(), warnings));
+    }
+    let found = physical(prepared, estimate, settings).map_err(|error| Failure::Input(error.to_string()))?;
+    warnings.extend(found.warnings);
+    Ok((found.parameters, warnings))
+}
+
+fn log_options(args: &Args, model: &Interpreted, physical: &[String]) -> Result<LogOptions, Failure> {
     let dims = model.dims();
     let coordinates = (0..dims.coordinates).map(|i| model.coordinate(i).name.to_owned());
     let inputs = (0..dims.inputs).map(|i| model.input(i).name.to_owned());
@@ -245,8 +327,9 @@ fn log_options(args: &Args, model: &Interpreted) -> Result<LogOptions, Failure> 
             missing.iter().map(|name| format!("--constant {name}=VALUE")).collect::<Vec<_>>().join(" ")
         )));
     }
-    let priors = by_name("--prior", &args.prior, &parameters)?;
-    let frozen = by_name("--freeze", &args.freeze, &parameters)?;
+    let either: Vec<String> = parameters.iter().chain(physical).cloned().collect();
+    let priors = by_name("--prior", &args.prior, &either)?;
+    let frozen = by_name("--freeze", &args.freeze, &either)?;
     let index = |name: &str| parameters.iter().position(|parameter| parameter == name);
     Ok(LogOptions {
         map: by_name("--map", &args.map, &signals)?,
@@ -260,7 +343,7 @@ fn log_options(args: &Args, model: &Interpreted) -> Result<LogOptions, Failure> 
         },
         harmonics: args.harmonics,
         constants: constants.iter().map(|name| given[name]).collect(),
-        prior: if priors.is_empty() {
+        prior: if parameters.iter().all(|name| !priors.contains_key(name)) {
             Vec::new()
         } else {
             parameters.iter().map(|name| priors.get(name).copied().unwrap_or(0.0)).collect()

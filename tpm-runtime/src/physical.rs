@@ -1,0 +1,509 @@
+//! Physical parameters from the lumped ones that a model is linear in.
+//!
+//! The lumped parameters are c(p). With an estimate of c and its covariance S the physical parameters minimise
+//! `(c(p) - c)' S^-1 (c(p) - c)` within their bounds (Gauss-Newton with the exact Jacobian, by Levenberg and Marquardt).
+//! There are usually more c than p: what the minimum leaves measures whether the c belong to a machine of this structure at
+//! all (two carts: c4 = c3^2/(3 c7), c5 = c3^3/(27 c7^2); after Feng, Eqns 4.35-4.41).
+//!
+//! Invariant: rows of [`Weighted`] are combinations of the c that the data show, each of variance one and uncorrelated with
+//! the others. Directions that the data do not show have no row.
+
+use crate::estimate::{Estimate, Status};
+use crate::log::ParameterReport;
+use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
+use nalgebra::storage::Owned;
+use nalgebra::{DMatrix, DVector, Dyn};
+use std::collections::BTreeMap;
+use std::format;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+use tpm_symbolic::expr::Symbol;
+use tpm_symbolic::model::Kind;
+use tpm_symbolic::parameter_map::ParameterMap;
+use tpm_symbolic::prepare::Prepared;
+use tpm_symbolic::unit::Unit;
+
+/// A combination of variance below this share of the largest, after scaling, is taken for rounding.
+const ROUNDING: f64 = 1e-14;
+/// Least relative standard deviation of a lumped parameter: nothing is known better, and frozen ones are held so tightly.
+const SHARPEST: f64 = 1e-12;
+/// Singular values of the weighted, scaled Jacobian below this share of the largest show nothing.
+const RANK_TOLERANCE: f64 = 1e-9;
+/// Deviation of the consistency test, in standard deviations of a normal variable, that is flagged (one in a thousand).
+const INCONSISTENT: f64 = 3.09;
+/// A standard deviation above this share of the value makes a parameter poorly determined.
+const POOR: f64 = 0.5;
+/// A value below minus so many standard deviations is negative beyond doubt.
+const SURELY_NEGATIVE: f64 = 2.0;
+
+/// What is known about the physical parameters beforehand, by name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhysicalSettings {
+    /// Where to start beside the closed inverse; unobservable parameters keep it.
+    pub prior: BTreeMap<String, f64>,
+    /// Values that are held.
+    pub frozen: BTreeMap<String, f64>,
+    /// Least and largest values, infinite for none. A mass or a moment of inertia is not negative unless its bounds say so.
+    pub bounds: BTreeMap<String, (f64, f64)>,
+    /// Values of the constants that are known at run time.
+    pub constants: BTreeMap<String, f64>,
+}
+
+/// Physical parameters, and whether the lumped ones are consistent with any.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Physical {
+    /// Every physical parameter with its standard deviation.
+    pub parameters: Vec<ParameterReport>,
+    /// Covariance, in the order of `parameters`; zero for what is frozen or at a bound.
+    pub covariance: DMatrix<f64>,
+    /// Independent combinations of the physical parameters that the lumped ones determine.
+    pub rank: usize,
+    /// Weighted sum of squares that the best physical parameters leave.
+    pub misfit: f64,
+    /// Relations among the lumped parameters that were tested by it.
+    pub freedom: usize,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// A fault of the settings.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PhysicalError {
+    /// No such parameter.
+    #[error("there is no physical parameter `{name}`; there are {known}")]
+    Unknown {
+        /// What was given.
+        name: String,
+        /// The model's.
+        known: String,
+    },
+    /// An empty interval.
+    #[error("the bounds of `{name}` hold no value: {low} to {high}")]
+    EmptyBounds {
+        /// Whose.
+        name: String,
+        /// Lower bound.
+        low: f64,
+        /// Upper bound.
+        high: f64,
+    },
+    /// A constant without a value.
+    #[error("the map to the physical parameters needs a value of the constant `{name}`")]
+    NoConstant {
+        /// Which.
+        name: String,
+    },
+}
+
+/// Whether a model's parameters were lumped, so that there are physical ones beside them.
+#[must_use]
+pub fn is_lumped(prepared: &Prepared) -> bool {
+    prepared.form.columns.iter().any(|column| column.parameter.is_none())
+}
+
+/// The physical parameters that explain an estimate of the lumped ones best.
+///
+/// # Errors
+/// [`PhysicalError`].
+pub fn physical(
+    prepared: &Prepared,
+    estimate: &Estimate,
+    settings: &PhysicalSettings,
+) -> Result<Physical, PhysicalError> {
+    let map = ParameterMap::new(prepared);
+    let fixed = Fixed::new(prepared, &map, settings)?;
+    let weighted = Weighted::new(estimate);
+    let best = fixed.starts(&map, estimate).into_iter().map(|start| fixed.minimise(&map, &weighted, start));
+    let best = best.fold(None, |best: Option<Solution>, next| match best {
+        Some(best) if best.misfit <= next.misfit || !next.misfit.is_finite() => Some(best),
+        _ => Some(next),
+    });
+    let best = best.unwrap_or_else(|| fixed.minimise(&map, &weighted, vec![1.0; map.parameters().len()]));
+    Ok(fixed.report(prepared, &map, &weighted, &best))
+}
+
+/// Masses and moments of inertia among parameters that came out negative: a fit that no machine has.
+#[must_use]
+pub fn negative_masses(parameters: &[ParameterReport]) -> Vec<String> {
+    let is_mass = |unit: &str| matches!(unit, "kg" | "kg*m^2" | "g" | "t");
+    let negative = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass)).filter_map(|p| {
+        let (value, std) = (p.value?, p.std?);
+        (value < -SURELY_NEGATIVE * std).then(|| {
+            format!(
+                "{} = {value:.4e} is negative, which no machine has: a term may be missing, or a scale, a sign or a column may be wrong",
+                p.name
+            )
+        })
+    });
+    negative.collect()
+}
+
+/// Combinations of the lumped parameters that the data show: `rows (c - values)` has the identity as covariance.
+struct Weighted {
+    rows: DMatrix<f64>,
+    values: DVector<f64>,
+}
+
+impl Weighted {
+    fn new(estimate: &Estimate) -> Self {
+        let n = estimate.values.len();
+        let scale: Vec<f64> = (0..n)
+            .map(|j| {
+                let floor = (SHARPEST * estimate.values[j].abs()).max(f64::MIN_POSITIVE.sqrt());
+                let std = estimate.covariance[(j, j)].max(0.0).sqrt();
+                std.max(floor)
+            })
+            .collect();
+        // Functionals that vanish along what is not shown, in scaled coordinates.
+        let hidden = DMatrix::from_fn(n, estimate.unobservable.len(), |r, c| estimate.unobservable[c][r] / scale[r]);
+        let shown = complement(&hidden, n);
+        let covariance = DMatrix::from_fn(n, n, |r, c| {
+            let entry = estimate.covariance[(r, c)] / (scale[r] * scale[c]);
+            if r == c { entry.max(if estimate.std[r] == 0.0 { 1.0 } else { entry }) } else { entry }
+        });
+        let reduced = shown.transpose() * covariance * &shown;
+        let eigen = reduced.symmetric_eigen();
+        let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
+        let turned = &shown * &eigen.eigenvectors;
+        let rows = DMatrix::from_fn(turned.ncols(), n, |i, j| {
+            let variance = eigen.eigenvalues[i].max(ROUNDING * largest);
+            turned[(j, i)] / (scale[j] * variance.sqrt())
+        });
+        Self { rows, values: DVector::from_column_slice(&estimate.values) }
+    }
+}
+
+/// An orthonormal basis, by columns, of what is orthogonal to the columns given.
+fn complement(columns: &DMatrix<f64>, n: usize) -> DMatrix<f64> {
+    if columns.ncols() == 0 {
+        return DMatrix::identity(n, n);
+    }
+    let unit = DMatrix::from_columns(
+        &columns.column_iter().map(|column| column.into_owned().normalize()).collect::<Vec<DVector<f64>>>(),
+    );
+    let eigen = (&unit * unit.transpose()).symmetric_eigen();
+    let kept: Vec<DVector<f64>> = (0..n)
+        .filter(|&i| eigen.eigenvalues[i].abs() < 0.5 / n as f64)
+        .map(|i| eigen.eigenvectors.column(i).into_owned())
+        .collect();
+    if kept.is_empty() { DMatrix::zeros(n, 0) } else { DMatrix::from_columns(&kept) }
+}
+
+/// Everything that is settled before the first step.
+struct Fixed {
+    constants: BTreeMap<Symbol, f64>,
+    frozen: Vec<Option<f64>>,
+    bounds: Vec<(f64, f64)>,
+    prior: Vec<Option<f64>>,
+}
+
+/// Where a minimisation ended.
+struct Solution {
+    values: Vec<f64>,
+    /// Parameters held at a bound.
+    held: Vec<bool>,
+    misfit: f64,
+    converged: bool,
+}
+
+impl Fixed {
+    fn new(prepared: &Prepared, map: &ParameterMap, settings: &PhysicalSettings) -> Result<Self, PhysicalError> {
+        let names: Vec<&str> = map.parameters().iter().map(|&symbol| map.name(symbol)).collect();
+        let given = settings.prior.keys().chain(settings.frozen.keys()).chain(settings.bounds.keys());
+        for name in given {
+            if !names.contains(&name.as_str()) {
+                return Err(PhysicalError::Unknown { name: name.clone(), known: names.join(", ") });
+            }
+        }
+        let mut constants = BTreeMap::new();
+        for (index, quantity) in prepared.model.symbols.iter().enumerate() {
+            if matches!(quantity.kind, Kind::Constant { value: None })
+                && let Some(value) = settings.constants.get(&quantity.name)
+            {
+                constants.insert(Symbol(index as u32), *value);
+            }
+        }
+        let graph = map.graph();
+        let atoms =
+            map.definitions().iter().flat_map(|d| d.terms().flat_map(|(m, _)| m.factors().map(|(&atom, _)| atom)));
+        for leaf in atoms.flat_map(|atom| graph.leaves(atom)) {
+            if let tpm_symbolic::expr::Node::Symbol(symbol) = graph.node(leaf) {
+                let quantity = prepared.model.quantity(*symbol);
+                if matches!(quantity.kind, Kind::Constant { value: None }) && !constants.contains_key(symbol) {
+                    return Err(PhysicalError::NoConstant { name: quantity.name.clone() });
+                }
+            }
+        }
+        let mut bounds = Vec::with_capacity(names.len());
+        for &symbol in map.parameters() {
+            let unit = prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string);
+            let is_mass = unit.as_deref().is_some_and(|unit| matches!(unit, "kg" | "kg*m^2"));
+            let natural = if is_mass { 0.0 } else { f64::NEG_INFINITY };
+            let (low, high) = settings.bounds.get(map.name(symbol)).copied().unwrap_or((natural, f64::INFINITY));
+            if !matches!(low.partial_cmp(&high), Some(std::cmp::Ordering::Less)) {
+                return Err(PhysicalError::EmptyBounds { name: map.name(symbol).to_string(), low, high });
+            }
+            bounds.push((low, high));
+        }
+        let by_name = |values: &BTreeMap<String, f64>| names.iter().map(|name| values.get(*name).copied()).collect();
+        Ok(Self { constants, frozen: by_name(&settings.frozen), bounds, prior: by_name(&settings.prior) })
+    }
+
+    fn lookup<'a>(&'a self, map: &'a ParameterMap, values: &'a [f64]) -> impl Fn(Symbol) -> f64 + 'a {
+        move |symbol| {
+            let own = map.parameters().iter().position(|parameter| *parameter == symbol);
+            own.map_or_else(|| self.constants.get(&symbol).copied().unwrap_or(f64::NAN), |i| values[i])
+        }
+    }
+
+    /// The closed inverse where there is one, the prior, and ones: the best minimum of all is taken.
+    fn starts(&self, map: &ParameterMap, estimate: &Estimate) -> Vec<Vec<f64>> {
+        let count = map.parameters().len();
+        let plain: Vec<f64> = (0..count).map(|i| self.prior[i].filter(|value| *value != 0.0).unwrap_or(1.0)).collect();
+        let mut closed = plain.clone();
+        for (symbol, value) in map.inverse().evaluate(&estimate.values) {
+            if let Some(i) = map.parameters().iter().position(|parameter| *parameter == symbol)
+                && value.is_finite()
+            {
+                closed[i] = value;
+            }
+        }
+        let mut starts = vec![closed, plain];
+        for start in &mut starts {
+            for (i, value) in start.iter_mut().enumerate() {
+                let (low, high) = self.bounds[i];
+                // Strictly inside, so that nothing is divided by a mass of zero.
+                if *value <= low {
+                    *value = if high.is_finite() { f64::midpoint(low, high) } else { low + value.abs().max(1.0) };
+                } else if *value >= high {
+                    *value = if low.is_finite() { f64::midpoint(low, high) } else { high - value.abs().max(1.0) };
+                }
+                *value = self.frozen[i].unwrap_or(*value);
+            }
+        }
+        starts.dedup();
+        starts
+    }
+
+    /// Minimises within the bounds: a parameter that leaves them is held at the bound, and released when that pays.
+    fn minimise(&self, map: &ParameterMap, weighted: &Weighted, start: Vec<f64>) -> Solution {
+        let count = start.len();
+        let mut values = start;
+        let mut held = vec![false; count];
+        let mut converged = false;
+        // Every pass holds or releases one parameter; more passes than that would go round in circles.
+        for _ in 0..2 * count + 2 {
+            let free: Vec<usize> = (0..count).filter(|&i| self.frozen[i].is_none() && !held[i]).collect();
+            let before = values.clone();
+            if !free.is_empty() && weighted.rows.nrows() > 0 {
+                let problem = Problem::new(self, map, weighted, values.clone(), free);
+                let (problem, report) = LevenbergMarquardt::new()
+                    .with_ftol(1e-14)
+                    .with_xtol(1e-14)
+                    .with_gtol(1e-14)
+                    .with_patience(200)
+                    .minimize(problem);
+                converged = report.termination.was_successful()
+                    || matches!(report.termination, levenberg_marquardt::TerminationReason::NoImprovementPossible(_));
+                values = problem.values;
+            } else {
+                converged = true;
+            }
+            // The parameter that leaves its bounds first on the way.
+            let beyond = (0..count).filter(|&i| !held[i] && self.frozen[i].is_none()).filter_map(|i| {
+                let (low, high) = self.bounds[i];
+                let bound = if values[i] < low {
+                    low
+                } else if values[i] > high {
+                    high
+                } else {
+                    return None;
+                };
+                let share = (bound - before[i]) / (values[i] - before[i]);
+                Some((share, i, bound))
+            });
+            if let Some((share, i, bound)) = beyond.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                for (value, old) in values.iter_mut().zip(&before) {
+                    *value = old + share.clamp(0.0, 1.0) * (*value - old);
+                }
+                values[i] = bound;
+                held[i] = true;
+                continue;
+            }
+            // Releasing pays when the misfit falls on the way inside.
+            let Some(gradient) = self.gradient(map, weighted, &values) else { break };
+            let inward = (0..count).find(|&i| {
+                held[i] && if values[i] <= self.bounds[i].0 { gradient[i] < 0.0 } else { gradient[i] > 0.0 }
+            });
+            match inward {
+                Some(i) if converged && !self.is_singular_at(map, &values, i) => held[i] = false,
+                _ => break,
+            }
+        }
+        let misfit = self.residuals(map, weighted, &values).map_or(f64::INFINITY, |r| r.norm_squared());
+        Solution { values, held, misfit, converged }
+    }
+
+    /// Whether the map has no value with parameter i where it is (a division by a mass of zero).
+    fn is_singular_at(&self, map: &ParameterMap, values: &[f64], i: usize) -> bool {
+        let lumped = map.evaluate(self.lookup(map, values));
+        lumped.iter().any(|value| !value.is_finite()) || !values[i].is_finite()
+    }
+
+    fn residuals(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {
+        let lumped = DVector::from_vec(map.evaluate(self.lookup(map, values)));
+        let residuals = &weighted.rows * (lumped - &weighted.values);
+        residuals.iter().all(|value| value.is_finite()).then_some(residuals)
+    }
+
+    fn jacobian(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DMatrix<f64>> {
+        let rows = map.jacobian_at(self.lookup(map, values));
+        let lumped = DMatrix::from_fn(rows.len(), values.len(), |r, c| rows[r][c]);
+        let jacobian = &weighted.rows * lumped;
+        jacobian.iter().all(|value| value.is_finite()).then_some(jacobian)
+    }
+
+    fn gradient(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {
+        Some(self.jacobian(map, weighted, values)?.transpose() * self.residuals(map, weighted, values)?)
+    }
+
+    fn report(&self, prepared: &Prepared, map: &ParameterMap, weighted: &Weighted, solution: &Solution) -> Physical {
+        let count = solution.values.len();
+        let free: Vec<usize> = (0..count).filter(|&i| self.frozen[i].is_none() && !solution.held[i]).collect();
+        let mut covariance: DMatrix<f64> = DMatrix::zeros(count, count);
+        let mut hidden = vec![false; count];
+        let mut rank = 0;
+        let mut warnings = Vec::new();
+        match self.jacobian(map, weighted, &solution.values) {
+            Some(jacobian) if !free.is_empty() && jacobian.nrows() > 0 => {
+                let scale: Vec<f64> =
+                    free.iter().map(|&i| jacobian.column(i).norm()).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
+                let scaled = DMatrix::from_fn(jacobian.nrows(), free.len(), |r, c| jacobian[(r, free[c])] / scale[c]);
+                let eigen = (scaled.transpose() * &scaled).symmetric_eigen();
+                let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
+                for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+                    if *value > RANK_TOLERANCE * largest {
+                        rank += 1;
+                        for (r, &i) in free.iter().enumerate() {
+                            for (c, &j) in free.iter().enumerate() {
+                                covariance[(i, j)] += direction[r] * direction[c] / (value * scale[r] * scale[c]);
+                            }
+                        }
+                    } else {
+                        for (r, &i) in free.iter().enumerate() {
+                            hidden[i] |= direction[r].abs() > 1e-6;
+                        }
+                    }
+                }
+            }
+            Some(_) => hidden.iter_mut().enumerate().for_each(|(i, hidden)| *hidden = free.contains(&i)),
+            None => {
+                warnings
+                    .push("the physical parameters came to a place where the lumped ones have no value".to_string());
+                hidden = vec![true; count];
+            }
+        }
+        let parameters: Vec<ParameterReport> = (0..count)
+            .map(|i| {
+                let symbol = map.parameters()[i];
+                let name = map.name(symbol);
+                let (value, std) = (solution.values[i], covariance[(i, i)].max(0.0).sqrt());
+                let status = if self.frozen[i].is_some() {
+                    Status::Frozen
+                } else if hidden[i] {
+                    warnings.push(format!("the lumped parameters do not determine {name}"));
+                    Status::Unobservable
+                } else if solution.held[i] {
+                    warnings.push(format!(
+                        "{name} is held at its bound {value}: the lumped parameters ask for a value beyond it, which no such machine has"
+                    ));
+                    Status::PoorlyDetermined
+                } else if std > POOR * value.abs() {
+                    warnings.push(format!("{name} is poorly determined"));
+                    Status::PoorlyDetermined
+                } else {
+                    Status::Identified
+                };
+                let seen = status != Status::Unobservable;
+                ParameterReport {
+                    name: name.to_string(),
+                    unit: prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string),
+                    prior: self.prior[i].or(self.frozen[i]),
+                    value: seen.then_some(value),
+                    std: (seen && !solution.held[i]).then_some(std),
+                    status: status.name(),
+                }
+            })
+            .collect();
+        let freedom = weighted.rows.nrows().saturating_sub(rank);
+        if !solution.converged {
+            warnings.push("the search for the physical parameters did not converge".to_string());
+        }
+        let deviation = deviation(solution.misfit, freedom);
+        if deviation > INCONSISTENT {
+            warnings.push(format!(
+                "the lumped parameters are not those of any machine of this structure: what the best physical ones leave is {deviation:.1} standard deviations from chance ({freedom} relations tested)"
+            ));
+        }
+        Physical { parameters, covariance, rank, misfit: solution.misfit, freedom, warnings }
+    }
+}
+
+/// How far a sum of squares of so many normal variables lies above what chance gives, as standard deviations of a normal
+/// variable (Wilson and Hilferty's cube root).
+fn deviation(sum: f64, freedom: usize) -> f64 {
+    if freedom == 0 {
+        return 0.0;
+    }
+    let width = 2.0 / (9.0 * freedom as f64);
+    ((sum / freedom as f64).cbrt() - (1.0 - width)) / width.sqrt()
+}
+
+/// The free parameters as the library sees them, each as a share of its scale.
+struct Problem<'a> {
+    fixed: &'a Fixed,
+    map: &'a ParameterMap,
+    weighted: &'a Weighted,
+    values: Vec<f64>,
+    free: Vec<usize>,
+    scale: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    fn new(
+        fixed: &'a Fixed,
+        map: &'a ParameterMap,
+        weighted: &'a Weighted,
+        values: Vec<f64>,
+        free: Vec<usize>,
+    ) -> Self {
+        let scale = free.iter().map(|&i| if values[i] == 0.0 { 1.0 } else { values[i].abs() }).collect();
+        Self { fixed, map, weighted, values, free, scale }
+    }
+}
+
+impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
+    type ResidualStorage = Owned<f64, Dyn>;
+    type JacobianStorage = Owned<f64, Dyn, Dyn>;
+    type ParameterStorage = Owned<f64, Dyn>;
+
+    fn set_params(&mut self, params: &DVector<f64>) {
+        for ((&i, share), scale) in self.free.iter().zip(params.iter()).zip(&self.scale) {
+            self.values[i] = share * scale;
+        }
+    }
+
+    fn params(&self) -> DVector<f64> {
+        DVector::from_iterator(self.free.len(), self.free.iter().zip(&self.scale).map(|(&i, s)| self.values[i] / s))
+    }
+
+    fn residuals(&self) -> Option<DVector<f64>> {
+        self.fixed.residuals(self.map, self.weighted, &self.values)
+    }
+
+    fn jacobian(&self) -> Option<DMatrix<f64>> {
+        let whole = self.fixed.jacobian(self.map, self.weighted, &self.values)?;
+        Some(DMatrix::from_fn(whole.nrows(), self.free.len(), |r, c| whole[(r, self.free[c])] * self.scale[c]))
+    }
+}
