@@ -2,5 +2,6 @@
 
 pub(crate) mod check;
 pub(crate) mod expand;
+pub(crate) mod generate;
 pub(crate) mod identifiability;
 pub(crate) mod identify;

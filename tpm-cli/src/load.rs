@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::output;
 use std::path::Path;
 use tpm_codegen::diagnostic::{self, Diagnostic};
+use tpm_codegen::emit::estimator::Estimator;
 use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
@@ -61,6 +62,16 @@ impl Loaded {
     pub(crate) fn harmonics(&self, pattern: &Pattern) -> Option<usize> {
         let index = self.model().patterns.iter().position(|other| other == pattern)?;
         self.parsed.harmonics_of(index)
+    }
+
+    /// Everything that the source code of an estimator is made of.
+    pub(crate) fn estimator(&self) -> Result<Estimator, Failure> {
+        Estimator::of(&self.parsed).map_err(|diagnostic| Failure::Model(self.rendered(&diagnostic)))
+    }
+
+    /// A fault of the model as a whole, at its name.
+    pub(crate) fn at_whole(&self, message: &str) -> Failure {
+        Failure::Model(self.rendered(&Diagnostic::error(self.parsed.ast.name.span, message)))
     }
 
     /// An error of a later stage, at its place in the text.

@@ -1,8 +1,8 @@
 //! `tpm`: the command line of the Trajectory Pattern Method tools.
 //!
 //! Files in, results out; every step of the work itself is a function of the libraries. Results go to standard output,
-//! errors and progress to standard error. Exit codes: 0 done, 1 not everything asked for was identified, 2 bad input,
-//! 130 interrupted.
+//! errors and progress to standard error. Exit codes: 0 done, 1 not everything asked for was identified (or, asked by
+//! `generate --check`, is current), 2 bad input, 130 interrupted.
 
 mod commands;
 mod failure;
@@ -30,6 +30,8 @@ enum Command {
     Check(commands::check::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(commands::expand::Args),
+    /// Write the source code of a model's estimator.
+    Generate(commands::generate::Args),
     /// Say what a pattern can show: exact rank, unobservable directions, base parameters.
     Identifiability(commands::identifiability::Args),
     /// Identify parameters: on a simulated plant, or from a log.
@@ -42,6 +44,7 @@ fn main() -> ExitCode {
     let outcome = match &cli.command {
         Command::Check(args) => commands::check::run(args),
         Command::Expand(args) => commands::expand::run(args),
+        Command::Generate(args) => commands::generate::run(args),
         Command::Identifiability(args) => commands::identifiability::run(args),
         Command::Identify(args) => commands::identify::run(args),
     };

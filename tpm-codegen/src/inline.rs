@@ -6,10 +6,10 @@ use proc_macro2::{Literal, Span, TokenStream, TokenTree};
 use quote::{quote, quote_spanned};
 use std::path::Path;
 
-use crate::diagnostic::{Diagnostic, Diagnostics, Severity};
-use crate::emit::estimator::{EmitError, Estimator};
+use crate::diagnostic::{Diagnostics, Severity};
+use crate::emit::estimator::Estimator;
 use crate::emit::rust;
-use crate::language::{Parsed, parse_model, parse_tokens};
+use crate::language::{parse_model, parse_tokens};
 use crate::source::Source;
 
 /// A fault of a macro call: what is wrong, and on which token.
@@ -21,14 +21,6 @@ fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
         quote_spanned!(span => ::core::compile_error! { #message })
     });
     items.collect()
-}
-
-/// Everything that follows from a model that was read; a fault is a diagnostic at its place.
-fn estimator(parsed: &Parsed) -> Result<Estimator, Diagnostic> {
-    Estimator::new(parsed.model.clone()).map_err(|error| match error {
-        EmitError::Prepare(error) => parsed.locate(&error),
-        other => Diagnostic::error(parsed.ast.name.span, other.to_string()),
-    })
 }
 
 /// The expansion of `model! { [crate = path;] model Name { ... } }`.
@@ -48,7 +40,7 @@ pub fn model(input: TokenStream) -> TokenStream {
         Ok(parsed) => parsed,
         Err(errors) => return errors,
     };
-    match estimator(&parsed) {
+    match Estimator::of(&parsed) {
         Ok(estimator) => {
             let options = rust::Options { command: "tpm_runtime::model!", runtime: &runtime, identified: None };
             rust::items(&estimator, &options, &TokenStream::new())
@@ -85,7 +77,7 @@ pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
         Ok(parsed) => parsed,
         Err(diagnostics) => return errors(at_places(&source, &diagnostics, literal)),
     };
-    match estimator(&parsed) {
+    match Estimator::of(&parsed) {
         Ok(estimator) => {
             let options = rust::Options { command: "tpm_runtime::model_file!", runtime: &runtime, identified: None };
             // The compiler watches what is included, so that a change of the file rebuilds the crate.

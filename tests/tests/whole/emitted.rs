@@ -399,6 +399,34 @@ fn names_of_the_language_are_carried_over() {
     assert!((fast.reference(&constants, 0.3).motion.dot - 0.4 * 0.6_f64.cos()).abs() < 1e-15);
 }
 
+/// The file that `tpm generate` writes computes what the macro's code computes, bit by bit.
+#[test]
+fn a_generated_file_is_the_macros_code() {
+    use crate::generated as file;
+    use models::mass_spring_drag as code;
+    check_dynamics("mass_spring_drag.tpm", &file::MassSpringDrag);
+    let result = runner(128).run(&(dyadic(2), dyadic(3), -3.0..3.0f64), |(pattern, theta, phase)| {
+        let pattern: [f64; 2] = pattern.try_into().expect("two symbols");
+        let theta: [f64; 3] = theta.try_into().expect("three parameters");
+        let (ours, theirs) = (file::Pattern::from_array(pattern), code::Pattern::from_array(pattern));
+        prop_assert_eq!(ours.estimator_matrix(), theirs.estimator_matrix());
+        let (motion, other) = (ours.reference_at(phase), theirs.reference_at(phase));
+        prop_assert_eq!(motion.into_array(), other.into_array());
+        let force = file::feed_forward(&motion, &file::Parameters::from_array(theta)).u;
+        prop_assert_eq!(force, code::feed_forward(&other, &code::Parameters::from_array(theta)).u);
+        let (mut sums, mut others) = (file::Accumulator::new(), code::Accumulator::new());
+        sums.push(phase, &file::Forces { u: force });
+        others.push(phase, &code::Forces { u: force });
+        let bits = |harmonics: [f64; 6]| harmonics.map(f64::to_bits);
+        prop_assert_eq!(
+            sums.harmonics().map(|harmonics| bits(harmonics.into_array())),
+            others.harmonics().map(|harmonics| bits(harmonics.into_array()))
+        );
+        Ok(())
+    });
+    result.expect("the same numbers");
+}
+
 #[test]
 fn feed_forward_is_the_input_of_the_equation() {
     use models::mass_spring_drag::{Parameters, Pattern, feed_forward, inverse_dynamics};

@@ -4,7 +4,7 @@
 //! non-vanishing double.
 
 use thiserror::Error;
-use tpm_symbolic::estimator::{EstimatorPlan, TablePlan};
+use tpm_symbolic::estimator::{EstimatorPlan, PatternPlan, TablePlan};
 use tpm_symbolic::model::Model;
 use tpm_symbolic::plan::{Op, Plan};
 use tpm_symbolic::prepare::{PrepareError, prepare};
@@ -12,6 +12,8 @@ use tpm_symbolic::rational::{self, Rational};
 use tpm_symbolic::regressor::RegressorForm;
 
 use super::number::{Rounded, resembles_constant};
+use crate::diagnostic::Diagnostic;
+use crate::language::Parsed;
 
 /// A model, its regressor form and its plans.
 #[derive(Clone, Debug)]
@@ -51,6 +53,17 @@ impl Estimator {
         Self::from_form(prepared.model, prepared.form)
     }
 
+    /// Everything that follows from a model in the language.
+    ///
+    /// # Errors
+    /// The same faults as [`Self::new`], at their places in the text.
+    pub fn of(parsed: &Parsed) -> Result<Self, Diagnostic> {
+        Self::new(parsed.model.clone()).map_err(|error| match error {
+            EmitError::Prepare(error) => parsed.locate(&error),
+            other => Diagnostic::error(parsed.ast.name.span, other.to_string()),
+        })
+    }
+
     /// The same with a regressor form that was made elsewhere.
     ///
     /// # Errors
@@ -62,6 +75,16 @@ impl Estimator {
             return Err(EmitError::OutOfRange(shortened(&rational::display(lost))));
         }
         Ok(estimator)
+    }
+
+    /// What this code will not have, and why: parts of the patterns, in whole sentences.
+    #[must_use]
+    pub fn gaps(&self) -> Vec<String> {
+        let of = |pattern: &PatternPlan| {
+            let name = pattern.name.as_ref().map_or_else(String::new, |name| format!("Pattern `{name}`: "));
+            gaps(pattern).into_iter().map(|gap| format!("{name}{gap}")).collect::<Vec<String>>()
+        };
+        self.plan.patterns.iter().flat_map(of).collect()
     }
 
     fn tables(&self) -> impl Iterator<Item = &TablePlan> {
@@ -88,6 +111,23 @@ impl Estimator {
     pub(super) fn resembles_constant(&self) -> bool {
         self.numbers().any(|value| resembles_constant(rational::to_f64(value)))
     }
+}
+
+/// What is left out for a pattern, and why.
+pub(super) fn gaps(pattern: &PatternPlan) -> Vec<String> {
+    let mut gaps = Vec::new();
+    if let Err(gap) = &pattern.reference {
+        gaps.push(format!("There is no reference motion: {}.", reason(gap)));
+    }
+    if let Err(gap) = &pattern.table {
+        gaps.push(format!("There is no estimator matrix and no harmonic: {}.", reason(gap)));
+    }
+    gaps
+}
+
+/// A fault in one line, without the markup of a message.
+fn reason(error: &impl std::fmt::Display) -> String {
+    error.to_string().lines().collect::<Vec<_>>().join(" ")
 }
 
 /// The first and last digits of a number too long to be read.

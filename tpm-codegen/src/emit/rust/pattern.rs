@@ -8,6 +8,7 @@ use tpm_symbolic::fourier::Trig;
 use tpm_symbolic::plan::Plan;
 use tpm_symbolic::table::Entry;
 
+use super::super::estimator::gaps;
 use super::super::number::Rounded;
 use super::expression::{PlanWriter, literal, literal_single};
 use super::names::{PatternNames, derivative_field, harmonic_field, harmonic_function, ident};
@@ -29,7 +30,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
                 let name = pattern.name.clone().unwrap_or_else(|| (index + 1).to_string());
                 let motions = text::motions(context.estimator, index);
                 let mut about = format!("The pattern `{name}`.\n\n```text\n{motions}```\n");
-                text::gaps(pattern).iter().for_each(|gap| about.push_str(&format!("\n{gap}\n")));
+                gaps(pattern).iter().for_each(|gap| about.push_str(&format!("\n{gap}\n")));
                 let about = doc(&about);
                 quote! {
                     #about

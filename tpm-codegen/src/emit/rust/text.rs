@@ -1,12 +1,11 @@
 //! Documentation texts of emitted modules.
 
-use tpm_symbolic::estimator::PatternPlan;
 use tpm_symbolic::expr::ExprId;
 use tpm_symbolic::plan::{OperationCounts, Plan};
 use tpm_symbolic::polynomial::Polynomial;
 use tpm_symbolic::unit::Unit;
 
-use super::super::estimator::Estimator;
+use super::super::estimator::{Estimator, gaps};
 use super::Context;
 
 /// Longest line of an equation before it is broken.
@@ -186,11 +185,6 @@ fn push_term(text: &mut String, coefficient: &tpm_symbolic::rational::Rational, 
     }
 }
 
-/// A fault in one line, without the markup of a message.
-pub(super) fn reason(error: &impl std::fmt::Display) -> String {
-    error.to_string().lines().collect::<Vec<_>>().join(" ")
-}
-
 /// The module's own documentation.
 pub(super) fn header(context: &Context<'_>) -> String {
     let Estimator { model, plan, .. } = context.estimator;
@@ -222,18 +216,6 @@ pub(super) fn header(context: &Context<'_>) -> String {
         text.push_str(&format!("| `{name}` | {additions} | {multiplications} | {divisions} | {functions} |\n"));
     }
     text
-}
-
-/// What is left out for a pattern, and why.
-pub(super) fn gaps(pattern: &PatternPlan) -> Vec<String> {
-    let mut gaps = Vec::new();
-    if let Err(gap) = &pattern.reference {
-        gaps.push(format!("There is no reference motion: {}.", reason(gap)));
-    }
-    if let Err(gap) = &pattern.table {
-        gaps.push(format!("There is no estimator matrix and no harmonic: {}.", reason(gap)));
-    }
-    gaps
 }
 
 fn functions<'a>(context: &'a Context<'_>) -> Vec<(String, &'a Plan)> {

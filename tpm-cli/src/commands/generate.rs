@@ -1,0 +1,136 @@
+//! `tpm generate`: the source code of a model's estimator.
+
+use crate::failure::Failure;
+use crate::load::Loaded;
+use crate::{Outcome, output};
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
+use tpm_codegen::emit::estimator::{EmitError, Identified};
+use tpm_codegen::generate::{self, File, Options, generate};
+
+/// A target language.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Language {
+    /// A `no_std` module over the crate tpm-runtime.
+    Rust,
+}
+
+impl Language {
+    fn target(self) -> generate::Language {
+        match self {
+            Self::Rust => generate::Language::Rust,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Rust => "rust",
+        }
+    }
+}
+
+/// Options of `tpm generate`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    /// The language of the code.
+    #[arg(long, value_enum)]
+    lang: Language,
+    /// Write into this folder, which is made when there is none; or to this file, when the name ends as the language's
+    /// files do (.rs). Standard output when not given.
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED.
+    #[arg(long, value_name = "RESULT.json")]
+    params: Option<PathBuf>,
+    /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
+    #[arg(long, requires = "output")]
+    check: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let loaded = Loaded::from_file(&args.file)?;
+    let estimator = loaded.estimator()?;
+    let identified = args.params.as_deref().map(identified).transpose()?;
+    let command = command(args);
+    let options = Options { language: args.lang.target(), command: &command, identified: identified.as_ref() };
+    let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
+        (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
+        _ => loaded.at_whole(&error.to_string()),
+    })?;
+    for gap in estimator.gaps() {
+        output::remark(&format!("remark: {gap}"));
+    }
+    match &args.output {
+        None => files.iter().try_for_each(|file| output::print(&file.text)),
+        Some(out) if args.check => check(out, &files, &command),
+        Some(out) => write(out, &files),
+    }
+}
+
+/// The command as it stands in the header: without folders, so that the text does not depend on where it was given.
+fn command(args: &Args) -> String {
+    let name = |path: &Path| {
+        path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+    };
+    let mut command = format!("tpm generate {} --lang {}", name(&args.file), args.lang.name());
+    if let Some(params) = &args.params {
+        command.push_str(&format!(" --params {}", name(params)));
+    }
+    command
+}
+
+fn identified(path: &Path) -> Result<Identified, Failure> {
+    let bytes = std::fs::read(path).map_err(|error| Failure::read(path, error))?;
+    let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
+    let text = String::from_utf8(bytes).map_err(|error| {
+        at(format!("byte {} is not UTF-8; give the output of `tpm identify --json`", error.utf8_error().valid_up_to()))
+    })?;
+    Identified::from_json(&text).map_err(|error| at(error.to_string()))
+}
+
+/// Where a file goes: into the folder, or to the very path when that is named as the file's kind is.
+fn target(out: &Path, file: &File, alone: bool) -> PathBuf {
+    let same_kind = out.extension().is_some() && out.extension() == Path::new(&file.name).extension();
+    if alone && same_kind && !out.is_dir() { out.to_owned() } else { out.join(&file.name) }
+}
+
+fn write(out: &Path, files: &[File]) -> Outcome {
+    for file in files {
+        let path = target(out, file, files.len() == 1);
+        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+        }
+        output::write_file(&path, file.text.as_bytes())?;
+        output::remark(&format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+fn check(out: &Path, files: &[File], command: &str) -> Outcome {
+    let mut stale = Vec::new();
+    for file in files {
+        let path = target(out, file, files.len() == 1);
+        match std::fs::read(&path) {
+            Ok(present) if present == file.text.as_bytes() => {}
+            Ok(present) => stale.push(format!("{} differs {}", path.display(), first_difference(&present, &file.text))),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                stale.push(format!("{} is not there", path.display()));
+            }
+            Err(error) => return Err(Failure::read(&path, error)),
+        }
+    }
+    if stale.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Incomplete(format!("not current: {}; run `{command} -o {}`", stale.join(", "), out.display())))
+}
+
+/// The first line in which a file is not what it should be.
+fn first_difference(present: &[u8], expected: &str) -> String {
+    let mut lines = present.split(|&byte| byte == b'\n').zip(expected.split('\n'));
+    let same = lines.by_ref().take_while(|(present, expected)| *present == expected.as_bytes()).count();
+    format!("from line {}", same + 1)
+}
