@@ -11,7 +11,6 @@ use tpm_codegen::{Parsed, parse_model};
 use tpm_symbolic::model::Model;
 use tpm_symbolic::pattern::Pattern;
 use tpm_symbolic::prepare::{Prepared, prepare};
-use tpm_symbolic::series::{Series, Truncation};
 
 /// A parsed model with the text it came from, so that later stages can still point at places.
 pub(crate) struct Loaded {
@@ -48,12 +47,8 @@ impl Loaded {
     /// The same for tables: with the declared Taylor polynomials in place. What they replace is said on standard error.
     pub(crate) fn for_tables(&self) -> Result<Prepared, Failure> {
         let (model, truncations) = self.parsed.for_tables().map_err(|error| self.at(&error))?;
-        let mut said = Vec::new();
-        for Truncation { series, .. } in &truncations {
-            if !said.contains(&series.function) {
-                said.push(series.function);
-                output::remark(&format!("remark: {}", replaced(&model, series)));
-            }
+        for replaced in Parsed::replacements(&model, &truncations) {
+            output::remark(&format!("remark: {replaced}"));
         }
         prepare(model.into_owned()).map_err(|error| self.at(&error))
     }
@@ -70,8 +65,12 @@ impl Loaded {
     }
 
     /// A fault of the model as a whole, at its name.
-    pub(crate) fn at_whole(&self, message: &str) -> Failure {
-        Failure::Model(self.rendered(&Diagnostic::error(self.parsed.ast.name.span, message)))
+    pub(crate) fn at_whole(&self, message: &str, help: Option<&str>) -> Failure {
+        let diagnostic = Diagnostic::error(self.parsed.ast.name.span, message);
+        Failure::Model(self.rendered(&match help {
+            Some(help) => diagnostic.help(help),
+            None => diagnostic,
+        }))
     }
 
     /// An error of a later stage, at its place in the text.
@@ -98,32 +97,23 @@ impl Loaded {
     /// The chosen pattern, the first when no name is given.
     pub(crate) fn pattern(&self, name: Option<&str>) -> Result<&Pattern, Failure> {
         let model = self.model();
-        model.pattern(name).ok_or_else(|| match name {
-            None => Failure::Input(format!(
-                "model {} has no pattern; add `pattern {{ ... }}` to it to expand it (logs need none)",
-                model.name
-            )),
-            Some(name) => {
-                let known: Vec<&str> = model.patterns.iter().filter_map(|pattern| pattern.name.as_deref()).collect();
-                let known = if known.is_empty() {
-                    "its patterns have no names".to_owned()
-                } else {
-                    format!("it has {}", known.join(", "))
-                };
-                Failure::Input(format!("model {} has no pattern named `{name}`; {known}", model.name))
-            }
+        model.pattern(name).ok_or_else(|| {
+            let (message, help) = match name {
+                None => (
+                    format!("model {} has no pattern", model.name),
+                    "add `pattern { ... }` to it to expand it (logs need none)".to_owned(),
+                ),
+                Some(name) => {
+                    let known: Vec<&str> =
+                        model.patterns.iter().filter_map(|pattern| pattern.name.as_deref()).collect();
+                    let help = match known.as_slice() {
+                        [] => "its patterns have no names; leave out --pattern".to_owned(),
+                        known => format!("it has {}", known.join(", ")),
+                    };
+                    (format!("model {} has no pattern named `{name}`", model.name), help)
+                }
+            };
+            self.at_whole(&message, Some(&help))
         })
     }
-}
-
-fn replaced(model: &Model, series: &Series) -> String {
-    let points: Vec<String> = series
-        .expansions
-        .iter()
-        .map(|expansion| {
-            let coordinate = &model.coordinates[expansion.coordinate.0 as usize].name;
-            format!("of order {} in {coordinate} about {}", expansion.order, model.display(expansion.point))
-        })
-        .collect();
-    format!("`{}` is replaced by its Taylor polynomial {}", model.display(series.function), points.join(", "))
 }

@@ -12,6 +12,15 @@ use std::path::Path;
 /// the reference motion, the regressor, the feed-forward, the estimator matrix and the solution. The code is generic over `f32`
 /// and `f64`, needs neither the standard library nor an allocator, and cannot panic.
 ///
+/// After `eliminate ... as c` the module is that of what remains: `Parameters` are c1, c2, ..., `Physical::lump` gives them
+/// from the declared parameters, and motions reach to the derivatives that the elimination brought in.
+///
+/// Dynamics are always exact. The estimator matrix is exact too, but for what the model declares: `taylor q about q0 order n`
+/// replaces functions that do not expand finitely by their Taylor polynomials, and `harmonics n` says how many harmonics are
+/// kept of terms with infinitely many (signs, absolute values; 31 when nothing is declared). The module's documentation
+/// names each replacement and bounds what is left out. A pattern without a table, because a coordinate has no motion or a
+/// function neither expands nor has a declared order, gives a module without estimator matrix and harmonics, which says why.
+///
 /// `model! { crate = path::to::runtime; model Name { ... } }` says where the runtime is when it is not `::tpm_runtime`.
 #[proc_macro]
 pub fn model(input: proc_macro::TokenStream) -> proc_macro::TokenStream {

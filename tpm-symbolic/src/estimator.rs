@@ -84,6 +84,14 @@ pub enum PatternGap {
     /// The table does not exist.
     #[error(transparent)]
     Expand(#[from] ExpandError),
+    /// The declared Taylor polynomials lump the parameters otherwise than the equations do.
+    #[error("with the declared Taylor polynomials the parameters are {table}, not {exact}")]
+    Columns {
+        /// Those of the equations.
+        exact: String,
+        /// Those of the table.
+        table: String,
+    },
 }
 
 /// A row of the table: equation, harmonic, cosine or sine.
@@ -141,6 +149,18 @@ impl EstimatorPlan {
     /// The plans of `form`, which belongs to `model`.
     #[must_use]
     pub fn new(model: &Model, form: &RegressorForm) -> Self {
+        let table = |pattern| expand(model, form, pattern).map_err(PatternGap::from);
+        Self::with_tables(model, form, model.patterns.iter().map(table))
+    }
+
+    /// The same with tables that were made elsewhere, one per pattern of the model: of declared Taylor polynomials, or with
+    /// a declared number of harmonics. Their symbols and columns are the model's and the form's.
+    #[must_use]
+    pub fn with_tables(
+        model: &Model,
+        form: &RegressorForm,
+        tables: impl IntoIterator<Item = Result<HarmonicTable, PatternGap>>,
+    ) -> Self {
         let leaves = Leaves::new(model, form);
         let evaluation = Evaluation::new(model, form);
         let mut merger = Merger::default();
@@ -150,7 +170,12 @@ impl EstimatorPlan {
             feed_forward: feed_forward(merger, &forces, &evaluation, form),
             inverse_dynamics,
             lumping: lumping(model, form),
-            patterns: model.patterns.iter().map(|p| pattern_plan(model, form, leaves, &evaluation, p)).collect(),
+            patterns: model
+                .patterns
+                .iter()
+                .zip(tables)
+                .map(|(pattern, table)| pattern_plan(model, leaves, &evaluation, pattern, table))
+                .collect(),
             leaves,
             evaluation,
         }
@@ -227,17 +252,17 @@ fn lumping(model: &Model, form: &RegressorForm) -> Option<Plan> {
 
 fn pattern_plan(
     model: &Model,
-    form: &RegressorForm,
     leaves: Leaves,
     evaluation: &Evaluation,
     pattern: &Pattern,
+    table: Result<HarmonicTable, PatternGap>,
 ) -> PatternPlan {
     PatternPlan {
         name: pattern.name.clone(),
         amplitudes: pattern.amplitudes.clone(),
         frequency: pattern.frequency,
         reference: reference(model, leaves, evaluation, pattern),
-        table: expand(model, form, pattern).map(|table| table_plan(model, leaves, table)).map_err(PatternGap::from),
+        table: table.map(|table| table_plan(model, leaves, table)),
     }
 }
 

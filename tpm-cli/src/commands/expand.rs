@@ -8,7 +8,6 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use tpm_codegen::emit::table;
 use tpm_symbolic::expand::{ExpandError, ExpandOptions, expand_with};
-use tpm_symbolic::table::{HarmonicTable, Tail};
 
 /// How a table is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -68,7 +67,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         error => loaded.at(&error),
     })?;
     for tail in &table.tails {
-        output::remark(&left_out(&table, tail));
+        output::remark(&format!("remark: {}", table::left_out(&table, tail)));
     }
     let text = match args.format {
         Format::Json => {
@@ -82,27 +81,4 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Format::Latex => table::latex(&table),
     };
     output::emit(args.output.as_deref(), &text)
-}
-
-/// What a table leaves out of an infinite series, in words.
-fn left_out(table: &HarmonicTable, tail: &Tail) -> String {
-    let factors: Vec<String> = tail
-        .powers
-        .factors()
-        .map(|(&symbol, power)| match power {
-            1 => format!("*|{}|", table.symbols[symbol]),
-            _ => format!("*|{}|^{power}", table.symbols[symbol]),
-        })
-        .collect();
-    let factors = factors.concat();
-    let term =
-        tail.column.map_or_else(|| "the known terms".to_owned(), |column| format!("`{}`", table.parameters[column]));
-    let maximum = match tail.maximum {
-        Some(maximum) => format!("at most {maximum:.3e}{factors}"),
-        None => "a jump, which no number of harmonics makes small everywhere".to_owned(),
-    };
-    format!(
-        "remark: {term} in {} has infinitely many harmonics, of which those above {} are left out: rms {:.3e}{factors}, {maximum}",
-        table.equations[tail.equation], tail.harmonics, tail.rms
-    )
 }

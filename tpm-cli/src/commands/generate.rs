@@ -58,7 +58,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let options = Options { language: args.lang.target(), command: &command, identified: identified.as_ref() };
     let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
-        _ => loaded.at_whole(&error.to_string()),
+        _ => loaded.at_whole(&error.to_string(), None),
     })?;
     for gap in estimator.gaps() {
         output::remark(&format!("remark: {gap}"));

@@ -4,12 +4,14 @@
 //! non-vanishing double.
 
 use thiserror::Error;
-use tpm_symbolic::estimator::{EstimatorPlan, PatternPlan, TablePlan};
+use tpm_symbolic::estimator::{EstimatorPlan, PatternGap, PatternPlan, TablePlan};
+use tpm_symbolic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::model::Model;
 use tpm_symbolic::plan::{Op, Plan};
-use tpm_symbolic::prepare::{PrepareError, prepare};
+use tpm_symbolic::prepare::{PrepareError, Prepared, prepare};
 use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::regressor::RegressorForm;
+use tpm_symbolic::regressor::{Column, RegressorForm, canonical};
+use tpm_symbolic::table::HarmonicTable;
 
 use super::number::{Rounded, resembles_constant};
 use crate::diagnostic::Diagnostic;
@@ -24,6 +26,8 @@ pub struct Estimator {
     pub form: RegressorForm,
     /// What its code computes.
     pub plan: EstimatorPlan,
+    /// What the tables, and only they, replace by Taylor polynomials, in whole sentences.
+    pub replaced: Vec<String>,
 }
 
 /// Why no source code can be made of a model.
@@ -53,15 +57,37 @@ impl Estimator {
         Self::from_form(prepared.model, prepared.form)
     }
 
-    /// Everything that follows from a model in the language.
+    /// Everything that follows from a model in the language, its declared Taylor orders and numbers of harmonics included:
+    /// they hold for the tables, whereas the dynamics stay exact.
     ///
     /// # Errors
-    /// The same faults as [`Self::new`], at their places in the text.
+    /// The same faults as [`Self::new`], and a Taylor polynomial that does not exist, at their places in the text.
     pub fn of(parsed: &Parsed) -> Result<Self, Diagnostic> {
-        Self::new(parsed.model.clone()).map_err(|error| match error {
-            EmitError::Prepare(error) => parsed.locate(&error),
-            other => Diagnostic::error(parsed.ast.name.span, other.to_string()),
-        })
+        let at = |error: &PrepareError| parsed.locate(error);
+        let Prepared { model, form, .. } = prepare(parsed.model.clone()).map_err(|error| at(&error))?;
+        let (truncated, truncations) = parsed.for_tables().map_err(|error| parsed.locate(&error))?;
+        let replaced = Parsed::replacements(&truncated, &truncations);
+        let table = |model: &Model, form: &RegressorForm, index: usize| {
+            let mut options = ExpandOptions { harmonics: parsed.harmonics_of(index), ..ExpandOptions::default() };
+            expand_with(model, form, &model.patterns[index], &mut options).map_err(PatternGap::from)
+        };
+        let patterns = 0..model.patterns.len();
+        let tables: Vec<Result<HarmonicTable, PatternGap>> = if truncations.is_empty() {
+            patterns.map(|index| table(&model, &form, index)).collect()
+        } else {
+            let tabled = prepare(truncated.into_owned()).map_err(|error| at(&error))?;
+            let (exact, approximate) = (columns(&model, &form), columns(&tabled.model, &tabled.form));
+            if exact == approximate {
+                patterns.map(|index| table(&tabled.model, &tabled.form, index)).collect()
+            } else {
+                let gap = PatternGap::Columns { exact: exact.join(", "), table: approximate.join(", ") };
+                patterns.map(|_| Err(gap.clone())).collect()
+            }
+        };
+        let plan = EstimatorPlan::with_tables(&model, &form, tables);
+        Self { model, form, plan, replaced }
+            .in_range()
+            .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
     }
 
     /// The same with a regressor form that was made elsewhere.
@@ -70,11 +96,15 @@ impl Estimator {
     /// When a number is beyond double precision.
     pub fn from_form(model: Model, form: RegressorForm) -> Result<Self, EmitError> {
         let plan = EstimatorPlan::new(&model, &form);
-        let estimator = Self { model, form, plan };
-        if let Some(lost) = estimator.numbers().find(|value| Rounded::new(value).is_lost(value)) {
-            return Err(EmitError::OutOfRange(shortened(&rational::display(lost))));
+        Self { model, form, plan, replaced: Vec::new() }.in_range()
+    }
+
+    fn in_range(self) -> Result<Self, EmitError> {
+        let lost = self.numbers().find(|value| Rounded::new(value).is_lost(value)).map(rational::display);
+        match lost {
+            Some(lost) => Err(EmitError::OutOfRange(shortened(&lost))),
+            None => Ok(self),
         }
-        Ok(estimator)
     }
 
     /// What this code will not have, and why: parts of the patterns, in whole sentences.
@@ -111,6 +141,15 @@ impl Estimator {
     pub(super) fn resembles_constant(&self) -> bool {
         self.numbers().any(|value| resembles_constant(rational::to_f64(value)))
     }
+}
+
+/// Names and definitions of the columns.
+fn columns(model: &Model, form: &RegressorForm) -> Vec<String> {
+    let definition = |column: &Column| match column.parameter {
+        Some(_) => column.name.clone(),
+        None => format!("{} = {}", column.name, canonical(model, &column.definition)),
+    };
+    form.columns.iter().map(definition).collect()
 }
 
 /// What is left out for a pattern, and why.

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use tpm_symbolic::fourier::Trig;
 use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::table::{Entry, HarmonicTable};
+use tpm_symbolic::table::{Entry, HarmonicTable, Tail};
 
 /// One line per entry, with the columns of the JSON form; `powers` and `sign` as `lambda^2 w^2`.
 #[must_use]
@@ -258,6 +258,30 @@ fn escape(text: &str) -> String {
         }
     }
     out
+}
+
+/// What a table leaves out of an infinite series, in words.
+#[must_use]
+pub fn left_out(table: &HarmonicTable, tail: &Tail) -> String {
+    let factors: Vec<String> = tail
+        .powers
+        .factors()
+        .map(|(&symbol, power)| match power {
+            1 => format!("*|{}|", table.symbols[symbol]),
+            _ => format!("*|{}|^{power}", table.symbols[symbol]),
+        })
+        .collect();
+    let factors = factors.concat();
+    let term =
+        tail.column.map_or_else(|| "the known terms".to_owned(), |column| format!("`{}`", table.parameters[column]));
+    let maximum = match tail.maximum {
+        Some(maximum) => format!("at most {maximum:.3e}{factors}"),
+        None => "a jump, which no number of harmonics makes small everywhere".to_owned(),
+    };
+    format!(
+        "{term} in {} has infinitely many harmonics, of which those above {} are left out: rms {:.3e}{factors}, {maximum}",
+        table.equations[tail.equation], tail.harmonics, tail.rms
+    )
 }
 
 #[cfg(test)]

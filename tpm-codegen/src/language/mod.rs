@@ -18,6 +18,7 @@ pub use parse::DEEPEST;
 use std::borrow::Cow;
 
 use tpm_symbolic::expand::ExpandError;
+use tpm_symbolic::expr::ExprId;
 use tpm_symbolic::lagrange::{LagrangeError, Lagrangian};
 use tpm_symbolic::model::{Model, TermId};
 use tpm_symbolic::prepare::PrepareError;
@@ -124,6 +125,27 @@ impl Parsed {
         let mut model = self.model.clone();
         let truncations = series::truncate(&mut model, &expansions)?;
         Ok((Cow::Owned(model), truncations))
+    }
+
+    /// What [`Self::for_tables`] replaced, in whole sentences, each function once.
+    #[must_use]
+    pub fn replacements(model: &Model, truncations: &[Truncation]) -> Vec<String> {
+        let mut said: Vec<ExprId> = Vec::new();
+        let mut sentences = Vec::new();
+        for Truncation { series, .. } in truncations {
+            if said.contains(&series.function) {
+                continue;
+            }
+            said.push(series.function);
+            let points = series.expansions.iter().map(|expansion| {
+                let coordinate = &model.coordinates[expansion.coordinate.0 as usize].name;
+                format!("of order {} in {coordinate} about {}", expansion.order, model.display(expansion.point))
+            });
+            let points = points.collect::<Vec<String>>().join(", ");
+            let function = model.display(series.function);
+            sentences.push(format!("`{function}` is replaced by its Taylor polynomial {points}"));
+        }
+        sentences
     }
 
     /// How many harmonics the pattern of an index keeps of terms with infinitely many, when it says so.

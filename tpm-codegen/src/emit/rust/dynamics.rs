@@ -75,7 +75,7 @@ fn label(runtime_label: &Ident, name: &str, unit: Option<&Unit>) -> TokenStream 
 }
 
 fn labels(context: &Context<'_>) -> TokenStream {
-    let Estimator { model, form, plan } = context.estimator;
+    let Estimator { model, form, plan, .. } = context.estimator;
     let label_type = ident("Label");
     let quantities = |symbols: &[Symbol]| -> Vec<TokenStream> {
         let quantities = symbols.iter().map(|symbol| model.quantity(*symbol));

@@ -30,7 +30,8 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
                 let name = pattern.name.clone().unwrap_or_else(|| (index + 1).to_string());
                 let motions = text::motions(context.estimator, index);
                 let mut about = format!("The pattern `{name}`.\n\n```text\n{motions}```\n");
-                gaps(pattern).iter().for_each(|gap| about.push_str(&format!("\n{gap}\n")));
+                let remarks = gaps(pattern).into_iter().chain(text::approximations(context.estimator, pattern));
+                remarks.for_each(|remark| about.push_str(&format!("\n{remark}\n")));
                 let about = doc(&about);
                 quote! {
                     #about

@@ -1,11 +1,13 @@
 //! Documentation texts of emitted modules.
 
+use tpm_symbolic::estimator::PatternPlan;
 use tpm_symbolic::expr::ExprId;
 use tpm_symbolic::plan::{OperationCounts, Plan};
 use tpm_symbolic::polynomial::Polynomial;
 use tpm_symbolic::unit::Unit;
 
 use super::super::estimator::{Estimator, gaps};
+use super::super::table::left_out;
 use super::Context;
 
 /// Longest line of an equation before it is broken.
@@ -195,8 +197,8 @@ pub(super) fn header(context: &Context<'_>) -> String {
     for (i, pattern) in plan.patterns.iter().enumerate() {
         let name = pattern.name.as_ref().map_or_else(String::new, |name| format!(" `{name}`"));
         text.push_str(&format!("\nPattern{name}:\n\n```text\n{}```\n", motions(context.estimator, i)));
-        for gap in gaps(pattern) {
-            text.push_str(&format!("\n{gap}\n"));
+        for remark in gaps(pattern).into_iter().chain(approximations(context.estimator, pattern)) {
+            text.push_str(&format!("\n{remark}\n"));
         }
     }
     if plan.patterns.is_empty() {
@@ -216,6 +218,15 @@ pub(super) fn header(context: &Context<'_>) -> String {
         text.push_str(&format!("| `{name}` | {additions} | {multiplications} | {divisions} | {functions} |\n"));
     }
     text
+}
+
+/// In what the estimator matrix of a pattern differs from the exact equations.
+pub(super) fn approximations(estimator: &Estimator, pattern: &PatternPlan) -> Vec<String> {
+    let Ok(plan) = &pattern.table else { return Vec::new() };
+    let replaced =
+        estimator.replaced.iter().map(|replaced| format!("{replaced} in the estimator matrix, and only there"));
+    let left_out = plan.table.tails.iter().map(|tail| left_out(&plan.table, tail));
+    replaced.chain(left_out).map(|sentence| format!("{sentence}.")).collect()
 }
 
 fn functions<'a>(context: &'a Context<'_>) -> Vec<(String, &'a Plan)> {
