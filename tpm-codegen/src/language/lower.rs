@@ -79,6 +79,7 @@ pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut
         model: Model { name: model.name.name.clone(), ..Model::default() },
         terms: Terms::default(),
         names: HashMap::new(),
+        sizes: expression::Sizes::default(),
         values: HashMap::new(),
         lagrangian: None,
         taylor: Vec::new(),
@@ -102,6 +103,8 @@ struct Lowering<'a, 'c, 'd> {
     terms: Terms,
     /// What every name of the model stands for.
     names: HashMap<&'a str, ExprId>,
+    /// How large the expressions so far are when they are multiplied out.
+    sizes: expression::Sizes,
     /// The constants that are known exactly.
     values: HashMap<&'a str, BigRational>,
     lagrangian: Option<Lagrangian>,
@@ -116,7 +119,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     fn expression(&mut self, expr: &ast::Expr) -> Lower<ExprId> {
-        Environment { model: &mut self.model, names: &self.names }.lower(expr)
+        Environment { model: &mut self.model, names: &self.names, sizes: &mut self.sizes }.lower(expr)
     }
 
     fn declarations(&mut self, model: &'a ast::Model) {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use num_bigint::BigInt;
 use num_rational::BigRational;
 use num_traits::{One, Signed, Zero};
-use tpm_symbolic::expr::{self, ExprId, Node};
+use tpm_symbolic::expr::{self, ExprId, Graph, Node};
 use tpm_symbolic::model::{Kind, Model};
 
 use super::{HIGHEST_ORDER, Lower};
@@ -19,10 +19,58 @@ use crate::source::Span;
 /// before it is computed.
 const LONGEST: u64 = 1 << 17;
 
+/// The highest exponent of anything but a number.
+const HIGHEST_EXPONENT: i32 = 1000;
+
+/// Most terms that an expression may have when it is multiplied out, as every later stage does.
+const MOST_TERMS: f64 = 100_000.0;
+
+/// How many terms expressions have when they are multiplied out: upper bounds, infinite beyond what can be meant.
+#[derive(Debug, Default)]
+pub(super) struct Sizes(HashMap<ExprId, f64>);
+
+impl Sizes {
+    fn of(&mut self, graph: &Graph, expr: ExprId) -> f64 {
+        let mut stack = vec![expr];
+        while let Some(&id) = stack.last() {
+            if self.0.contains_key(&id) {
+                stack.pop();
+                continue;
+            }
+            let missing: Vec<ExprId> = match graph.node(id) {
+                Node::Sum(_) | Node::Product(_) | Node::Power(..) => {
+                    graph.operands(id).filter(|operand| !self.0.contains_key(operand)).collect()
+                }
+                _ => Vec::new(),
+            };
+            if !missing.is_empty() {
+                stack.extend(missing);
+                continue;
+            }
+            stack.pop();
+            let size = match graph.node(id) {
+                Node::Sum(terms) => terms.iter().map(|term| self.0[term]).sum(),
+                Node::Product(factors) => factors.iter().map(|factor| self.0[factor]).product(),
+                Node::Power(_, exponent) if exponent.unsigned_abs() > HIGHEST_EXPONENT.unsigned_abs() => f64::INFINITY,
+                Node::Power(base, exponent) if *exponent > 0 => multiset(self.0[base], *exponent),
+                _ => 1.0,
+            };
+            self.0.insert(id, size);
+        }
+        self.0[&expr]
+    }
+}
+
+/// Monomials of degree `exponent` in so many terms: C(terms + exponent - 1, exponent).
+fn multiset(terms: f64, exponent: i32) -> f64 {
+    (1..=exponent).fold(1.0, |count, i| count * (terms - 1.0 + f64::from(i)) / f64::from(i))
+}
+
 /// The graph with the names that an expression may use.
 pub(super) struct Environment<'e, 'a> {
     pub(super) model: &'e mut Model,
     pub(super) names: &'e HashMap<&'a str, ExprId>,
+    pub(super) sizes: &'e mut Sizes,
 }
 
 impl Environment<'_, '_> {
@@ -70,6 +118,9 @@ impl Environment<'_, '_> {
             ExprKind::Call(function, arguments) => self.call(function, arguments, expr.span)?,
         };
         within(self.bits(id), expr.span)?;
+        if self.sizes.of(&self.model.graph, id) > MOST_TERMS {
+            return Err(too_large(expr.span));
+        }
         Ok(id)
     }
 
