@@ -18,7 +18,7 @@ use std::path::Path;
 /// Dynamics are always exact. The estimator matrix is exact too, but for what the model declares: `taylor q about q0 order n`
 /// replaces functions that do not expand finitely by their Taylor polynomials, and `harmonics n` says how many harmonics are
 /// kept of terms with infinitely many (signs, absolute values; 31 when nothing is declared). The module's documentation
-/// names each replacement and bounds what is left out. A pattern without a table, because a coordinate has no motion or a
+/// names each replacement and bounds the harmonics left out. A pattern without a table, because a coordinate has no motion or a
 /// function neither expands nor has a declared order, gives a module without estimator matrix and harmonics, which says why.
 ///
 /// `model! { crate = path::to::runtime; model Name { ... } }` says where the runtime is when it is not `::tpm_runtime`.
