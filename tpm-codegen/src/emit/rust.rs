@@ -1,8 +1,9 @@
 //! Rust source of an estimator: a documented module of straight-line functions, `no_std`, without allocation or panics.
 //!
-//! Invariants: the numbers come from the plans of [`EstimatorPlan`], operation by operation; names come from the model through
-//! one namer; every array has a length fixed by the model, and every index is a literal, so that no path can panic. The same
-//! items serve the macro and the file; only the file has comments and is laid out for reading.
+//! Invariants: the numbers come from the plans of [`EstimatorPlan`](tpm_symbolic::estimator::EstimatorPlan), operation by
+//! operation; names come from the model through one namer; every array has a length fixed by the model, and every index is a
+//! literal, so that no path can panic. The same items serve the macro and the file; only the file has comments and is laid out
+//! for reading.
 
 mod dynamics;
 mod expression;
