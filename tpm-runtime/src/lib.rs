@@ -13,6 +13,8 @@ pub mod control;
 pub mod estimate;
 #[cfg(feature = "std")]
 pub mod experiment;
+#[cfg(feature = "std")]
+pub mod frequency;
 pub mod harmonics;
 #[cfg(feature = "interpret")]
 pub mod interpret;

@@ -1,0 +1,150 @@
+//! The lines of a response that a model is fitted to, and the least-squares tools of both fits.
+//!
+//! Invariant: a residual is `(H - G)/std` with the standard deviation of H as a complex number, so that its real and
+//! imaginary parts have variance 1/2 each when the model is right and the errors are noise.
+
+use super::response::{Estimator, FrequencyResponse};
+use nalgebra::{Complex, DMatrix, DVector};
+use std::vec::Vec;
+
+/// Least error of a line relative to H: a coherence of one to the last digit is rounding, not certainty.
+const LEAST_ERROR: f64 = 1e-7;
+/// Singular values below this share of the largest one are zero.
+pub(super) const RANK: f64 = 1e-10;
+
+/// Points to fit.
+#[derive(Clone, Debug)]
+pub(super) struct Points {
+    /// Angular frequencies, rad/s.
+    pub(super) frequency: Vec<f64>,
+    pub(super) response: Vec<Complex<f64>>,
+    /// 1/std; `sqrt((n - 1) coherence/(1 - coherence))/|H|` for n averages.
+    pub(super) weight: Vec<f64>,
+    /// What the squared residuals sum up to per point when nothing but noise is left, because the weights are estimates
+    /// themselves: the mean of an F distribution with 2 and 2 n - 2 degrees of freedom.
+    pub(super) expected: f64,
+    /// Sum of the squared correlations of a line's error with those of all lines.
+    pub(super) correlation: f64,
+}
+
+impl Points {
+    /// The usable lines of a band.
+    pub(super) fn new(response: &FrequencyResponse, estimator: Estimator, low: f64, high: f64) -> Self {
+        let mut points = Points {
+            frequency: Vec::new(),
+            response: Vec::new(),
+            weight: Vec::new(),
+            expected: if response.averages > 3.0 { (response.averages - 1.0) / (response.averages - 2.0) } else { 2.0 },
+            correlation: response.welch.line_correlation(),
+        };
+        for line in response.band(low, high).filter(|line| line.usable) {
+            let h = match estimator {
+                Estimator::H1 => line.h1,
+                Estimator::H2 => line.h2,
+            };
+            points.frequency.push(line.frequency);
+            points.response.push(h);
+            points.weight.push(1.0 / line.std.max(LEAST_ERROR * h.norm()));
+        }
+        points
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.frequency.len()
+    }
+
+    /// Residuals of a model: real parts, then imaginary parts.
+    pub(super) fn residuals(&self, model: impl Fn(Complex<f64>) -> Complex<f64>) -> DVector<f64> {
+        let n = self.len();
+        let mut residuals = DVector::zeros(2 * n);
+        for k in 0..n {
+            let error = (self.response[k] - model(Complex::new(0.0, self.frequency[k]))) * self.weight[k];
+            residuals[k] = error.re;
+            residuals[n + k] = error.im;
+        }
+        residuals
+    }
+
+    /// Variance of one residual in a covariance: correlated lines count for less, and a misfit counts as noise.
+    pub(super) fn variance(&self, misfit: f64) -> f64 {
+        0.5 * misfit.max(1.0) * self.correlation
+    }
+
+    /// Sum of the squared residuals per point over what noise alone leaves, `free` real numbers having been fitted.
+    pub(super) fn misfit(&self, squares: f64, free: usize) -> f64 {
+        squares / (self.expected * (self.len() as f64 - 0.5 * free as f64).max(0.5))
+    }
+
+    /// Median and largest |G/H - 1|.
+    pub(super) fn relative_errors(&self, model: impl Fn(Complex<f64>) -> Complex<f64>) -> (f64, f64) {
+        let mut errors: Vec<f64> = self
+            .frequency
+            .iter()
+            .zip(&self.response)
+            .map(|(&w, h)| (model(Complex::new(0.0, w)) / h - 1.0).norm())
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        (errors.get(errors.len() / 2).copied().unwrap_or(0.0), errors.last().copied().unwrap_or(0.0))
+    }
+}
+
+/// What a Jacobian says about its parameters.
+#[derive(Clone, Debug)]
+pub(super) struct Information {
+    /// Covariance; the part along unobservable directions is left out.
+    pub(super) covariance: DMatrix<f64>,
+    /// Parameters that the data determine, in number.
+    pub(super) rank: usize,
+    /// Ratio of the largest to the smallest singular value of the column-scaled Jacobian; infinite when singular.
+    pub(super) condition: f64,
+    /// Unit vectors, in the parameters' own units, along which nothing changes.
+    pub(super) null: Vec<DVector<f64>>,
+}
+
+/// The covariance of least-squares estimates whose residuals have this variance each.
+pub(super) fn information(jacobian: &DMatrix<f64>, variance: f64, tolerance: f64) -> Information {
+    let size = jacobian.ncols();
+    let norms: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
+    let mut scaled = jacobian.clone();
+    for (mut column, norm) in scaled.column_iter_mut().zip(&norms) {
+        column /= *norm;
+    }
+    // The triangular factor has the singular values of the whole and is small.
+    let svd = scaled.qr().r().svd(false, true);
+    let vt = svd.v_t.as_ref().expect("invariant: the right vectors were asked for");
+    let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
+    let mut covariance = DMatrix::zeros(size, size);
+    let (mut rank, mut null, mut smallest) = (0, Vec::new(), f64::INFINITY);
+    for (i, &value) in svd.singular_values.iter().enumerate() {
+        let direction = DVector::from_fn(size, |j, _| vt[(i, j)] / norms[j]);
+        smallest = smallest.min(value);
+        if value > tolerance * largest {
+            rank += 1;
+            covariance += &direction * direction.transpose() * (variance / (value * value));
+        } else {
+            null.push(direction.normalize());
+        }
+    }
+    let condition = if rank == size && rank > 0 { largest / smallest } else { f64::INFINITY };
+    Information { covariance, rank, condition, null }
+}
+
+/// Least squares with column scaling; the smallest solution where columns depend on each other.
+pub(super) fn least_squares(mut matrix: DMatrix<f64>, mut right: DVector<f64>) -> DVector<f64> {
+    let norms: Vec<f64> = matrix.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
+    for (mut column, norm) in matrix.column_iter_mut().zip(&norms) {
+        column /= *norm;
+    }
+    let size = matrix.ncols();
+    let qr = matrix.qr();
+    qr.q_tr_mul(&mut right);
+    let svd = qr.r().svd(true, true);
+    let tolerance = RANK * svd.singular_values.iter().copied().fold(0.0, f64::max);
+    let mut solution = svd
+        .solve(&right.rows(0, size).into_owned(), tolerance)
+        .expect("invariant: both sets of singular vectors were asked for");
+    for (value, norm) in solution.iter_mut().zip(&norms) {
+        *value /= norm;
+    }
+    solution
+}
