@@ -2,6 +2,9 @@
 
 pub(crate) mod check;
 pub(crate) mod expand;
+pub(crate) mod fit;
+pub(crate) mod frf;
 pub(crate) mod generate;
 pub(crate) mod identifiability;
 pub(crate) mod identify;
+pub(crate) mod measured;

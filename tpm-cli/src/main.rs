@@ -30,6 +30,10 @@ enum Command {
     Check(commands::check::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(commands::expand::Args),
+    /// Fit a transfer function, or a model's parameters, to the frequency response of a log.
+    Fit(Box<commands::fit::Args>),
+    /// Measure a frequency response from a log: H1, H2, coherence, confidence.
+    Frf(commands::frf::Args),
     /// Write the source code of a model's estimator.
     Generate(commands::generate::Args),
     /// Say what a pattern can show: exact rank, unobservable directions, base parameters.
@@ -44,6 +48,8 @@ fn main() -> ExitCode {
     let outcome = match &cli.command {
         Command::Check(args) => commands::check::run(args),
         Command::Expand(args) => commands::expand::run(args),
+        Command::Fit(args) => commands::fit::run(args),
+        Command::Frf(args) => commands::frf::run(args),
         Command::Generate(args) => commands::generate::run(args),
         Command::Identifiability(args) => commands::identifiability::run(args),
         Command::Identify(args) => commands::identify::run(args),

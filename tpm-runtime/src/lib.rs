@@ -25,6 +25,8 @@ pub mod log;
 pub mod model;
 #[cfg(feature = "interpret")]
 pub mod physical;
+#[cfg(feature = "plot")]
+pub mod plot;
 #[cfg(feature = "std")]
 pub mod procedure;
 pub mod real;

@@ -3,9 +3,10 @@
 mod campaign;
 mod emitted;
 mod foundation;
+mod frequency;
 // As `tpm generate models/mass_spring_drag.tpm --lang rust -o tests/generated` wrote it; the command line's tests compare.
-#[path = "../../generated/mass_spring_drag.rs"]
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of it")]
+#[path = "../../generated/mass_spring_drag.rs"]
 mod generated;
 mod licences;
 mod physical;

@@ -21,7 +21,7 @@ use tpm_symbolic::prepare::Prepared;
 
 /// What an input does between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum HoldChoice {
+pub(crate) enum HoldChoice {
     /// The recorded value is a sample of a signal that goes on between samples, or the timing is unknown.
     None,
     /// The recorded value is applied until the next sample.
@@ -86,7 +86,7 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
-fn assignment(text: &str) -> Result<(String, String), String> {
+pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
             Ok((name.trim().to_owned(), value.trim().to_owned()))
@@ -95,7 +95,7 @@ fn assignment(text: &str) -> Result<(String, String), String> {
     }
 }
 
-fn number_assignment(text: &str) -> Result<(String, f64), String> {
+pub(crate) fn number_assignment(text: &str) -> Result<(String, f64), String> {
     let (name, value) = assignment(text)?;
     match value.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok((name, number)),
@@ -356,7 +356,11 @@ fn log_options(args: &Args, model: &Interpreted, physical: &[String]) -> Result<
 }
 
 /// Assignments by name; an unknown or repeated name is an error that lists what there is.
-fn by_name<V: Clone>(flag: &str, given: &[(String, V)], known: &[String]) -> Result<BTreeMap<String, V>, Failure> {
+pub(crate) fn by_name<V: Clone>(
+    flag: &str,
+    given: &[(String, V)],
+    known: &[String],
+) -> Result<BTreeMap<String, V>, Failure> {
     let mut result = BTreeMap::new();
     for (name, value) in given {
         if !known.contains(name) {

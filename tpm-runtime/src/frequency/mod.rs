@@ -4,9 +4,13 @@
 //! the machine in continuous time: what the hold of the input does is divided out where the response is formed, once.
 
 mod basis;
+#[cfg(feature = "plot")]
+mod bode;
 mod excitation;
 #[cfg(test)]
 mod fit_tests;
+#[cfg(feature = "interpret")]
+mod linearized;
 mod orders;
 #[cfg(test)]
 mod pendulum_tests;
@@ -16,7 +20,11 @@ mod response;
 mod structured;
 mod transfer;
 
+#[cfg(feature = "plot")]
+pub use bode::{BodeSettings, NamedModel, bode};
 pub use excitation::{Excitation, ExcitationError, Phases, crest_factor};
+#[cfg(feature = "interpret")]
+pub use linearized::{LinearizedError, LinearizedResponse};
 pub use orders::{OrderComparison, OrderError, OrderTrial, compare_orders};
 pub use rational::{Delay, Estimate, FitError, FitWarning, RationalFit, RationalSettings, Root, fit_rational};
 pub use response::{Estimator, FrequencyResponse, Gap, HoldEffect, Line, ResponseError, Welch};

@@ -249,6 +249,13 @@ impl FrequencyResponse {
         self.lines.iter().filter(move |line| (low..=high).contains(&line.hertz()))
     }
 
+    /// First and last frequency, Hz, of the longest run of usable lines; `None` when none is usable.
+    #[must_use]
+    pub fn usable_band(&self) -> Option<(f64, f64)> {
+        let longest = self.lines.split(|line| !line.usable).max_by_key(|run| run.len())?;
+        Some((longest.first()?.hertz(), longest.last()?.hertz()))
+    }
+
     /// Radius of the circle around H1 (the estimator that the theory is for) in which H lies with this probability.
     ///
     /// From the F distribution with 2 and 2 n - 2 degrees of freedom, n averages (Bendat and Piersol, Random Data,
@@ -599,6 +606,7 @@ mod tests {
         let y: Vec<f64> = first_order(&u, 1e-3).iter().zip(white(20_000, 9)).map(|(y, n)| y + 1e-4 * n).collect();
         let found = FrequencyResponse::estimate(&u, &y, 1e-3, &Welch::periodic(1000, Hold::Zoh)).expect("long enough");
         assert_eq!(found.gaps(5.0, 95.0), []);
+        assert_eq!(found.usable_band(), Some((1.0, 100.0)));
         let gaps = found.gaps(5.0, 400.0);
         assert_eq!(gaps.iter().map(|gap| gap.lines).sum::<usize>(), 300, "{gaps:?}");
         assert_eq!((gaps[0].low, gaps[gaps.len() - 1].high), (101.0, 400.0));

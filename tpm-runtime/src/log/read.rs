@@ -107,8 +107,21 @@ impl Log {
     /// # Errors
     /// [`LogError`] for anything that is not right, with its line.
     pub fn read(input: impl Read, name: &str, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
-        let signals = signals(model);
-        check_names(&signals, options)?;
+        Self::read_signals(input, name, &signals(model), options)
+    }
+
+    /// Reads the named signals of a CSV file with one header line, in this order, without a model.
+    ///
+    /// # Errors
+    /// [`LogError`] for anything that is not right, with its line.
+    pub fn open_signals(path: &Path, signals: &[String], options: &LogOptions) -> Result<Self, LogError> {
+        let name = path.display().to_string();
+        let file = std::fs::File::open(path).map_err(|source| LogError::Io { path: name.clone(), source })?;
+        Self::read_signals(std::io::BufReader::new(file), &name, signals, options)
+    }
+
+    fn read_signals(input: impl Read, name: &str, signals: &[String], options: &LogOptions) -> Result<Self, LogError> {
+        check_names(signals, options)?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
         let header = reader.headers().map_err(|error| of_csv(error, name))?.clone();
         let find = |signal: &str| -> Result<(usize, String), LogError> {
@@ -149,7 +162,7 @@ impl Log {
             };
             time.push(number(&time_at)?);
             resolution = resolution.min(last_digit(record.get(time_at.0).unwrap_or("")));
-            for ((channel, place), signal) in channels.iter_mut().zip(&places).zip(&signals) {
+            for ((channel, place), signal) in channels.iter_mut().zip(&places).zip(signals) {
                 let scale = options.scale.get(signal).copied().unwrap_or(1.0);
                 let offset = options.offset.get(signal).copied().unwrap_or(0.0);
                 channel.push(scale * number(place)? + offset);

@@ -1,0 +1,394 @@
+//! Figures: panels above each other with lines, points and bands, as SVG and PNG.
+//!
+//! Invariant: a figure is data until it is drawn; points that are not finite, or not positive on a logarithmic axis, break a
+//! line and are otherwise left out. The SVG is drawn first and the PNG is that SVG in pixels, with a font that is part of
+//! the program (DejaVu Sans), so that both look alike on every machine.
+
+mod scale;
+
+use plotters::chart::{ChartBuilder, ChartContext, SeriesLabelPosition};
+use plotters::coord::cartesian::Cartesian2d;
+use plotters::drawing::{DrawingArea, IntoDrawingArea};
+use plotters::element::{Circle, EmptyElement, PathElement, Polygon, Rectangle};
+use plotters::prelude::SVGBackend;
+use plotters::series::{DashedLineSeries, LineSeries};
+use plotters::style::{Color as _, RGBColor, ShapeStyle, WHITE};
+use resvg::{tiny_skia, usvg};
+use scale::Scaled;
+use std::string::{String, ToString};
+use std::sync::Arc;
+use std::vec;
+use std::vec::Vec;
+
+/// The family of the bundled font; a reader of the SVG without it takes any sans-serif.
+const FONT: &str = "DejaVu Sans, sans-serif";
+/// Heights of text, pixels.
+const TITLE: f64 = 21.0;
+const TEXT: f64 = 16.0;
+/// Colours that stay apart for the colour-blind (M. Okabe and K. Ito, 2008), black last.
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(0, 0, 0),
+];
+
+/// Why a figure cannot be drawn.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PlotError {
+    /// An axis has no two different values.
+    #[error("panel {panel} of the figure has no {axis} values that can be drawn on its axis")]
+    Empty {
+        /// Panel, from 1.
+        panel: usize,
+        /// x or y.
+        axis: &'static str,
+    },
+    /// The figure has no panel or no area.
+    #[error("a figure of {width} x {height} pixels with {panels} panels cannot be drawn")]
+    Size {
+        /// Width, pixels.
+        width: u32,
+        /// Height, pixels.
+        height: u32,
+        /// Number of panels.
+        panels: usize,
+    },
+    /// The drawing library refused.
+    #[error("the figure cannot be drawn: {reason}")]
+    Drawing {
+        /// Its reason.
+        reason: String,
+    },
+}
+
+/// Spacing of an axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Spacing {
+    /// Even.
+    #[default]
+    Linear,
+    /// By decades.
+    Logarithmic,
+}
+
+/// One axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// What and in which unit.
+    pub label: String,
+    /// Spacing.
+    pub spacing: Spacing,
+    /// First and last value; those of the data when not given.
+    pub range: Option<(f64, f64)>,
+}
+
+impl Axis {
+    /// An evenly spaced axis over the data.
+    #[must_use]
+    pub fn linear(label: &str) -> Self {
+        Axis { label: label.into(), spacing: Spacing::Linear, range: None }
+    }
+
+    /// An axis by decades over the data.
+    #[must_use]
+    pub fn logarithmic(label: &str) -> Self {
+        Axis { label: label.into(), spacing: Spacing::Logarithmic, range: None }
+    }
+
+    /// The same with fixed ends.
+    #[must_use]
+    pub fn from_to(mut self, first: f64, last: f64) -> Self {
+        self.range = Some((first, last));
+        self
+    }
+}
+
+/// What is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Curve {
+    /// A line through the points (x, y).
+    Line(Vec<(f64, f64)>),
+    /// A dashed line.
+    Dashed(Vec<(f64, f64)>),
+    /// Single points.
+    Points(Vec<(f64, f64)>),
+    /// The area between two curves: (x, lower, upper).
+    Band(Vec<(f64, f64, f64)>),
+}
+
+impl Curve {
+    fn points(&self) -> Vec<(f64, f64)> {
+        match self {
+            Curve::Line(points) | Curve::Dashed(points) | Curve::Points(points) => points.clone(),
+            Curve::Band(band) => band.iter().flat_map(|&(x, low, high)| [(x, low), (x, high)]).collect(),
+        }
+    }
+}
+
+/// A curve with its name and colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Name in the legend; none when empty.
+    pub name: String,
+    /// Number of the colour; curves that belong together share one.
+    pub colour: usize,
+    /// The curve.
+    pub curve: Curve,
+}
+
+impl Series {
+    /// A named curve.
+    #[must_use]
+    pub fn new(name: &str, colour: usize, curve: Curve) -> Self {
+        Series { name: name.into(), colour, curve }
+    }
+}
+
+/// One pair of axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// Abscissa.
+    pub x: Axis,
+    /// Ordinate.
+    pub y: Axis,
+    /// Drawn in order, later ones above.
+    pub series: Vec<Series>,
+}
+
+/// Panels above each other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// Title above all.
+    pub title: String,
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// From top to bottom, of equal heights.
+    pub panels: Vec<Panel>,
+}
+
+impl Figure {
+    /// A figure of ordinary size.
+    #[must_use]
+    pub fn new(title: &str, panels: Vec<Panel>) -> Self {
+        let height = 60 + 380 * panels.len() as u32;
+        Figure { title: title.into(), width: 960, height, panels }
+    }
+
+    /// The figure as SVG text.
+    ///
+    /// # Errors
+    /// [`PlotError`] when an axis has nothing to show.
+    pub fn svg(&self) -> Result<String, PlotError> {
+        let Figure { width, height, .. } = *self;
+        if self.panels.is_empty() || width < 100 || height < 100 {
+            return Err(PlotError::Size { width, height, panels: self.panels.len() });
+        }
+        let scales = self
+            .panels
+            .iter()
+            .enumerate()
+            .map(|(i, panel)| {
+                let values = |axis: fn(&(f64, f64)) -> f64| -> Vec<f64> {
+                    panel.series.iter().flat_map(|s| s.curve.points()).map(|point| axis(&point)).collect()
+                };
+                let of = |axis: &Axis, values: Vec<f64>, name| {
+                    Scaled::new(axis.spacing, axis.range, &values).ok_or(PlotError::Empty { panel: i + 1, axis: name })
+                };
+                Ok((of(&panel.x, values(|p| p.0), "x")?, of(&panel.y, values(|p| p.1), "y")?))
+            })
+            .collect::<Result<Vec<_>, PlotError>>()?;
+        let mut text = String::new();
+        {
+            let root = SVGBackend::with_string(&mut text, (width, height)).into_drawing_area();
+            root.fill(&WHITE).map_err(refused)?;
+            let below = root.titled(&self.title, (FONT, TITLE)).map_err(refused)?;
+            for ((area, panel), scale) in
+                below.split_evenly((self.panels.len(), 1)).iter().zip(&self.panels).zip(scales)
+            {
+                draw(area, panel, scale).map_err(refused)?;
+            }
+            root.present().map_err(refused)?;
+        }
+        Ok(text)
+    }
+
+    /// The figure as a PNG file, `zoom` pixels per pixel of the SVG.
+    ///
+    /// # Errors
+    /// [`PlotError`] as for [`svg`](Self::svg).
+    pub fn png(&self, zoom: f32) -> Result<Vec<u8>, PlotError> {
+        let mut fonts = usvg::fontdb::Database::new();
+        fonts.load_font_data(dejavu::sans::regular().to_vec());
+        fonts.set_sans_serif_family("DejaVu Sans");
+        let options =
+            usvg::Options { fontdb: Arc::new(fonts), font_family: "DejaVu Sans".into(), ..usvg::Options::default() };
+        let tree = usvg::Tree::from_str(&self.svg()?, &options).map_err(refused)?;
+        let size = tree.size().to_int_size().scale_by(zoom);
+        let mut pixels = size
+            .and_then(|size| tiny_skia::Pixmap::new(size.width(), size.height()))
+            .ok_or(PlotError::Size { width: self.width, height: self.height, panels: self.panels.len() })?;
+        resvg::render(&tree, tiny_skia::Transform::from_scale(zoom, zoom), &mut pixels.as_mut());
+        pixels.encode_png().map_err(refused)
+    }
+}
+
+fn refused(error: impl ToString) -> PlotError {
+    PlotError::Drawing { reason: error.to_string() }
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scaled, Scaled>>;
+type Drawn = Result<(), plotters::drawing::DrawingAreaErrorKind<std::io::Error>>;
+
+fn draw(area: &Area<'_>, panel: &Panel, (x, y): (Scaled, Scaled)) -> Drawn {
+    let mut chart = ChartBuilder::on(area)
+        .margin(12)
+        .margin_right(24)
+        .x_label_area_size(52)
+        .y_label_area_size(84)
+        .build_cartesian_2d(x, y)?;
+    chart
+        .configure_mesh()
+        .x_desc(panel.x.label.as_str())
+        .y_desc(panel.y.label.as_str())
+        .axis_desc_style((FONT, TEXT))
+        .label_style((FONT, TEXT))
+        .bold_line_style(RGBColor(200, 200, 200))
+        .light_line_style(RGBColor(232, 232, 232))
+        .x_labels(12)
+        .y_labels(10)
+        .draw()?;
+    for series in &panel.series {
+        draw_series(&mut chart, series)?;
+    }
+    if panel.series.iter().any(|series| !series.name.is_empty()) {
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::LowerLeft)
+            .margin(14)
+            .legend_area_size(34)
+            .label_font((FONT, TEXT))
+            .background_style(WHITE.mix(0.85))
+            .border_style(RGBColor(160, 160, 160))
+            .draw()?;
+    }
+    Ok(())
+}
+
+fn draw_series<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, series: &Series) -> Drawn {
+    let colour = COLOURS[series.colour % COLOURS.len()];
+    let thick = ShapeStyle::from(&colour).stroke_width(2);
+    let (x, y) = (chart.as_coord_spec().x_spec().clone(), chart.as_coord_spec().y_spec().clone());
+    let shown = |points: &[(f64, f64)]| -> Vec<Vec<(f64, f64)>> {
+        points
+            .split(|&(a, b)| !(x.can_show(a) && y.can_show(b)))
+            .filter(|run| !run.is_empty())
+            .map(<[_]>::to_vec)
+            .collect()
+    };
+    let named = !series.name.is_empty();
+    match &series.curve {
+        Curve::Line(points) => {
+            for (i, run) in shown(points).into_iter().enumerate() {
+                let drawn = chart.draw_series(LineSeries::new(run, thick))?;
+                if named && i == 0 {
+                    drawn
+                        .label(series.name.as_str())
+                        .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 26, y)], thick));
+                }
+            }
+        }
+        Curve::Dashed(points) => {
+            for (i, run) in shown(points).into_iter().enumerate() {
+                let drawn = chart.draw_series(DashedLineSeries::new(run, 9, 6, thick))?;
+                if named && i == 0 {
+                    drawn.label(series.name.as_str()).legend(move |at| {
+                        EmptyElement::at(at)
+                            + PathElement::new(vec![(0, 0), (10, 0)], thick)
+                            + PathElement::new(vec![(16, 0), (26, 0)], thick)
+                    });
+                }
+            }
+        }
+        Curve::Points(points) => {
+            let drawn =
+                chart.draw_series(shown(points).into_iter().flatten().map(|at| Circle::new(at, 2, colour.filled())))?;
+            if named {
+                drawn.label(series.name.as_str()).legend(move |(x, y)| Circle::new((x + 13, y), 3, colour.filled()));
+            }
+        }
+        Curve::Band(band) => {
+            let style = colour.mix(0.22).filled();
+            let runs = band.split(|&(a, low, high)| !(x.can_show(a) && y.can_show(low) && y.can_show(high)));
+            let areas = runs.filter(|run| run.len() > 1).map(|run| {
+                let there = run.iter().map(|&(a, low, _)| (a, low));
+                let back = run.iter().rev().map(|&(a, _, high)| (a, high));
+                Polygon::new(there.chain(back).collect::<Vec<_>>(), style)
+            });
+            let drawn = chart.draw_series(areas)?;
+            if named {
+                drawn
+                    .label(series.name.as_str())
+                    .legend(move |(x, y)| Rectangle::new([(x, y - 6), (x + 26, y + 6)], style));
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Axis, Curve, Figure, Panel, PlotError, Series};
+    use std::vec;
+    use std::vec::Vec;
+
+    fn figure() -> Figure {
+        let wave: Vec<(f64, f64)> = (1..200).map(|i| (f64::from(i) * 0.1, (f64::from(i) * 0.1).sin())).collect();
+        let band = wave.iter().map(|&(x, y)| (x, y - 0.1, y + 0.1)).collect();
+        let mut holed = wave.clone();
+        holed[50].1 = f64::NAN;
+        Figure::new(
+            "A wave & its <band>",
+            vec![Panel {
+                x: Axis::logarithmic("Frequency [Hz]"),
+                y: Axis::linear("Height [m]"),
+                series: vec![
+                    Series::new("band", 0, Curve::Band(band)),
+                    Series::new("wave", 0, Curve::Line(holed)),
+                    Series::new("dashed", 1, Curve::Dashed(wave.clone())),
+                    Series::new("points", 2, Curve::Points(wave)),
+                ],
+            }],
+        )
+    }
+
+    #[test]
+    fn a_figure_is_drawn_as_text_and_as_pixels() {
+        let figure = figure();
+        let svg = figure.svg().expect("drawable");
+        assert_eq!(svg, figure.svg().expect("drawable"), "deterministic");
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        // The line with a hole is two lines; names are escaped.
+        assert!(svg.contains("Frequency [Hz]") && svg.contains("&lt;band&gt;") && !svg.contains("NaN"));
+        let png = figure.png(1.0).expect("drawable");
+        assert_eq!(&png[1..4], b"PNG");
+        let (width, height) =
+            (u32::from_be_bytes([0, 0, png[18], png[19]]), u32::from_be_bytes([0, 0, png[22], png[23]]));
+        assert_eq!((width, height), (figure.width, figure.height));
+    }
+
+    #[test]
+    fn nothing_to_draw_is_an_error() {
+        let mut empty = figure();
+        empty.panels[0].series = vec![Series::new("", 0, Curve::Line(vec![(-1.0, 2.0), (f64::NAN, 3.0)]))];
+        assert_eq!(empty.svg(), Err(PlotError::Empty { panel: 1, axis: "x" }));
+        empty.panels.clear();
+        assert!(matches!(empty.svg(), Err(PlotError::Size { panels: 0, .. })));
+    }
+}
