@@ -8,3 +8,5 @@ pub(crate) mod generate;
 pub(crate) mod identifiability;
 pub(crate) mod identify;
 pub(crate) mod measured;
+pub(crate) mod simulated;
+pub(crate) mod study;

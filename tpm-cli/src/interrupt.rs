@@ -16,7 +16,7 @@ pub(crate) fn install() {
 }
 
 /// Runs long work that polls the given function, which says whether to go on.
-pub(crate) fn watched<T>(work: impl FnOnce(&dyn Fn() -> bool) -> T) -> T {
+pub(crate) fn watched<T>(work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T) -> T {
     WATCHED.store(true, Ordering::SeqCst);
     let result = work(&|| !REQUESTED.load(Ordering::SeqCst));
     WATCHED.store(false, Ordering::SeqCst);

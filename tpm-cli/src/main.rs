@@ -40,6 +40,8 @@ enum Command {
     Identifiability(commands::identifiability::Args),
     /// Identify parameters: on a simulated plant, or from a log.
     Identify(Box<commands::identify::Args>),
+    /// Repeat an experiment on the simulated plant for many seeds: bias, spread, coverage of the intervals.
+    Study(commands::study::Args),
 }
 
 fn main() -> ExitCode {
@@ -53,6 +55,7 @@ fn main() -> ExitCode {
         Command::Generate(args) => commands::generate::run(args),
         Command::Identifiability(args) => commands::identifiability::run(args),
         Command::Identify(args) => commands::identify::run(args),
+        Command::Study(args) => commands::study::run(args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -51,6 +51,14 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     write().map_err(|error| Failure::write(path, error))
 }
 
+/// A result as JSON, with a newline at its end.
+pub(crate) fn json(result: &impl serde::Serialize) -> Result<String, Failure> {
+    let mut text = serde_json::to_string_pretty(result)
+        .map_err(|error| Failure::Input(format!("the result cannot be written as JSON: {error}")))?;
+    text.push('\n');
+    Ok(text)
+}
+
 #[cfg(test)]
 mod tests {
     use super::write_file;

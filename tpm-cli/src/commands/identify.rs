@@ -1,5 +1,6 @@
 //! `tpm identify`: parameters with standard deviations, from a log or from experiments on a simulated plant.
 
+use super::simulated::{SimulatedArgs, assignment};
 use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
@@ -8,14 +9,13 @@ use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::estimate::{Estimate, Frozen};
-use tpm_runtime::experiment::{CampaignIdentification, Experiment, identify_simulated};
+use tpm_runtime::experiment::{CampaignIdentification, identify_simulated};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::log::{Identification, Log, LogOptions, ParameterReport, identify_log};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::physical::{PhysicalSettings, is_lumped, negative_masses, physical};
 use tpm_runtime::procedure::RunReport;
-use tpm_runtime::trajectory::Pattern;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::prepare::Prepared;
 
@@ -69,30 +69,14 @@ pub(crate) struct Args {
     /// Bounds of a physical parameter behind lumped ones, either side may be left out; kg and kg*m^2 are not negative unless said.
     #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = bounds_assignment)]
     bound: Vec<(String, (f64, f64))>,
-    /// Experiment on the simulated plant; the file of the model's name ending in .toml when not given.
-    #[arg(long, value_name = "FILE", conflicts_with = "log")]
-    experiment: Option<PathBuf>,
-    /// Change a value of the experiment, such as seed=7 or plant.parameters.m=3.
-    #[arg(long, value_name = "KEY=VALUE", conflicts_with = "log", value_parser = assignment)]
-    set: Vec<(String, String)>,
-    /// The pattern to play on the simulated plant; the model's first when not given.
-    #[arg(long, value_name = "NAME", conflicts_with = "log")]
-    pattern: Option<String>,
+    #[command(flatten)]
+    simulated: SimulatedArgs,
     /// Print the contract's JSON (tpm.identification/1).
     #[arg(long)]
     json: bool,
     /// Write to this file instead of standard output.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-}
-
-pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
-            Ok((name.trim().to_owned(), value.trim().to_owned()))
-        }
-        _ => Err(format!("`{text}` is not of the form NAME=VALUE")),
-    }
 }
 
 pub(crate) fn number_assignment(text: &str) -> Result<(String, f64), String> {
@@ -115,40 +99,28 @@ fn bounds_assignment(text: &str) -> Result<(String, (f64, f64)), String> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let loaded = Loaded::from_file(&args.file)?;
-    let prepared = loaded.prepared()?;
-    let model = Interpreted::new(&prepared.model, &prepared.form);
     match &args.log {
-        Some(path) => from_log(args, &prepared, &model, path),
-        None => simulated(args, &loaded, &prepared, &model),
+        Some(path) => {
+            let simulated = &args.simulated;
+            if simulated.experiment.is_some() || simulated.pattern.is_some() || !simulated.set.is_empty() {
+                return Err(Failure::Input(
+                    "--experiment, --set and --pattern are for the simulated plant and cannot be used with --log"
+                        .to_owned(),
+                ));
+            }
+            let prepared = Loaded::from_file(&args.file)?.prepared()?;
+            let model = Interpreted::new(&prepared.model, &prepared.form);
+            from_log(args, &prepared, &model, path)
+        }
+        None => simulated(args),
     }
 }
 
-/// The experiment file that was named, or the one beside the model.
-fn experiment(args: &Args) -> Result<Experiment, Failure> {
-    let path = args.experiment.clone().unwrap_or_else(|| args.file.with_extension("toml"));
-    if args.experiment.is_none() && !path.exists() {
-        return Err(Failure::Input(format!(
-            "there is no experiment {} beside the model; write one, name another with --experiment FILE, or give --log CSV",
-            path.display()
-        )));
-    }
-    let text = std::fs::read_to_string(&path).map_err(|error| Failure::read(&path, error))?;
-    let at = |error: tpm_runtime::experiment::ExperimentError| Failure::Input(format!("{}: {error}", path.display()));
-    let mut experiment = Experiment::parse(&text).map_err(at)?;
-    for (key, value) in &args.set {
-        experiment.apply_override(key, value).map_err(|error| Failure::Input(error.to_string()))?;
-    }
-    Ok(experiment)
-}
-
-fn simulated(args: &Args, loaded: &Loaded, prepared: &Prepared, model: &Interpreted) -> Outcome {
-    let experiment = experiment(args)?;
+fn simulated(args: &Args) -> Outcome {
+    let simulated = args.simulated.prepare(&args.file)?;
+    let (prepared, model) = (&simulated.symbolic, &simulated.model);
+    let (pattern, experiment) = (&simulated.pattern, &simulated.experiment);
     let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
-    let name = args.pattern.as_deref().or(experiment.pattern.as_deref());
-    let pattern = loaded.pattern(name)?;
-    let constant = |name: &str| experiment.constants.get(name).copied();
-    let pattern = Pattern::of_symbolic(pattern, &prepared.model, constant).map_err(|error| input(&error))?;
     let bar = progress::Bar::new("identifying");
     let most = experiment.schedule.max_runs as u64;
     let result = interrupt::watched(|go_on| {
@@ -156,7 +128,7 @@ fn simulated(args: &Args, loaded: &Loaded, prepared: &Prepared, model: &Interpre
             bar.set(run.run as u64, most);
             go_on()
         };
-        let result = identify_simulated(model, &pattern, &experiment, &mut step);
+        let result = identify_simulated(model, pattern, experiment, &mut step);
         result.map(|result| (result, !go_on()))
     });
     drop(bar);
@@ -167,7 +139,7 @@ fn simulated(args: &Args, loaded: &Loaded, prepared: &Prepared, model: &Interpre
         (result.physical, result.warnings) =
             physical_part(prepared, estimate, &settings, &result.parameters, result.warnings)?;
     }
-    let text = if args.json { json(&result)? } else { describe_campaign(&result, &prepared.model) };
+    let text = if args.json { output::json(&result)? } else { describe_campaign(&result, &prepared.model) };
     output::emit(args.output.as_deref(), &text)?;
     if interrupted {
         return Err(Failure::Interrupted);
@@ -246,7 +218,7 @@ fn from_log(args: &Args, prepared: &Prepared, model: &Interpreted, path: &Path) 
     let settings = settings(args, &map(&args.prior), &map(&args.freeze), &map(&args.constants), &own);
     (result.physical, result.warnings) =
         physical_part(prepared, &result.estimate, &settings, &result.parameters, result.warnings)?;
-    let text = if args.json { json(&result)? } else { describe(&result) };
+    let text = if args.json { output::json(&result)? } else { describe(&result) };
     output::emit(args.output.as_deref(), &text)?;
     if let Some(negative) = negative_masses(&result.parameters).into_iter().next() {
         return Err(Failure::Incomplete(negative));
@@ -373,13 +345,6 @@ pub(crate) fn by_name<V: Clone>(
         }
     }
     Ok(result)
-}
-
-fn json(result: &impl serde::Serialize) -> Result<String, Failure> {
-    let mut text = serde_json::to_string_pretty(result)
-        .map_err(|error| Failure::Input(format!("the result cannot be written as JSON: {error}")))?;
-    text.push('\n');
-    Ok(text)
 }
 
 fn describe(result: &Identification) -> String {

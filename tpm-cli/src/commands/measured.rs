@@ -1,6 +1,7 @@
 //! What `tpm frf` and `tpm fit` share: a log, averaged to a frequency response, and its plot.
 
-use super::identify::{HoldChoice, assignment, number_assignment};
+use super::identify::{HoldChoice, number_assignment};
+use super::simulated::assignment;
 use crate::failure::Failure;
 use crate::output;
 use clap::ValueEnum;

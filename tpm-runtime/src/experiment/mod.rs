@@ -7,9 +7,11 @@
 mod overrides;
 mod resolve;
 mod result;
+mod study;
 
 pub use resolve::ExperimentError;
 pub use result::{CampaignIdentification, identify_simulated, summary};
+pub use study::{ParameterStudy, Study, study};
 
 use crate::estimate::Method;
 use crate::procedure::HoldCompensation;

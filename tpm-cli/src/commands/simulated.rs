@@ -1,0 +1,77 @@
+//! What the verbs that play an experiment on a simulated plant have in common.
+
+use crate::failure::Failure;
+use crate::load::Loaded;
+use std::path::{Path, PathBuf};
+use tpm_runtime::experiment::{Experiment, ExperimentError};
+use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::trajectory::Pattern;
+
+/// Options that choose and change an experiment.
+#[derive(clap::Args)]
+pub(crate) struct SimulatedArgs {
+    /// Experiment on the simulated plant; the file of the model's name ending in .toml when not given.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) experiment: Option<PathBuf>,
+    /// Change a value of the experiment, such as seed=7 or plant.parameters.m=3.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = assignment)]
+    pub(crate) set: Vec<(String, String)>,
+    /// The pattern to play on the simulated plant; the model's first when not given.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) pattern: Option<String>,
+}
+
+/// A model with an experiment that can be played on it.
+pub(crate) struct Prepared {
+    /// The model, and its parameters.
+    pub(crate) symbolic: tpm_symbolic::prepare::Prepared,
+    /// The same, to be run.
+    pub(crate) model: Interpreted,
+    /// The pattern.
+    pub(crate) pattern: Pattern,
+    /// The experiment with the changes.
+    pub(crate) experiment: Experiment,
+}
+
+impl SimulatedArgs {
+    /// Reads the model and the experiment.
+    pub(crate) fn prepare(&self, file: &Path) -> Result<Prepared, Failure> {
+        let loaded = Loaded::from_file(file)?;
+        let symbolic = loaded.prepared()?;
+        let experiment = self.experiment(file)?;
+        let name = self.pattern.as_deref().or(experiment.pattern.as_deref());
+        let constant = |name: &str| experiment.constants.get(name).copied();
+        let pattern = Pattern::of_symbolic(loaded.pattern(name)?, &symbolic.model, constant)
+            .map_err(|error| Failure::Input(error.to_string()))?;
+        let model = Interpreted::new(&symbolic.model, &symbolic.form);
+        Ok(Prepared { symbolic, model, pattern, experiment })
+    }
+
+    /// The experiment file that was named, or the one beside the model.
+    fn experiment(&self, file: &Path) -> Result<Experiment, Failure> {
+        let path = self.experiment.clone().unwrap_or_else(|| file.with_extension("toml"));
+        if self.experiment.is_none() && !path.exists() {
+            return Err(Failure::Input(format!(
+                "there is no experiment {} beside the model; write one, or name another with --experiment FILE",
+                path.display()
+            )));
+        }
+        let text = std::fs::read_to_string(&path).map_err(|error| Failure::read(&path, error))?;
+        let at = |error: ExperimentError| Failure::Input(format!("{}: {error}", path.display()));
+        let mut experiment = Experiment::parse(&text).map_err(at)?;
+        for (key, value) in &self.set {
+            experiment.apply_override(key, value).map_err(|error| Failure::Input(error.to_string()))?;
+        }
+        Ok(experiment)
+    }
+}
+
+/// NAME=VALUE.
+pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
+            Ok((name.trim().to_owned(), value.trim().to_owned()))
+        }
+        _ => Err(format!("`{text}` is not of the form NAME=VALUE")),
+    }
+}

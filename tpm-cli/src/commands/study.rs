@@ -1,0 +1,92 @@
+//! `tpm study`: many campaigns on the simulated plant, and how their results spread about the truth.
+
+use super::simulated::{Prepared, SimulatedArgs};
+use crate::failure::Failure;
+use crate::text_table::{Align, TextTable, number};
+use crate::{Outcome, interrupt, output, progress};
+use std::path::PathBuf;
+use tpm_runtime::experiment::{Study, study};
+
+/// Options of `tpm study`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    #[command(flatten)]
+    simulated: SimulatedArgs,
+    /// How many seeds, from the experiment's own on.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..))]
+    seeds: u32,
+    /// Print JSON (tpm.study/1).
+    #[arg(long)]
+    json: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let Prepared { model, pattern, experiment, .. } = args.simulated.prepare(&args.file)?;
+    let bar = progress::Bar::new("studying");
+    let seeds = args.seeds as usize;
+    let (result, interrupted) = interrupt::watched(|go_on| {
+        let step = |ended: usize| {
+            bar.set(ended as u64, seeds as u64);
+            go_on()
+        };
+        (study(&model, &pattern, &experiment, seeds, &step), !go_on())
+    });
+    drop(bar);
+    let result = result.map_err(|error| Failure::Input(error.to_string()))?;
+    let text = if args.json { output::json(&result)? } else { describe(&result) };
+    output::emit(args.output.as_deref(), &text)?;
+    if interrupted {
+        return Err(Failure::Interrupted);
+    }
+    if result.incomplete > 0 {
+        return Err(Failure::Incomplete(format!(
+            "{} of {} campaigns did not identify everything",
+            result.incomplete, result.campaigns
+        )));
+    }
+    Ok(())
+}
+
+fn describe(study: &Study) -> String {
+    let mut text = format!(
+        "model {} on a simulated plant; estimator {}; {} campaigns, seeds from {}\n\n",
+        study.model, study.estimator, study.campaigns, study.first_seed
+    );
+    let mut table = TextTable::new(&[
+        ("parameter", Align::Left),
+        ("unit", Align::Left),
+        ("true", Align::Right),
+        ("mean", Align::Right),
+        ("bias", Align::Right),
+        ("+-", Align::Right),
+        ("spread", Align::Right),
+        ("stated", Align::Right),
+        ("95 % interval holds", Align::Right),
+    ]);
+    let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
+    for parameter in &study.parameters {
+        table.row(&[
+            parameter.name.clone(),
+            parameter.unit.clone().unwrap_or_else(|| "-".to_owned()),
+            number(parameter.truth),
+            optional(parameter.mean),
+            optional(parameter.bias),
+            optional(parameter.bias_std),
+            optional(parameter.spread),
+            optional(parameter.stated),
+            parameter.coverage.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)),
+        ]);
+    }
+    text.push_str(&table.finish());
+    text.push_str("\nspread: standard deviation of the results; stated: what the campaigns said it is\n");
+    for warning in &study.warnings {
+        text.push_str(&format!("warning: {warning}\n"));
+    }
+    text
+}
