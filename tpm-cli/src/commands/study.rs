@@ -44,10 +44,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if interrupted {
         return Err(Failure::Interrupted);
     }
-    if result.incomplete > 0 {
+    if !result.incomplete_seeds.is_empty() {
         return Err(Failure::Incomplete(format!(
             "{} of {} campaigns did not identify everything",
-            result.incomplete, result.campaigns
+            result.incomplete_seeds.len(),
+            result.campaigns
         )));
     }
     Ok(())
@@ -67,7 +68,8 @@ fn describe(study: &Study) -> String {
         ("+-", Align::Right),
         ("spread", Align::Right),
         ("stated", Align::Right),
-        ("95 % interval holds", Align::Right),
+        ("95 % interval", Align::Right),
+        ("of", Align::Right),
     ]);
     let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
     for parameter in &study.parameters {
@@ -81,10 +83,11 @@ fn describe(study: &Study) -> String {
             optional(parameter.spread),
             optional(parameter.stated),
             parameter.coverage.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)),
+            parameter.values.to_string(),
         ]);
     }
     text.push_str(&table.finish());
-    text.push_str("\nspread: standard deviation of the results; stated: what the campaigns said it is\n");
+    text.push_str("\nspread: standard deviation of the results; stated: what the campaigns said it is;\n95 % interval: share of those stated that hold the true value\n");
     for warning in &study.warnings {
         text.push_str(&format!("warning: {warning}\n"));
     }

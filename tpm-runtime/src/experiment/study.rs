@@ -1,9 +1,10 @@
 //! Monte-Carlo study: one campaign for every seed, and how their estimates spread about the truth.
 //!
 //! Invariant: the result depends on the experiment and the seeds alone, not on the number of threads or on which campaign
-//! ends first. Campaigns that gave no value of a parameter are counted, never replaced.
+//! ends first. Campaigns that did not identify a parameter are counted, never replaced.
 
 use super::{CampaignIdentification, Experiment, ExperimentError, identify_simulated};
+use crate::estimate::Status;
 use crate::model::Model;
 use crate::trajectory::Pattern;
 use rayon::prelude::*;
@@ -14,8 +15,11 @@ use std::vec::Vec;
 
 /// Half the width of the interval that holds 95 % of a normal variable, in standard deviations.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
+/// Seeds that a warning lists.
+const SHOWN_SEEDS: usize = 8;
 
-/// One parameter over all campaigns. Statistics are over the campaigns that gave a value.
+/// One parameter over all campaigns. Statistics are over the campaigns that identified it: what a campaign itself calls
+/// poorly determined is no result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterStudy {
     /// Name in the model.
@@ -24,7 +28,7 @@ pub struct ParameterStudy {
     pub unit: Option<String>,
     /// The simulated machine's.
     pub truth: f64,
-    /// Campaigns that gave a value.
+    /// Campaigns that identified it.
     pub values: usize,
     /// Mean of the values; nothing when there are none.
     pub mean: Option<f64>,
@@ -53,8 +57,8 @@ pub struct Study {
     pub first_seed: u64,
     /// Campaigns that were run, one for each of the following seeds.
     pub campaigns: usize,
-    /// Campaigns that did not identify everything.
-    pub incomplete: usize,
+    /// Seeds of the campaigns that did not identify everything.
+    pub incomplete_seeds: Vec<u64>,
     /// The parameters.
     pub parameters: Vec<ParameterStudy>,
     /// What the user should know.
@@ -101,7 +105,8 @@ fn summarise(
     asked: usize,
     results: &[CampaignIdentification],
 ) -> Study {
-    let incomplete = results.iter().filter(|result| !result.is_complete()).count();
+    let incomplete = results.iter().filter(|result| !result.is_complete());
+    let incomplete_seeds: Vec<u64> = incomplete.map(|result| result.seed).collect();
     let parameters: Vec<ParameterStudy> = (0..model.dims().parameters)
         .filter_map(|j| {
             let label = model.parameter(j);
@@ -109,7 +114,9 @@ fn summarise(
             let truth = *experiment.plant.parameters.get(label.name)?;
             let pairs: Vec<(f64, f64)> = results
                 .iter()
-                .filter_map(|result| Some((result.parameters[j].value?, result.parameters[j].std?)))
+                .map(|result| &result.parameters[j])
+                .filter(|parameter| parameter.status == Status::Identified.name())
+                .filter_map(|parameter| Some((parameter.value?, parameter.std?)))
                 .collect();
             Some(one_parameter(label.name, label.unit, truth, &pairs))
         })
@@ -118,8 +125,14 @@ fn summarise(
     if results.len() < asked {
         warnings.push(std::format!("{} of {asked} campaigns were run before the study was stopped", results.len()));
     }
-    if incomplete > 0 {
-        warnings.push(std::format!("{incomplete} campaigns did not identify everything"));
+    if !incomplete_seeds.is_empty() {
+        let shown: Vec<String> = incomplete_seeds.iter().take(SHOWN_SEEDS).map(ToString::to_string).collect();
+        warnings.push(std::format!(
+            "{} campaigns did not identify everything: seed {}{}",
+            incomplete_seeds.len(),
+            shown.join(", "),
+            if incomplete_seeds.len() > SHOWN_SEEDS { ", ..." } else { "" }
+        ));
     }
     for parameter in &parameters {
         if let (Some(bias), Some(error)) = (parameter.bias, parameter.bias_std)
@@ -140,7 +153,7 @@ fn summarise(
         estimator: experiment.estimator.name(),
         first_seed: experiment.seed,
         campaigns: results.len(),
-        incomplete,
+        incomplete_seeds,
         parameters,
         warnings,
     }

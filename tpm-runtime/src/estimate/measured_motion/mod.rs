@@ -29,6 +29,9 @@ use std::vec::Vec;
 const DISTORTION: f64 = 1e-3;
 /// A line far above all others counts from this share of the strongest line on.
 const SUBSTANTIAL: f64 = 0.1;
+/// A line far above all others counts when its power is this many times that of its noise: among the lines of many campaigns
+/// one of feedback noise passes for excitation otherwise, and what it shows is the inverse of the feedback.
+const ALONE: f64 = 400.0;
 /// Lines on either side that count as neighbours.
 const NEIGHBOURS: usize = 8;
 /// The mean of an input is used from this share of its root mean square on.
@@ -311,7 +314,10 @@ impl MeasuredMotion {
                 })
             })
             .collect();
-        without_stragglers(visible_lines, |k| self.drive[row][k].norm() > SUBSTANTIAL * peak)
+        without_stragglers(visible_lines, |k| {
+            let noise = self.drive_variance(row, k).max(self.floor[row]);
+            self.drive[row][k].norm() > SUBSTANTIAL * peak && self.drive[row][k].norm_sqr() > ALONE * noise
+        })
     }
 
     /// Takes the mean into a row, or not: it carries the bias of terms that are even in velocity.
