@@ -155,6 +155,10 @@ fn an_order_that_is_too_high_is_said() {
         let said = high.warnings.iter().find(|w| w.order_too_high()).expect("said");
         assert!(said.to_string().contains("order is higher than the data support"), "{said}");
     }
+    // A numerator of too high a degree has a zero far away and hardly known; it lies on no pole.
+    let far = fit_rational(&response, &RationalSettings::new(1, 2, 0.1, 24.0)).expect("determined");
+    assert!(far.zeros[0].value.norm() > 10.0 * 20.0, "{}", far.zeros[0]);
+    assert!(far.warnings.iter().all(|w| !matches!(w, FitWarning::Cancelling { .. })), "{:?}", far.warnings);
     let none = RationalSettings::new(3, 5, 3.0, 3.2);
     assert!(matches!(fit_rational(&response, &none), Err(FitError::TooFewLines { unknowns: 9, lines: 5, .. })));
     assert!(matches!(

@@ -576,7 +576,9 @@ fn warnings(fit: &RationalFit, lowest: f64, rank: usize, unknowns: usize, conver
             .filter(|zero| {
                 let distance = (zero.value - pole.value).norm();
                 let size = pole.value.norm().max(zero.value.norm());
-                distance <= CLOSE * size || distance <= SAME * zero.radius().hypot(pole.radius())
+                // A zero that is hardly known at all lies on no pole in particular.
+                let known = zero.radius() <= VAGUE * pole.value.norm().max(lowest);
+                distance <= CLOSE * size || (known && distance <= SAME * zero.radius().hypot(pole.radius()))
             });
         if let Some(zero) = cancelled {
             warnings.push(FitWarning::Cancelling { pole: *pole, zero: *zero });
