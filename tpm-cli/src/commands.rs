@@ -7,6 +7,7 @@ pub(crate) mod frf;
 pub(crate) mod generate;
 pub(crate) mod identifiability;
 pub(crate) mod identify;
+pub(crate) mod linearize;
 pub(crate) mod measured;
 pub(crate) mod simulated;
 pub(crate) mod study;

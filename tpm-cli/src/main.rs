@@ -9,8 +9,10 @@ mod failure;
 mod interrupt;
 mod load;
 mod output;
+mod point;
 mod progress;
 mod text_table;
+mod values;
 
 use clap::{Parser, Subcommand};
 use failure::Failure;
@@ -40,6 +42,8 @@ enum Command {
     Identifiability(commands::identifiability::Args),
     /// Identify parameters: on a simulated plant, or from a log.
     Identify(Box<commands::identify::Args>),
+    /// Linearise a model at rest: state space, transfer functions, poles and zeros.
+    Linearize(Box<commands::linearize::Args>),
     /// Repeat an experiment on the simulated plant for many seeds: bias, spread, coverage of the intervals.
     Study(commands::study::Args),
 }
@@ -55,6 +59,7 @@ fn main() -> ExitCode {
         Command::Generate(args) => commands::generate::run(args),
         Command::Identifiability(args) => commands::identifiability::run(args),
         Command::Identify(args) => commands::identify::run(args),
+        Command::Linearize(args) => commands::linearize::run(args),
         Command::Study(args) => commands::study::run(args),
     };
     match outcome {

@@ -69,5 +69,6 @@ pub mod series;
 pub mod singular;
 mod spectrum;
 pub mod table;
+pub mod transfer;
 pub mod trig;
 pub mod unit;

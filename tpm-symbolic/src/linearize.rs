@@ -323,6 +323,9 @@ pub struct TransferFunction {
     pub numerator: Vec<Rational>,
     /// Denominator.
     pub denominator: Vec<Rational>,
+    /// The common factor that was removed, its last coefficient 1: poles that zeros cancel exactly, which the output does
+    /// not show or the input does not reach.
+    pub cancelled: Vec<Rational>,
 }
 
 impl StateSpace<Rational> {
@@ -367,18 +370,25 @@ impl TransferFunction {
 fn lowest_terms(numerator: Vec<Rational>, denominator: Vec<Rational>) -> TransferFunction {
     let numerator = trimmed(numerator);
     if numerator.is_empty() {
-        return TransferFunction { numerator, denominator: vec![Rational::one()] };
+        return TransferFunction { numerator, denominator: vec![Rational::one()], cancelled: denominator };
     }
     let (mut a, mut b) = (denominator.clone(), numerator.clone());
     while !b.is_empty() {
         let rest = divide(a, &b).1;
         a = std::mem::replace(&mut b, rest);
     }
+    make_monic(&mut a);
     let (mut numerator, mut denominator) = (divide(numerator, &a).0, divide(denominator, &a).0);
-    if let Some(lead) = denominator.last().cloned() {
-        numerator.iter_mut().chain(&mut denominator).for_each(|c| *c /= &lead);
-    }
-    TransferFunction { numerator, denominator }
+    let lead = make_monic(&mut denominator);
+    numerator.iter_mut().for_each(|c| *c /= &lead);
+    TransferFunction { numerator, denominator, cancelled: a }
+}
+
+/// Divides by the leading coefficient, which it returns; 1 for the zero polynomial.
+fn make_monic(polynomial: &mut [Rational]) -> Rational {
+    let lead = polynomial.last().cloned().unwrap_or_else(Rational::one);
+    polynomial.iter_mut().for_each(|c| *c /= &lead);
+    lead
 }
 
 fn trimmed(mut polynomial: Vec<Rational>) -> Vec<Rational> {

@@ -30,3 +30,6 @@ pub use rational::{Delay, Estimate, FitError, FitWarning, RationalFit, RationalS
 pub use response::{Estimator, FrequencyResponse, Gap, HoldEffect, Line, ResponseError, Welch};
 pub use structured::{ResponseModel, StructuredFit, StructuredSettings, fit_structured};
 pub use transfer::{TransferError, TransferFunction};
+
+/// A complex number: a response, a pole, a zero.
+pub type Complex = nalgebra::Complex<f64>;

@@ -1,0 +1,139 @@
+//! Values of a model's parameters and run-time constants, exactly as they were written.
+//!
+//! Invariant: a decimal is the rational number that its digits say; a name that the model does not have is an error.
+
+use crate::commands::identify::assignment;
+use crate::failure::Failure;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use tpm_symbolic::expr::Symbol;
+use tpm_symbolic::model::{Kind, Model};
+use tpm_symbolic::rational::{self, Rational};
+
+/// Options that give values.
+#[derive(clap::Args)]
+pub(crate) struct ValueArgs {
+    /// Values of parameters and run-time constants: NAME = VALUE lines (.toml), or a result of `tpm identify --json`
+    /// (.json).
+    #[arg(long, value_name = "FILE")]
+    params: Option<PathBuf>,
+    /// Value of one parameter or run-time constant; goes before that of the file.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
+    set: Vec<(String, String)>,
+}
+
+/// Values by symbol.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Values(BTreeMap<Symbol, Rational>);
+
+impl Values {
+    /// Reads what was given.
+    pub(crate) fn load(args: &ValueArgs, model: &Model) -> Result<Self, Failure> {
+        let mut values = BTreeMap::new();
+        if let Some(path) = &args.params {
+            let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+            let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+            let found = if json { identified(path, &text, model)? } else { table(path, &text)? };
+            for (name, value) in found {
+                values.insert(symbol(model, &name, &path.display().to_string())?, value);
+            }
+        }
+        let mut seen = Vec::new();
+        for (name, text) in &args.set {
+            if seen.contains(&name) {
+                return Err(Failure::Input(format!("--set {name}=... is given twice")));
+            }
+            seen.push(name);
+            let value = rational::parse(text).ok_or_else(|| {
+                Failure::Input(format!("--set {name}={text}: write a number, such as 2, 0.022, 3.168e-4 or 1/3"))
+            })?;
+            values.insert(symbol(model, name, "--set")?, value);
+        }
+        Ok(Values(values))
+    }
+
+    /// The value of a symbol.
+    pub(crate) fn get(&self, symbol: Symbol) -> Option<&Rational> {
+        self.0.get(&symbol)
+    }
+
+    /// Whether nothing was given.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Names of the parameters and run-time constants that have no value.
+    pub(crate) fn missing(&self, model: &Model) -> Vec<String> {
+        model
+            .parameters()
+            .chain(model.run_time_constants())
+            .filter(|symbol| !self.0.contains_key(symbol))
+            .map(|symbol| model.quantity(symbol).name.clone())
+            .collect()
+    }
+}
+
+fn symbol(model: &Model, name: &str, place: &str) -> Result<Symbol, Failure> {
+    let known = model.find_symbol(name);
+    match known.map(|symbol| (symbol, &model.quantity(symbol).kind)) {
+        Some((symbol, Kind::Parameter | Kind::Constant { value: None })) => Ok(symbol),
+        Some((_, Kind::Constant { value: Some(value) })) => Err(Failure::Input(format!(
+            "{place}: `{name}` is fixed to {} in model {}; declare it without a value there to set it",
+            rational::display(value),
+            model.name
+        ))),
+        _ => {
+            let names: Vec<&str> = model
+                .parameters()
+                .chain(model.run_time_constants())
+                .map(|symbol| model.quantity(symbol).name.as_str())
+                .collect();
+            Err(Failure::Input(format!(
+                "{place}: model {} has no parameter or run-time constant `{name}`; it has {}",
+                model.name,
+                names.join(", ")
+            )))
+        }
+    }
+}
+
+fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
+    let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
+    let table: toml::Table = text.parse().map_err(|error: toml::de::Error| at(error.to_string()))?;
+    let mut values = Vec::new();
+    for (name, value) in table {
+        let text = match &value {
+            toml::Value::Integer(value) => value.to_string(),
+            // The shortest decimal that is this number: what was written, up to 15 digits.
+            toml::Value::Float(value) => value.to_string(),
+            toml::Value::String(text) => text.clone(),
+            _ => return Err(at(format!("`{name}` must be a number"))),
+        };
+        let value = rational::parse(&text).ok_or_else(|| at(format!("`{name}`: `{text}` is not a finite number")))?;
+        values.push((name, value));
+    }
+    Ok(values)
+}
+
+/// The identified values that the model knows by name; lumped parameters are given up in favour of the physical ones.
+fn identified(path: &Path, text: &str, model: &Model) -> Result<Vec<(String, Rational)>, Failure> {
+    let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
+    let whole: serde_json::Value = serde_json::from_str(text).map_err(|error| at(error.to_string()))?;
+    if whole["schema"] != "tpm.identification/1" {
+        return Err(at("this is no result of `tpm identify --json` (schema tpm.identification/1)".to_owned()));
+    }
+    let mut values = Vec::new();
+    for list in ["parameters", "physical"] {
+        for entry in whole[list].as_array().into_iter().flatten() {
+            let Some(name) = entry["name"].as_str().filter(|name| model.find_symbol(name).is_some()) else { continue };
+            let value = entry["value"].as_f64().and_then(|value| rational::parse(&value.to_string()));
+            values.push((
+                name.to_owned(),
+                value.ok_or_else(|| {
+                    at(format!("`{name}` was not identified, so it has no value; give one with --set {name}=VALUE"))
+                })?,
+            ));
+        }
+    }
+    Ok(values)
+}
