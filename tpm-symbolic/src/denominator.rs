@@ -24,13 +24,23 @@ pub(crate) struct Factors {
 
 static SMALL: [OddPrime; 9] = OddPrime::SMALL;
 
-/// A positive integer by its exponents. The lists of what is rare end with a non-zero entry or are empty.
+/// A positive integer by its exponents.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Denominator {
     two: u32,
     /// Of the first primes.
-    odd: [u32; 8],
-    /// Of the primes after these.
+    odd: [u32; FIRST],
+    /// Of all others, when there are any: most denominators are copied and multiplied without a look at them.
+    rare: Option<Box<Rare>>,
+}
+
+/// So many odd primes are kept in place.
+const FIRST: usize = 8;
+
+/// Exponents of what occurs seldom. The lists end with a non-zero entry or are empty, and one is not empty.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Rare {
+    /// Of the primes after the first.
     more: Vec<u32>,
     cofactors: Vec<u32>,
 }
@@ -49,25 +59,66 @@ impl Denominator {
         let raise = |into: u32, from: u32| into.saturating_add(from.saturating_mul(times));
         self.two = raise(self.two, other.two);
         self.odd.iter_mut().zip(other.odd).for_each(|(into, from)| *into = raise(*into, from));
-        combine(&mut self.more, &other.more, raise);
-        combine(&mut self.cofactors, &other.cofactors, raise);
+        if let Some(other) = &other.rare {
+            let rare = self.rare.get_or_insert_default();
+            combine(&mut rare.more, &other.more, raise);
+            combine(&mut rare.cofactors, &other.cofactors, raise);
+        }
+    }
+
+    /// self = a * b, for exponents whose sums are known to fit.
+    #[inline]
+    pub(crate) fn set_product(&mut self, a: &Self, b: &Self) {
+        self.two = a.two + b.two;
+        for (into, (a, b)) in self.odd.iter_mut().zip(a.odd.iter().zip(b.odd)) {
+            *into = a + b;
+        }
+        if self.rare.is_some() || a.rare.is_some() || b.rare.is_some() {
+            self.rare.clone_from(&a.rare);
+            if let Some(other) = &b.rare {
+                let rare = self.rare.get_or_insert_default();
+                combine(&mut rare.more, &other.more, |into, from| into + from);
+                combine(&mut rare.cofactors, &other.cofactors, |into, from| into + from);
+            }
+        }
     }
 
     /// A common multiple of both.
     pub(crate) fn join(&mut self, other: &Self) {
         self.two = self.two.max(other.two);
         self.odd.iter_mut().zip(other.odd).for_each(|(into, from)| *into = (*into).max(from));
-        combine(&mut self.more, &other.more, u32::max);
-        combine(&mut self.cofactors, &other.cofactors, u32::max);
+        if let Some(other) = &other.rare {
+            let rare = self.rare.get_or_insert_default();
+            combine(&mut rare.more, &other.more, u32::max);
+            combine(&mut rare.cofactors, &other.cofactors, u32::max);
+        }
     }
 
-    /// (index of the prime, exponent) where the exponent is not 0.
-    fn primes(&self) -> impl Iterator<Item = (usize, u32)> + '_ {
-        self.odd.iter().chain(&self.more).copied().enumerate().filter(|(_, exponent)| *exponent > 0)
+    fn more(&self) -> &[u32] {
+        self.rare.as_ref().map_or(&[], |rare| rare.more.as_slice())
+    }
+
+    fn cofactors(&self) -> &[u32] {
+        self.rare.as_ref().map_or(&[], |rare| rare.cofactors.as_slice())
+    }
+
+    /// Calls back with the index of every prime and its exponent where this is not 0.
+    #[inline]
+    fn primes(&self, mut each: impl FnMut(usize, u32)) {
+        for (index, &exponent) in self.odd.iter().enumerate() {
+            if exponent > 0 {
+                each(index, exponent);
+            }
+        }
+        if let Some(rare) = &self.rare {
+            for (index, &exponent) in rare.more.iter().enumerate().filter(|(_, exponent)| **exponent > 0) {
+                each(FIRST + index, exponent);
+            }
+        }
     }
 
     fn exponent(&self, prime: usize) -> u32 {
-        let more = || self.more.get(prime - 8).copied().unwrap_or(0);
+        let more = || self.more().get(prime - FIRST).copied().unwrap_or(0);
         self.odd.get(prime).copied().unwrap_or_else(more)
     }
 
@@ -75,9 +126,10 @@ impl Denominator {
         match self.odd.get_mut(prime) {
             Some(exponent) => *exponent += 1,
             None => {
-                let index = prime - self.odd.len();
-                self.more.resize(self.more.len().max(index + 1), 0);
-                self.more[index] += 1;
+                let index = prime - FIRST;
+                let more = &mut self.rare.get_or_insert_default().more;
+                more.resize(more.len().max(index + 1), 0);
+                more[index] += 1;
             }
         }
     }
@@ -167,19 +219,20 @@ impl Factors {
             self.cofactors.push(value);
             self.cofactors.len() - 1
         });
-        if result.cofactors.len() <= index {
-            result.cofactors.resize(index + 1, 0);
-        }
-        result.cofactors[index] += 1;
+        let cofactors = &mut result.rare.get_or_insert_default().cofactors;
+        cofactors.resize(cofactors.len().max(index + 1), 0);
+        cofactors[index] += 1;
     }
 
     /// An upper bound of the bit length.
     pub(crate) fn bits(&self, denominator: &Denominator) -> u64 {
-        let odd = denominator.primes().map(|(prime, e)| f64::from(e) * self.known(prime).log2);
-        let cofactors = denominator.cofactors.iter().zip(&self.cofactors).map(|(&e, c)| f64::from(e) * c.bits() as f64);
-        // The added part exceeds the rounding of the sum by far.
-        let logarithm = odd.chain(cofactors).sum::<f64>() * (1.0 + 1e-12) + 1e-9;
-        u64::from(denominator.two) + logarithm.floor() as u64 + 1
+        // In units of 2^-20; 32 bits of exponent and 36 of the logarithm could pass one word.
+        let mut logarithm = 0u128;
+        denominator.primes(|prime, e| logarithm += u128::from(self.known(prime).log2) * u128::from(e));
+        for (&e, cofactor) in denominator.cofactors().iter().zip(&self.cofactors) {
+            logarithm += (u128::from(e) * u128::from(cofactor.bits())) << 20;
+        }
+        u64::from(denominator.two) + (logarithm >> 20) as u64 + 1
     }
 
     /// multiple / denominator, for a multiple made by [`Denominator::join`].
@@ -197,48 +250,53 @@ impl Factors {
         } else {
             factor(u64::MAX)
         }
-        for (i, e) in multiple.primes() {
-            self.known(i).power_factors(e - denominator.exponent(i)).for_each(&mut factor);
-        }
-        if multiple.cofactors == denominator.cofactors
+        multiple.primes(|i, e| self.known(i).power_factors(e - denominator.exponent(i)).for_each(&mut factor));
+        if multiple.cofactors() == denominator.cofactors()
             && let Some(value) = small
         {
             return Scalar::Small(value);
         }
         let mut value = BigUint::one() << two;
-        for (i, e) in multiple.primes() {
-            value *= BigUint::from(self.known(i).value).pow(e - denominator.exponent(i));
-        }
-        for (i, &e) in multiple.cofactors.iter().enumerate() {
-            value *= self.cofactors[i].pow(e - denominator.cofactors.get(i).copied().unwrap_or(0));
+        multiple.primes(|i, e| value *= BigUint::from(self.known(i).value).pow(e - denominator.exponent(i)));
+        for (i, &e) in multiple.cofactors().iter().enumerate() {
+            value *= self.cofactors[i].pow(e - denominator.cofactors().get(i).copied().unwrap_or(0));
         }
         Scalar::from_big(&BigInt::from(value))
     }
 
     /// Prepares the reduction of many fractions over the same denominator.
     pub(crate) fn reduction(&self, denominator: &Denominator) -> Reduction<'_> {
-        let mut odd: SmallVec<[(&OddPrime, u32); 6]> = SmallVec::new();
-        for (prime, exponent) in denominator.primes() {
-            odd.push((self.known(prime), exponent));
+        let mut odd: SmallVec<[(&OddPrime, u32); 4]> = SmallVec::new();
+        denominator.primes(|prime, exponent| odd.push((self.known(prime), exponent)));
+        let mut cofactor: Option<BigUint> = None;
+        if denominator.rare.is_some() {
+            let powers = denominator.cofactors().iter().zip(&self.cofactors).filter(|(e, _)| **e > 0);
+            cofactor = powers.map(|(&e, c)| c.pow(e)).reduce(|a, b| a * b);
         }
-        let cofactor = denominator.cofactors.iter().zip(&self.cofactors).filter(|(e, _)| **e > 0);
-        let cofactor = cofactor.map(|(&e, c)| c.pow(e)).reduce(|a, b| a * b);
-        Reduction { two: denominator.two, odd, cofactor, bits: self.bits(denominator) }
+        let bits = self.bits(denominator);
+        let mut product = 1u128;
+        if bits <= 128 && cofactor.is_none() {
+            let factors = odd.iter().flat_map(|(prime, exponent)| prime.power_factors(*exponent));
+            factors.for_each(|factor| product *= u128::from(factor));
+        }
+        Reduction { two: denominator.two, odd, cofactor, words: bits.div_ceil(64) as usize, product }
     }
 }
 
 /// A denominator, ready to reduce fractions.
 pub(crate) struct Reduction<'a> {
     two: u32,
-    odd: SmallVec<[(&'a OddPrime, u32); 6]>,
+    odd: SmallVec<[(&'a OddPrime, u32); 4]>,
     cofactor: Option<BigUint>,
-    bits: u64,
+    words: usize,
+    /// The product of the odd primes' powers, when all is within two words.
+    product: u128,
 }
 
 impl Reduction<'_> {
     /// Number of words that hold every reduced denominator.
     pub(crate) fn words(&self) -> usize {
-        self.bits.div_ceil(64) as usize
+        self.words
     }
 
     /// Whether the denominator is even.
@@ -249,60 +307,103 @@ impl Reduction<'_> {
     /// Writes `numerator / (denominator / 2^halvings)` in lowest terms: the numerator's words in two's complement, then
     /// [`Self::words`] of the positive denominator. The numerator is not zero; the denominator is even when `halvings`
     /// is 1.
+    #[inline]
     pub(crate) fn write<T: Numerator>(&self, numerator: &T, halvings: u32, out: &mut [u64]) {
-        let (above, below) = out.split_at_mut(out.len() - self.words());
+        let (above, below) = out.split_at_mut(out.len() - self.words);
         if self.cofactor.is_some() {
             return self.write_with_cofactor(&numerator.to_big(), halvings, above, below);
         }
+        if let ([below], Some(word)) = (&mut *below, numerator.as_word()) {
+            return self.write_word(word, self.two - halvings, above, below);
+        }
+        self.write_wide(numerator, self.two - halvings, above, below);
+    }
+
+    /// [`Self::write`] for numbers of one word; `two` is the denominator's exponent.
+    #[inline]
+    fn write_word(&self, numerator: i64, two: u32, above: &mut [u64], below: &mut u64) {
+        let mut magnitude = numerator.unsigned_abs();
+        let shift = magnitude.trailing_zeros().min(two);
+        magnitude >>= shift;
+        let mut product = self.product as u64;
+        for (prime, exponent) in self.odd.as_slice() {
+            for _ in 0..*exponent {
+                let Some(quotient) = prime.divide_exactly(magnitude) else { break };
+                magnitude = quotient;
+                product = prime.divide_word(product);
+            }
+        }
+        *below = product << (two - shift);
+        if let Some((first, rest)) = above.split_first_mut() {
+            *first = if numerator < 0 { magnitude.wrapping_neg() } else { magnitude };
+            if !rest.is_empty() {
+                rest.fill((numerator >> 63) as u64);
+            }
+        }
+    }
+
+    /// [`Self::write`] for all other numbers.
+    #[inline]
+    fn write_wide<T: Numerator>(&self, numerator: &T, two: u32, above: &mut [u64], below: &mut [u64]) {
         let negative = numerator.is_negative();
-        let two = self.two - halvings;
         let magnitude = if negative { numerator.negated() } else { numerator.clone() };
         let shift = magnitude.trailing_zeros().min(two);
         let mut magnitude = if shift > 0 { magnitude.shifted_right(shift) } else { magnitude };
         let two = two - shift;
-        // What is left of the denominator: low words first, 2^two before the rest when there are more than two.
-        let mut small = 1u128;
-        let low = (two / 64) as usize;
-        let mut top = low;
-        if below.len() > 2 {
-            below.fill(0);
-            below[low] = 1 << (two % 64);
-            top += 1;
-        }
-        for (prime, exponent) in &self.odd {
-            let mut exponent = *exponent;
-            while exponent > 0
-                && let Some(quotient) = magnitude.divided_exactly(prime)
-            {
-                magnitude = quotient;
-                exponent -= 1;
-            }
-            if below.len() > 2 {
-                for factor in prime.power_factors(exponent) {
-                    let mut carry = 0u128;
-                    for word in &mut below[low..top] {
-                        let product = u128::from(*word) * u128::from(factor) + carry;
-                        *word = product as u64;
-                        carry = product >> 64;
-                    }
-                    if carry > 0 {
-                        below[top] = carry as u64;
-                        top += 1;
-                    }
+        // What is left of the denominator, in as many words as it may take.
+        match below {
+            [below] => {
+                let mut product = self.product as u64;
+                for (prime, exponent) in &self.odd {
+                    self.divide(&mut magnitude, prime, *exponent, || product = prime.divide_word(product));
                 }
-            } else if let Some(power) = prime.small_power(exponent) {
-                small *= u128::from(power);
-            } else {
-                prime.power_factors(exponent).for_each(|factor| small *= u128::from(factor));
+                *below = product << two;
             }
-        }
-        if let [first] = below {
-            *first = (small as u64) << two;
-        } else if let [first, second] = below {
-            small <<= two;
-            (*first, *second) = (small as u64, (small >> 64) as u64);
+            [low, high] => {
+                let mut product = self.product;
+                for (prime, exponent) in &self.odd {
+                    self.divide(&mut magnitude, prime, *exponent, || product = prime.divide_multiple(product));
+                }
+                product <<= two;
+                (*low, *high) = (product as u64, (product >> 64) as u64);
+            }
+            _ => self.write_long(&mut magnitude, two, below),
         }
         if negative { magnitude.negated().write_words(above) } else { magnitude.write_words(above) }
+    }
+
+    /// Divides by the prime while it goes, at most `exponent` times, and tells each time.
+    #[inline]
+    fn divide<T: Numerator>(&self, magnitude: &mut T, prime: &OddPrime, exponent: u32, mut each: impl FnMut()) {
+        for _ in 0..exponent {
+            let Some(quotient) = magnitude.divided_exactly(prime) else { break };
+            *magnitude = quotient;
+            each();
+        }
+    }
+
+    /// The denominator's words when there are more than two: 2^two first, then the rest.
+    fn write_long<T: Numerator>(&self, magnitude: &mut T, two: u32, below: &mut [u64]) {
+        let low = (two / 64) as usize;
+        below.fill(0);
+        below[low] = 1 << (two % 64);
+        let mut top = low + 1;
+        for (prime, exponent) in &self.odd {
+            let mut exponent = *exponent;
+            self.divide(magnitude, prime, exponent, || exponent -= 1);
+            for factor in prime.power_factors(exponent) {
+                let mut carry = 0u128;
+                for word in &mut below[low..top] {
+                    let product = u128::from(*word) * u128::from(factor) + carry;
+                    *word = product as u64;
+                    carry = product >> 64;
+                }
+                if carry > 0 {
+                    below[top] = carry as u64;
+                    top += 1;
+                }
+            }
+        }
     }
 
     fn write_with_cofactor(&self, numerator: &BigInt, halvings: u32, above: &mut [u64], below: &mut [u64]) {

@@ -21,15 +21,14 @@ use crate::expr::{Coordinate, ExprId, Node, Symbol};
 use crate::fourier::Fourier;
 use crate::model::{Kind, Model, TermId};
 use crate::nonsmooth::{self, SignError};
-use crate::numerator::{Numerator, Scalar, for_width};
+use crate::numerator::{Numerator, Rooms, Scalar, for_width};
 use crate::packed::{Key, Layout, LongKey};
 use crate::pattern::Pattern;
-use crate::polynomial::Monomial;
-use crate::rational;
+use crate::polynomial::{Factorisation, Monomial};
+use crate::rational::{self, Rational};
 use crate::regressor::{RegressorForm, Term};
-use crate::spectrum::{Base, Spectrum};
+use crate::spectrum::{Base, Spectrum, Whole};
 use crate::table::{HarmonicTable, Series};
-use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::One;
 use smallvec::{SmallVec, smallvec};
@@ -193,11 +192,12 @@ const PI: usize = usize::MAX;
 
 /// All atoms of a regressor form, as sums of parts.
 struct Atoms<'a> {
-    parts: Vec<Vec<Part>>,
-    /// Index into `parts` of every node of the graph that occurs.
-    index: Vec<u32>,
+    parts: Vec<Part>,
+    list: SmallVec<[Atom; 8]>,
+    /// Index into `list` of every node of the graph that occurs.
+    index: SmallVec<[u32; 64]>,
     /// Model symbols that occur in parts, and [`PI`].
-    symbols: Vec<usize>,
+    symbols: SmallVec<[usize; 8]>,
     shapes: Vec<Shape<'a>>,
     /// No exponent of a symbol or shape in any product is larger.
     largest_exponent: u64,
@@ -208,42 +208,51 @@ struct Atoms<'a> {
 
 const UNRESOLVED: u32 = u32::MAX;
 
+/// An atom under the pattern.
+#[derive(Clone, Copy, Debug)]
+struct Atom {
+    /// Its parts among all, from one index up to the next.
+    start: usize,
+    end: usize,
+    /// The highest sum of exponents of symbols in a part, at least 1.
+    highest: u64,
+    /// Whether it may stand in a denominator: a single product of symbols.
+    invertible: bool,
+}
+
 impl<'a> Atoms<'a> {
     fn resolve(model: &Model, form: &RegressorForm, pattern: &'a Pattern) -> Result<Self, ExpandError> {
         let mut atoms = Self {
-            parts: Vec::new(),
-            index: vec![UNRESOLVED; model.graph.len()],
-            symbols: Vec::new(),
-            shapes: Vec::new(),
+            parts: Vec::with_capacity(8),
+            list: SmallVec::new(),
+            index: SmallVec::new(),
+            symbols: SmallVec::new(),
+            shapes: Vec::with_capacity(8),
             largest_exponent: 0,
             products: 0.0,
             worst: None,
         };
+        atoms.index.resize(model.graph.len(), UNRESOLVED);
         for term in form.rows.iter().flat_map(|row| &row.terms) {
             let (mut largest, mut products) = (0u64, 1.0);
-            for (&atom, exponent) in term.atoms.factors() {
-                if atoms.index[atom.index()] == UNRESOLVED {
-                    let parts = atoms.parts_of(model, pattern, atom, term.source)?;
-                    atoms.index[atom.index()] = u32::try_from(atoms.parts.len()).expect("invariant: ids fit in u32");
-                    atoms.parts.push(parts);
+            for (&id, exponent) in term.atoms.factors() {
+                if atoms.index[id.index()] == UNRESOLVED {
+                    atoms.add(model, pattern, id, term.source)?;
                 }
-                let parts = &atoms.parts[atoms.index[atom.index()] as usize];
+                let atom = atoms.list[atoms.index[id.index()] as usize];
                 let magnitude = u64::from(exponent.unsigned_abs());
-                if exponent < 0 && (parts.len() != 1 || parts[0].shape.is_some() || !parts[0].factor.is_one()) {
-                    return Err(ExpandError::NotFinite { term: term.source, atom: model.display(atom) });
+                if exponent < 0 && !atom.invertible {
+                    return Err(ExpandError::NotFinite { term: term.source, atom: model.display(id) });
                 }
-                let exponents =
-                    parts.iter().map(|part| part.symbols.iter().map(|(_, e)| u64::from(e.unsigned_abs())).sum::<u64>());
-                let highest = exponents.max().unwrap_or(0).max(1);
-                largest = largest.saturating_add(highest.saturating_mul(magnitude));
+                largest = largest.saturating_add(atom.highest.saturating_mul(magnitude));
                 // The number of monomials of degree `magnitude` in the parts.
-                for i in 1..parts.len() {
+                for i in 1..atom.end - atom.start {
                     products *= (magnitude as f64 + i as f64) / i as f64;
                 }
-                if parts.is_empty() {
+                if atom.start == atom.end {
                     products = 0.0;
                 }
-                for part in parts {
+                for part in &atoms.parts[atom.start..atom.end] {
                     if let Some(shape) = part.shape {
                         atoms.shapes[shape].largest = atoms.shapes[shape].largest.saturating_add(magnitude);
                     }
@@ -274,7 +283,7 @@ impl<'a> Atoms<'a> {
         let before = std::mem::take(&mut self.symbols);
         self.symbols.clone_from(&before);
         self.symbols.sort_unstable();
-        for (symbol, _) in self.parts.iter_mut().flatten().flat_map(|part| &mut part.symbols) {
+        for (symbol, _) in self.parts.iter_mut().flat_map(|part| &mut part.symbols) {
             *symbol = self.symbols.partition_point(|&other| other < before[*symbol]);
         }
     }
@@ -291,7 +300,7 @@ impl<'a> Atoms<'a> {
             place[old] = new;
         }
         self.shapes = order.iter().map(|&i| self.shapes[i]).collect();
-        for shape in self.parts.iter_mut().flatten().filter_map(|part| part.shape.as_mut()) {
+        for shape in self.parts.iter_mut().filter_map(|part| part.shape.as_mut()) {
             *shape = place[*shape];
         }
     }
@@ -313,20 +322,27 @@ impl<'a> Atoms<'a> {
         })
     }
 
-    fn parts_of(
-        &mut self,
-        model: &Model,
-        pattern: &'a Pattern,
-        atom: ExprId,
-        term: TermId,
-    ) -> Result<Vec<Part>, ExpandError> {
-        let constant = |symbol| vec![Part { factor: Scalar::ONE, symbols: smallvec![(symbol, 1)], shape: None }];
-        match *model.graph.node(atom) {
-            Node::Pi => Ok(constant(self.symbol(PI))),
-            Node::Symbol(symbol) if is_constant(model, symbol) => Ok(constant(self.symbol(symbol.0 as usize))),
-            Node::Derivative(coordinate, order) => self.motion(model, pattern, coordinate, order, term),
-            _ => Err(ExpandError::NotFinite { term, atom: model.display(atom) }),
+    /// Writes an atom as a sum of parts.
+    fn add(&mut self, model: &Model, pattern: &'a Pattern, id: ExprId, term: TermId) -> Result<(), ExpandError> {
+        let start = self.parts.len();
+        match *model.graph.node(id) {
+            Node::Pi => self.constant(PI),
+            Node::Symbol(symbol) if is_constant(model, symbol) => self.constant(symbol.0 as usize),
+            Node::Derivative(coordinate, order) => self.motion(model, pattern, coordinate, order, term)?,
+            _ => return Err(ExpandError::NotFinite { term, atom: model.display(id) }),
         }
+        let parts = &self.parts[start..];
+        let exponents = parts.iter().map(|part| part.symbols.iter().map(|(_, e)| u64::from(e.unsigned_abs())).sum());
+        let highest = exponents.max().unwrap_or(0).max(1);
+        let invertible = parts.len() == 1 && parts[0].shape.is_none() && parts[0].factor.is_one();
+        self.index[id.index()] = u32::try_from(self.list.len()).expect("invariant: ids fit in u32");
+        self.list.push(Atom { start, end: self.parts.len(), highest, invertible });
+        Ok(())
+    }
+
+    fn constant(&mut self, symbol: usize) {
+        let symbols = smallvec![(self.symbol(symbol), 1)];
+        self.parts.push(Part { factor: Scalar::ONE, symbols, shape: None });
     }
 
     fn motion(
@@ -336,30 +352,32 @@ impl<'a> Atoms<'a> {
         coordinate: Coordinate,
         order: u32,
         term: TermId,
-    ) -> Result<Vec<Part>, ExpandError> {
+    ) -> Result<(), ExpandError> {
         let motion = pattern.motions.get(coordinate.0 as usize).and_then(Option::as_ref).ok_or_else(|| {
             ExpandError::NoMotion { term, coordinate: model.coordinates[coordinate.0 as usize].name.clone() }
         })?;
-        let mut parts = Vec::with_capacity(motion.terms().len());
         for (monomial, fourier) in motion.terms() {
             let constant = fourier.highest_harmonic() == 0;
             if fourier.is_zero() || (constant && order > 0) {
                 continue;
             }
-            // A whole number is kept out of the shapes, so that offsets cancel before anything is multiplied out.
-            let value = constant.then(|| fourier.cos_coefficient(0)).filter(rational::is_integer);
-            let mut symbols: SmallVec<[(usize, i32); 4]> =
-                monomial.factors().map(|(symbol, e)| (self.symbol(symbol.0 as usize), e)).collect();
+            let mut symbols: SmallVec<[(usize, i32); 4]> = SmallVec::new();
+            for (symbol, exponent) in monomial.factors() {
+                symbols.push((self.symbol(symbol.0 as usize), exponent));
+            }
             if order > 0 {
                 let exponent = i32::try_from(order).expect("invariant: derivative orders are small");
                 symbols.push((self.symbol(pattern.frequency.0 as usize), exponent));
             }
-            parts.push(match value {
+            // A whole number is kept out of the shapes, so that offsets cancel before anything is multiplied out.
+            let [value, _] = if constant { fourier.pair(0) } else { [None; 2] };
+            let part = match value.filter(|value| rational::is_integer(value)) {
                 Some(value) => Part { factor: Scalar::from_big(value.numer()), symbols, shape: None },
                 None => Part { factor: Scalar::ONE, symbols, shape: Some(self.shape(fourier, order)) },
-            });
+            };
+            self.parts.push(part);
         }
-        Ok(parts)
+        Ok(())
     }
 
     fn refuse_too_many_products(&self, options: &ExpandOptions<'_>) -> Result<(), ExpandError> {
@@ -402,13 +420,34 @@ type PowersPart<'a, K> = (i32, Monomial<usize>, &'a [Product<K>]);
 struct Group {
     /// The common denominator of the column's coefficients, when it is not 1: an index into [`Expansion::common`].
     common: Option<u32>,
-    /// With several products of shapes: the common denominator of these.
-    joined: Option<Box<Denominator>>,
+    /// With several products of shapes: an index into [`Expansion::sums`].
+    sum: Option<u32>,
     term: TermId,
-    /// How many products of shapes are still to come.
+}
+
+/// A sum of several products of shapes.
+struct Sum {
+    /// The common denominator of the products.
+    denominator: Denominator,
+    /// How many are still to come.
     pending: usize,
-    /// Their sum so far, when there is more than one.
-    sum: Option<Spectrum>,
+    /// The sum so far.
+    spectrum: Spectrum,
+}
+
+/// A product of shapes on the way to the present one.
+struct Level {
+    spectrum: Spectrum,
+    denominator: Denominator,
+}
+
+/// What the groups of one column have in common.
+#[derive(Clone, Copy)]
+struct Place {
+    equation: usize,
+    column: Option<usize>,
+    common: Option<u32>,
+    term: TermId,
 }
 
 /// A product of shapes that goes into a group.
@@ -426,8 +465,8 @@ struct Expansion<'a, K> {
     symbol_layout: Layout,
     factors: Factors,
     bases: Vec<Base>,
-    /// The parts of every atom, as products.
-    parts: Vec<Vec<Product<K>>>,
+    /// The parts of all atoms, as products.
+    parts: Vec<Product<K>>,
     /// Powers of atoms with several parts, by atom and exponent.
     powers: Vec<Vec<Vec<Product<K>>>>,
     /// Common denominators of columns.
@@ -436,7 +475,12 @@ struct Expansion<'a, K> {
     products: Vec<Product<K>>,
     scratch: Vec<Product<K>>,
     groups: Vec<Group>,
+    sums: Vec<Sum>,
     contributions: Vec<Contribution<K>>,
+    /// Bits of the largest factor of a contribution, and of the largest common denominator of a column.
+    factor_bits: u64,
+    common_bits: u64,
+    rooms: Rooms,
     series: Vec<Series>,
     words: Vec<u64>,
     entries: usize,
@@ -451,23 +495,28 @@ impl<'a, K: Key> Expansion<'a, K> {
         symbol_layout: Layout,
     ) -> Self {
         let mut factors = Factors::default();
-        let bases = atoms.shapes.iter().map(|shape| Base::new(shape.fourier, shape.order, &mut factors)).collect();
-        let parts: Vec<Vec<Product<K>>> = atoms
-            .parts
-            .iter()
-            .map(|parts| {
-                let product = |part: &Part| {
-                    let mut symbols = K::one(symbol_layout);
-                    for &(symbol, exponent) in &part.symbols {
-                        symbols.add(&K::variable(symbol_layout, symbol), i64::from(exponent));
-                    }
-                    let shapes = part.shape.map_or_else(|| K::one(shape_layout), |s| K::variable(shape_layout, s));
-                    Product { symbols, shapes, factor: part.factor.clone() }
-                };
-                parts.iter().map(product).collect()
-            })
-            .collect();
-        let powers = vec![Vec::new(); parts.len()];
+        let mut bases: Vec<Base> = Vec::with_capacity(atoms.shapes.len());
+        let mut wholes: SmallVec<[Whole<'_>; 2]> = SmallVec::new();
+        for shape in &atoms.shapes {
+            let known = wholes.iter().position(|whole| std::ptr::eq(whole.fourier(), shape.fourier));
+            let index = known.unwrap_or_else(|| {
+                wholes.push(Whole::new(shape.fourier));
+                wholes.len() - 1
+            });
+            bases.push(wholes[index].base(shape.order, &mut factors));
+        }
+        let mut parts: Vec<Product<K>> = Vec::with_capacity(atoms.parts.len());
+        for part in &atoms.parts {
+            let mut symbols = K::one(symbol_layout);
+            for &(symbol, exponent) in &part.symbols {
+                symbols.add(&K::variable(symbol_layout, symbol), i64::from(exponent));
+            }
+            let shapes = part.shape.map_or_else(|| K::one(shape_layout), |s| K::variable(shape_layout, s));
+            parts.push(Product { symbols, shapes, factor: part.factor.clone() });
+        }
+        let several = atoms.list.iter().any(|atom| atom.end - atom.start != 1);
+        let mut powers = Vec::new();
+        powers.resize_with(if several { atoms.list.len() } else { 0 }, Vec::new);
         let terms = form.rows.iter().map(|row| row.terms.len()).sum();
         Self {
             model,
@@ -483,7 +532,11 @@ impl<'a, K: Key> Expansion<'a, K> {
             products: Vec::new(),
             scratch: Vec::new(),
             groups: Vec::with_capacity(terms),
+            sums: Vec::new(),
             contributions: Vec::with_capacity(terms),
+            factor_bits: 0,
+            common_bits: 0,
+            rooms: Rooms::default(),
             series: Vec::with_capacity(terms),
             words: Vec::new(),
             entries: 0,
@@ -522,10 +575,7 @@ impl<'a, K: Key> Expansion<'a, K> {
         let mut products = std::mem::take(&mut self.products);
         products.clear();
         for term in terms {
-            let factor = match &common {
-                None => Scalar::from_big(term.coefficient.numer()),
-                Some(common) => Scalar::from_big(&(term.coefficient.numer() * (common / term.coefficient.denom()))),
-            };
+            let factor = numerator_over(&term.coefficient, common.as_ref());
             self.append_products(term, factor, &mut products);
             if terms.len() > 1 {
                 self.report(options, 0, 1, term.source)?;
@@ -533,51 +583,67 @@ impl<'a, K: Key> Expansion<'a, K> {
         }
         merge(&mut products);
         let common = common.map(|common| {
-            let denominator = self.factors.factor(common.magnitude());
+            let denominator = match common {
+                Scalar::Small(common) => self.factors.factor_word(common.unsigned_abs()),
+                Scalar::Big(common) => self.factors.factor(common.magnitude()),
+            };
+            self.common_bits = self.common_bits.max(self.factors.bits(&denominator));
             self.common.push(denominator);
             u32::try_from(self.common.len() - 1).expect("invariant: fewer than 2^32 columns")
         });
-        let mut parts: SmallVec<[PowersPart<'_, K>; 1]> = SmallVec::new();
-        for same in products.chunk_by(|a, b| a.symbols == b.symbols) {
-            let (pi, powers) = self.powers_of(&same[0].symbols);
-            parts.push((pi, powers, same));
-        }
-        // In the order of the table, which is not that of the packed exponents.
-        parts.sort_unstable_by(|a, b| (a.0, &a.1).cmp(&(b.0, &b.1)));
-        for (pi, powers, same) in parts {
-            let mut joined = None;
-            if same.len() > 1 {
-                let mut denominator = self.denominator(&same[0].shapes);
-                for product in &same[1..] {
-                    denominator.join(&self.denominator(&product.shapes));
-                }
-                joined = Some(Box::new(denominator));
+        let place = Place { equation, column, common, term: source };
+        if let [only] = products.as_slice() {
+            let (pi, powers) = self.powers_of(&only.symbols);
+            self.add_group(place, pi, powers, std::slice::from_ref(only));
+        } else {
+            let mut parts: SmallVec<[PowersPart<'_, K>; 4]> = SmallVec::new();
+            for same in products.chunk_by(|a, b| a.symbols == b.symbols) {
+                let (pi, powers) = self.powers_of(&same[0].symbols);
+                parts.push((pi, powers, same));
             }
-            let group = self.groups.len();
-            self.groups.push(Group { common, joined, term: source, pending: same.len(), sum: None });
-            self.contributions.extend(same.iter().map(|product| Contribution {
-                shapes: product.shapes.clone(),
-                group,
-                factor: product.factor.clone(),
-            }));
-            self.series.push(Series {
-                equation,
-                column,
-                pi,
-                powers,
-                sign: None,
-                first: 0,
-                stride: 1,
-                len: 0,
-                cos: false,
-                sin: false,
-                numerator_words: 1,
-                denominator_words: 1,
-                start: 0,
-            });
+            // In the order of the table, which is not that of the packed exponents.
+            parts.sort_unstable_by(|a, b| (a.0, &a.1).cmp(&(b.0, &b.1)));
+            for (pi, powers, same) in parts {
+                self.add_group(place, pi, powers, same);
+            }
         }
         self.products = products;
         Ok(())
+    }
+
+    /// Adds the products of one column that have the same symbols.
+    fn add_group(&mut self, place: Place, pi: i32, powers: Monomial<usize>, same: &[Product<K>]) {
+        let mut sum = None;
+        if same.len() > 1 {
+            let mut denominator = self.denominator(&same[0].shapes);
+            for product in &same[1..] {
+                denominator.join(&self.denominator(&product.shapes));
+            }
+            self.sums.push(Sum { denominator, pending: same.len(), spectrum: Spectrum::zero() });
+            sum = Some(u32::try_from(self.sums.len() - 1).expect("invariant: fewer than 2^32 columns"));
+        }
+        let group = self.groups.len();
+        self.groups.push(Group { common: place.common, sum, term: place.term });
+        for product in same {
+            self.factor_bits = self.factor_bits.max(product.factor.bits());
+            let (shapes, factor) = (product.shapes.clone(), product.factor.clone());
+            self.contributions.push(Contribution { shapes, group, factor });
+        }
+        self.series.push(Series {
+            equation: place.equation,
+            column: place.column,
+            pi,
+            powers,
+            sign: None,
+            first: 0,
+            stride: 1,
+            len: 0,
+            cos: false,
+            sin: false,
+            numerator_words: 1,
+            denominator_words: 1,
+            start: 0,
+        });
     }
 
     fn append_products(&mut self, term: &Term, factor: Scalar, products: &mut Vec<Product<K>>) {
@@ -585,7 +651,8 @@ impl<'a, K: Key> Expansion<'a, K> {
         products.push(Product { symbols: K::one(self.symbol_layout), shapes: K::one(self.shape_layout), factor });
         for (&atom, exponent) in term.atoms.factors() {
             let index = self.atoms.index[atom.index()] as usize;
-            if let [part] = self.parts[index].as_slice() {
+            let Atom { start: first, end, .. } = self.atoms.list[index];
+            if let [part] = &self.parts[first..end] {
                 let times = i64::from(exponent);
                 for product in &mut products[start..] {
                     product.symbols.add(&part.symbols, times);
@@ -619,9 +686,10 @@ impl<'a, K: Key> Expansion<'a, K> {
         }
         while powers.len() <= exponent as usize {
             let last = powers.last().expect("invariant: the power 0 is there");
-            let mut next = Vec::with_capacity(last.len() + 1);
+            let Atom { start, end, .. } = self.atoms.list[index];
+            let mut next = Vec::with_capacity(last.len() * (end - start));
             for left in last {
-                next.extend(self.parts[index].iter().map(|right| left.times(right)));
+                next.extend(self.parts[start..end].iter().map(|right| left.times(right)));
             }
             merge(&mut next);
             powers.push(next);
@@ -641,7 +709,7 @@ impl<'a, K: Key> Expansion<'a, K> {
     /// The power of pi, and those of the model's symbols.
     fn powers_of(&self, symbols: &K) -> (i32, Monomial<usize>) {
         let mut pi = 0;
-        let mut factors: SmallVec<[(usize, i32); 8]> = SmallVec::new();
+        let mut factors = Factorisation::new();
         symbols.exponents(self.symbol_layout, |symbol, exponent| {
             let exponent = i32::try_from(exponent).expect("invariant: refused when the exponents became too large");
             match self.atoms.symbols[symbol] {
@@ -655,6 +723,11 @@ impl<'a, K: Key> Expansion<'a, K> {
 
     /// Estimates the table from the bounds of its numerators and denominators.
     fn refuse_too_large(&mut self, options: &ExpandOptions<'_>) -> Result<(), ExpandError> {
+        let (reserved, small) = self.size_at_most();
+        if small {
+            self.words.reserve(reserved);
+            return Ok(());
+        }
         let (mut entries, mut bytes) = (0.0, 0.0);
         let mut worst: Option<(f64, TermId)> = None;
         for contribution in &self.contributions {
@@ -692,6 +765,18 @@ impl<'a, K: Key> Expansion<'a, K> {
         Ok(())
     }
 
+    /// A quick bound of the table's words, from the largest base and the largest exponents, and whether it settles that
+    /// the table is far below every limit.
+    fn size_at_most(&self) -> (usize, bool) {
+        let highest = self.bases.iter().map(Base::highest_harmonic).max().unwrap_or(0) as f64;
+        let bits = self.bases.iter().map(|base| base.norm_bits() + base.denominator_bits()).max().unwrap_or(0);
+        let degree = self.atoms.largest_exponent as f64;
+        let words = (degree * bits as f64 + (self.factor_bits + self.common_bits) as f64) / 64.0 + 2.0;
+        let entries = self.contributions.len() as f64 * 2.0 * (degree * highest + 1.0);
+        // Half of the harmonics are of the other parity, and one of cosine and sine is mostly missing.
+        ((entries * words / 4.0) as usize, entries * words < 1e4)
+    }
+
     fn report(
         &self,
         options: &mut ExpandOptions<'_>,
@@ -709,48 +794,60 @@ impl<'a, K: Key> Expansion<'a, K> {
         contributions.sort_unstable_by(|a, b| (&a.shapes, a.group).cmp(&(&b.shapes, b.group)));
         let total = contributions.len();
         let count = self.shape_layout.variables;
-        // The product so far and its exponents; `path` holds the products on the way to it, the empty one first.
-        let mut present = vec![0i64; count];
-        let mut path = vec![(Spectrum::one(), Denominator::default())];
-        let mut exponents = vec![0i64; count];
+        // The exponents of the product so far; the first `depth + 1` levels are the products on the way to it, the empty
+        // one first.
+        let mut present: SmallVec<[i64; 8]> = smallvec![0; count];
+        let mut exponents = present.clone();
+        let mut levels = Vec::with_capacity(8);
+        levels.push(Level { spectrum: Spectrum::one(), denominator: Denominator::default() });
+        let mut depth = 0;
         for (done, contribution) in contributions.iter().enumerate() {
-            contribution.shapes.exponents(self.shape_layout, |shape, exponent| exponents[shape] = exponent);
-            if let Some(differs) = (0..count).rev().find(|&shape| present[shape] != exponents[shape]) {
+            let same = done > 0 && contributions[done - 1].shapes == contribution.shapes;
+            if !same {
+                exponents.fill(0);
+                contribution.shapes.exponents(self.shape_layout, |shape, exponent| exponents[shape] = exponent);
+            }
+            if !same && let Some(differs) = (0..count).rev().find(|&shape| present[shape] != exponents[shape]) {
                 let above: i64 = exponents[differs + 1..].iter().sum();
-                let kept = above + present[differs].min(exponents[differs]);
-                path.truncate(kept as usize + 1);
+                depth = (above + present[differs].min(exponents[differs])) as usize;
                 for shape in (0..=differs).rev() {
                     let already = if shape == differs { present[differs].min(exponents[differs]) } else { 0 };
                     for _ in already..exponents[shape] {
-                        let (spectrum, denominator) = path.last().expect("invariant: the empty product is there");
-                        let mut denominator = denominator.clone();
-                        denominator.multiply(self.bases[shape].denominator(), 1);
-                        path.push((spectrum.multiply(&self.bases[shape]), denominator));
+                        let base = &self.bases[shape];
+                        let spectrum = levels[depth].spectrum.multiply(base, &mut self.rooms);
+                        depth += 1;
+                        if levels.len() == depth {
+                            levels.push(Level { spectrum, denominator: Denominator::default() });
+                        } else {
+                            let before = std::mem::replace(&mut levels[depth].spectrum, spectrum);
+                            self.rooms.recycle(before.into_values());
+                        }
+                        let (known, new) = levels.split_at_mut(depth);
+                        new[0].denominator.set_product(&known[depth - 1].denominator, base.denominator());
                         self.report(options, done, total, self.groups[contribution.group].term)?;
                     }
                 }
                 present.copy_from_slice(&exponents);
             }
-            let (spectrum, denominator) = path.last().expect("invariant: the empty product is there");
-            self.contribute(contribution, spectrum, denominator);
+            self.contribute(contribution, &levels[depth]);
         }
         Ok(())
     }
 
-    fn contribute(&mut self, contribution: &Contribution<K>, spectrum: &Spectrum, denominator: &Denominator) {
+    fn contribute(&mut self, contribution: &Contribution<K>, product: &Level) {
         let index = contribution.group;
-        let group = &mut self.groups[index];
-        let Some(joined) = &group.joined else {
-            return self.finish(index, spectrum, denominator, &contribution.factor);
+        let Some(sum) = self.groups[index].sum else {
+            return self.finish(index, &product.spectrum, &product.denominator, &contribution.factor);
         };
-        let scale = self.factors.quotient(joined, denominator);
-        let sum = group.sum.get_or_insert_with(|| Spectrum::zero_like(spectrum));
-        sum.add_scaled(spectrum, &scale.times(&contribution.factor));
-        group.pending -= 1;
-        if group.pending == 0
-            && let (Some(sum), Some(joined)) = (group.sum.take(), group.joined.take())
-        {
-            self.finish(index, &sum, &joined, &Scalar::ONE);
+        let sum = &mut self.sums[sum as usize];
+        let scale = self.factors.quotient(&sum.denominator, &product.denominator).times(&contribution.factor);
+        sum.spectrum.add_scaled(&product.spectrum, &scale, &mut self.rooms);
+        sum.pending -= 1;
+        if sum.pending == 0 {
+            let spectrum = std::mem::replace(&mut sum.spectrum, Spectrum::zero());
+            let denominator = std::mem::take(&mut sum.denominator);
+            self.finish(index, &spectrum, &denominator, &Scalar::ONE);
+            self.rooms.recycle(spectrum.into_values());
         }
     }
 
@@ -760,8 +857,8 @@ impl<'a, K: Key> Expansion<'a, K> {
         let denominator = match self.groups[index].common {
             None => denominator,
             Some(common) => {
-                let mut product = denominator.clone();
-                product.multiply(&self.common[common as usize], 1);
+                let mut product = Denominator::default();
+                product.set_product(denominator, &self.common[common as usize]);
                 with_common = product;
                 &with_common
             }
@@ -806,31 +903,44 @@ fn store<T: Numerator>(
     reduction: &Reduction<'_>,
     out: &mut Vec<u64>,
 ) -> usize {
-    let mut count = 0;
     let size = series.numerator_words + series.denominator_words;
     let start = out.len();
     out.resize(start + values.len() * size, 0);
     let mut slots = out[start..].chunks_exact_mut(size);
+    let mut count = 0;
+    let (halvings, double) = if reduction.is_even() { (1, 1) } else { (0, 2) };
     for part in values.chunks(series.len) {
-        for ((i, value), slot) in part.iter().enumerate().zip(&mut slots) {
-            if value.is_zero() {
-                continue;
-            }
-            count += 1;
-            let constant = series.first + i == 0;
-            let halvings = u32::from(reduction.is_even() && !constant);
-            let double = !reduction.is_even() && !constant;
-            match factor {
-                Scalar::Small(1) if !double => reduction.write(value, halvings, slot),
+        // The factor, doubled where it must be; beyond one word the numerators are unlimited.
+        let (constant, rest) = part.split_at(usize::from(series.first == 0));
+        for (list, halvings, double) in [(constant, 0, 1), (rest, halvings, double)] {
+            let scaled = factor.times(&Scalar::Small(double));
+            let pairs = list.iter().zip(&mut slots);
+            count += match &scaled {
+                Scalar::Small(1) => write_all(pairs, |value, slot| reduction.write(value, halvings, slot)),
                 Scalar::Small(factor) => {
-                    let scaled = value.times(*factor);
-                    reduction.write(&if double { scaled.times(2) } else { scaled }, halvings, slot);
+                    write_all(pairs, |value, slot| reduction.write(&value.times(*factor), halvings, slot))
                 }
                 Scalar::Big(factor) => {
-                    let scaled = value.to_big() * factor.as_ref();
-                    reduction.write(&if double { scaled * 2 } else { scaled }, halvings, slot);
+                    let scaled = |value: &T| value.to_big() * factor.as_ref();
+                    write_all(pairs, |value, slot| reduction.write(&scaled(value), halvings, slot))
                 }
-            }
+            };
+        }
+    }
+    count
+}
+
+/// Writes the values that are not zero, and counts them.
+#[inline]
+fn write_all<'a, T: Numerator + 'a>(
+    pairs: impl Iterator<Item = (&'a T, &'a mut [u64])>,
+    write: impl Fn(&T, &mut [u64]),
+) -> usize {
+    let mut count = 0;
+    for (value, slot) in pairs {
+        if !value.is_zero() {
+            count += 1;
+            write(value, slot);
         }
     }
     count
@@ -861,13 +971,36 @@ fn merge<K: Key>(products: &mut Vec<Product<K>>) {
 }
 
 /// The least common denominator of the terms' coefficients; `None` when it is 1.
-fn common_denominator(terms: &[Term]) -> Option<BigInt> {
-    let mut common: Option<BigInt> = None;
+fn common_denominator(terms: &[Term]) -> Option<Scalar> {
+    let mut common: Option<Scalar> = None;
     for term in terms {
         let denominator = term.coefficient.denom();
-        if !denominator.is_one() {
-            common = Some(common.map_or_else(|| denominator.clone(), |common| common.lcm(denominator)));
+        if denominator.is_one() {
+            continue;
         }
+        let denominator = Scalar::from_big(denominator);
+        common = Some(match common {
+            None => denominator,
+            Some(common) if common == denominator => common,
+            Some(common) => {
+                let small = match (&common, &denominator) {
+                    (Scalar::Small(a), Scalar::Small(b)) => (b / a.gcd(b)).checked_mul(*a),
+                    _ => None,
+                };
+                small.map_or_else(|| Scalar::from_big(&common.to_big().lcm(&denominator.to_big())), Scalar::Small)
+            }
+        });
     }
     common
+}
+
+/// The numerator of a coefficient over a multiple of its denominator.
+fn numerator_over(coefficient: &Rational, common: Option<&Scalar>) -> Scalar {
+    let numerator = Scalar::from_big(coefficient.numer());
+    let Some(common) = common else { return numerator };
+    let denominator = Scalar::from_big(coefficient.denom());
+    if let (Scalar::Small(common), Scalar::Small(denominator)) = (common, &denominator) {
+        return numerator.times(&Scalar::Small(common / denominator));
+    }
+    Scalar::from_big(&(coefficient.numer() * (common.to_big() / coefficient.denom())))
 }

@@ -166,6 +166,12 @@ impl Fourier {
         cos.chain(sin).sum()
     }
 
+    /// The non-zero coefficients of the cosine and the sine of a harmonic.
+    pub(crate) fn pair(&self, harmonic: usize) -> [Option<&Rational>; 2] {
+        let sin = harmonic.checked_sub(1).and_then(|i| self.sin.get(i));
+        [self.cos.get(harmonic), sin].map(|value| value.filter(|value| !value.is_zero()))
+    }
+
     /// Non-zero coefficients: (harmonic, cosine or sine, value), by harmonic, cosine first.
     pub fn terms(&self) -> impl Iterator<Item = (usize, Trig, &Rational)> {
         (0..=self.highest_harmonic()).flat_map(move |k| {

@@ -6,6 +6,7 @@
 
 use num_bigint::{BigInt, BigUint, Sign};
 use num_traits::{Signed, Zero};
+use std::any::Any;
 use std::ops::{Add, Sub};
 
 /// An odd prime with what is needed to divide by it without a division.
@@ -20,8 +21,8 @@ pub(crate) struct OddPrime {
     /// The largest quotients there are in one and in two words.
     largest: u64,
     largest_wide: u128,
-    /// The binary logarithm.
-    pub(crate) log2: f64,
+    /// The binary logarithm in units of 2^-20, rounded up.
+    pub(crate) log2: u64,
     /// value^0, value^1, ... as far as one word holds them, `count` of them.
     powers: [u64; 41],
     count: usize,
@@ -64,13 +65,29 @@ impl OddPrime {
             count += 1;
         }
         let (largest, largest_wide) = (u64::MAX / value, u128::MAX / wide);
+        // One unit more than the rounding of the logarithm could take away.
+        let log2 = (log2 * (1 << 20) as f64) as u64 + 1;
         Self { value, inverse: inverse_wide as u64, inverse_wide, largest, largest_wide, log2, powers, count }
     }
 
-    /// value^exponent when one word holds it.
+    /// A multiple of the prime, divided by it.
     #[inline]
-    pub(crate) fn small_power(&self, exponent: u32) -> Option<u64> {
-        self.powers[..self.count].get(exponent as usize).copied()
+    pub(crate) fn divide_multiple(&self, multiple: u128) -> u128 {
+        multiple.wrapping_mul(self.inverse_wide)
+    }
+
+    /// The quotient when a word is divisible.
+    #[inline]
+    pub(crate) fn divide_exactly(&self, word: u64) -> Option<u64> {
+        // n is divisible exactly when n/p modulo 2^64 is not above the largest quotient there is.
+        let quotient = word.wrapping_mul(self.inverse);
+        (quotient <= self.largest).then_some(quotient)
+    }
+
+    /// The same for one word that is known to be a multiple.
+    #[inline]
+    pub(crate) fn divide_word(&self, multiple: u64) -> u64 {
+        multiple.wrapping_mul(self.inverse)
     }
 
     /// value^exponent as a product of one-word factors.
@@ -111,8 +128,59 @@ pub(crate) trait Numerator: Clone {
     fn shifted_right(&self, count: u32) -> Self;
     /// The quotient when the non-negative `self` is divisible.
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self>;
+    /// As a machine word, for the width that is one.
+    fn as_word(&self) -> Option<i64>;
     /// As an unlimited integer.
     fn to_big(&self) -> BigInt;
+    /// The buffers of this width.
+    fn room(rooms: &mut Rooms) -> &mut Room<Self>;
+}
+
+/// Buffers of one width, kept between products.
+#[derive(Debug)]
+pub(crate) struct Room<T> {
+    spare: Vec<Vec<T>>,
+    /// For a list continued to both sides.
+    pub(crate) padded: Vec<T>,
+}
+
+impl<T> Default for Room<T> {
+    fn default() -> Self {
+        Self { spare: Vec::new(), padded: Vec::new() }
+    }
+}
+
+impl<T> Room<T> {
+    /// An empty list.
+    pub(crate) fn take(&mut self) -> Vec<T> {
+        let mut list = self.spare.pop().unwrap_or_default();
+        list.clear();
+        list
+    }
+}
+
+/// Buffers of every width: small products cost less than asking for their memory.
+#[derive(Debug, Default)]
+pub(crate) struct Rooms {
+    one: Room<i64>,
+    two: Room<i128>,
+    three: Room<Wide<3>>,
+    four: Room<Wide<4>>,
+    six: Room<Wide<6>>,
+    eight: Room<Wide<8>>,
+    big: Room<BigInt>,
+}
+
+impl Rooms {
+    /// Takes back what is not needed any more.
+    pub(crate) fn recycle(&mut self, values: Values) {
+        fn give<T: Numerator>(rooms: &mut Rooms, list: Vec<T>) {
+            if list.capacity() > 0 {
+                T::room(rooms).spare.push(list);
+            }
+        }
+        for_width!(values, list => give(self, list));
+    }
 }
 
 impl Numerator for i64 {
@@ -127,6 +195,7 @@ impl Numerator for i64 {
         *self == 0
     }
 
+    #[inline]
     fn is_negative(&self) -> bool {
         *self < 0
     }
@@ -157,6 +226,7 @@ impl Numerator for i64 {
         self * factor
     }
 
+    #[inline]
     fn negated(&self) -> Self {
         -self
     }
@@ -166,23 +236,32 @@ impl Numerator for i64 {
         u64::from(64 - mask.leading_zeros())
     }
 
+    #[inline]
     fn trailing_zeros(&self) -> u32 {
         Self::trailing_zeros(*self)
     }
 
+    #[inline]
     fn shifted_right(&self, count: u32) -> Self {
         self >> count
     }
 
     #[inline]
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self> {
-        // n is divisible exactly when n/p modulo 2^64 is not above the largest quotient there is.
-        let quotient = (*self as u64).wrapping_mul(prime.inverse);
-        (quotient <= prime.largest).then_some(quotient as i64)
+        prime.divide_exactly(*self as u64).map(|quotient| quotient as i64)
+    }
+
+    #[inline]
+    fn as_word(&self) -> Option<i64> {
+        Some(*self)
     }
 
     fn to_big(&self) -> BigInt {
         BigInt::from(*self)
+    }
+
+    fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        &mut rooms.one
     }
 }
 
@@ -198,6 +277,7 @@ impl Numerator for i128 {
         *self == 0
     }
 
+    #[inline]
     fn is_negative(&self) -> bool {
         *self < 0
     }
@@ -238,6 +318,7 @@ impl Numerator for i128 {
         self.wrapping_mul(Self::from(factor))
     }
 
+    #[inline]
     fn negated(&self) -> Self {
         -self
     }
@@ -247,10 +328,12 @@ impl Numerator for i128 {
         u64::from(128 - mask.leading_zeros())
     }
 
+    #[inline]
     fn trailing_zeros(&self) -> u32 {
         Self::trailing_zeros(*self)
     }
 
+    #[inline]
     fn shifted_right(&self, count: u32) -> Self {
         self >> count
     }
@@ -261,8 +344,17 @@ impl Numerator for i128 {
         (quotient <= prime.largest_wide).then_some(quotient as Self)
     }
 
+    #[inline]
+    fn as_word(&self) -> Option<i64> {
+        None
+    }
+
     fn to_big(&self) -> BigInt {
         BigInt::from(*self)
+    }
+
+    fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        &mut rooms.two
     }
 }
 
@@ -287,10 +379,12 @@ impl<const N: usize> Numerator for Wide<N> {
         Self([0; N])
     }
 
+    #[inline]
     fn is_zero(&self) -> bool {
         self.0.iter().all(|&word| word == 0)
     }
 
+    #[inline]
     fn is_negative(&self) -> bool {
         self.0[N - 1] >> 63 == 1
     }
@@ -300,6 +394,7 @@ impl<const N: usize> Numerator for Wide<N> {
         Self(std::array::from_fn(|i| words.get(i).copied().unwrap_or(fill)))
     }
 
+    #[inline]
     fn write_words(&self, out: &mut [u64]) {
         let fill = Self::fill(self.is_negative());
         for (i, slot) in out.iter_mut().enumerate() {
@@ -307,6 +402,7 @@ impl<const N: usize> Numerator for Wide<N> {
         }
     }
 
+    #[inline]
     fn plus(&self, other: &Self) -> Self {
         let mut carry = false;
         Self(std::array::from_fn(|i| {
@@ -317,6 +413,7 @@ impl<const N: usize> Numerator for Wide<N> {
         }))
     }
 
+    #[inline]
     fn minus(&self, other: &Self) -> Self {
         let mut borrow = false;
         Self(std::array::from_fn(|i| {
@@ -340,6 +437,7 @@ impl<const N: usize> Numerator for Wide<N> {
         if factor < 0 { product.negated() } else { product }
     }
 
+    #[inline]
     fn negated(&self) -> Self {
         Self::zero().minus(self)
     }
@@ -355,6 +453,7 @@ impl<const N: usize> Numerator for Wide<N> {
         top.map_or(0, |i| 64 * (i as u64 + 1) - u64::from(mask[i].leading_zeros()))
     }
 
+    #[inline]
     fn trailing_zeros(&self) -> u32 {
         let mut count = 0;
         for word in self.0 {
@@ -366,6 +465,7 @@ impl<const N: usize> Numerator for Wide<N> {
         count
     }
 
+    #[inline]
     fn shifted_right(&self, count: u32) -> Self {
         let (words, bits) = ((count / 64) as usize, count % 64);
         let fill = Self::fill(self.is_negative());
@@ -389,8 +489,23 @@ impl<const N: usize> Numerator for Wide<N> {
         (borrow == 0).then_some(quotient)
     }
 
+    #[inline]
+    fn as_word(&self) -> Option<i64> {
+        None
+    }
+
     fn to_big(&self) -> BigInt {
         big_from_words(&self.0)
+    }
+
+    fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        let room: &mut dyn Any = match N {
+            3 => &mut rooms.three,
+            4 => &mut rooms.four,
+            6 => &mut rooms.six,
+            _ => &mut rooms.eight,
+        };
+        room.downcast_mut().expect("invariant: the widths of `Values` are those of `Rooms`")
     }
 }
 
@@ -401,10 +516,12 @@ impl Numerator for BigInt {
         Zero::zero()
     }
 
+    #[inline]
     fn is_zero(&self) -> bool {
         Zero::is_zero(self)
     }
 
+    #[inline]
     fn is_negative(&self) -> bool {
         Signed::is_negative(self)
     }
@@ -413,6 +530,7 @@ impl Numerator for BigInt {
         big_from_words(words)
     }
 
+    #[inline]
     fn write_words(&self, out: &mut [u64]) {
         write_unsigned(self.magnitude(), out);
         if self.sign() == Sign::Minus {
@@ -423,10 +541,12 @@ impl Numerator for BigInt {
         }
     }
 
+    #[inline]
     fn plus(&self, other: &Self) -> Self {
         self.add(other)
     }
 
+    #[inline]
     fn minus(&self, other: &Self) -> Self {
         self.sub(other)
     }
@@ -436,6 +556,7 @@ impl Numerator for BigInt {
         self * factor
     }
 
+    #[inline]
     fn negated(&self) -> Self {
         -self
     }
@@ -444,10 +565,12 @@ impl Numerator for BigInt {
         values.iter().map(Self::bits).max().unwrap_or(0)
     }
 
+    #[inline]
     fn trailing_zeros(&self) -> u32 {
         u32::try_from(Self::trailing_zeros(self).unwrap_or(0)).unwrap_or(u32::MAX)
     }
 
+    #[inline]
     fn shifted_right(&self, count: u32) -> Self {
         self >> count
     }
@@ -457,8 +580,16 @@ impl Numerator for BigInt {
         Zero::is_zero(&(self % prime.value)).then(|| self / prime.value)
     }
 
+    fn as_word(&self) -> Option<i64> {
+        None
+    }
+
     fn to_big(&self) -> BigInt {
         self.clone()
+    }
+
+    fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        &mut rooms.big
     }
 }
 
@@ -657,7 +788,7 @@ mod tests {
     #[test]
     fn logarithms_of_small_primes_are_right() {
         for prime in OddPrime::SMALL {
-            assert_eq!(prime.log2, (prime.value as f64).log2());
+            assert_eq!(prime.log2, ((prime.value as f64).log2() * f64::from(1 << 20)).ceil() as u64);
         }
     }
 }

@@ -35,7 +35,7 @@ pub(crate) trait Key: Clone + Ord {
     fn variable(layout: Layout, variable: usize) -> Self;
     /// self += times * other.
     fn add(&mut self, other: &Self, times: i64);
-    /// Calls back with the variables, from the first, and their exponents, zeros included.
+    /// Calls back with the variables, from the first, and their exponents, up to the last that is not zero.
     fn exponents(&self, layout: Layout, each: impl FnMut(usize, i64));
 }
 
@@ -59,6 +59,9 @@ macro_rules! short_key {
             fn exponents(&self, layout: Layout, mut each: impl FnMut(usize, i64)) {
                 let mut rest = *self;
                 for variable in 0..layout.variables {
+                    if rest == 0 {
+                        break;
+                    }
                     let field = ((rest as u64) << (64 - layout.bits)) as i64 >> (64 - layout.bits);
                     each(variable, field);
                     rest = rest.wrapping_sub(<$signed>::from(field) as Self).checked_shr(layout.bits).unwrap_or(0);

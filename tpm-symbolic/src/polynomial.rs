@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 use std::collections::BTreeMap;
 
+/// The factors of a monomial.
+pub(crate) type Factorisation<V> = SmallVec<[(V, i32); 4]>;
+
 /// A product of integer powers of variables.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Monomial<V>(SmallVec<[(V, i32); 4]>);
@@ -37,10 +40,7 @@ impl<V: Ord + Clone> Monomial<V> {
     }
 
     /// From factors in increasing order of the variables, without zero exponents.
-    pub(crate) fn from_sorted(factors: impl IntoIterator<Item = (V, i32)>) -> Self {
-        let mut list: SmallVec<[(V, i32); 4]> = SmallVec::new();
-        // Pushing beats collecting here: monomials are short.
-        factors.into_iter().for_each(|factor| list.push(factor));
+    pub(crate) fn from_sorted(list: Factorisation<V>) -> Self {
         debug_assert!(list.is_sorted_by(|a, b| a.0 < b.0) && list.iter().all(|factor| factor.1 != 0));
         Self(list)
     }

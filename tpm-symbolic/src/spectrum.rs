@@ -16,11 +16,12 @@
 
 use crate::denominator::{Denominator, Factors};
 use crate::fourier::Fourier;
-use crate::numerator::{Numerator, Scalar, Values, for_width};
+use crate::numerator::{Numerator, Rooms, Scalar, Values, for_width};
 use crate::rational::Rational;
 use num_bigint::{BigInt, BigUint};
 use num_integer::Integer;
 use num_traits::{CheckedMul, CheckedSub, One, Signed, Zero};
+use smallvec::SmallVec;
 
 /// A factor, by its few non-zero harmonics.
 #[derive(Clone, Debug)]
@@ -41,91 +42,125 @@ pub(crate) struct Base {
 
 #[derive(Clone, Debug)]
 enum BaseTerms {
-    Small(Vec<(usize, i64, i64)>),
+    Small(Terms<i64>),
     Big(Vec<(usize, BigInt, BigInt)>),
 }
 
-/// (harmonic, C, S) and the denominator.
-type Parts<T> = (Vec<(usize, T, T)>, T);
+/// Harmonic, C and S.
+type Terms<T> = SmallVec<[(usize, T, T); 4]>;
+
+/// (harmonic, c, s) and their common denominator.
+type Parts<T> = (Terms<T>, T);
 
 /// a * b when it and its negative fit.
 fn checked<T: Zero + CheckedMul + CheckedSub>(a: &T, b: &T) -> Option<T> {
     a.checked_mul(b).filter(|product| T::zero().checked_sub(product).is_some())
 }
 
-/// The numerators of the n-th phase derivative of `fourier`; `None` when they do not fit into T.
-fn parts<T>(fourier: &Fourier, order: u32, exact: impl Fn(&BigInt) -> Option<T>) -> Option<Parts<T>>
+/// The coefficients over one denominator; `None` when they do not fit into T.
+fn over_one_denominator<T>(fourier: &Fourier, exact: impl Fn(&BigInt) -> Option<T>) -> Option<Parts<T>>
 where
     T: Clone + Integer + CheckedMul + CheckedSub + Signed,
 {
-    let two = T::one() + T::one();
     let mut denominator = T::one();
-    let mut list: Vec<(usize, T, T)> = Vec::new();
-    for (k, function, value) in fourier.terms() {
-        if k == 0 && order > 0 {
-            continue;
-        }
-        let below = exact(value.denom())?;
-        if !denominator.is_multiple_of(&below) {
-            denominator = checked(&denominator, &(below.clone() / denominator.gcd(&below)))?;
-        }
-        if list.last().is_none_or(|last| last.0 != k) {
-            list.push((k, T::zero(), T::zero()));
-        }
-        let last = list.last_mut().expect("invariant: pushed just before");
-        match function {
-            crate::fourier::Trig::Cos => last.1 = exact(value.numer())?,
-            crate::fourier::Trig::Sin => last.2 = exact(value.numer())?,
-        }
-    }
-    // Every numerator stands over its own denominator so far.
-    let mut common = T::zero();
-    let mut index = 0;
-    for (k, function, value) in fourier.terms() {
-        if k == 0 && order > 0 {
-            continue;
-        }
-        if list[index].0 != k {
-            index += 1;
-        }
-        let mut factor = denominator.clone() / exact(value.denom())?;
-        if k == 0 {
-            factor = checked(&factor, &two)?;
-        } else if order > 0 {
-            let harmonic = exact(&BigInt::from(k))?;
-            for _ in 0..order {
-                factor = checked(&factor, &harmonic)?;
+    let mut list = Terms::new();
+    // Every numerator with its own denominator first.
+    let mut below: SmallVec<[(T, T); 4]> = SmallVec::new();
+    for k in 0..=fourier.highest_harmonic() {
+        let mut numerators = [T::zero(), T::zero()];
+        let mut denominators = [T::one(), T::one()];
+        let pair = fourier.pair(k);
+        for (i, value) in pair.iter().enumerate() {
+            if let Some(value) = value {
+                (numerators[i], denominators[i]) = (exact(value.numer())?, exact(value.denom())?);
+                if denominator != denominators[i] && !denominator.is_multiple_of(&denominators[i]) {
+                    let common = denominator.gcd(&denominators[i]);
+                    denominator = checked(&denominator, &(denominators[i].clone() / common))?;
+                }
             }
         }
-        let slot = match function {
-            crate::fourier::Trig::Cos => &mut list[index].1,
-            crate::fourier::Trig::Sin => &mut list[index].2,
-        };
-        *slot = checked(slot, &factor)?;
-        common = common.gcd(slot);
-    }
-    denominator = checked(&denominator, &two)?;
-    common = common.gcd(&denominator);
-    denominator = denominator / common.clone();
-    for (_, c, s) in &mut list {
-        *c = c.clone() / common.clone();
-        *s = s.clone() / common.clone();
-        // d/dtheta maps (c, s) of harmonic k to (k s, -k c); the powers of k are in already.
-        if order % 4 >= 2 {
-            (*c, *s) = (-c.clone(), -s.clone());
+        if pair.iter().any(Option::is_some) {
+            let ([c, s], [c_below, s_below]) = (numerators, denominators);
+            list.push((k, c, s));
+            below.push((c_below, s_below));
         }
-        if order % 2 == 1 {
-            (*c, *s) = (s.clone(), -c.clone());
+    }
+    for ((_, c, s), (c_below, s_below)) in list.iter_mut().zip(below) {
+        for (value, below) in [(c, c_below), (s, s_below)] {
+            if !value.is_zero() && below != denominator {
+                *value = checked(value, &(denominator.clone() / below))?;
+            }
         }
     }
     Some((list, denominator))
 }
 
-impl Base {
-    /// The n-th phase derivative of a Fourier polynomial as a factor.
-    pub(crate) fn new(fourier: &Fourier, order: u32, factors: &mut Factors) -> Self {
-        if let Some((terms, denominator)) =
-            parts(fourier, order, |value| i64::try_from(value).ok().filter(|value| *value > i64::MIN))
+/// The numerators C and S of the n-th phase derivative; `None` when they do not fit into T.
+fn derivative<T>((list, denominator): &Parts<T>, order: u32, harmonic: impl Fn(usize) -> Option<T>) -> Option<Parts<T>>
+where
+    T: Clone + Integer + CheckedMul + CheckedSub + Signed,
+{
+    let two = T::one() + T::one();
+    let mut terms = Terms::new();
+    let mut common = checked(denominator, &two)?;
+    let mut denominator = common.clone();
+    for (k, c, s) in list {
+        let (mut c, mut s) = (c.clone(), s.clone());
+        if *k == 0 {
+            if order > 0 {
+                continue;
+            }
+            c = checked(&c, &two)?;
+        } else if order > 0 {
+            let (harmonic, mut factor) = (harmonic(*k)?, T::one());
+            for _ in 0..order {
+                factor = checked(&factor, &harmonic)?;
+            }
+            (c, s) = (checked(&c, &factor)?, checked(&s, &factor)?);
+        }
+        for value in [&c, &s] {
+            if !value.is_zero() && !common.is_one() {
+                common = common.gcd(value);
+            }
+        }
+        // d/dtheta maps (c, s) of harmonic k to (k s, -k c).
+        terms.push(match order % 4 {
+            0 => (*k, c, s),
+            1 => (*k, s, -c),
+            2 => (*k, -c, -s),
+            _ => (*k, -s, c),
+        });
+    }
+    if !common.is_one() {
+        denominator = denominator / common.clone();
+        for (_, c, s) in &mut terms {
+            (*c, *s) = (c.clone() / common.clone(), s.clone() / common.clone());
+        }
+    }
+    Some((terms, denominator))
+}
+
+/// A Fourier polynomial whose phase derivatives are wanted as factors.
+pub(crate) struct Whole<'a> {
+    fourier: &'a Fourier,
+    /// Over one denominator, when machine integers hold it.
+    small: Option<Parts<i64>>,
+}
+
+impl<'a> Whole<'a> {
+    pub(crate) fn new(fourier: &'a Fourier) -> Self {
+        let exact = |value: &BigInt| i64::try_from(value).ok().filter(|value| *value > i64::MIN);
+        Self { fourier, small: over_one_denominator(fourier, exact) }
+    }
+
+    pub(crate) fn fourier(&self) -> &'a Fourier {
+        self.fourier
+    }
+
+    /// The n-th phase derivative as a factor.
+    pub(crate) fn base(&self, order: u32, factors: &mut Factors) -> Base {
+        if let Some(small) = &self.small
+            && let Some((terms, denominator)) = derivative(small, order, |k| i64::try_from(k).ok())
             && let Some(norm) = terms.iter().try_fold(0u64, |sum, (k, c, s)| {
                 let once = c.unsigned_abs().checked_add(s.unsigned_abs())?;
                 sum.checked_add(if *k == 0 { once } else { once.checked_mul(2)? })
@@ -133,40 +168,34 @@ impl Base {
         {
             let norm_bits = u64::from(64 - norm.saturating_sub(1).leading_zeros());
             let denominator = factors.factor_word(denominator.unsigned_abs());
-            let denominator_bits = factors.bits(&denominator);
-            let (cos, sin) = (terms.iter().any(|t| t.1 != 0), terms.iter().any(|t| t.2 != 0));
-            let harmonics = terms.iter().map(|term| term.0);
-            let (parity, highest) = (common_parity(harmonics.clone()), harmonics.max().unwrap_or(0));
-            return Self {
-                terms: BaseTerms::Small(terms),
-                cos,
-                sin,
-                parity,
-                highest,
-                denominator_bits,
-                norm_bits,
-                denominator,
-            };
+            let functions = (terms.iter().any(|t| t.1 != 0), terms.iter().any(|t| t.2 != 0));
+            let harmonics = (common_parity(&terms), terms.last().map_or(0, |term| term.0));
+            return Base::new(BaseTerms::Small(terms), functions, harmonics, norm_bits, denominator, factors);
         }
-        let (terms, denominator) =
-            parts(fourier, order, |value| Some(value.clone())).expect("invariant: unlimited integers do not overflow");
+        let parts = over_one_denominator(self.fourier, |value| Some(value.clone()));
+        let derived = parts.and_then(|parts| derivative(&parts, order, |k| Some(BigInt::from(k))));
+        let (terms, denominator) = derived.expect("invariant: unlimited integers do not overflow");
         let norm: BigUint =
             terms.iter().map(|(k, c, s)| (c.magnitude() + s.magnitude()) * if *k == 0 { 1u32 } else { 2u32 }).sum();
         let denominator = factors.factor(denominator.magnitude());
+        let functions = (terms.iter().any(|t| !Zero::is_zero(&t.1)), terms.iter().any(|t| !Zero::is_zero(&t.2)));
+        let harmonics = (common_parity(&terms), terms.last().map_or(0, |term| term.0));
+        let terms = terms.into_vec();
+        Base::new(BaseTerms::Big(terms), functions, harmonics, norm.bits(), denominator, factors)
+    }
+}
+
+impl Base {
+    fn new(
+        terms: BaseTerms,
+        (cos, sin): (bool, bool),
+        (parity, highest): (Option<usize>, usize),
+        norm_bits: u64,
+        denominator: Denominator,
+        factors: &Factors,
+    ) -> Self {
         let denominator_bits = factors.bits(&denominator);
-        let (cos, sin) = (terms.iter().any(|t| !Zero::is_zero(&t.1)), terms.iter().any(|t| !Zero::is_zero(&t.2)));
-        let harmonics = terms.iter().map(|term| term.0);
-        let (parity, highest) = (common_parity(harmonics.clone()), harmonics.max().unwrap_or(0));
-        Self {
-            terms: BaseTerms::Big(terms),
-            cos,
-            sin,
-            parity,
-            highest,
-            denominator_bits,
-            norm_bits: norm.bits(),
-            denominator,
-        }
+        Self { terms, cos, sin, parity, highest, denominator_bits, norm_bits, denominator }
     }
 
     pub(crate) fn highest_harmonic(&self) -> usize {
@@ -195,9 +224,9 @@ impl Base {
     }
 }
 
-fn common_parity(mut harmonics: impl Iterator<Item = usize>) -> Option<usize> {
-    let first = harmonics.next()? % 2;
-    harmonics.all(|k| k % 2 == first).then_some(first)
+fn common_parity<T>(terms: &[(usize, T, T)]) -> Option<usize> {
+    let first = terms.first()?.0 % 2;
+    terms.iter().all(|term| term.0 % 2 == first).then_some(first)
 }
 
 /// A product of bases.
@@ -210,17 +239,69 @@ pub(crate) struct Spectrum {
     sin: bool,
     bits: u64,
     values: Values,
+    /// Whether this is the empty product.
+    empty: bool,
 }
 
 impl Spectrum {
     /// The constant 1.
     pub(crate) fn one() -> Self {
-        Self { first: 0, stride: 2, len: 1, cos: true, sin: false, bits: 1, values: Values::One(vec![1]) }
+        Self { first: 0, stride: 2, len: 1, cos: true, sin: false, bits: 1, values: Values::One(vec![1]), empty: true }
+    }
+
+    /// A base as a product.
+    fn of(base: &Base, rooms: &mut Rooms) -> Self {
+        fn fill<T: Numerator, F>(
+            out: &mut Vec<T>,
+            shape: Shape,
+            shift: usize,
+            terms: &[(usize, F, F)],
+            make: impl Fn(&F) -> T,
+        ) {
+            out.resize(shape.len * (usize::from(shape.cos) + usize::from(shape.sin)), T::zero());
+            for (k, c, s) in terms {
+                let index = (k - shape.first) >> shift;
+                if shape.cos {
+                    out[index] = make(c);
+                }
+                if shape.sin {
+                    out[index + if shape.cos { shape.len } else { 0 }] = make(s);
+                }
+            }
+        }
+        let (first, stride) = base.parity.map_or((0, 1), |parity| (parity, 2));
+        let len = ((base.highest - first) >> (stride - 1)) + 1;
+        let shape = Shape { first, len, cos: base.cos, sin: base.sin };
+        let values = match &base.terms {
+            BaseTerms::Small(terms) => {
+                let mut list = i64::room(rooms).take();
+                fill(&mut list, shape, stride - 1, terms, |value| *value);
+                Values::One(list)
+            }
+            BaseTerms::Big(terms) => {
+                let mut list = BigInt::room(rooms).take();
+                fill(&mut list, shape, stride - 1, terms, Clone::clone);
+                Values::Big(list)
+            }
+        };
+        let bits = for_width!(&values, list => Numerator::bit_length(list));
+        Self { first, stride, len, cos: base.cos, sin: base.sin, bits, values, empty: false }
+    }
+
+    /// The buffer, for further use.
+    pub(crate) fn into_values(self) -> Values {
+        self.values
+    }
+
+    /// The constant 0.
+    pub(crate) fn zero() -> Self {
+        let values = Values::One(Vec::new());
+        Self { first: 0, stride: 2, len: 0, cos: false, sin: false, bits: 0, values, empty: false }
     }
 
     /// The constant 0 on the lattice of `like`.
-    pub(crate) fn zero_like(like: &Self) -> Self {
-        Self { len: 0, cos: false, sin: false, bits: 0, values: Values::One(Vec::new()), ..*like }
+    fn zero_like(like: &Self) -> Self {
+        Self { len: 0, cos: false, sin: false, bits: 0, values: Values::One(Vec::new()), empty: false, ..*like }
     }
 
     pub(crate) fn first(&self) -> usize {
@@ -252,10 +333,11 @@ impl Spectrum {
     }
 
     /// The same function on the lattice of all harmonics.
-    fn spread(&self) -> Self {
-        fn place<T: Numerator>(from: &[T], first: usize, len: usize) -> Vec<T> {
+    fn spread(&self, rooms: &mut Rooms) -> Self {
+        fn place<T: Numerator>(from: &[T], first: usize, len: usize, rooms: &mut Rooms) -> Vec<T> {
             let spread = first + 2 * len - 1;
-            let mut list = vec![T::zero(); from.len() / len * spread];
+            let mut list = T::room(rooms).take();
+            list.resize(from.len() / len * spread, T::zero());
             for (part, slots) in from.chunks(len).zip(list.chunks_mut(spread)) {
                 for (i, value) in part.iter().enumerate() {
                     slots[first + 2 * i] = value.clone();
@@ -264,17 +346,20 @@ impl Spectrum {
             list
         }
         if self.stride == 1 || self.len == 0 {
-            return Self { first: 0, stride: 1, ..self.clone() };
+            return Self { first: 0, stride: 1, empty: false, ..self.clone() };
         }
-        let values = for_width!(&self.values, list => wrap place(list, self.first, self.len));
-        Self { first: 0, stride: 1, len: self.first + 2 * self.len - 1, values, ..*self }
+        let values = for_width!(&self.values, list => wrap place(list, self.first, self.len, rooms));
+        Self { first: 0, stride: 1, len: self.first + 2 * self.len - 1, values, empty: false, ..*self }
     }
 
     /// The product with a base; the denominators multiply too.
-    pub(crate) fn multiply(&self, base: &Base) -> Self {
+    pub(crate) fn multiply(&self, base: &Base, rooms: &mut Rooms) -> Self {
+        if self.empty {
+            return Self::of(base, rooms);
+        }
         if (self.stride == 2 && base.parity.is_none()) || self.len == 0 {
-            let spread = self.spread();
-            return if self.len == 0 { spread } else { spread.multiply(base) };
+            let spread = self.spread(rooms);
+            return if self.len == 0 { spread } else { spread.multiply(base, rooms) };
         }
         // |product| <= max |self| * (sum of |base|), and so is every partial sum.
         let bound = self.bits + base.norm_bits;
@@ -293,15 +378,16 @@ impl Spectrum {
         let shape = Shape { first, len, cos, sin };
         let values = match &base.terms {
             BaseTerms::Small(terms) => {
-                for_width!(values, list => wrap self.convolve(list, terms, base.highest, shape, |v, f: &i64| v.times(*f)))
+                let reach = base.highest;
+                for_width!(values, list => wrap self.convolve(list, terms, reach, shape, rooms, |v, f: &i64| v.times(*f)))
             }
             BaseTerms::Big(terms) => {
                 let list = values.to_big();
-                Values::Big(self.convolve(&list, terms, base.highest, shape, |v, f: &BigInt| v * f))
+                Values::Big(self.convolve(&list, terms, base.highest, shape, rooms, |v, f: &BigInt| v * f))
             }
         };
         let bits = for_width!(&values, list => Numerator::bit_length(list));
-        Self { first, stride: self.stride, len, cos, sin, bits, values }
+        Self { first, stride: self.stride, len, cos, sin, bits, values, empty: false }
     }
 
     fn convolve<T: Numerator, F: Signed + Clone>(
@@ -310,14 +396,17 @@ impl Spectrum {
         terms: &[(usize, F, F)],
         reach: usize,
         shape: Shape,
+        rooms: &mut Rooms,
         times: impl Fn(&T, &F) -> T,
     ) -> Vec<T> {
         // The stride is 1 or 2: shifts, since divisions would cost as much as the products.
         let (stride, shift) = (self.stride, self.stride - 1);
         let below = (reach + self.first) >> shift; // lattice points from -reach up to first - stride
         let padded_len = below + shape.len + ((shape.first + reach) >> shift) + 1;
-        let mut out = vec![T::zero(); shape.len * (usize::from(shape.cos) + usize::from(shape.sin))];
-        let mut padded: Vec<T> = Vec::with_capacity(padded_len);
+        let room = T::room(rooms);
+        let mut out = room.take();
+        out.resize(shape.len * (usize::from(shape.cos) + usize::from(shape.sin)), T::zero());
+        let padded = &mut room.padded;
         let mut part = values;
         for odd in [false, true] {
             if !(if odd { self.sin } else { self.cos }) {
@@ -372,23 +461,34 @@ impl Spectrum {
     }
 
     /// self += factor * other, over the same denominator.
-    pub(crate) fn add_scaled(&mut self, other: &Self, factor: &Scalar) {
+    pub(crate) fn add_scaled(&mut self, other: &Self, factor: &Scalar, rooms: &mut Rooms) {
         if other.len == 0 || factor.is_zero() {
             return;
         }
         if self.len == 0 {
+            let bits = other.bits + factor.bits();
+            if let Scalar::Small(factor) = factor
+                && bits <= other.values.capacity()
+            {
+                let values = for_width!(&other.values, list => wrap scaled(list, *factor, rooms));
+                *self = Self { values, bits, empty: false, ..*other };
+                return;
+            }
             *self = Self::zero_like(other);
         }
         if self.len > 0 && (self.stride, self.first) != (other.stride, other.first) {
-            *self = self.spread();
-            return self.add_scaled(&other.spread(), factor);
+            let both = (self.spread(rooms), other.spread(rooms));
+            rooms.recycle(std::mem::replace(self, both.0).into_values());
+            self.add_scaled(&both.1, factor, rooms);
+            return rooms.recycle(both.1.into_values());
         }
         let scaled_bits = other.bits + factor.bits();
         let bound = self.bits.max(scaled_bits) + 1;
         let (cos, sin, len) = (self.cos || other.cos, self.sin || other.sin, self.len.max(other.len));
         if (cos, sin, len) != (self.cos, self.sin, self.len) {
-            let values = for_width!(&self.values, list => wrap self.arranged(list, cos, sin, len));
-            *self = Self { cos, sin, len, values, ..*self };
+            let values = for_width!(&self.values, list => wrap self.arranged(list, cos, sin, len, rooms));
+            let arranged = Self { cos, sin, len, values, ..*self };
+            rooms.recycle(std::mem::replace(self, arranged).into_values());
         }
         if let Scalar::Big(factor) = factor {
             self.values.hold(u64::MAX);
@@ -436,8 +536,9 @@ impl Spectrum {
         self.bits = bound;
     }
 
-    fn arranged<T: Numerator>(&self, list: &[T], cos: bool, sin: bool, len: usize) -> Vec<T> {
-        let mut out = vec![T::zero(); len * (usize::from(cos) + usize::from(sin))];
+    fn arranged<T: Numerator>(&self, list: &[T], cos: bool, sin: bool, len: usize, rooms: &mut Rooms) -> Vec<T> {
+        let mut out = T::room(rooms).take();
+        out.resize(len * (usize::from(cos) + usize::from(sin)), T::zero());
         let (old_cos, old_sin) = list.split_at(if self.cos { self.len } else { 0 });
         for (value, slot) in old_cos.iter().zip(&mut out) {
             *slot = value.clone();
@@ -472,6 +573,13 @@ impl Spectrum {
         }
         Fourier::from_parts(cos, sin)
     }
+}
+
+/// A list times a factor.
+fn scaled<T: Numerator>(list: &[T], factor: i64, rooms: &mut Rooms) -> Vec<T> {
+    let mut out = T::room(rooms).take();
+    out.extend(list.iter().map(|value| value.times(factor)));
+    out
 }
 
 /// Lattice and parts of a product.
@@ -526,6 +634,7 @@ pub(crate) fn product(a: &Fourier, b: &Fourier) -> Fourier {
 pub(crate) fn power_product(factors: &[(&Fourier, u32)]) -> Fourier {
     let mut result = Spectrum::one();
     let mut denominator = BigInt::one();
+    let mut rooms = Rooms::default();
     for (fourier, exponent) in factors {
         if *exponent == 0 {
             continue;
@@ -534,10 +643,11 @@ pub(crate) fn power_product(factors: &[(&Fourier, u32)]) -> Fourier {
             return Fourier::zero();
         }
         let mut known = Factors::default();
-        let base = Base::new(fourier, 0, &mut known);
+        let base = Whole::new(fourier).base(0, &mut known);
         let below = known.quotient(base.denominator(), &Denominator::default()).to_big();
         for _ in 0..*exponent {
-            result = result.multiply(&base);
+            let next = result.multiply(&base, &mut rooms);
+            rooms.recycle(std::mem::replace(&mut result, next).into_values());
         }
         denominator *= below.pow(*exponent);
     }
