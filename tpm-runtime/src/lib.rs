@@ -1,6 +1,6 @@
 //! Runs trajectory pattern identification against simulated plants, logs and real machines.
 //!
-//! A machine obeys `Phi(q, q', q'', ...) theta + known = B u` with unknown theta ([`model`]). Along a periodic motion both
+//! A machine obeys `Phi(q, q', q'', ...) theta + known = B u` with unknown theta ([`mod@model`]). Along a periodic motion both
 //! sides are Fourier series, and equating harmonics gives linear equations for theta, however non-linear the motion is.
 //! The core (without the feature `std`) needs neither an operating system nor memory allocation.
 #![no_std]

@@ -5,7 +5,7 @@
 //! There are usually more c than p: what the minimum leaves measures whether the c belong to a machine of this structure at
 //! all (two carts: c4 = c3^2/(3 c7), c5 = c3^3/(27 c7^2); after Feng, Eqns 4.35-4.41).
 //!
-//! Invariant: rows of [`Weighted`] are combinations of the c that the data show, each of variance one and uncorrelated with
+//! Invariant: rows of `Weighted` are combinations of the c that the data show, each of variance one and uncorrelated with
 //! the others. Directions that the data do not show have no row.
 
 use crate::estimate::{Estimate, Status};

@@ -63,7 +63,7 @@ pub enum PeriodicFault {
 /// `period` (samples) and `from` are taken as given when stated.
 ///
 /// # Errors
-/// [`PeriodicFault`].
+/// `PeriodicFault`.
 pub fn find_periodic(
     channels: &[Vec<f64>],
     coordinates: usize,
