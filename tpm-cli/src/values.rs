@@ -2,7 +2,7 @@
 //!
 //! Invariant: a decimal is the rational number that its digits say; a name that the model does not have is an error.
 
-use crate::commands::identify::assignment;
+use crate::commands::simulated::assignment;
 use crate::failure::Failure;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

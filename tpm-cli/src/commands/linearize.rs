@@ -1,6 +1,6 @@
 //! `tpm linearize`: state space, transfer functions, poles and zeros of a model about a point at rest.
 
-use super::identify::assignment;
+use super::simulated::assignment;
 use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
