@@ -263,7 +263,11 @@ fn faults_of_a_log_name_their_remedy() {
     let rows: String =
         (0..500).map(|i| format!("{},{},{}\n", f64::from(i) + f64::from(i % 7) * 0.3, i % 3, i % 5)).collect();
     std::fs::write(&uneven, format!("t_s,u,y\n{rows}")).expect("writable");
-    fails(&["frf", uneven.to_str().expect("plain"), "--input", "u", "--measured", "y"], 2, &["line"]);
+    fails(
+        &["frf", uneven.to_str().expect("plain"), "--input", "u", "--measured", "y"],
+        2,
+        &["uneven.csv:9: time advances by", "resample the log evenly"],
+    );
     let mut state = 1_u64;
     let mut random = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
