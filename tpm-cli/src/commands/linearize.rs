@@ -118,7 +118,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         text.push('\n');
         text
     } else {
-        found.text(comparison.as_ref())
+        format!("{}\n", found.text(comparison.as_ref()).trim_end())
     };
     output::emit(args.output.as_deref(), &text)
 }
