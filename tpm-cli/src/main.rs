@@ -4,6 +4,7 @@
 //! errors and progress to standard error. Exit codes: 0 done, 1 not everything asked for was identified (or, asked by
 //! `generate --check`, is current), 2 bad input, 130 interrupted.
 
+mod assignments;
 mod commands;
 mod failure;
 mod interrupt;

@@ -2,7 +2,7 @@
 //!
 //! Invariant: a decimal is the rational number that its digits say; a name that the model does not have is an error.
 
-use crate::commands::simulated::assignment;
+use crate::assignments::{assignment, once};
 use crate::failure::Failure;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -38,12 +38,8 @@ impl Values {
                 values.insert(symbol(model, &name, &path.display().to_string())?, value);
             }
         }
-        let mut seen = Vec::new();
+        once("--set", &args.set)?;
         for (name, text) in &args.set {
-            if seen.contains(&name) {
-                return Err(Failure::Input(format!("--set {name}=... is given twice")));
-            }
-            seen.push(name);
             let value = rational::parse(text).ok_or_else(|| {
                 Failure::Input(format!("--set {name}={text}: write a number, such as 2, 0.022, 3.168e-4 or 1/3"))
             })?;

@@ -1,30 +1,15 @@
 //! Bad input through the command line: every fault is named with its place and a remedy, the exit code is 2, no file is
 //! written, and nothing panics or hangs.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod support;
 
-fn models() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../models")
-}
-
-fn tpm(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tpm")).args(arguments).current_dir(folder).output().expect("the tool runs")
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).expect("a folder");
-    let mut names: Vec<String> =
-        entries.map(|entry| entry.expect("readable").file_name().to_string_lossy().into_owned()).collect();
-    names.sort();
-    names
-}
+use support::{names, root, tpm_in};
 
 /// The refusal of `arguments` with `input` as the file `name` has all of `parts` in its message.
 fn check_refused(name: &str, input: &[u8], arguments: &[&str], parts: &[&str]) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     std::fs::write(folder.path().join(name), input).expect("writable");
-    let output = tpm(folder.path(), arguments);
+    let output = tpm_in(folder.path(), arguments);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     let shown: String = message.chars().take(2000).collect();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {shown}");
@@ -112,7 +97,7 @@ fn models_without_a_finite_table() {
         check_refused("in.tpm", model.as_bytes(), &["expand", "in.tpm", "-o", "out.json"], parts);
         let folder = tempfile::tempdir().expect("a temporary folder");
         std::fs::write(folder.path().join("in.tpm"), model).expect("writable");
-        let output = tpm(folder.path(), &["check", "in.tpm"]);
+        let output = tpm_in(folder.path(), &["check", "in.tpm"]);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         assert!(String::from_utf8_lossy(&output.stdout).contains("remark: "), "{model}");
     }
@@ -133,7 +118,7 @@ fn log() -> Vec<String> {
 
 #[test]
 fn logs() {
-    let model = models().join("mass_spring_drag.tpm");
+    let model = root().join("models").join("mass_spring_drag.tpm");
     let model = model.to_str().expect("a readable path");
     let identify = ["identify", model, "--log", "log.csv", "--json"];
     let text = |lines: &[String]| lines.join("\n").into_bytes();
@@ -181,9 +166,9 @@ fn logs() {
 
 #[test]
 fn experiments() {
-    let model = models().join("mass_spring_drag.tpm");
+    let model = root().join("models").join("mass_spring_drag.tpm");
     let model = model.to_str().expect("a readable path");
-    let good = std::fs::read_to_string(models().join("mass_spring_drag.toml")).expect("the experiment");
+    let good = std::fs::read_to_string(root().join("models").join("mass_spring_drag.toml")).expect("the experiment");
     let cases: Vec<(&str, String, &[&str])> = vec![
         ("unknown field", format!("colour = 3\n{good}"), &["in.toml", "colour"]),
         ("not TOML", "= = =".to_owned(), &["in.toml", "line 1"]),

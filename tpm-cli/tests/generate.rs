@@ -2,27 +2,12 @@
 //!
 //! What the code computes is tested in the crate `tests`, which compiles the committed file that is compared here.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod support;
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()
-}
-
-fn tpm(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tpm")).args(arguments).current_dir(root()).output().expect("the tool runs")
-}
+use support::{names, tpm};
 
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("UTF-8")
-}
-
-fn names(folder: &Path) -> Vec<String> {
-    let entries = std::fs::read_dir(folder).expect("a folder");
-    let mut names: Vec<String> =
-        entries.map(|entry| entry.expect("readable").file_name().to_string_lossy().into_owned()).collect();
-    names.sort();
-    names
 }
 
 const SLIDER: &str = "models/mass_spring_drag.tpm";

@@ -1,20 +1,17 @@
 //! `tpm linearize`, `tpm frf` and `tpm fit` as a user runs them: numbers of Fong's equations, and faults with their remedies.
 
+mod support;
+
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use support::tpm;
 
 const UP: &str = "models/rotary_pendulum.tpm";
 const DOWN: &str = "models/rotary_pendulum_down.tpm";
 const TABLE_1: &str = "models/rotary_pendulum_table1.toml";
 /// Fong, Eqn 29, highest power first.
 const EQN_29: &str = "0.0277,-24.92,-323.4,164.6/1,15.28,200.6,1589,6548";
-
-fn tpm(arguments: &[&str]) -> Output {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
-    Command::new(env!("CARGO_BIN_EXE_tpm")).args(arguments).current_dir(root).output().expect("the tool runs")
-}
 
 fn printed(arguments: &[&str]) -> String {
     let output = tpm(arguments);

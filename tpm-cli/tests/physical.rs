@@ -1,20 +1,17 @@
 //! Masses and springs from a log of the far cart alone: two carts, whose driven cart is eliminated (Feng, Eqns 4.30-4.41).
 
+mod support;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
+use support::tpm;
 
 /// m1, m2, k1, k2, k3.
 const TRUTH: [f64; 5] = [2.0, 1.5, 30.0, 400.0, 200.0];
 
-fn model() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/two_carts.tpm")
-}
-
-fn tpm(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_tpm"));
-    command.arg("identify").arg(model()).args(arguments);
-    command.output().expect("the program starts")
+fn identify(arguments: &[&str]) -> Output {
+    tpm(&[&["identify", "models/two_carts.tpm"], arguments].concat())
 }
 
 /// The rest-to-rest motion of order 5 and the force that it needs, by the equations of the two carts themselves.
@@ -44,7 +41,7 @@ fn log(folder: &Path, mass: f64) -> PathBuf {
 fn two_carts_from_the_far_cart_alone() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = log(folder.path(), TRUTH[0]);
-    let run = tpm(&["--log", path.to_str().expect("plain"), "--json"]);
+    let run = identify(&["--log", path.to_str().expect("plain"), "--json"]);
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let result: serde_json::Value = serde_json::from_slice(&run.stdout).expect("JSON");
     let physical = result["physical"].as_array().expect("a list");
@@ -55,7 +52,7 @@ fn two_carts_from_the_far_cart_alone() {
         assert!((value / truth - 1.0).abs() < 1e-6, "{parameter}");
     }
     // The table for reading shows both.
-    let run = tpm(&["--log", path.to_str().expect("plain")]);
+    let run = identify(&["--log", path.to_str().expect("plain")]);
     let text = String::from_utf8_lossy(&run.stdout);
     assert!(text.contains("physical parameters") && text.contains("c7"), "{text}");
 }
@@ -65,14 +62,14 @@ fn a_negative_mass_is_no_success() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = log(folder.path(), -TRUTH[0]);
     let path = path.to_str().expect("plain");
-    let run = tpm(&["--log", path]);
+    let run = identify(&["--log", path]);
     let (text, error) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
     assert!(text.contains("m1 is held at its bound 0"), "{text}{error}");
-    let run = tpm(&["--log", path, "--bound", "m1=:"]);
+    let run = identify(&["--log", path, "--bound", "m1=:"]);
     assert!(!String::from_utf8_lossy(&run.stdout).contains("bound"));
-    let run = tpm(&["--log", path, "--bound", "mass=0:"]);
+    let run = identify(&["--log", path, "--bound", "mass=0:"]);
     assert_eq!(run.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&run.stderr).contains("no physical parameter `mass`"));
-    let run = tpm(&["--log", path, "--bound", "m1=3:2"]);
+    let run = identify(&["--log", path, "--bound", "m1=3:2"]);
     assert_eq!(run.status.code(), Some(2));
 }

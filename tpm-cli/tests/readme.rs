@@ -4,18 +4,15 @@
 //! for any number of lines. A `tpm` block is a model file that must pass `tpm check`. Blocks of Rust are doc tests of the
 //! `tests` crate.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod support;
+
+use support::{root, tpm};
 
 #[derive(Debug)]
 struct Block {
     language: String,
     line: usize,
     text: String,
-}
-
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()
 }
 
 fn blocks() -> Vec<Block> {
@@ -36,10 +33,6 @@ fn blocks() -> Vec<Block> {
         }
     }
     blocks
-}
-
-fn tpm(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tpm")).args(arguments).current_dir(root()).output().expect("the tool runs")
 }
 
 /// Whether `actual` is `expected`, with `...` lines standing for any lines.

@@ -70,12 +70,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         output::remark(&format!("remark: {}", table::left_out(&table, tail)));
     }
     let text = match args.format {
-        Format::Json => {
-            let mut text = serde_json::to_string_pretty(&table)
-                .map_err(|error| Failure::Input(format!("the table cannot be written as JSON: {error}")))?;
-            text.push('\n');
-            text
-        }
+        Format::Json => output::json(&table)?,
         Format::Csv => table::csv(&table),
         Format::Markdown => table::markdown(&table),
         Format::Latex => table::latex(&table),

@@ -1,7 +1,7 @@
 //! `tpm fit`: a transfer function, or the physical parameters of a model, from the frequency response of a log.
 
-use super::identify::{by_name, number_assignment};
 use super::measured::{Measured, MeasuredArgs};
+use crate::assignments::{by_name, number_assignment};
 use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
@@ -107,9 +107,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let named: Vec<_> = drawn.iter().map(|(name, model)| (name.as_str(), &**model as &dyn Fn(f64) -> _)).collect();
     measured.plot(&args.measured, &named)?;
     if args.json {
-        text = serde_json::to_string_pretty(&whole)
-            .map_err(|error| Failure::Input(format!("the fit cannot be written as JSON: {error}")))?;
-        text.push('\n');
+        text = output::json(&whole)?;
     }
     output::emit(args.measured.output.as_deref(), &text)?;
     if incomplete.is_empty() { Ok(()) } else { Err(Failure::Incomplete(incomplete.join("\n"))) }

@@ -136,8 +136,5 @@ fn json(args: &Args, measured: &Measured) -> Result<String, Failure> {
         "hold_effect": {"median": effect.median, "largest": effect.largest},
         "lines": lines, "warnings": gaps,
     });
-    let mut text = serde_json::to_string_pretty(&whole)
-        .map_err(|error| Failure::Input(format!("the response cannot be written as JSON: {error}")))?;
-    text.push('\n');
-    Ok(text)
+    output::json(&whole)
 }

@@ -100,13 +100,14 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 fn json(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Result<String, Failure> {
-    let whole = serde_json::to_value(report).and_then(|mut value| {
-        value["physical"] = serde_json::to_value(physical)?;
-        serde_json::to_string_pretty(&value)
-    });
-    let mut text = whole.map_err(|error| Failure::Input(format!("the result cannot be written as JSON: {error}")))?;
-    text.push('\n');
-    Ok(text)
+    /// The report, and the physical parameters behind it.
+    #[derive(serde::Serialize)]
+    struct Whole<'a> {
+        #[serde(flatten)]
+        report: &'a Report,
+        physical: Option<&'a PhysicalIdentifiability>,
+    }
+    output::json(&Whole { report, physical })
 }
 
 /// `factor name` with a plain factor left out.

@@ -1,6 +1,7 @@
 //! `tpm identify`: parameters with standard deviations, from a log or from experiments on a simulated plant.
 
-use super::simulated::{SimulatedArgs, assignment};
+use super::simulated::SimulatedArgs;
+use crate::assignments::{assignment, by_name, number_assignment};
 use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
@@ -26,6 +27,15 @@ pub(crate) enum HoldChoice {
     None,
     /// The recorded value is applied until the next sample.
     Zoh,
+}
+
+impl From<HoldChoice> for Hold {
+    fn from(choice: HoldChoice) -> Self {
+        match choice {
+            HoldChoice::None => Hold::None,
+            HoldChoice::Zoh => Hold::Zoh,
+        }
+    }
 }
 
 /// Options of `tpm identify`.
@@ -79,14 +89,6 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
-pub(crate) fn number_assignment(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = assignment(text)?;
-    match value.parse::<f64>() {
-        Ok(number) if number.is_finite() => Ok((name, number)),
-        _ => Err(format!("`{value}` is not a finite number")),
-    }
-}
-
 fn bounds_assignment(text: &str) -> Result<(String, (f64, f64)), String> {
     let (name, interval) = assignment(text)?;
     let (low, high) = interval.split_once(':').ok_or_else(|| format!("`{interval}` is not of the form LOW:HIGH"))?;
@@ -120,7 +122,6 @@ fn simulated(args: &Args) -> Outcome {
     let simulated = args.simulated.prepare(&args.file)?;
     let (prepared, model) = (&simulated.symbolic, &simulated.model);
     let (pattern, experiment) = (&simulated.pattern, &simulated.experiment);
-    let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
     let bar = progress::Bar::new("identifying");
     let most = experiment.schedule.max_runs as u64;
     let result = interrupt::watched(|go_on| {
@@ -132,19 +133,20 @@ fn simulated(args: &Args) -> Outcome {
         result.map(|result| (result, !go_on()))
     });
     drop(bar);
-    let (mut result, interrupted) = result.map_err(|error| input(&error))?;
+    let (mut result, interrupted) = result.map_err(|error| Failure::Input(error.to_string()))?;
+    let negative = negative_masses(&result.parameters);
+    result.warnings.extend(negative.iter().cloned());
     if let Some(estimate) = &result.estimate {
         let settings =
             settings(args, &experiment.prior, &experiment.frozen, &experiment.constants, &physical_names(prepared));
-        (result.physical, result.warnings) =
-            physical_part(prepared, estimate, &settings, &result.parameters, result.warnings)?;
+        result.physical = physical_part(prepared, estimate, &settings, &mut result.warnings)?;
     }
     let text = if args.json { output::json(&result)? } else { describe_campaign(&result, &prepared.model) };
     output::emit(args.output.as_deref(), &text)?;
     if interrupted {
         return Err(Failure::Interrupted);
     }
-    if let Some(negative) = negative_masses(&result.parameters).into_iter().next() {
+    if let Some(negative) = negative.into_iter().next() {
         return Err(Failure::Incomplete(negative));
     }
     if !result.is_complete() {
@@ -216,11 +218,12 @@ fn from_log(args: &Args, prepared: &Prepared, model: &Interpreted, path: &Path) 
     let mut result = identify_log(model, &log, &options).map_err(|error| Failure::Input(error.to_string()))?;
     let map = |list: &[(String, f64)]| list.iter().cloned().collect();
     let settings = settings(args, &map(&args.prior), &map(&args.freeze), &map(&args.constants), &own);
-    (result.physical, result.warnings) =
-        physical_part(prepared, &result.estimate, &settings, &result.parameters, result.warnings)?;
+    let negative = negative_masses(&result.parameters);
+    result.warnings.extend(negative.iter().cloned());
+    result.physical = physical_part(prepared, &result.estimate, &settings, &mut result.warnings)?;
     let text = if args.json { output::json(&result)? } else { describe(&result) };
     output::emit(args.output.as_deref(), &text)?;
-    if let Some(negative) = negative_masses(&result.parameters).into_iter().next() {
+    if let Some(negative) = negative.into_iter().next() {
         return Err(Failure::Incomplete(negative));
     }
     if result.rank < result.parameters.iter().filter(|parameter| parameter.status != "frozen").count() {
@@ -260,26 +263,24 @@ fn settings(
     }
 }
 
-/// The physical parameters behind lumped ones, and all warnings.
+/// The physical parameters behind lumped ones, none when nothing was lumped; what there is to say of them goes to `warnings`.
 fn physical_part(
     prepared: &Prepared,
     estimate: &Estimate,
     settings: &PhysicalSettings,
-    parameters: &[ParameterReport],
-    mut warnings: Vec<String>,
-) -> Result<(Vec<ParameterReport>, Vec<String>), Failure> {
-    warnings.extend(negative_masses(parameters));
+    warnings: &mut Vec<String>,
+) -> Result<Vec<ParameterReport>, Failure> {
     if !is_lumped(prepared) {
         if let Some(name) = settings.bounds.keys().next() {
             return Err(Failure::Input(format!(
                 "--bound {name}=...: the model is linear in its parameters as they are; bounds are for physical parameters behind lumped ones"
             )));
         }
-        return Ok((Vec::new(), warnings));
+        return Ok(Vec::new());
     }
     let found = physical(prepared, estimate, settings).map_err(|error| Failure::Input(error.to_string()))?;
     warnings.extend(found.warnings);
-    Ok((found.parameters, warnings))
+    Ok(found.parameters)
 }
 
 fn log_options(args: &Args, model: &Interpreted, physical: &[String]) -> Result<LogOptions, Failure> {
@@ -309,10 +310,7 @@ fn log_options(args: &Args, model: &Interpreted, physical: &[String]) -> Result<
         offset: by_name("--offset", &args.offset, &signals)?,
         from_sample: args.from_sample,
         period: args.period,
-        hold: match args.hold {
-            Some(HoldChoice::Zoh) => Hold::Zoh,
-            Some(HoldChoice::None) | None => Hold::None,
-        },
+        hold: args.hold.map_or(Hold::None, Hold::from),
         harmonics: args.harmonics,
         constants: constants.iter().map(|name| given[name]).collect(),
         prior: if parameters.iter().all(|name| !priors.contains_key(name)) {
@@ -325,26 +323,6 @@ fn log_options(args: &Args, model: &Interpreted, physical: &[String]) -> Result<
             .filter_map(|(name, &value)| index(name).map(|parameter| Frozen { parameter, value }))
             .collect(),
     })
-}
-
-/// Assignments by name; an unknown or repeated name is an error that lists what there is.
-pub(crate) fn by_name<V: Clone>(
-    flag: &str,
-    given: &[(String, V)],
-    known: &[String],
-) -> Result<BTreeMap<String, V>, Failure> {
-    let mut result = BTreeMap::new();
-    for (name, value) in given {
-        if !known.contains(name) {
-            let known =
-                if known.is_empty() { "it has none".to_owned() } else { format!("there are {}", known.join(", ")) };
-            return Err(Failure::Input(format!("{flag} {name}=...: the model has no such name; {known}")));
-        }
-        if result.insert(name.clone(), value.clone()).is_some() {
-            return Err(Failure::Input(format!("{flag} {name}=... is given twice")));
-        }
-    }
-    Ok(result)
 }
 
 fn describe(result: &Identification) -> String {

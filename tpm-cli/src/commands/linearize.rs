@@ -1,6 +1,6 @@
 //! `tpm linearize`: state space, transfer functions, poles and zeros of a model about a point at rest.
 
-use super::simulated::assignment;
+use crate::assignments::{assignment, once};
 use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
@@ -113,10 +113,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let found = Linear::new(args, loaded.model().clone())?;
     let comparison = args.beside.as_ref().map(|beside| found.beside(args, beside)).transpose()?;
     let text = if args.json {
-        let mut text = serde_json::to_string_pretty(&found.json(comparison.as_ref()))
-            .map_err(|error| Failure::Input(format!("the result cannot be written as JSON: {error}")))?;
-        text.push('\n');
-        text
+        output::json(&found.json(comparison.as_ref()))?
     } else {
         format!("{}\n", found.text(comparison.as_ref()).trim_end())
     };
@@ -415,10 +412,8 @@ fn operating_point(
     inputs: &[String],
 ) -> Result<OperatingPoint, Failure> {
     let mut point = OperatingPoint::default();
-    for (at, (name, text)) in args.at.iter().enumerate() {
-        if args.at[..at].iter().any(|(other, _)| other == name) {
-            return Err(Failure::Input(format!("--at {name}=... is given twice")));
-        }
+    once("--at", &args.at)?;
+    for (name, text) in &args.at {
         let value =
             point::parse(text, model).map_err(|reason| Failure::Input(format!("--at {name}={text}: {reason}")))?;
         if let Some(c) = coordinates.iter().position(|other| other == name) {

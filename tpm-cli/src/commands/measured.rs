@@ -1,11 +1,10 @@
 //! What `tpm frf` and `tpm fit` share: a log, averaged to a frequency response, and its plot.
 
-use super::identify::{HoldChoice, number_assignment};
-use super::simulated::assignment;
+use super::identify::HoldChoice;
+use crate::assignments::{assignment, number_assignment, once};
 use crate::failure::Failure;
 use crate::output;
 use clap::ValueEnum;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::frequency::{BodeSettings, Estimator, FrequencyResponse, NamedModel, Welch, bode};
 use tpm_runtime::harmonics::{Hold, Window};
@@ -114,10 +113,7 @@ impl Measured {
         let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
         let log = Log::open_signals(&args.log, &signals, &options).map_err(|error| input(&error))?;
         let segment = args.segment.unwrap_or_else(|| chosen_segment(log.len()));
-        let hold = match args.hold {
-            Some(HoldChoice::Zoh) => Hold::Zoh,
-            Some(HoldChoice::None) | None => Hold::None,
-        };
+        let hold = args.hold.map_or(Hold::None, Hold::from);
         let welch = if args.periodic {
             Welch::periodic(segment, hold)
         } else {
@@ -213,16 +209,6 @@ fn picture(path: Option<&Path>) -> Result<Option<Picture>, Failure> {
         Some("png") => Ok(Some(Picture::Png)),
         _ => Err(Failure::Input(format!("--plot {}: the name must end in .svg or .png", path.display()))),
     }
-}
-
-fn once<V: Clone>(flag: &str, given: &[(String, V)]) -> Result<BTreeMap<String, V>, Failure> {
-    let mut result = BTreeMap::new();
-    for (name, value) in given {
-        if result.insert(name.clone(), value.clone()).is_some() {
-            return Err(Failure::Input(format!("{flag} {name}=... is given twice")));
-        }
-    }
-    Ok(result)
 }
 
 fn chosen_segment(samples: usize) -> usize {

@@ -1,11 +1,13 @@
 //! What the verbs that play an experiment on a simulated plant have in common.
 
+use crate::assignments::assignment;
 use crate::failure::Failure;
 use crate::load::Loaded;
 use std::path::{Path, PathBuf};
 use tpm_runtime::experiment::{Experiment, ExperimentError};
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::trajectory::Pattern;
+use tpm_symbolic::prepare::Prepared;
 
 /// Options that choose and change an experiment.
 #[derive(clap::Args)]
@@ -22,9 +24,9 @@ pub(crate) struct SimulatedArgs {
 }
 
 /// A model with an experiment that can be played on it.
-pub(crate) struct Prepared {
+pub(crate) struct Simulation {
     /// The model, and its parameters.
-    pub(crate) symbolic: tpm_symbolic::prepare::Prepared,
+    pub(crate) symbolic: Prepared,
     /// The same, to be run.
     pub(crate) model: Interpreted,
     /// The pattern.
@@ -35,7 +37,7 @@ pub(crate) struct Prepared {
 
 impl SimulatedArgs {
     /// Reads the model and the experiment.
-    pub(crate) fn prepare(&self, file: &Path) -> Result<Prepared, Failure> {
+    pub(crate) fn prepare(&self, file: &Path) -> Result<Simulation, Failure> {
         let loaded = Loaded::from_file(file)?;
         let symbolic = loaded.prepared()?;
         let experiment = self.experiment(file)?;
@@ -44,7 +46,7 @@ impl SimulatedArgs {
         let pattern = Pattern::of_symbolic(loaded.pattern(name)?, &symbolic.model, constant)
             .map_err(|error| Failure::Input(error.to_string()))?;
         let model = Interpreted::new(&symbolic.model, &symbolic.form);
-        Ok(Prepared { symbolic, model, pattern, experiment })
+        Ok(Simulation { symbolic, model, pattern, experiment })
     }
 
     /// The experiment file that was named, or the one beside the model.
@@ -63,15 +65,5 @@ impl SimulatedArgs {
             experiment.apply_override(key, value).map_err(|error| Failure::Input(error.to_string()))?;
         }
         Ok(experiment)
-    }
-}
-
-/// NAME=VALUE.
-pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
-            Ok((name.trim().to_owned(), value.trim().to_owned()))
-        }
-        _ => Err(format!("`{text}` is not of the form NAME=VALUE")),
     }
 }

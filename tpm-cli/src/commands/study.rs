@@ -1,6 +1,6 @@
 //! `tpm study`: many campaigns on the simulated plant, and how their results spread about the truth.
 
-use super::simulated::{Prepared, SimulatedArgs};
+use super::simulated::{SimulatedArgs, Simulation};
 use crate::failure::Failure;
 use crate::text_table::{Align, TextTable, number};
 use crate::{Outcome, interrupt, output, progress};
@@ -27,7 +27,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let Prepared { model, pattern, experiment, .. } = args.simulated.prepare(&args.file)?;
+    let Simulation { model, pattern, experiment, .. } = args.simulated.prepare(&args.file)?;
     let bar = progress::Bar::new("studying");
     let seeds = args.seeds as usize;
     let (result, interrupted) = interrupt::watched(|go_on| {

@@ -1,0 +1,47 @@
+//! Options of the form NAME=VALUE.
+
+use crate::failure::Failure;
+use std::collections::BTreeMap;
+
+/// NAME=VALUE.
+pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
+            Ok((name.trim().to_owned(), value.trim().to_owned()))
+        }
+        _ => Err(format!("`{text}` is not of the form NAME=VALUE")),
+    }
+}
+
+/// NAME=VALUE with a finite number.
+pub(crate) fn number_assignment(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = assignment(text)?;
+    match value.parse::<f64>() {
+        Ok(number) if number.is_finite() => Ok((name, number)),
+        _ => Err(format!("`{value}` is not a finite number")),
+    }
+}
+
+/// Assignments by name; a repeated name is an error.
+pub(crate) fn once<V: Clone>(flag: &str, given: &[(String, V)]) -> Result<BTreeMap<String, V>, Failure> {
+    let mut result = BTreeMap::new();
+    for (name, value) in given {
+        if result.insert(name.clone(), value.clone()).is_some() {
+            return Err(Failure::Input(format!("{flag} {name}=... is given twice")));
+        }
+    }
+    Ok(result)
+}
+
+/// Assignments by name; an unknown or repeated name is an error that lists what there is.
+pub(crate) fn by_name<V: Clone>(
+    flag: &str,
+    given: &[(String, V)],
+    known: &[String],
+) -> Result<BTreeMap<String, V>, Failure> {
+    if let Some((name, _)) = given.iter().find(|(name, _)| !known.contains(name)) {
+        let known = if known.is_empty() { "it has none".to_owned() } else { format!("there are {}", known.join(", ")) };
+        return Err(Failure::Input(format!("{flag} {name}=...: the model has no such name; {known}")));
+    }
+    once(flag, given)
+}

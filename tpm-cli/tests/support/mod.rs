@@ -1,0 +1,30 @@
+//! The tool as a user runs it.
+
+#![allow(dead_code)] // every test binary uses a part
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The workspace's folder.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()
+}
+
+/// Runs the tool in a folder.
+pub(crate) fn tpm_in(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tpm")).args(arguments).current_dir(folder).output().expect("the tool runs")
+}
+
+/// Runs the tool in the workspace's folder.
+pub(crate) fn tpm(arguments: &[&str]) -> Output {
+    tpm_in(&root(), arguments)
+}
+
+/// What a folder holds, sorted.
+pub(crate) fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("a folder");
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.expect("readable").file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
