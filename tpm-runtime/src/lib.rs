@@ -31,6 +31,8 @@ pub mod plot;
 pub mod procedure;
 pub mod real;
 #[cfg(feature = "std")]
+pub mod report;
+#[cfg(feature = "std")]
 pub mod simulate;
 #[cfg(feature = "std")]
 pub mod trajectory;

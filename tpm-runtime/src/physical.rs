@@ -9,7 +9,7 @@
 //! the others. Directions that the data do not show have no row.
 
 use crate::estimate::{Estimate, Status};
-use crate::log::ParameterReport;
+use crate::report::ParameterReport;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -126,7 +126,6 @@ pub fn physical(
 /// Masses and moments of inertia among parameters that came out negative: a fit that no machine has.
 #[must_use]
 pub fn negative_masses(parameters: &[ParameterReport]) -> Vec<String> {
-    let is_mass = |unit: &str| matches!(unit, "kg" | "kg*m^2" | "g" | "t");
     let negative = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass)).filter_map(|p| {
         let (value, std) = (p.value?, p.std?);
         (value < -SURELY_NEGATIVE * std).then(|| {
@@ -137,6 +136,11 @@ pub fn negative_masses(parameters: &[ParameterReport]) -> Vec<String> {
         })
     });
     negative.collect()
+}
+
+/// Whether a quantity in this unit is a mass or a moment of inertia.
+fn is_mass(unit: &str) -> bool {
+    matches!(unit, "kg" | "kg*m^2" | "g" | "t")
 }
 
 /// Combinations of the lumped parameters that the data show: `rows (c - values)` has the identity as covariance.
@@ -160,7 +164,8 @@ impl Weighted {
         let shown = complement(&hidden, n);
         let covariance = DMatrix::from_fn(n, n, |r, c| {
             let entry = estimate.covariance[(r, c)] / (scale[r] * scale[c]);
-            if r == c { entry.max(if estimate.std[r] == 0.0 { 1.0 } else { entry }) } else { entry }
+            // A frozen value has no variance; it weighs as much as the sharpest value may.
+            if r == c && estimate.std[r] == 0.0 { 1.0 } else { entry }
         });
         let reduced = shown.transpose() * covariance * &shown;
         let eigen = reduced.symmetric_eigen();
@@ -238,8 +243,7 @@ impl Fixed {
         let mut bounds = Vec::with_capacity(names.len());
         for &symbol in map.parameters() {
             let unit = prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string);
-            let is_mass = unit.as_deref().is_some_and(|unit| matches!(unit, "kg" | "kg*m^2"));
-            let natural = if is_mass { 0.0 } else { f64::NEG_INFINITY };
+            let natural = if unit.as_deref().is_some_and(is_mass) { 0.0 } else { f64::NEG_INFINITY };
             let (low, high) = settings.bounds.get(map.name(symbol)).copied().unwrap_or((natural, f64::INFINITY));
             if !matches!(low.partial_cmp(&high), Some(std::cmp::Ordering::Less)) {
                 return Err(PhysicalError::EmptyBounds { name: map.name(symbol).to_string(), low, high });
@@ -337,18 +341,12 @@ impl Fixed {
                 held[i] && if values[i] <= self.bounds[i].0 { gradient[i] < 0.0 } else { gradient[i] > 0.0 }
             });
             match inward {
-                Some(i) if converged && !self.is_singular_at(map, &values, i) => held[i] = false,
+                Some(i) if converged => held[i] = false,
                 _ => break,
             }
         }
         let misfit = self.residuals(map, weighted, &values).map_or(f64::INFINITY, |r| r.norm_squared());
         Solution { values, held, misfit, converged }
-    }
-
-    /// Whether the map has no value with parameter i where it is (a division by a mass of zero).
-    fn is_singular_at(&self, map: &ParameterMap, values: &[f64], i: usize) -> bool {
-        let lumped = map.evaluate(self.lookup(map, values));
-        lumped.iter().any(|value| !value.is_finite()) || !values[i].is_finite()
     }
 
     fn residuals(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {

@@ -10,11 +10,12 @@
 //! and just one input is scaled so that this coefficient is 1.
 
 use crate::expr::{ExprId, Names, Node, Symbol};
+use crate::fraction::display_polynomial;
 use crate::model::{Kind, Model, TermId};
 use crate::polynomial::{Monomial, Polynomial};
 use crate::rational::{self, Rational};
 use crate::unit::Unit;
-use num_traits::{One, Signed, Zero};
+use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
@@ -460,39 +461,11 @@ fn lumped_name(model: &Model, definition: &Polynomial<ExprId>, taken: &mut BTree
 /// The canonical expression of a lumped parameter: factors and terms in order of declaration, such as `m2*c2^2`.
 #[must_use]
 pub fn canonical(model: &Model, definition: &Polynomial<ExprId>) -> String {
-    let mut text = String::new();
     // The member that was met first leads; the polynomial's own order is by declaration, since symbols are interned so.
-    for (i, (monomial, coefficient)) in definition.terms().enumerate() {
-        let magnitude = rational::abs(coefficient);
-        match (i, coefficient.is_negative()) {
-            (0, false) => {}
-            (0, true) => text.push('-'),
-            (_, false) => text.push_str(" + "),
-            (_, true) => text.push_str(" - "),
-        }
-        let mut above: Vec<String> = Vec::new();
-        let mut below: Vec<String> = Vec::new();
-        if !magnitude.numer().is_one() {
-            above.push(magnitude.numer().to_string());
-        }
-        if !magnitude.denom().is_one() {
-            below.push(magnitude.denom().to_string());
-        }
-        for (&atom, exponent) in monomial.factors() {
-            let base = match model.graph.node(atom) {
-                Node::Symbol(_) | Node::Function(..) | Node::Pi | Node::Atan2(..) => model.display(atom),
-                _ => format!("({})", model.display(atom)),
-            };
-            let power = if exponent.abs() == 1 { base } else { format!("{base}^{}", exponent.abs()) };
-            if exponent > 0 { above.push(power) } else { below.push(power) }
-        }
-        text.push_str(&if above.is_empty() { "1".to_owned() } else { above.join("*") });
-        for factor in below {
-            text.push('/');
-            text.push_str(&factor);
-        }
-    }
-    text
+    display_polynomial(definition, |&atom| match model.graph.node(atom) {
+        Node::Symbol(_) | Node::Function(..) | Node::Pi | Node::Atan2(..) => model.display(atom),
+        _ => format!("({})", model.display(atom)),
+    })
 }
 
 /// `m2*c2^2` as `m2_c2_2`, `J1 + m2*l1^2` as `J1_plus_m2_l1_2`.

@@ -13,10 +13,11 @@ use tpm_runtime::estimate::{Estimate, Frozen};
 use tpm_runtime::experiment::{CampaignIdentification, identify_simulated};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::log::{Identification, Log, LogOptions, ParameterReport, identify_log};
+use tpm_runtime::log::{Identification, Log, LogOptions, identify_log};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::physical::{PhysicalSettings, is_lumped, negative_masses, physical};
 use tpm_runtime::procedure::RunReport;
+use tpm_runtime::report::ParameterReport;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::prepare::Prepared;
 

@@ -3,9 +3,9 @@
 use super::{Experiment, ExperimentError};
 use crate::estimate::{Estimate, Status};
 use crate::harmonics::Hold;
-use crate::log::ParameterReport;
 use crate::model::Model;
 use crate::procedure::{Campaign, Outcome, RunReport};
+use crate::report::{EstimateReport, ParameterReport};
 use crate::simulate::simulate;
 use crate::trajectory::Pattern;
 use serde::Serialize;
@@ -90,31 +90,7 @@ pub fn identify_simulated(
 pub fn summary(model: &dyn Model<f64>, campaign: &Campaign<'_>, seed: u64) -> CampaignIdentification {
     let estimate = campaign.estimate();
     let setup = campaign.setup();
-    let p = model.dims().parameters;
-    let status = |j: usize| estimate.map_or(Status::Unobservable, |e| e.status[j]);
-    let seen = |j: usize| status(j) != Status::Unobservable;
-    let parameters = (0..p)
-        .map(|j| ParameterReport {
-            name: model.parameter(j).name.into(),
-            unit: model.parameter(j).unit.map(String::from),
-            prior: setup.prior.get(j).copied(),
-            value: estimate.filter(|_| seen(j)).map(|e| e.values[j]),
-            std: estimate.filter(|_| seen(j)).map(|e| e.std[j]),
-            status: status(j).name(),
-        })
-        .collect();
-    let unobservable = estimate.map_or_else(Vec::new, |e| {
-        e.unobservable
-            .iter()
-            .map(|direction| {
-                let parts = direction.iter().enumerate().filter(|(_, part)| part.abs() > 1e-9);
-                parts.map(|(j, part)| (model.parameter(j).name.to_string(), nine_digits(*part))).collect()
-            })
-            .collect()
-    });
-    let covariance = (0..p)
-        .map(|r| (0..p).map(|c| estimate.filter(|_| seen(r) && seen(c)).map(|e| e.covariance[(r, c)])).collect())
-        .collect();
+    let EstimateReport { parameters, unobservable, covariance } = EstimateReport::new(model, &setup.prior, estimate);
     CampaignIdentification {
         schema: "tpm.identification/1",
         model: model.name().into(),
@@ -164,10 +140,4 @@ fn warnings(model: &dyn Model<f64>, campaign: &Campaign<'_>) -> Vec<String> {
         }
     }
     warnings
-}
-
-/// A weight to nine digits, so that rounding of the factorisation does not show.
-fn nine_digits(value: f64) -> String {
-    let text = format!("{value:.9e}");
-    text.parse::<f64>().map_or(text, |v| v.to_string())
 }

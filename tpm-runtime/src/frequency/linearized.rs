@@ -4,9 +4,8 @@
 //! per set of parameters; every symbol in them is either a parameter of the fit or has a value.
 
 use super::structured::ResponseModel;
-use nalgebra::Complex;
+use nalgebra::{Complex, DMatrix, DVector};
 use std::string::{String, ToString};
-use std::vec;
 use std::vec::Vec;
 use tpm_symbolic::expr::{Coordinate, ExprId, Node, Symbol};
 use tpm_symbolic::linearize::Linearization;
@@ -114,79 +113,13 @@ impl ResponseModel for LinearizedResponse<'_> {
         let stiffness = entries(&self.linearization.stiffness);
         let drive: Vec<f64> =
             self.linearization.input.iter().map(|row| self.value(row[self.input], parameters)).collect();
-        let mut matrix = vec![Complex::from(0.0); n * n];
-        let mut right = vec![Complex::from(0.0); n];
+        let drive = DVector::from_iterator(n, drive.into_iter().map(Complex::from));
         for (value, &w) in out.iter_mut().zip(frequencies) {
-            for (i, entry) in matrix.iter_mut().enumerate() {
-                *entry = Complex::new(stiffness[i] - w * w * mass[i], w * damping[i]);
-            }
-            for (entry, force) in right.iter_mut().zip(&drive) {
-                *entry = Complex::from(*force);
-            }
-            solve(&mut matrix, &mut right);
-            *value = right[self.coordinate];
-        }
-    }
-}
-
-/// Gaussian elimination with row pivoting, in place; a singular matrix gives numbers that are not finite.
-fn solve(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) {
-    let n = right.len();
-    for column in 0..n {
-        let mut pivot = column;
-        for row in column + 1..n {
-            if matrix[row * n + column].norm_sqr() > matrix[pivot * n + column].norm_sqr() {
-                pivot = row;
-            }
-        }
-        if pivot != column {
-            for k in 0..n {
-                matrix.swap(pivot * n + k, column * n + k);
-            }
-            right.swap(pivot, column);
-        }
-        for row in column + 1..n {
-            let factor = matrix[row * n + column] / matrix[column * n + column];
-            for k in column..n {
-                let above = matrix[column * n + k];
-                matrix[row * n + k] -= factor * above;
-            }
-            let above = right[column];
-            right[row] -= factor * above;
-        }
-    }
-    for row in (0..n).rev() {
-        let mut sum = right[row];
-        for k in row + 1..n {
-            sum -= matrix[row * n + k] * right[k];
-        }
-        right[row] = sum / matrix[row * n + row];
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::solve;
-    use nalgebra::{Complex, DMatrix, DVector};
-    use std::vec::Vec;
-
-    #[test]
-    fn elimination_solves() {
-        // A zero in the first place forces a swap of rows.
-        let entry = |r: usize, c: usize| {
-            if (r, c) == (0, 0) {
-                Complex::from(0.0)
-            } else {
-                Complex::new((r * 3 + c) as f64 % 4.0 - 1.0, (r + 2 * c) as f64)
-            }
-        };
-        let a = DMatrix::from_fn(4, 4, entry);
-        let x = DVector::from_fn(4, |i, _| Complex::new(i as f64, 1.0));
-        let mut right: Vec<_> = (&a * &x).iter().copied().collect();
-        let mut rows: Vec<_> = a.transpose().iter().copied().collect();
-        solve(&mut rows, &mut right);
-        for (found, truth) in right.iter().zip(x.iter()) {
-            assert!((found - truth).norm() < 1e-13);
+            let entry = |i: usize| Complex::new(stiffness[i] - w * w * mass[i], w * damping[i]);
+            let matrix = DMatrix::from_fn(n, n, |r, c| entry(r * n + c));
+            let solution = matrix.lu().solve(&drive);
+            // A singular matrix has no response; numbers that are not finite reject the parameters.
+            *value = solution.map_or(Complex::from(f64::NAN), |q| q[self.coordinate]);
         }
     }
 }

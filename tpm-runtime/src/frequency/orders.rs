@@ -124,7 +124,7 @@ fn predict(points: &[Points; 2], settings: &RationalSettings) -> Option<Vec<f64>
     let mut sum: Vec<f64> = std::vec![0.0; points[0].len()];
     for (fitted, judged) in [(&points[0], &points[1]), (&points[1], &points[0])] {
         let function = fit_points(fitted, settings).ok()?.function;
-        let residuals = judged.residuals(|s| function.evaluate(s));
+        let residuals = judged.residuals(judged.frequency.iter().map(|&w| function.response(w)))?;
         let n = judged.len();
         for (k, value) in sum.iter_mut().enumerate() {
             *value += 0.5 * (residuals[k].powi(2) + residuals[n + k].powi(2)) / judged.expected;

@@ -53,16 +53,17 @@ impl Points {
         self.frequency.len()
     }
 
-    /// Residuals of a model: real parts, then imaginary parts.
-    pub(super) fn residuals(&self, model: impl Fn(Complex<f64>) -> Complex<f64>) -> DVector<f64> {
+    /// Residuals of a model with this response at every point: real parts, then imaginary parts; nothing where one is
+    /// not finite.
+    pub(super) fn residuals(&self, model: impl IntoIterator<Item = Complex<f64>>) -> Option<DVector<f64>> {
         let n = self.len();
         let mut residuals = DVector::zeros(2 * n);
-        for k in 0..n {
-            let error = (self.response[k] - model(Complex::new(0.0, self.frequency[k]))) * self.weight[k];
+        for (k, value) in model.into_iter().enumerate() {
+            let error = (self.response[k] - value) * self.weight[k];
             residuals[k] = error.re;
             residuals[n + k] = error.im;
         }
-        residuals
+        residuals.iter().all(|r| r.is_finite()).then_some(residuals)
     }
 
     /// Variance of one residual in a covariance: correlated lines count for less, and a misfit counts as noise.
@@ -75,14 +76,9 @@ impl Points {
         squares / (self.expected * (self.len() as f64 - 0.5 * free as f64).max(0.5))
     }
 
-    /// Median and largest |G/H - 1|.
-    pub(super) fn relative_errors(&self, model: impl Fn(Complex<f64>) -> Complex<f64>) -> (f64, f64) {
-        let mut errors: Vec<f64> = self
-            .frequency
-            .iter()
-            .zip(&self.response)
-            .map(|(&w, h)| (model(Complex::new(0.0, w)) / h - 1.0).norm())
-            .collect();
+    /// Median and largest |G/H - 1| of a model with this response at every point.
+    pub(super) fn relative_errors(&self, model: impl IntoIterator<Item = Complex<f64>>) -> (f64, f64) {
+        let mut errors: Vec<f64> = model.into_iter().zip(&self.response).map(|(g, h)| (g / h - 1.0).norm()).collect();
         errors.sort_by(f64::total_cmp);
         (errors.get(errors.len() / 2).copied().unwrap_or(0.0), errors.last().copied().unwrap_or(0.0))
     }

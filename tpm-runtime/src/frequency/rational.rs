@@ -487,7 +487,7 @@ impl<'a> Problem<'a> {
         let covariance = &map * &information.covariance * map.transpose();
         let deficient = information.rank < size;
         let std = |i: usize| if deficient { f64::INFINITY } else { covariance[(i, i)].max(0.0).sqrt() };
-        let errors = self.points.relative_errors(|s| function.evaluate(s));
+        let errors = self.points.relative_errors(self.points.frequency.iter().map(|&w| function.response(w)));
         let lowest = self.points.frequency.first().copied().unwrap_or(0.0);
         let gradient = gain_gradient(&function, size);
         let gain_variance = (gradient.transpose() * &covariance * &gradient)[(0, 0)];
@@ -605,14 +605,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        let n = self.points.len();
-        let mut residuals = DVector::zeros(2 * n);
-        for k in 0..n {
-            let error = (self.points.response[k] - self.model(k)) * self.points.weight[k];
-            residuals[k] = error.re;
-            residuals[n + k] = error.im;
-        }
-        residuals.iter().all(|r| r.is_finite()).then_some(residuals)
+        self.points.residuals((0..self.points.len()).map(|k| self.model(k)))
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {

@@ -163,11 +163,7 @@ impl Problem<'_> {
             converged,
             gaps,
         };
-        let model = self.responses(&self.parameters);
-        let mut errors: Vec<f64> = model.iter().zip(&self.points.response).map(|(g, h)| (g / h - 1.0).norm()).collect();
-        errors.sort_by(f64::total_cmp);
-        fit.median_error = errors[errors.len() / 2];
-        fit.largest_error = errors[errors.len() - 1];
+        (fit.median_error, fit.largest_error) = self.points.relative_errors(self.responses(&self.parameters));
         let Some(jacobian) = self.jacobian().filter(|j| j.ncols() > 0) else { return fit };
         let found = information(&jacobian, self.points.variance(misfit), DETERMINED);
         fit.rank = found.rank;
@@ -207,15 +203,7 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     }
 
     fn residuals(&self) -> Option<DVector<f64>> {
-        let n = self.points.len();
-        let model = self.responses(&self.parameters);
-        let mut residuals = DVector::zeros(2 * n);
-        for (k, value) in model.iter().enumerate() {
-            let error = (self.points.response[k] - value) * self.points.weight[k];
-            residuals[k] = error.re;
-            residuals[n + k] = error.im;
-        }
-        residuals.iter().all(|r| r.is_finite()).then_some(residuals)
+        self.points.residuals(self.responses(&self.parameters))
     }
 
     fn jacobian(&self) -> Option<DMatrix<f64>> {

@@ -5,6 +5,7 @@ use super::{Log, LogError, LogOptions};
 use crate::estimate::{Estimate, EstimateError, MeasuredMotion, Settings, Status, estimate_measured_motion};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::Model;
+use crate::report::{EstimateReport, ParameterReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::format;
@@ -17,23 +18,6 @@ const CLEARLY_BETTER: f64 = 0.7;
 const LARGE_RESIDUAL: f64 = 0.2;
 /// A difference of successive periods above this share of the motion is flagged.
 const UNSTEADY: f64 = 0.02;
-
-/// One parameter of a result.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ParameterReport {
-    /// Name in the model.
-    pub name: String,
-    /// Unit in the model.
-    pub unit: Option<String>,
-    /// Value before.
-    pub prior: Option<f64>,
-    /// Identified value; nothing when unobservable.
-    pub value: Option<f64>,
-    /// Standard deviation; nothing when unobservable.
-    pub std: Option<f64>,
-    /// identified, unobservable, poorly_determined or frozen.
-    pub status: &'static str,
-}
 
 /// Residuals with either choice of hold, as shares of the force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -291,33 +275,8 @@ fn report(
     log: LogReport,
     warnings: Vec<String>,
 ) -> Identification {
-    let p = model.dims().parameters;
-    let seen = |j: usize| estimate.status[j] != Status::Unobservable;
-    let parameters = (0..p)
-        .map(|j| ParameterReport {
-            name: model.parameter(j).name.into(),
-            unit: model.parameter(j).unit.map(String::from),
-            prior: options.prior.get(j).copied(),
-            value: seen(j).then_some(estimate.values[j]),
-            std: seen(j).then_some(estimate.std[j]),
-            status: estimate.status[j].name(),
-        })
-        .collect();
-    let unobservable = estimate
-        .unobservable
-        .iter()
-        .map(|direction| {
-            let names: BTreeMap<String, String> = direction
-                .iter()
-                .enumerate()
-                .filter(|(_, part)| part.abs() > 1e-9)
-                .map(|(j, part)| (model.parameter(j).name.to_string(), rounded(*part)))
-                .collect();
-            names
-        })
-        .collect();
-    let covariance =
-        (0..p).map(|r| (0..p).map(|c| (seen(r) && seen(c)).then_some(estimate.covariance[(r, c)])).collect()).collect();
+    let EstimateReport { parameters, unobservable, covariance } =
+        EstimateReport::new(model, &options.prior, Some(&estimate));
     Identification {
         schema: "tpm.identification/1",
         model: model.name().into(),
@@ -335,10 +294,4 @@ fn report(
         log,
         estimate,
     }
-}
-
-/// A weight to nine digits, so that rounding of the factorisation does not show.
-fn rounded(value: f64) -> String {
-    let text = format!("{value:.9e}");
-    text.parse::<f64>().map_or(text, |v| v.to_string())
 }

@@ -13,6 +13,6 @@ mod read;
 mod synthetic_tests;
 
 pub use error::LogError;
-pub use identify::{HoldResiduals, Identification, LogReport, ParameterReport, identify_log};
+pub use identify::{HoldResiduals, Identification, LogReport, identify_log};
 pub use periodic::{Periodic, find_periodic};
 pub use read::{Log, LogOptions};
