@@ -111,12 +111,12 @@ pub fn above(table: &HarmonicTable, fundamental: f64, limit: f64) -> Vec<HighHar
         let same = |high: &HighHarmonic| high.equation == *equation && high.harmonic == entry.harmonic;
         if !found.last().is_some_and(same) {
             let parameters = Vec::new();
-            found.push(HighHarmonic { equation: equation.clone(), harmonic: entry.harmonic, parameters });
+            found.push(HighHarmonic { equation: equation.to_string(), harmonic: entry.harmonic, parameters });
         }
         if let (Some(last), Some(column)) = (found.last_mut(), entry.column) {
             let name = &table.parameters[column];
-            if !last.parameters.contains(name) {
-                last.parameters.push(name.clone());
+            if !last.parameters.iter().any(|known| known == name) {
+                last.parameters.push(name.to_string());
             }
         }
     }

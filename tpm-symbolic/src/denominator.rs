@@ -150,9 +150,8 @@ impl Factors {
             if rest == 1 {
                 break;
             }
-            let prime = self.known(index).value;
-            while rest.is_multiple_of(prime) {
-                rest /= prime;
+            while let Some(quotient) = self.known(index).divide_exactly(rest) {
+                rest = quotient;
                 result.count(index);
             }
         }
@@ -267,18 +266,22 @@ impl Factors {
     /// Prepares the reduction of many fractions over the same denominator.
     pub(crate) fn reduction(&self, denominator: &Denominator) -> Reduction<'_> {
         let mut odd: SmallVec<[(&OddPrime, u32); 4]> = SmallVec::new();
-        denominator.primes(|prime, exponent| odd.push((self.known(prime), exponent)));
+        let mut product = Some(1u128);
+        denominator.primes(|prime, exponent| {
+            let prime = self.known(prime);
+            odd.push((prime, exponent));
+            product = prime.power_factors(exponent).fold(product, |product, f| product?.checked_mul(u128::from(f)));
+        });
         let mut cofactor: Option<BigUint> = None;
         if denominator.rare.is_some() {
             let powers = denominator.cofactors().iter().zip(&self.cofactors).filter(|(e, _)| **e > 0);
             cofactor = powers.map(|(&e, c)| c.pow(e)).reduce(|a, b| a * b);
         }
-        let bits = self.bits(denominator);
-        let mut product = 1u128;
-        if bits <= 128 && cofactor.is_none() {
-            let factors = odd.iter().flat_map(|(prime, exponent)| prime.power_factors(*exponent));
-            factors.for_each(|factor| product *= u128::from(factor));
-        }
+        let exact = product.filter(|_| cofactor.is_none()).map(|product| {
+            let bits = u64::from(denominator.two) + u64::from(128 - product.leading_zeros());
+            (product, bits)
+        });
+        let (product, bits) = exact.filter(|(_, bits)| *bits <= 128).unwrap_or_else(|| (1, self.bits(denominator)));
         Reduction { two: denominator.two, odd, cofactor, words: bits.div_ceil(64) as usize, product }
     }
 }

@@ -157,7 +157,8 @@ pub fn expand_with(
         let (entries, tails) = nonsmooth::expand(model, &infinite, pattern, options)?;
         return Ok(expand_with(model, &finite, pattern, options)?.with_infinite(entries, tails));
     }
-    let atoms = Atoms::resolve(model, form, pattern)?;
+    let mut atoms = Atoms::new();
+    atoms.resolve(model, form, pattern)?;
     atoms.refuse_too_many_products(options)?;
     let shapes = Layout::new(atoms.shapes.len(), atoms.largest_exponent);
     let symbols = Layout::new(atoms.symbols.len(), atoms.largest_exponent);
@@ -192,13 +193,13 @@ const PI: usize = usize::MAX;
 
 /// All atoms of a regressor form, as sums of parts.
 struct Atoms<'a> {
-    parts: Vec<Part>,
+    parts: SmallVec<[Part; 4]>,
     list: SmallVec<[Atom; 8]>,
     /// Index into `list` of every node of the graph that occurs.
     index: SmallVec<[u32; 64]>,
     /// Model symbols that occur in parts, and [`PI`].
     symbols: SmallVec<[usize; 8]>,
-    shapes: Vec<Shape<'a>>,
+    shapes: SmallVec<[Shape<'a>; 4]>,
     /// No exponent of a symbol or shape in any product is larger.
     largest_exponent: u64,
     /// An upper bound of the number of symbolic products, and the term with most.
@@ -221,25 +222,29 @@ struct Atom {
 }
 
 impl<'a> Atoms<'a> {
-    fn resolve(model: &Model, form: &RegressorForm, pattern: &'a Pattern) -> Result<Self, ExpandError> {
-        let mut atoms = Self {
-            parts: Vec::with_capacity(8),
+    fn new() -> Self {
+        Self {
+            parts: SmallVec::new(),
             list: SmallVec::new(),
             index: SmallVec::new(),
             symbols: SmallVec::new(),
-            shapes: Vec::with_capacity(8),
+            shapes: SmallVec::new(),
             largest_exponent: 0,
             products: 0.0,
             worst: None,
-        };
-        atoms.index.resize(model.graph.len(), UNRESOLVED);
+        }
+    }
+
+    /// Resolves all atoms that occur.
+    fn resolve(&mut self, model: &Model, form: &RegressorForm, pattern: &'a Pattern) -> Result<(), ExpandError> {
+        self.index.resize(model.graph.len(), UNRESOLVED);
         for term in form.rows.iter().flat_map(|row| &row.terms) {
             let (mut largest, mut products) = (0u64, 1.0);
             for (&id, exponent) in term.atoms.factors() {
-                if atoms.index[id.index()] == UNRESOLVED {
-                    atoms.add(model, pattern, id, term.source)?;
+                if self.index[id.index()] == UNRESOLVED {
+                    self.add(model, pattern, id, term.source)?;
                 }
-                let atom = atoms.list[atoms.index[id.index()] as usize];
+                let atom = self.list[self.index[id.index()] as usize];
                 let magnitude = u64::from(exponent.unsigned_abs());
                 if exponent < 0 && !atom.invertible {
                     return Err(ExpandError::NotFinite { term: term.source, atom: model.display(id) });
@@ -252,9 +257,9 @@ impl<'a> Atoms<'a> {
                 if atom.start == atom.end {
                     products = 0.0;
                 }
-                for part in &atoms.parts[atom.start..atom.end] {
+                for part in &self.parts[atom.start..atom.end] {
                     if let Some(shape) = part.shape {
-                        atoms.shapes[shape].largest = atoms.shapes[shape].largest.saturating_add(magnitude);
+                        self.shapes[shape].largest = self.shapes[shape].largest.saturating_add(magnitude);
                     }
                 }
             }
@@ -264,15 +269,15 @@ impl<'a> Atoms<'a> {
                 let limit = ExpandOptions::ADDRESSABLE;
                 return Err(ExpandError::TooLarge { term: term.source, entries: largest.into(), bytes, limit });
             }
-            atoms.largest_exponent = atoms.largest_exponent.max(largest);
-            atoms.products += products;
-            if atoms.worst.is_none_or(|(worst, _)| worst < products) {
-                atoms.worst = Some((products, term.source));
+            self.largest_exponent = self.largest_exponent.max(largest);
+            self.products += products;
+            if self.worst.is_none_or(|(worst, _)| worst < products) {
+                self.worst = Some((products, term.source));
             }
         }
-        atoms.sort_shapes();
-        atoms.sort_symbols();
-        Ok(atoms)
+        self.sort_shapes();
+        self.sort_symbols();
+        Ok(())
     }
 
     /// In the model's order, so that powers come out sorted.
@@ -457,16 +462,16 @@ struct Contribution<K> {
     factor: Scalar,
 }
 
-struct Expansion<'a, K> {
+struct Expansion<'a, 'p, K> {
     model: &'a Model,
     form: &'a RegressorForm,
-    atoms: &'a Atoms<'a>,
+    atoms: &'a Atoms<'p>,
     shape_layout: Layout,
     symbol_layout: Layout,
     factors: Factors,
-    bases: Vec<Base>,
+    bases: SmallVec<[Base; 4]>,
     /// The parts of all atoms, as products.
-    parts: Vec<Product<K>>,
+    parts: SmallVec<[Product<K>; 4]>,
     /// Powers of atoms with several parts, by atom and exponent.
     powers: Vec<Vec<Vec<Product<K>>>>,
     /// Common denominators of columns.
@@ -474,9 +479,9 @@ struct Expansion<'a, K> {
     /// The products of the column at hand, and room to multiply them.
     products: Vec<Product<K>>,
     scratch: Vec<Product<K>>,
-    groups: Vec<Group>,
+    groups: SmallVec<[Group; 4]>,
     sums: Vec<Sum>,
-    contributions: Vec<Contribution<K>>,
+    contributions: SmallVec<[Contribution<K>; 4]>,
     /// Bits of the largest factor of a contribution, and of the largest common denominator of a column.
     factor_bits: u64,
     common_bits: u64,
@@ -486,16 +491,48 @@ struct Expansion<'a, K> {
     entries: usize,
 }
 
-impl<'a, K: Key> Expansion<'a, K> {
+impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
     fn new(
         model: &'a Model,
         form: &'a RegressorForm,
-        atoms: &'a Atoms<'a>,
+        atoms: &'a Atoms<'p>,
         shape_layout: Layout,
         symbol_layout: Layout,
     ) -> Self {
-        let mut factors = Factors::default();
-        let mut bases: Vec<Base> = Vec::with_capacity(atoms.shapes.len());
+        let several = atoms.list.iter().any(|atom| atom.end - atom.start != 1);
+        let mut powers = Vec::new();
+        powers.resize_with(if several { atoms.list.len() } else { 0 }, Vec::new);
+        let terms = form.rows.iter().map(|row| row.terms.len()).sum();
+        let mut expansion = Self {
+            model,
+            form,
+            atoms,
+            shape_layout,
+            symbol_layout,
+            factors: Factors::default(),
+            bases: SmallVec::new(),
+            parts: SmallVec::new(),
+            powers,
+            common: Vec::new(),
+            products: Vec::with_capacity(terms),
+            scratch: Vec::new(),
+            groups: SmallVec::with_capacity(terms),
+            sums: Vec::new(),
+            contributions: SmallVec::with_capacity(terms),
+            factor_bits: 0,
+            common_bits: 0,
+            rooms: Rooms::default(),
+            series: Vec::with_capacity(terms),
+            words: Vec::new(),
+            entries: 0,
+        };
+        expansion.prepare();
+        expansion
+    }
+
+    /// Shapes as factors and parts as products.
+    fn prepare(&mut self) {
+        let atoms = self.atoms;
         let mut wholes: SmallVec<[Whole<'_>; 2]> = SmallVec::new();
         for shape in &atoms.shapes {
             let known = wholes.iter().position(|whole| std::ptr::eq(whole.fourier(), shape.fourier));
@@ -503,47 +540,20 @@ impl<'a, K: Key> Expansion<'a, K> {
                 wholes.push(Whole::new(shape.fourier));
                 wholes.len() - 1
             });
-            bases.push(wholes[index].base(shape.order, &mut factors));
+            self.bases.push(wholes[index].base(shape.order, &mut self.factors));
         }
-        let mut parts: Vec<Product<K>> = Vec::with_capacity(atoms.parts.len());
         for part in &atoms.parts {
-            let mut symbols = K::one(symbol_layout);
+            let mut symbols = K::one(self.symbol_layout);
             for &(symbol, exponent) in &part.symbols {
-                symbols.add(&K::variable(symbol_layout, symbol), i64::from(exponent));
+                symbols.add(&K::variable(self.symbol_layout, symbol), i64::from(exponent));
             }
-            let shapes = part.shape.map_or_else(|| K::one(shape_layout), |s| K::variable(shape_layout, s));
-            parts.push(Product { symbols, shapes, factor: part.factor.clone() });
-        }
-        let several = atoms.list.iter().any(|atom| atom.end - atom.start != 1);
-        let mut powers = Vec::new();
-        powers.resize_with(if several { atoms.list.len() } else { 0 }, Vec::new);
-        let terms = form.rows.iter().map(|row| row.terms.len()).sum();
-        Self {
-            model,
-            form,
-            atoms,
-            shape_layout,
-            symbol_layout,
-            factors,
-            bases,
-            parts,
-            powers,
-            common: Vec::new(),
-            products: Vec::new(),
-            scratch: Vec::new(),
-            groups: Vec::with_capacity(terms),
-            sums: Vec::new(),
-            contributions: Vec::with_capacity(terms),
-            factor_bits: 0,
-            common_bits: 0,
-            rooms: Rooms::default(),
-            series: Vec::with_capacity(terms),
-            words: Vec::new(),
-            entries: 0,
+            let shapes = K::one(self.shape_layout);
+            let shapes = part.shape.map_or(shapes, |shape| K::variable(self.shape_layout, shape));
+            self.parts.push(Product { symbols, shapes, factor: part.factor.clone() });
         }
     }
 
-    fn run(mut self, options: &mut ExpandOptions<'_>) -> Result<HarmonicTable, ExpandError> {
+    fn run(&mut self, options: &mut ExpandOptions<'_>) -> Result<HarmonicTable, ExpandError> {
         let form = self.form;
         for (equation, row) in form.rows.iter().enumerate() {
             let mut terms = Cow::Borrowed(row.terms.as_slice());
@@ -557,12 +567,13 @@ impl<'a, K: Key> Expansion<'a, K> {
         self.refuse_too_large(options)?;
         self.multiply_out(options)?;
         let names = [
-            form.rows.iter().map(|row| row.name.clone()).collect(),
-            form.columns.iter().map(|column| column.name.clone()).collect(),
-            self.model.symbols.iter().map(|quantity| quantity.name.clone()).collect(),
+            form.rows.iter().map(|row| row.name.as_str().into()).collect(),
+            form.columns.iter().map(|column| column.name.as_str().into()).collect(),
+            self.model.symbols.iter().map(|quantity| quantity.name.as_str().into()).collect(),
         ];
         self.series.retain(|series| series.len > 0);
-        Ok(HarmonicTable::from_series(self.model.name.clone(), names, self.series, self.words, self.entries))
+        let (series, words) = (std::mem::take(&mut self.series), std::mem::take(&mut self.words));
+        Ok(HarmonicTable::from_series(self.model.name.as_str().into(), names, series, words, self.entries))
     }
 
     /// Writes the terms of one row and column as products of symbols and shapes, grouped by the symbols.
@@ -798,8 +809,11 @@ impl<'a, K: Key> Expansion<'a, K> {
         // one first.
         let mut present: SmallVec<[i64; 8]> = smallvec![0; count];
         let mut exponents = present.clone();
-        let mut levels = Vec::with_capacity(8);
-        levels.push(Level { spectrum: Spectrum::one(), denominator: Denominator::default() });
+        let mut levels: SmallVec<[Level; 4]> = SmallVec::new();
+        // What comes first is the empty product, when there is one.
+        let constant = contributions.first().is_some_and(|first| first.shapes == K::one(self.shape_layout));
+        let spectrum = if constant { Spectrum::one() } else { Spectrum::factor_one() };
+        levels.push(Level { spectrum, denominator: Denominator::default() });
         let mut depth = 0;
         for (done, contribution) in contributions.iter().enumerate() {
             let same = done > 0 && contributions[done - 1].shapes == contribution.shapes;
@@ -908,14 +922,15 @@ fn store<T: Numerator>(
     out.resize(start + values.len() * size, 0);
     let mut slots = out[start..].chunks_exact_mut(size);
     let mut count = 0;
-    let (halvings, double) = if reduction.is_even() { (1, 1) } else { (0, 2) };
+    let halvings = u32::from(reduction.is_even());
+    // Beyond one word the numerators are unlimited.
+    let doubled = if halvings == 1 { None } else { Some(factor.times(&Scalar::Small(2))) };
+    let of_rest = doubled.as_ref().unwrap_or(factor);
     for part in values.chunks(series.len) {
-        // The factor, doubled where it must be; beyond one word the numerators are unlimited.
         let (constant, rest) = part.split_at(usize::from(series.first == 0));
-        for (list, halvings, double) in [(constant, 0, 1), (rest, halvings, double)] {
-            let scaled = factor.times(&Scalar::Small(double));
+        for (list, halvings, factor) in [(constant, 0, factor), (rest, halvings, of_rest)] {
             let pairs = list.iter().zip(&mut slots);
-            count += match &scaled {
+            count += match factor {
                 Scalar::Small(1) => write_all(pairs, |value, slot| reduction.write(value, halvings, slot)),
                 Scalar::Small(factor) => {
                     write_all(pairs, |value, slot| reduction.write(&value.times(*factor), halvings, slot))

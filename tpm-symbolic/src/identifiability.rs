@@ -24,6 +24,7 @@ use crate::parameter_map::ParameterMap;
 use crate::polynomial::{Monomial, Polynomial};
 use crate::rational::{self, Rational};
 use crate::table::HarmonicTable;
+use ecow::EcoString;
 use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::{One, Signed, Zero};
@@ -212,16 +213,18 @@ struct Matrix {
 impl Matrix {
     fn new(experiments: &[Experiment<'_>]) -> Result<Self, IdentifiabilityError> {
         let first = experiments.first().ok_or(IdentifiabilityError::NoExperiment)?;
-        let parameters = first.table.parameters.clone();
+        let parameters = &first.table.parameters;
         let mut variables: Vec<String> = Vec::new();
         let mut cells: BTreeMap<RowLabel, Vec<Polynomial<usize>>> = BTreeMap::new();
         for (number, experiment) in experiments.iter().enumerate() {
             let table = experiment.table;
             let name = || experiment.name.clone();
-            if table.parameters != parameters || table.equations != first.table.equations {
+            if table.parameters != *parameters || table.equations != first.table.equations {
                 return Err(IdentifiabilityError::Parameters { experiment: name() });
             }
-            if let Some(symbol) = experiment.values.keys().find(|symbol| !table.symbols.contains(symbol)) {
+            if let Some(symbol) =
+                experiment.values.keys().find(|name| !table.symbols.iter().any(|symbol| symbol == *name))
+            {
                 return Err(IdentifiabilityError::UnknownSymbol { experiment: name(), symbol: symbol.clone() });
             }
             let mut variable = |name: String| {
@@ -235,18 +238,18 @@ impl Matrix {
                 let mut coefficient = entry.coefficient.clone();
                 let mut monomial = Monomial::one();
                 for (&symbol, power) in entry.powers.factors() {
-                    let symbol = &table.symbols[symbol];
+                    let symbol = table.symbols[symbol].as_str();
                     match experiment.values.get(symbol) {
                         Some(value) if value.is_zero() && power < 0 => {
                             return Err(IdentifiabilityError::DividesByZero {
                                 experiment: name(),
-                                symbol: symbol.clone(),
+                                symbol: symbol.to_owned(),
                             });
                         }
                         Some(value) => coefficient *= rational::power(value, power),
                         None => {
                             let own = if number == 0 || experiment.shared.contains(symbol) {
-                                symbol.clone()
+                                symbol.to_owned()
                             } else {
                                 format!("{symbol}[{}]", number + 1)
                             };
@@ -255,7 +258,7 @@ impl Matrix {
                     }
                 }
                 for (&symbol, power) in entry.sign.factors() {
-                    if let Some(value) = experiment.values.get(&table.symbols[symbol])
+                    if let Some(value) = experiment.values.get(table.symbols[symbol].as_str())
                         && power % 2 != 0
                     {
                         coefficient *= value.signum();
@@ -275,7 +278,8 @@ impl Matrix {
             }
         }
         let (rows, entries) = cells.into_iter().unzip();
-        Ok(Self { parameters, equations: first.table.equations.clone(), variables, rows, entries })
+        let names = |list: &[EcoString]| list.iter().map(EcoString::to_string).collect();
+        Ok(Self { parameters: names(parameters), equations: names(&first.table.equations), variables, rows, entries })
     }
 
     fn at_point(&self, number: u64) -> Vec<Vec<Rational>> {

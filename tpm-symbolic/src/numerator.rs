@@ -6,6 +6,7 @@
 
 use num_bigint::{BigInt, BigUint, Sign};
 use num_traits::{Signed, Zero};
+use smallvec::SmallVec;
 use std::any::Any;
 use std::ops::{Add, Sub};
 
@@ -139,21 +140,21 @@ pub(crate) trait Numerator: Clone {
 /// Buffers of one width, kept between products.
 #[derive(Debug)]
 pub(crate) struct Room<T> {
-    spare: Vec<Vec<T>>,
+    spare: SmallVec<[Vec<T>; 2]>,
     /// For a list continued to both sides.
     pub(crate) padded: Vec<T>,
 }
 
 impl<T> Default for Room<T> {
     fn default() -> Self {
-        Self { spare: Vec::new(), padded: Vec::new() }
+        Self { spare: SmallVec::new(), padded: Vec::new() }
     }
 }
 
 impl<T> Room<T> {
-    /// An empty list.
-    pub(crate) fn take(&mut self) -> Vec<T> {
-        let mut list = self.spare.pop().unwrap_or_default();
+    /// An empty list with room for `len`.
+    pub(crate) fn take(&mut self, len: usize) -> Vec<T> {
+        let Some(mut list) = self.spare.pop() else { return Vec::with_capacity(len) };
         list.clear();
         list
     }
@@ -164,6 +165,12 @@ impl<T> Room<T> {
 pub(crate) struct Rooms {
     one: Room<i64>,
     two: Room<i128>,
+    /// Most tables never need them.
+    wide: Option<Box<WideRooms>>,
+}
+
+#[derive(Debug, Default)]
+struct WideRooms {
     three: Room<Wide<3>>,
     four: Room<Wide<4>>,
     six: Room<Wide<6>>,
@@ -499,6 +506,7 @@ impl<const N: usize> Numerator for Wide<N> {
     }
 
     fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        let rooms = rooms.wide.get_or_insert_default();
         let room: &mut dyn Any = match N {
             3 => &mut rooms.three,
             4 => &mut rooms.four,
@@ -589,7 +597,7 @@ impl Numerator for BigInt {
     }
 
     fn room(rooms: &mut Rooms) -> &mut Room<Self> {
-        &mut rooms.big
+        &mut rooms.wide.get_or_insert_default().big
     }
 }
 

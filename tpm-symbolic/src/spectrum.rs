@@ -133,8 +133,8 @@ where
     }
     if !common.is_one() {
         denominator = denominator / common.clone();
-        for (_, c, s) in &mut terms {
-            (*c, *s) = (c.clone() / common.clone(), s.clone() / common.clone());
+        for value in terms.iter_mut().flat_map(|(_, c, s)| [c, s]).filter(|value| !value.is_zero()) {
+            *value = value.clone() / common.clone();
         }
     }
     Some((terms, denominator))
@@ -161,16 +161,23 @@ impl<'a> Whole<'a> {
     pub(crate) fn base(&self, order: u32, factors: &mut Factors) -> Base {
         if let Some(small) = &self.small
             && let Some((terms, denominator)) = derivative(small, order, |k| i64::try_from(k).ok())
-            && let Some(norm) = terms.iter().try_fold(0u64, |sum, (k, c, s)| {
+            && let Some((norm, cos, sin)) = terms.iter().try_fold((0u64, 0, 0), |(sum, cos, sin), (k, c, s)| {
                 let once = c.unsigned_abs().checked_add(s.unsigned_abs())?;
-                sum.checked_add(if *k == 0 { once } else { once.checked_mul(2)? })
+                let norm = sum.checked_add(if *k == 0 { once } else { once.checked_mul(2)? })?;
+                Some((norm, cos | c, sin | s))
             })
         {
-            let norm_bits = u64::from(64 - norm.saturating_sub(1).leading_zeros());
-            let denominator = factors.factor_word(denominator.unsigned_abs());
-            let functions = (terms.iter().any(|t| t.1 != 0), terms.iter().any(|t| t.2 != 0));
-            let harmonics = (common_parity(&terms), terms.last().map_or(0, |term| term.0));
-            return Base::new(BaseTerms::Small(terms), functions, harmonics, norm_bits, denominator, factors);
+            let denominator = denominator.unsigned_abs();
+            return Base {
+                cos: cos != 0,
+                sin: sin != 0,
+                parity: common_parity(&terms),
+                highest: terms.last().map_or(0, |term| term.0),
+                denominator_bits: u64::from(64 - denominator.leading_zeros()),
+                norm_bits: u64::from(64 - norm.saturating_sub(1).leading_zeros()),
+                denominator: factors.factor_word(denominator),
+                terms: BaseTerms::Small(terms),
+            };
         }
         let parts = over_one_denominator(self.fourier, |value| Some(value.clone()));
         let derived = parts.and_then(|parts| derivative(&parts, order, |k| Some(BigInt::from(k))));
@@ -178,26 +185,20 @@ impl<'a> Whole<'a> {
         let norm: BigUint =
             terms.iter().map(|(k, c, s)| (c.magnitude() + s.magnitude()) * if *k == 0 { 1u32 } else { 2u32 }).sum();
         let denominator = factors.factor(denominator.magnitude());
-        let functions = (terms.iter().any(|t| !Zero::is_zero(&t.1)), terms.iter().any(|t| !Zero::is_zero(&t.2)));
-        let harmonics = (common_parity(&terms), terms.last().map_or(0, |term| term.0));
-        let terms = terms.into_vec();
-        Base::new(BaseTerms::Big(terms), functions, harmonics, norm.bits(), denominator, factors)
+        Base {
+            cos: terms.iter().any(|term| !Zero::is_zero(&term.1)),
+            sin: terms.iter().any(|term| !Zero::is_zero(&term.2)),
+            parity: common_parity(&terms),
+            highest: terms.last().map_or(0, |term| term.0),
+            denominator_bits: factors.bits(&denominator),
+            norm_bits: norm.bits(),
+            denominator,
+            terms: BaseTerms::Big(terms.into_vec()),
+        }
     }
 }
 
 impl Base {
-    fn new(
-        terms: BaseTerms,
-        (cos, sin): (bool, bool),
-        (parity, highest): (Option<usize>, usize),
-        norm_bits: u64,
-        denominator: Denominator,
-        factors: &Factors,
-    ) -> Self {
-        let denominator_bits = factors.bits(&denominator);
-        Self { terms, cos, sin, parity, highest, denominator_bits, norm_bits, denominator }
-    }
-
     pub(crate) fn highest_harmonic(&self) -> usize {
         self.highest
     }
@@ -246,7 +247,13 @@ pub(crate) struct Spectrum {
 impl Spectrum {
     /// The constant 1.
     pub(crate) fn one() -> Self {
-        Self { first: 0, stride: 2, len: 1, cos: true, sin: false, bits: 1, values: Values::One(vec![1]), empty: true }
+        Self { values: Values::One(vec![1]), ..Self::factor_one() }
+    }
+
+    /// The constant 1 without its value written down, which [`Self::multiply`] does not read.
+    pub(crate) fn factor_one() -> Self {
+        let values = Values::One(Vec::new());
+        Self { first: 0, stride: 2, len: 1, cos: true, sin: false, bits: 1, values, empty: true }
     }
 
     /// A base as a product.
@@ -258,7 +265,7 @@ impl Spectrum {
             terms: &[(usize, F, F)],
             make: impl Fn(&F) -> T,
         ) {
-            out.resize(shape.len * (usize::from(shape.cos) + usize::from(shape.sin)), T::zero());
+            out.resize(shape.size(), T::zero());
             for (k, c, s) in terms {
                 let index = (k - shape.first) >> shift;
                 if shape.cos {
@@ -274,12 +281,12 @@ impl Spectrum {
         let shape = Shape { first, len, cos: base.cos, sin: base.sin };
         let values = match &base.terms {
             BaseTerms::Small(terms) => {
-                let mut list = i64::room(rooms).take();
+                let mut list = i64::room(rooms).take(shape.size());
                 fill(&mut list, shape, stride - 1, terms, |value| *value);
                 Values::One(list)
             }
             BaseTerms::Big(terms) => {
-                let mut list = BigInt::room(rooms).take();
+                let mut list = BigInt::room(rooms).take(shape.size());
                 fill(&mut list, shape, stride - 1, terms, Clone::clone);
                 Values::Big(list)
             }
@@ -336,8 +343,9 @@ impl Spectrum {
     fn spread(&self, rooms: &mut Rooms) -> Self {
         fn place<T: Numerator>(from: &[T], first: usize, len: usize, rooms: &mut Rooms) -> Vec<T> {
             let spread = first + 2 * len - 1;
-            let mut list = T::room(rooms).take();
-            list.resize(from.len() / len * spread, T::zero());
+            let size = from.len() / len * spread;
+            let mut list = T::room(rooms).take(size);
+            list.resize(size, T::zero());
             for (part, slots) in from.chunks(len).zip(list.chunks_mut(spread)) {
                 for (i, value) in part.iter().enumerate() {
                     slots[first + 2 * i] = value.clone();
@@ -404,9 +412,12 @@ impl Spectrum {
         let below = (reach + self.first) >> shift; // lattice points from -reach up to first - stride
         let padded_len = below + shape.len + ((shape.first + reach) >> shift) + 1;
         let room = T::room(rooms);
-        let mut out = room.take();
-        out.resize(shape.len * (usize::from(shape.cos) + usize::from(shape.sin)), T::zero());
+        let mut out = room.take(shape.size());
+        out.resize(shape.size(), T::zero());
         let padded = &mut room.padded;
+        if padded.capacity() == 0 {
+            *padded = Vec::with_capacity(padded_len.max(below + self.len));
+        }
         let mut part = values;
         for odd in [false, true] {
             if !(if odd { self.sin } else { self.cos }) {
@@ -537,8 +548,9 @@ impl Spectrum {
     }
 
     fn arranged<T: Numerator>(&self, list: &[T], cos: bool, sin: bool, len: usize, rooms: &mut Rooms) -> Vec<T> {
-        let mut out = T::room(rooms).take();
-        out.resize(len * (usize::from(cos) + usize::from(sin)), T::zero());
+        let size = len * (usize::from(cos) + usize::from(sin));
+        let mut out = T::room(rooms).take(size);
+        out.resize(size, T::zero());
         let (old_cos, old_sin) = list.split_at(if self.cos { self.len } else { 0 });
         for (value, slot) in old_cos.iter().zip(&mut out) {
             *slot = value.clone();
@@ -577,7 +589,7 @@ impl Spectrum {
 
 /// A list times a factor.
 fn scaled<T: Numerator>(list: &[T], factor: i64, rooms: &mut Rooms) -> Vec<T> {
-    let mut out = T::room(rooms).take();
+    let mut out = T::room(rooms).take(list.len());
     out.extend(list.iter().map(|value| value.times(factor)));
     out
 }
@@ -589,6 +601,13 @@ struct Shape {
     len: usize,
     cos: bool,
     sin: bool,
+}
+
+impl Shape {
+    /// Numbers in both parts.
+    fn size(self) -> usize {
+        self.len * (usize::from(self.cos) + usize::from(self.sin))
+    }
 }
 
 /// target += factor * source; factors +-1 are frequent in patterns and cost no multiplication.

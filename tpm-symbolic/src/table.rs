@@ -7,6 +7,7 @@ use crate::fourier::Trig;
 use crate::numerator::{Numerator, big_from_words, unsigned_from_words, write_unsigned};
 use crate::polynomial::Monomial;
 use crate::rational::{self, Rational};
+use ecow::EcoString;
 use num_traits::Zero;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -123,13 +124,13 @@ impl Series {
 #[derive(Clone, Debug, Default)]
 pub struct HarmonicTable {
     /// The model's name.
-    pub model: String,
+    pub model: EcoString,
     /// Names of the rows' equations.
-    pub equations: Vec<String>,
+    pub equations: Vec<EcoString>,
     /// Names of the columns.
-    pub parameters: Vec<String>,
+    pub parameters: Vec<EcoString>,
     /// Names of amplitudes, frequency and run-time constants that occur as powers.
-    pub symbols: Vec<String>,
+    pub symbols: Vec<EcoString>,
     /// What is left out, one for every infinite series in the table; empty when the table is the whole.
     pub tails: Vec<Tail>,
     /// Sorted by [`Series::key`].
@@ -153,10 +154,10 @@ impl HarmonicTable {
     /// A table of entries in any order; zero coefficients are left out and equal keys added.
     #[must_use]
     pub fn new(
-        model: String,
-        equations: Vec<String>,
-        parameters: Vec<String>,
-        symbols: Vec<String>,
+        model: EcoString,
+        equations: Vec<EcoString>,
+        parameters: Vec<EcoString>,
+        symbols: Vec<EcoString>,
         entries: Vec<Entry>,
     ) -> Self {
         let mut entries = entries;
@@ -215,8 +216,8 @@ impl HarmonicTable {
 
     /// From finished series in any order, with `len` non-zero coefficients in all.
     pub(crate) fn from_series(
-        model: String,
-        [equations, parameters, symbols]: [Vec<String>; 3],
+        model: EcoString,
+        [equations, parameters, symbols]: [Vec<EcoString>; 3],
         mut series: Vec<Series>,
         words: Vec<u64>,
         len: usize,
@@ -417,8 +418,8 @@ pub const SCHEMA: &str = "tpm.table/1";
 #[derive(Serialize, Deserialize)]
 struct JsonTable {
     schema: String,
-    model: String,
-    parameters: Vec<String>,
+    model: EcoString,
+    parameters: Vec<EcoString>,
     entries: Vec<JsonEntry>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     tails: Vec<JsonTail>,
@@ -426,12 +427,12 @@ struct JsonTable {
 
 #[derive(Serialize, Deserialize)]
 struct JsonTail {
-    equation: String,
-    parameter: Option<String>,
+    equation: EcoString,
+    parameter: Option<EcoString>,
     #[serde(default)]
-    powers: BTreeMap<String, i32>,
+    powers: BTreeMap<EcoString, i32>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    sign: BTreeMap<String, i32>,
+    sign: BTreeMap<EcoString, i32>,
     harmonics: usize,
     rms: f64,
     maximum: Option<f64>,
@@ -439,22 +440,22 @@ struct JsonTail {
 
 #[derive(Serialize, Deserialize)]
 struct JsonEntry {
-    equation: String,
+    equation: EcoString,
     harmonic: usize,
     function: Trig,
-    parameter: Option<String>,
+    parameter: Option<EcoString>,
     coefficient: String,
     #[serde(default)]
     pi: i32,
     #[serde(default)]
-    powers: BTreeMap<String, i32>,
+    powers: BTreeMap<EcoString, i32>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    sign: BTreeMap<String, i32>,
+    sign: BTreeMap<EcoString, i32>,
 }
 
 impl Serialize for HarmonicTable {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let named = |monomial: &Monomial<usize>| -> BTreeMap<String, i32> {
+        let named = |monomial: &Monomial<usize>| -> BTreeMap<EcoString, i32> {
             monomial.factors().map(|(&symbol, power)| (self.symbols[symbol].clone(), power)).collect()
         };
         let entries = self.entries().map(|entry| JsonEntry {
@@ -490,9 +491,9 @@ impl Serialize for HarmonicTable {
 impl<'de> Deserialize<'de> for HarmonicTable {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         use serde::de::Error;
-        fn index(names: &mut Vec<String>, name: &str) -> usize {
+        fn index(names: &mut Vec<EcoString>, name: &str) -> usize {
             names.iter().position(|present| present == name).unwrap_or_else(|| {
-                names.push(name.to_owned());
+                names.push(name.into());
                 names.len() - 1
             })
         }
@@ -502,7 +503,7 @@ impl<'de> Deserialize<'de> for HarmonicTable {
         }
         let (mut equations, mut symbols) = (Vec::new(), Vec::new());
         let mut entries = Vec::with_capacity(json.entries.len());
-        let column_of = |parameter: &Option<String>| -> Result<Option<usize>, D::Error> {
+        let column_of = |parameter: &Option<EcoString>| -> Result<Option<usize>, D::Error> {
             let column = parameter.as_ref().map(|name| {
                 let found = json.parameters.iter().position(|parameter| parameter == name);
                 found.ok_or_else(|| D::Error::custom(format!("parameter {name:?} is not listed")))

@@ -137,7 +137,7 @@ fn feng_4_44_exactly() {
         .entries()
         .map(|entry| {
             assert_eq!((entry.equation, entry.function, entry.pi), (0, Trig::Cos, 0));
-            let name = table.parameters[entry.column.expect("no known terms")].clone();
+            let name = table.parameters[entry.column.expect("no known terms")].to_string();
             let value = (entry.coefficient.clone(), entry.powers.exponent(&lambda), entry.powers.exponent(&w));
             ((name, entry.harmonic), value)
         })

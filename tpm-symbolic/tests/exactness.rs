@@ -390,8 +390,8 @@ fn entries_far_apart_take_little_room() {
     };
     let far = [5, 1, usize::MAX, 1 << 40];
     let table = HarmonicTable::new(
-        "Far".to_owned(),
-        vec!["u".to_owned()],
+        "Far".into(),
+        vec!["u".into()],
         Vec::new(),
         Vec::new(),
         far.into_iter().map(entry).collect(),

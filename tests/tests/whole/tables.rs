@@ -48,7 +48,7 @@ fn computed(table: &HarmonicTable, equation: &str) -> Facts {
             powers.sort();
             let powers = powers.into_iter().map(|(_, text)| text).collect::<Vec<_>>().join(" ");
             assert_eq!(entry.pi, 0);
-            let parameter = table.parameters[entry.column.expect("no known term")].clone();
+            let parameter = table.parameters[entry.column.expect("no known term")].to_string();
             ((entry.harmonic, entry.function.name().to_owned(), parameter, powers), entry.coefficient.clone())
         })
         .collect()

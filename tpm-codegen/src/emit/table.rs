@@ -37,7 +37,7 @@ pub fn csv(table: &HarmonicTable) -> String {
 }
 
 fn named<'a>(table: &HarmonicTable, factors: impl Iterator<Item = (&'a usize, i32)>) -> Vec<(String, i32)> {
-    factors.map(|(&symbol, exponent)| (table.symbols[symbol].clone(), exponent)).collect()
+    factors.map(|(&symbol, exponent)| (table.symbols[symbol].to_string(), exponent)).collect()
 }
 
 /// The entries of one row, by column.

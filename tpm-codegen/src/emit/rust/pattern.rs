@@ -298,7 +298,7 @@ fn looped(
         .map(|&(sign, symbol)| match symbol {
             None => "pi".to_owned(),
             Some(symbol) if sign => format!("sign({})", table.table.symbols[symbol]),
-            Some(symbol) => table.table.symbols[symbol].clone(),
+            Some(symbol) => table.table.symbols[symbol].to_string(),
         })
         .collect();
     let comment = context
