@@ -68,6 +68,7 @@ pub mod regressor_rank;
 pub mod series;
 pub mod singular;
 mod spectrum;
+pub mod split;
 pub mod table;
 pub mod transfer;
 pub mod trig;

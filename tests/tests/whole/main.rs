@@ -10,5 +10,6 @@ mod frequency;
 mod generated;
 mod licences;
 mod physical;
+mod split;
 mod support;
 mod tables;

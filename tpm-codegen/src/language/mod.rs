@@ -17,6 +17,7 @@ pub use parse::DEEPEST;
 
 use std::borrow::Cow;
 
+use tpm_symbolic::bessel::BesselError;
 use tpm_symbolic::expand::ExpandError;
 use tpm_symbolic::expr::ExprId;
 use tpm_symbolic::lagrange::{LagrangeError, Lagrangian};
@@ -24,6 +25,7 @@ use tpm_symbolic::model::{Model, TermId};
 use tpm_symbolic::prepare::PrepareError;
 use tpm_symbolic::regressor::RegressorError;
 use tpm_symbolic::series::{self, Expansion, SeriesError, Truncation};
+use tpm_symbolic::split::SplitError;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::stream::TokenSource;
@@ -91,6 +93,18 @@ impl AtTerm for SeriesError {
             Self::Singular { term, .. } => *term,
             _ => None,
         }
+    }
+}
+
+impl AtTerm for SplitError {
+    fn at_term(&self) -> Option<TermId> {
+        self.term()
+    }
+}
+
+impl AtTerm for BesselError {
+    fn at_term(&self) -> Option<TermId> {
+        Some(self.term())
     }
 }
 
