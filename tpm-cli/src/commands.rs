@@ -1,7 +1,9 @@
 //! The verbs, one module each.
 
+pub(crate) mod actuator;
 pub(crate) mod check;
 pub(crate) mod expand;
+pub(crate) mod feedforward;
 pub(crate) mod fit;
 pub(crate) mod frf;
 pub(crate) mod generate;
@@ -10,4 +12,5 @@ pub(crate) mod identify;
 pub(crate) mod linearize;
 pub(crate) mod measured;
 pub(crate) mod simulated;
+pub(crate) mod split;
 pub(crate) mod study;

@@ -46,11 +46,16 @@ impl Loaded {
 
     /// The same for tables: with the declared Taylor polynomials in place. What they replace is said on standard error.
     pub(crate) fn for_tables(&self) -> Result<Prepared, Failure> {
+        prepare(self.model_for_tables()?).map_err(|error| self.at(&error))
+    }
+
+    /// The model with the declared Taylor polynomials in place. What they replace is said on standard error.
+    pub(crate) fn model_for_tables(&self) -> Result<Model, Failure> {
         let (model, truncations) = self.parsed.for_tables().map_err(|error| self.at(&error))?;
         for replaced in Parsed::replacements(&model, &truncations) {
             output::remark(&format!("remark: {replaced}"));
         }
-        prepare(model.into_owned()).map_err(|error| self.at(&error))
+        Ok(model.into_owned())
     }
 
     /// The declared number of harmonics of terms with infinitely many.

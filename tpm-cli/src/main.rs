@@ -10,6 +10,7 @@ mod failure;
 mod interrupt;
 mod load;
 mod output;
+mod picture;
 mod point;
 mod progress;
 mod text_table;
@@ -29,10 +30,14 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Say whether motors can follow a pattern: current, voltage, power, and how fast and far they could.
+    Actuator(Box<commands::actuator::Args>),
     /// Parse a model, check units, linearity and finiteness, and say what was found.
     Check(commands::check::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(commands::expand::Args),
+    /// Compare common and split feed-forward on the simulated machine, with filters and motors.
+    Feedforward(Box<commands::feedforward::Args>),
     /// Fit a transfer function, or a model's parameters, to the frequency response of a log.
     Fit(Box<commands::fit::Args>),
     /// Measure a frequency response from a log: H1, H2, coherence, confidence.
@@ -45,6 +50,8 @@ enum Command {
     Identify(Box<commands::identify::Args>),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
     Linearize(Box<commands::linearize::Args>),
+    /// Split every input into what holds its own coordinate still and what moves it.
+    Split(commands::split::Args),
     /// Repeat an experiment on the simulated plant for many seeds: bias, spread, coverage of the intervals.
     Study(commands::study::Args),
 }
@@ -53,14 +60,17 @@ fn main() -> ExitCode {
     let cli = Cli::parse();
     interrupt::install();
     let outcome = match &cli.command {
+        Command::Actuator(args) => commands::actuator::run(args),
         Command::Check(args) => commands::check::run(args),
         Command::Expand(args) => commands::expand::run(args),
+        Command::Feedforward(args) => commands::feedforward::run(args),
         Command::Fit(args) => commands::fit::run(args),
         Command::Frf(args) => commands::frf::run(args),
         Command::Generate(args) => commands::generate::run(args),
         Command::Identifiability(args) => commands::identifiability::run(args),
         Command::Identify(args) => commands::identify::run(args),
         Command::Linearize(args) => commands::linearize::run(args),
+        Command::Split(args) => commands::split::run(args),
         Command::Study(args) => commands::study::run(args),
     };
     match outcome {

@@ -1,4 +1,4 @@
-//! Values of a model's parameters and run-time constants, exactly as they were written.
+//! Values of a model's parameters, run-time constants and, where a motion is meant, amplitudes and frequency, exactly as they were written.
 //!
 //! Invariant: a decimal is the rational number that its digits say; a name that the model does not have is an error.
 
@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::model::{Kind, Model};
+use tpm_symbolic::pattern::Pattern;
 use tpm_symbolic::rational::{self, Rational};
 
 /// Options that give values.
@@ -29,13 +30,18 @@ pub(crate) struct Values(BTreeMap<Symbol, Rational>);
 impl Values {
     /// Reads what was given.
     pub(crate) fn load(args: &ValueArgs, model: &Model) -> Result<Self, Failure> {
+        Self::load_with(args, model, None)
+    }
+
+    /// The same, where amplitudes and frequency of a pattern may have values too.
+    pub(crate) fn load_with(args: &ValueArgs, model: &Model, pattern: Option<&Pattern>) -> Result<Self, Failure> {
         let mut values = BTreeMap::new();
         if let Some(path) = &args.params {
             let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
             let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
             let found = if json { identified(path, &text, model)? } else { table(path, &text)? };
             for (name, value) in found {
-                values.insert(symbol(model, &name, &path.display().to_string())?, value);
+                values.insert(symbol(model, pattern, &name, &path.display().to_string())?, value);
             }
         }
         once("--set", &args.set)?;
@@ -43,7 +49,7 @@ impl Values {
             let value = rational::parse(text).ok_or_else(|| {
                 Failure::Input(format!("--set {name}={text}: write a number, such as 2, 0.022, 3.168e-4 or 1/3"))
             })?;
-            values.insert(symbol(model, name, "--set")?, value);
+            values.insert(symbol(model, pattern, name, "--set")?, value);
         }
         Ok(Values(values))
     }
@@ -69,23 +75,29 @@ impl Values {
     }
 }
 
-fn symbol(model: &Model, name: &str, place: &str) -> Result<Symbol, Failure> {
+fn symbol(model: &Model, pattern: Option<&Pattern>, name: &str, place: &str) -> Result<Symbol, Failure> {
+    let motion: Vec<Symbol> = pattern
+        .map(|pattern| pattern.amplitudes.iter().copied().chain([pattern.frequency]).collect())
+        .unwrap_or_default();
     let known = model.find_symbol(name);
     match known.map(|symbol| (symbol, &model.quantity(symbol).kind)) {
         Some((symbol, Kind::Parameter | Kind::Constant { value: None })) => Ok(symbol),
+        Some((symbol, _)) if motion.contains(&symbol) => Ok(symbol),
         Some((_, Kind::Constant { value: Some(value) })) => Err(Failure::Input(format!(
             "{place}: `{name}` is fixed to {} in model {}; declare it without a value there to set it",
             rational::display(value),
             model.name
         ))),
         _ => {
-            let names: Vec<&str> = model
-                .parameters()
-                .chain(model.run_time_constants())
-                .map(|symbol| model.quantity(symbol).name.as_str())
-                .collect();
+            let symbols = model.parameters().chain(model.run_time_constants()).chain(motion.iter().copied());
+            let names: Vec<&str> = symbols.map(|symbol| model.quantity(symbol).name.as_str()).collect();
+            let kinds = if motion.is_empty() {
+                "parameter or run-time constant"
+            } else {
+                "parameter, run-time constant, amplitude or frequency"
+            };
             Err(Failure::Input(format!(
-                "{place}: model {} has no parameter or run-time constant `{name}`; it has {}",
+                "{place}: model {} has no {kinds} `{name}`; it has {}",
                 model.name,
                 names.join(", ")
             )))

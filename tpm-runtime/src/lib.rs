@@ -8,6 +8,8 @@
 #[cfg(any(feature = "std", test))]
 extern crate std;
 
+#[cfg(feature = "std")]
+pub mod actuator;
 pub mod control;
 #[cfg(feature = "std")]
 pub mod estimate;

@@ -3,9 +3,9 @@
 use super::identify::HoldChoice;
 use crate::assignments::{assignment, number_assignment, once};
 use crate::failure::Failure;
-use crate::output;
+use crate::picture::{self, Picture};
 use clap::ValueEnum;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use tpm_runtime::frequency::{BodeSettings, Estimator, FrequencyResponse, NamedModel, Welch, bode};
 use tpm_runtime::harmonics::{Hold, Window};
 use tpm_runtime::log::{Log, LogOptions};
@@ -14,8 +14,6 @@ use tpm_runtime::log::{Log, LogOptions};
 const SEGMENTS: f64 = 8.0;
 /// Shortest segment that is chosen by itself.
 const SHORTEST: usize = 64;
-/// Pixels of a PNG per pixel of the figure.
-const ZOOM: f32 = 2.0;
 
 /// Which estimate of the response.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -97,7 +95,9 @@ impl Measured {
 
     /// Reads the log and averages it.
     pub(crate) fn new(args: &MeasuredArgs) -> Result<Self, Failure> {
-        picture(args.plot.as_deref())?;
+        if let Some(path) = &args.plot {
+            Picture::of(path)?;
+        }
         let signals = [args.measured.clone(), args.input.clone()];
         if signals[0] == signals[1] {
             return Err(Failure::Input(format!(
@@ -187,27 +187,7 @@ impl Measured {
             high: self.high,
         };
         let figure = bode(&self.response, models, &settings);
-        let drawn = match picture(Some(path))? {
-            Some(Picture::Png) => figure.png(ZOOM),
-            _ => figure.svg().map(String::into_bytes),
-        };
-        let bytes = drawn.map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?;
-        output::write_file(path, &bytes)
-    }
-}
-
-enum Picture {
-    Svg,
-    Png,
-}
-
-/// The kind of picture that a file's name asks for.
-fn picture(path: Option<&Path>) -> Result<Option<Picture>, Failure> {
-    let Some(path) = path else { return Ok(None) };
-    match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
-        Some("svg") => Ok(Some(Picture::Svg)),
-        Some("png") => Ok(Some(Picture::Png)),
-        _ => Err(Failure::Input(format!("--plot {}: the name must end in .svg or .png", path.display()))),
+        picture::draw(path, &figure)
     }
 }
 

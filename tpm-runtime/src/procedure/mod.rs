@@ -14,4 +14,5 @@ mod trial;
 pub use campaign::{Campaign, CampaignError, LEAST_PERIODS, Outcome, Procedure, RunParameter, RunReport, Setup, Stage};
 pub use record::{Ending, Record};
 pub use settle::settled_from;
+pub(crate) use trial::demand;
 pub use trial::{HoldCompensation, Loop, Trial, TrialError, TrialSettings, Velocity};

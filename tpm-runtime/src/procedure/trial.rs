@@ -252,7 +252,7 @@ impl Trial {
 }
 
 /// Inputs that the rows ask for along a table of motions: the least-squares solution of `B u = Phi theta + known`.
-fn demand(
+pub(crate) fn demand(
     model: &dyn Model<f64>,
     motions: &[f64],
     parameters: &[f64],
