@@ -1,6 +1,7 @@
 //! The verbs, one module each.
 
 pub(crate) mod actuator;
+pub(crate) mod campaign;
 pub(crate) mod check;
 pub(crate) mod expand;
 pub(crate) mod feedforward;
@@ -11,6 +12,8 @@ pub(crate) mod identifiability;
 pub(crate) mod identify;
 pub(crate) mod linearize;
 pub(crate) mod measured;
+pub(crate) mod simulate;
 pub(crate) mod simulated;
 pub(crate) mod split;
 pub(crate) mod study;
+pub(crate) mod validate;

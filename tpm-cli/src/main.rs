@@ -5,6 +5,7 @@
 //! `generate --check`, is current), 2 bad input, 130 interrupted.
 
 mod assignments;
+mod campaign_report;
 mod commands;
 mod failure;
 mod interrupt;
@@ -32,6 +33,8 @@ struct Cli {
 enum Command {
     /// Say whether motors can follow a pattern: current, voltage, power, and how fast and far they could.
     Actuator(Box<commands::actuator::Args>),
+    /// A campaign on a real machine, by files: what to play next, take in its log, result.
+    Campaign(Box<commands::campaign::Args>),
     /// Parse a model, check units, linearity and finiteness, and say what was found.
     Check(commands::check::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
@@ -52,8 +55,12 @@ enum Command {
     Linearize(Box<commands::linearize::Args>),
     /// Split every input into what holds its own coordinate still and what moves it.
     Split(commands::split::Args),
+    /// Play one run on the simulated plant and write its log.
+    Simulate(Box<commands::simulate::Args>),
     /// Repeat an experiment on the simulated plant for many seeds: bias, spread, coverage of the intervals.
     Study(commands::study::Args),
+    /// Predict another log with identified parameters.
+    Validate(Box<commands::validate::Args>),
 }
 
 fn main() -> ExitCode {
@@ -61,6 +68,7 @@ fn main() -> ExitCode {
     interrupt::install();
     let outcome = match &cli.command {
         Command::Actuator(args) => commands::actuator::run(args),
+        Command::Campaign(args) => commands::campaign::run(args),
         Command::Check(args) => commands::check::run(args),
         Command::Expand(args) => commands::expand::run(args),
         Command::Feedforward(args) => commands::feedforward::run(args),
@@ -71,7 +79,9 @@ fn main() -> ExitCode {
         Command::Identify(args) => commands::identify::run(args),
         Command::Linearize(args) => commands::linearize::run(args),
         Command::Split(args) => commands::split::run(args),
+        Command::Simulate(args) => commands::simulate::run(args),
         Command::Study(args) => commands::study::run(args),
+        Command::Validate(args) => commands::validate::run(args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -50,6 +50,12 @@ impl<T: Real> Differentiator<T> {
         self.rate
     }
 
+    /// The pole `a` of the filter.
+    #[must_use]
+    pub const fn pole(&self) -> T {
+        self.pole
+    }
+
     /// Forgets the past.
     pub fn reset(&mut self) {
         self.last = None;

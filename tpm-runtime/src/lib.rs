@@ -37,6 +37,8 @@ pub mod report;
 #[cfg(feature = "std")]
 pub mod simulate;
 #[cfg(feature = "std")]
+pub mod stability;
+#[cfg(feature = "std")]
 pub mod trajectory;
 
 pub use least_squares::{SolveError, least_squares};

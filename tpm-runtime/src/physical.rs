@@ -8,7 +8,7 @@
 //! Invariant: rows of `Weighted` are combinations of the c that the data show, each of variance one and uncorrelated with
 //! the others. Directions that the data do not show have no row.
 
-use crate::estimate::{Estimate, Status};
+use crate::estimate::{Estimate, Information, Status};
 use crate::report::ParameterReport;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
@@ -20,7 +20,7 @@ use std::vec;
 use std::vec::Vec;
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::model::Kind;
-use tpm_symbolic::parameter_map::ParameterMap;
+use tpm_symbolic::parameter_map::{Inverse, ParameterMap};
 use tpm_symbolic::prepare::Prepared;
 use tpm_symbolic::unit::Unit;
 
@@ -55,8 +55,16 @@ pub struct PhysicalSettings {
 pub struct Physical {
     /// Every physical parameter with its standard deviation.
     pub parameters: Vec<ParameterReport>,
+    /// Their values, also of those that the lumped ones do not determine (the prior).
+    pub values: Vec<f64>,
+    /// The lumped parameters that they give.
+    pub lumped: Vec<f64>,
     /// Covariance, in the order of `parameters`; zero for what is frozen or at a bound.
     pub covariance: DMatrix<f64>,
+    /// Directions that the lumped parameters do not determine, the largest component of each being one.
+    pub unobservable: Vec<Vec<f64>>,
+    /// Ratio of the largest to the smallest singular value that counts of the weighted Jacobian after column scaling.
+    pub condition: f64,
     /// Independent combinations of the physical parameters that the lumped ones determine.
     pub rank: usize,
     /// Weighted sum of squares that the best physical parameters leave.
@@ -111,16 +119,76 @@ pub fn physical(
     estimate: &Estimate,
     settings: &PhysicalSettings,
 ) -> Result<Physical, PhysicalError> {
-    let map = ParameterMap::new(prepared);
-    let fixed = Fixed::new(prepared, &map, settings)?;
-    let weighted = Weighted::new(estimate);
-    let best = fixed.starts(&map, estimate).into_iter().map(|start| fixed.minimise(&map, &weighted, start));
-    let best = best.fold(None, |best: Option<Solution>, next| match best {
-        Some(best) if best.misfit <= next.misfit || !next.misfit.is_finite() => Some(best),
-        _ => Some(next),
-    });
-    let best = best.unwrap_or_else(|| fixed.minimise(&map, &weighted, vec![1.0; map.parameters().len()]));
-    Ok(fixed.report(prepared, &map, &weighted, &best))
+    Ok(PhysicalFit::new(prepared, settings)?.of_estimate(estimate))
+}
+
+/// The map from physical to lumped parameters, ready to be inverted again and again.
+#[derive(Clone, Debug)]
+pub struct PhysicalFit {
+    map: ParameterMap,
+    inverse: Inverse,
+    units: Vec<Option<String>>,
+    fixed: Fixed,
+}
+
+impl PhysicalFit {
+    /// Works out the map and checks the settings against it.
+    ///
+    /// # Errors
+    /// [`PhysicalError`].
+    pub fn new(prepared: &Prepared, settings: &PhysicalSettings) -> Result<Self, PhysicalError> {
+        let map = ParameterMap::new(prepared);
+        let fixed = Fixed::new(prepared, &map, settings)?;
+        let unit = |&symbol: &Symbol| prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string);
+        Ok(PhysicalFit { inverse: map.inverse(), units: map.parameters().iter().map(unit).collect(), fixed, map })
+    }
+
+    /// Names of the physical parameters, in the order of every result.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.map.parameters().iter().map(|&symbol| self.map.name(symbol))
+    }
+
+    /// The lumped parameters of given physical ones.
+    #[must_use]
+    pub fn lumped(&self, values: &[f64]) -> Vec<f64> {
+        self.map.evaluate(self.fixed.lookup(&self.map, values))
+    }
+
+    /// The physical parameters that explain an estimate of the lumped ones best.
+    #[must_use]
+    pub fn of_estimate(&self, estimate: &Estimate) -> Physical {
+        self.best(&Weighted::new(estimate), &[self.closed(&estimate.values)])
+    }
+
+    /// The closed inverse, where there is one, of lumped parameters that need not be consistent.
+    fn closed(&self, lumped: &[f64]) -> Vec<f64> {
+        let mut closed = vec![f64::NAN; self.map.parameters().len()];
+        for (symbol, value) in self.inverse.evaluate(lumped) {
+            if let Some(i) = self.map.parameters().iter().position(|parameter| *parameter == symbol) {
+                closed[i] = value;
+            }
+        }
+        closed
+    }
+
+    /// The same from the equations behind an estimate, which also hold what is too small for a covariance. `gradient` is
+    /// added to the right of their normal equations; the search begins at `start` too.
+    #[must_use]
+    pub fn of_information(&self, information: &Information, gradient: Option<&[f64]>, start: &[f64]) -> Physical {
+        let lumped = information.solve(&self.lumped(start), gradient).values;
+        self.best(&Weighted::of_information(information, gradient), &[self.closed(&lumped), start.to_vec()])
+    }
+
+    /// The best minimum from several starts; values that are not finite are replaced by the prior or one.
+    fn best(&self, weighted: &Weighted, starts: &[Vec<f64>]) -> Physical {
+        let best = self.fixed.starts(starts).into_iter().map(|start| self.fixed.minimise(&self.map, weighted, start));
+        let best = best.fold(None, |best: Option<Solution>, next| match best {
+            Some(best) if best.misfit <= next.misfit || !next.misfit.is_finite() => Some(best),
+            _ => Some(next),
+        });
+        let ones = || self.fixed.minimise(&self.map, weighted, vec![1.0; self.map.parameters().len()]);
+        self.fixed.report(&self.units, &self.map, weighted, &best.unwrap_or_else(ones))
+    }
 }
 
 /// Masses and moments of inertia among parameters that came out negative: a fit that no machine has.
@@ -143,10 +211,10 @@ fn is_mass(unit: &str) -> bool {
     matches!(unit, "kg" | "kg*m^2" | "g" | "t")
 }
 
-/// Combinations of the lumped parameters that the data show: `rows (c - values)` has the identity as covariance.
+/// Combinations of the lumped parameters that the data show: `rows c - right` has the identity as covariance.
 struct Weighted {
     rows: DMatrix<f64>,
-    values: DVector<f64>,
+    right: DVector<f64>,
 }
 
 impl Weighted {
@@ -175,7 +243,20 @@ impl Weighted {
             let variance = eigen.eigenvalues[i].max(ROUNDING * largest);
             turned[(j, i)] / (scale[j] * variance.sqrt())
         });
-        Self { rows, values: DVector::from_column_slice(&estimate.values) }
+        let right = &rows * DVector::from_column_slice(&estimate.values);
+        Self { rows, right }
+    }
+
+    fn of_information(information: &Information, gradient: Option<&[f64]>) -> Self {
+        let rows = information.factor().clone();
+        let mut right = information.right().clone();
+        // R' R c = R' z + g is the same as R c = z + R'^-1 g, where R has an inverse.
+        if let Some(shift) = gradient.and_then(|g| rows.transpose().lu().solve(&DVector::from_column_slice(g)))
+            && shift.iter().all(|x| x.is_finite())
+        {
+            right += shift;
+        }
+        Self { rows, right }
     }
 }
 
@@ -196,6 +277,7 @@ fn complement(columns: &DMatrix<f64>, n: usize) -> DMatrix<f64> {
 }
 
 /// Everything that is settled before the first step.
+#[derive(Clone, Debug)]
 struct Fixed {
     constants: BTreeMap<Symbol, f64>,
     frozen: Vec<Option<f64>>,
@@ -261,19 +343,15 @@ impl Fixed {
         }
     }
 
-    /// The closed inverse where there is one, the prior, and ones: the best minimum of all is taken.
-    fn starts(&self, map: &ParameterMap, estimate: &Estimate) -> Vec<Vec<f64>> {
-        let count = map.parameters().len();
+    /// The starts given, as far as they are numbers, then the prior, and ones: the best minimum of all is taken.
+    fn starts(&self, given: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let count = self.prior.len();
         let plain: Vec<f64> = (0..count).map(|i| self.prior[i].filter(|value| *value != 0.0).unwrap_or(1.0)).collect();
-        let mut closed = plain.clone();
-        for (symbol, value) in map.inverse().evaluate(&estimate.values) {
-            if let Some(i) = map.parameters().iter().position(|parameter| *parameter == symbol)
-                && value.is_finite()
-            {
-                closed[i] = value;
-            }
-        }
-        let mut starts = vec![closed, plain];
+        let finite = |start: &Vec<f64>| -> Vec<f64> {
+            start.iter().zip(&plain).map(|(&value, &plain)| if value.is_finite() { value } else { plain }).collect()
+        };
+        let mut starts: Vec<Vec<f64>> = given.iter().map(finite).collect();
+        starts.push(plain.clone());
         for start in &mut starts {
             for (i, value) in start.iter_mut().enumerate() {
                 let (low, high) = self.bounds[i];
@@ -351,7 +429,7 @@ impl Fixed {
 
     fn residuals(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {
         let lumped = DVector::from_vec(map.evaluate(self.lookup(map, values)));
-        let residuals = &weighted.rows * (lumped - &weighted.values);
+        let residuals = &weighted.rows * lumped - &weighted.right;
         residuals.iter().all(|value| value.is_finite()).then_some(residuals)
     }
 
@@ -366,32 +444,51 @@ impl Fixed {
         Some(self.jacobian(map, weighted, values)?.transpose() * self.residuals(map, weighted, values)?)
     }
 
-    fn report(&self, prepared: &Prepared, map: &ParameterMap, weighted: &Weighted, solution: &Solution) -> Physical {
+    fn report(
+        &self,
+        units: &[Option<String>],
+        map: &ParameterMap,
+        weighted: &Weighted,
+        solution: &Solution,
+    ) -> Physical {
         let count = solution.values.len();
         let free: Vec<usize> = (0..count).filter(|&i| self.frozen[i].is_none() && !solution.held[i]).collect();
         let mut covariance: DMatrix<f64> = DMatrix::zeros(count, count);
         let mut hidden = vec![false; count];
         let mut rank = 0;
+        let mut condition = f64::INFINITY;
+        let mut unobservable = Vec::new();
         let mut warnings = Vec::new();
         match self.jacobian(map, weighted, &solution.values) {
             Some(jacobian) if !free.is_empty() && jacobian.nrows() > 0 => {
                 let scale: Vec<f64> =
                     free.iter().map(|&i| jacobian.column(i).norm()).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
-                let scaled = DMatrix::from_fn(jacobian.nrows(), free.len(), |r, c| jacobian[(r, free[c])] / scale[c]);
-                let eigen = (scaled.transpose() * &scaled).symmetric_eigen();
-                let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
-                for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
-                    if *value > RANK_TOLERANCE * largest {
+                // As many rows as columns at least, so that the directions of no singular value are there too.
+                let scaled: DMatrix<f64> = DMatrix::from_fn(jacobian.nrows().max(free.len()), free.len(), |r, c| {
+                    if r < jacobian.nrows() { jacobian[(r, free[c])] / scale[c] } else { 0.0 }
+                });
+                // Singular values of the Jacobian itself: its square would lose half of the digits.
+                let svd = scaled.svd(false, true);
+                let directions = svd.v_t.unwrap_or_else(|| DMatrix::zeros(0, free.len()));
+                let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
+                for (singular, direction) in svd.singular_values.iter().zip(directions.row_iter()) {
+                    let value = singular * singular;
+                    if *singular > RANK_TOLERANCE * largest {
                         rank += 1;
+                        condition = if rank == 1 { 1.0 } else { f64::max(condition, largest / singular) };
                         for (r, &i) in free.iter().enumerate() {
                             for (c, &j) in free.iter().enumerate() {
                                 covariance[(i, j)] += direction[r] * direction[c] / (value * scale[r] * scale[c]);
                             }
                         }
                     } else {
+                        let mut raw = vec![0.0; count];
                         for (r, &i) in free.iter().enumerate() {
                             hidden[i] |= direction[r].abs() > 1e-6;
+                            raw[i] = direction[r] / scale[r];
                         }
+                        let peak = raw.iter().copied().fold(0.0, |p: f64, d| if d.abs() > p.abs() { d } else { p });
+                        unobservable.push(raw.iter().map(|d| d / peak).collect());
                     }
                 }
             }
@@ -426,7 +523,7 @@ impl Fixed {
                 let seen = status != Status::Unobservable;
                 ParameterReport {
                     name: name.to_string(),
-                    unit: prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string),
+                    unit: units[i].clone(),
                     prior: self.prior[i].or(self.frozen[i]),
                     value: seen.then_some(value),
                     std: (seen && !solution.held[i]).then_some(std),
@@ -444,7 +541,18 @@ impl Fixed {
                 "the lumped parameters are not those of any machine of this structure: what the best physical ones leave is {deviation:.1} standard deviations from chance ({freedom} relations tested)"
             ));
         }
-        Physical { parameters, covariance, rank, misfit: solution.misfit, freedom, warnings }
+        Physical {
+            parameters,
+            values: solution.values.clone(),
+            lumped: map.evaluate(self.lookup(map, &solution.values)),
+            covariance,
+            unobservable,
+            condition,
+            rank,
+            misfit: solution.misfit,
+            freedom,
+            warnings,
+        }
     }
 }
 

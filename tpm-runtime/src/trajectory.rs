@@ -104,11 +104,17 @@ pub struct Pattern {
     pub amplitudes: Vec<String>,
     /// Name of the fundamental frequency.
     pub frequency: String,
-    /// Per coordinate, the parts that add up to its motion.
+    /// Per coordinate, the parts that add up to its motion; none where the pattern leaves the coordinate open.
     pub coordinates: Vec<Vec<Part>>,
 }
 
 impl Pattern {
+    /// Coordinates that the pattern leaves open: their motion follows from the rows without an input.
+    #[must_use]
+    pub fn open(&self) -> Vec<usize> {
+        (0..self.coordinates.len()).filter(|&c| self.coordinates[c].is_empty()).collect()
+    }
+
     /// The trajectory for given amplitudes (in the order of the names) and frequency (rad/s).
     #[must_use]
     pub fn trajectory(&self, amplitudes: &[f64], frequency: f64) -> Trajectory {
@@ -171,15 +177,46 @@ impl Pattern {
         model: &tpm_symbolic::model::Model,
         constant: impl Fn(&str) -> Option<f64>,
     ) -> Result<Self, PatternError> {
+        let all: Vec<usize> = (0..model.coordinates.len()).collect();
+        let this = Self::of_coordinates(pattern, model, &all, constant)?;
+        match this.open().first() {
+            Some(&c) => Err(PatternError::NoMotion { coordinate: model.coordinates[c].name.clone() }),
+            None => Ok(this),
+        }
+    }
+
+    /// The same for the coordinates that the rows of a form use, in the order in which a model made of it reads them. A
+    /// coordinate without motion is left open.
+    ///
+    /// # Errors
+    /// [`PatternError::NoValue`].
+    pub fn of_rows(
+        pattern: &tpm_symbolic::pattern::Pattern,
+        model: &tpm_symbolic::model::Model,
+        form: &tpm_symbolic::regressor::RegressorForm,
+        constant: impl Fn(&str) -> Option<f64>,
+    ) -> Result<Self, PatternError> {
+        let evaluation = tpm_symbolic::evaluation::Evaluation::new(model, form);
+        let used: Vec<usize> = evaluation.coordinates.iter().map(|(coordinate, _)| coordinate.0 as usize).collect();
+        Self::of_coordinates(pattern, model, &used, constant)
+    }
+
+    fn of_coordinates(
+        pattern: &tpm_symbolic::pattern::Pattern,
+        model: &tpm_symbolic::model::Model,
+        coordinates: &[usize],
+        constant: impl Fn(&str) -> Option<f64>,
+    ) -> Result<Self, PatternError> {
         use tpm_symbolic::fourier::Trig;
         use tpm_symbolic::model::Kind;
         use tpm_symbolic::rational::to_f64;
-        let mut coordinates = Vec::with_capacity(pattern.motions.len());
-        for (c, motion) in pattern.motions.iter().enumerate() {
-            let motion = motion
-                .as_ref()
-                .ok_or_else(|| PatternError::NoMotion { coordinate: model.coordinates[c].name.clone() })?;
+        let mut motions = Vec::with_capacity(coordinates.len());
+        for &c in coordinates {
             let mut parts = Vec::new();
+            let Some(motion) = pattern.motions.get(c).and_then(Option::as_ref) else {
+                motions.push(parts);
+                continue;
+            };
             for (monomial, fourier) in motion.terms() {
                 let mut powers = Vec::new();
                 let mut factor = 1.0;
@@ -208,12 +245,16 @@ impl Pattern {
                 }
                 parts.push(Part { powers, series });
             }
-            coordinates.push(parts);
+            if parts.is_empty() {
+                // Prescribed to stand at zero, which is not the same as open.
+                parts.push(Part { powers: Vec::new(), series: Series::default() });
+            }
+            motions.push(parts);
         }
         Ok(Pattern {
             amplitudes: pattern.amplitudes.iter().map(|&a| model.quantity(a).name.clone()).collect(),
             frequency: model.quantity(pattern.frequency).name.clone(),
-            coordinates,
+            coordinates: motions,
         })
     }
 }

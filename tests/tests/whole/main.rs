@@ -1,6 +1,8 @@
 //! Tests of the whole, one binary: what no single crate can show.
 
+mod arm;
 mod campaign;
+mod chain;
 mod emitted;
 mod foundation;
 mod frequency;

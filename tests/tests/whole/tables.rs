@@ -98,10 +98,10 @@ fn agrees_with_quadrature(name: &str, values: &[f64]) {
     let interpreted = Interpreted::new(&prepared.model, &prepared.form);
     // What the table does not hold, it does not depend on.
     let constants: Vec<f64> = vec![0.4; interpreted.dims().constants];
-    let mut pattern = prepared.model.pattern(None).expect("has a pattern").clone();
+    let pattern = prepared.model.pattern(None).expect("has a pattern");
     // An eliminated coordinate is no coordinate of the rows.
-    pattern.motions.retain(Option::is_some);
-    let pattern = Pattern::of_symbolic(&pattern, &prepared.model, |_| Some(0.4)).expect("every coordinate moves");
+    let pattern = Pattern::of_rows(pattern, &prepared.model, &prepared.form, |_| Some(0.4)).expect("values are given");
+    assert!(pattern.open().is_empty());
     let amplitudes: Vec<f64> = pattern.amplitudes.iter().map(|name| symbol(name)).collect();
     let trajectory = pattern.trajectory(&amplitudes, symbol("w"));
 

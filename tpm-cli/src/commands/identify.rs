@@ -1,7 +1,9 @@
 //! `tpm identify`: parameters with standard deviations, from a log or from experiments on a simulated plant.
 
-use super::simulated::SimulatedArgs;
+use super::campaign::folder_of;
+use super::simulated::{SimulatedArgs, Simulation};
 use crate::assignments::{assignment, by_name, number_assignment};
+use crate::campaign_report::{self, Played};
 use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
@@ -10,14 +12,15 @@ use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::estimate::{Estimate, Frozen};
-use tpm_runtime::experiment::{CampaignIdentification, identify_simulated};
+use tpm_runtime::experiment::CampaignIdentification;
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::log::{Identification, Log, LogOptions, identify_log};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::physical::{PhysicalSettings, is_lumped, negative_masses, physical};
-use tpm_runtime::procedure::RunReport;
+use tpm_runtime::procedure::{Record, RunReport, Trial};
 use tpm_runtime::report::ParameterReport;
+use tpm_runtime::stability::Stability;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::prepare::Prepared;
 
@@ -82,6 +85,12 @@ pub(crate) struct Args {
     bound: Vec<(String, (f64, f64))>,
     #[command(flatten)]
     simulated: SimulatedArgs,
+    /// Keep every run of the campaign in this folder as it ends, and go on from the runs that are there.
+    #[arg(long, value_name = "DIR", conflicts_with = "log")]
+    runs: Option<PathBuf>,
+    /// Write a table of the runs and figures of error and inputs into this folder.
+    #[arg(long, value_name = "DIR", conflicts_with = "log")]
+    report: Option<PathBuf>,
     /// Print the contract's JSON (tpm.identification/1).
     #[arg(long)]
     json: bool,
@@ -120,30 +129,52 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 fn simulated(args: &Args) -> Outcome {
-    let simulated = args.simulated.prepare(&args.file)?;
-    let (prepared, model) = (&simulated.symbolic, &simulated.model);
-    let (pattern, experiment) = (&simulated.pattern, &simulated.experiment);
+    let bounds = args.bound.iter().cloned().collect();
+    let Simulation { symbolic: prepared, machine, experiment } = args.simulated.within(&args.file, &bounds)?;
+    let (prepared, experiment) = (&prepared, &experiment);
+    let store = match &args.runs {
+        Some(folder) => Some(folder_of(&args.file, folder, args.simulated.pattern.as_deref(), experiment, &machine)?),
+        None => None,
+    };
     let bar = progress::Bar::new("identifying");
     let most = experiment.schedule.max_runs as u64;
+    let (mut first, mut last) = (None, None);
     let result = interrupt::watched(|go_on| {
-        let mut step = |run: &RunReport| {
+        let mut step = |trial: &Trial, record: &Record, run: &RunReport| {
             bar.set(run.run as u64, most);
+            if args.report.is_some()
+                && let Some(now) = Played::of(trial, record, run)
+            {
+                if first.is_none() {
+                    first = Some(now);
+                } else {
+                    last = Some(now);
+                }
+            }
             go_on()
         };
-        let result = identify_simulated(model, pattern, experiment, &mut step);
+        let result = machine.identify_watched(experiment, store.as_ref(), &mut step);
         result.map(|result| (result, !go_on()))
     });
     drop(bar);
     let (mut result, interrupted) = result.map_err(|error| Failure::Input(error.to_string()))?;
-    let negative = negative_masses(&result.parameters);
+    let sound = experiment
+        .setup(machine.plant(), machine.pattern(), Hold::Zoh)
+        .is_ok_and(|setup| machine.has_inertia(&result.current, &setup));
+    let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
+    // A coupling of inertias may well be negative in a machine whose whole matrix is not.
+    let negative = if sound { Vec::new() } else { negative_masses(named) };
     result.warnings.extend(negative.iter().cloned());
-    if let Some(estimate) = &result.estimate {
+    if let Some(estimate) = result.estimate.as_ref().filter(|_| machine.eliminated().is_none()) {
         let settings =
             settings(args, &experiment.prior, &experiment.frozen, &experiment.constants, &physical_names(prepared));
         result.physical = physical_part(prepared, estimate, &settings, &mut result.warnings)?;
     }
     let text = if args.json { output::json(&result)? } else { describe_campaign(&result, &prepared.model) };
     output::emit(args.output.as_deref(), &text)?;
+    if let Some(folder) = &args.report {
+        campaign_report::write(folder, &machine, &result, first.as_ref(), last.as_ref())?;
+    }
     if interrupted {
         return Err(Failure::Interrupted);
     }
@@ -157,7 +188,7 @@ fn simulated(args: &Args) -> Outcome {
     Ok(())
 }
 
-fn describe_campaign(result: &CampaignIdentification, model: &tpm_symbolic::model::Model) -> String {
+pub(crate) fn describe_campaign(result: &CampaignIdentification, model: &tpm_symbolic::model::Model) -> String {
     let mut text = format!(
         "model {} on a simulated plant; estimator {}; hold {}; seed {}\n\n",
         result.model, result.estimator, result.hold, result.seed
@@ -182,6 +213,9 @@ fn describe_campaign(result: &CampaignIdentification, model: &tpm_symbolic::mode
         table.row(&row);
     }
     text.push_str(&table.finish());
+    if let Some(stability) = &result.stability {
+        text.push_str(&stable(stability));
+    }
     text.push('\n');
     text.push_str(&parameters(&result.parameters));
     if !result.physical.is_empty() {
@@ -197,6 +231,28 @@ fn describe_campaign(result: &CampaignIdentification, model: &tpm_symbolic::mode
         number(100.0 * result.residual),
     ));
     text.push_str(&remarks(&result.unobservable, &result.warnings));
+    text
+}
+
+/// What was known of the loop before the first run; nothing when nothing could be known.
+fn stable(stability: &Stability) -> String {
+    let mut text = String::new();
+    if let Some(slowest) = stability.poles.iter().map(|pole| pole.0).reduce(f64::max) {
+        text.push_str(&format!("\nclosed loop: slowest pole {} 1/s with the prior", number(slowest)));
+    }
+    if let Some(sampled) = &stability.sampled {
+        text.push_str(&format!(
+            "{} {} 1/s over the stated ranges (sampled: {} vertices, {} points on edges, {} inside)",
+            if text.is_empty() { "\nclosed loop: slowest pole" } else { "," },
+            number(sampled.slowest),
+            sampled.vertices,
+            sampled.edges,
+            sampled.interior
+        ));
+    }
+    if !text.is_empty() {
+        text.push('\n');
+    }
     text
 }
 

@@ -3,10 +3,9 @@
 use crate::assignments::assignment;
 use crate::failure::Failure;
 use crate::load::Loaded;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_runtime::experiment::{Experiment, ExperimentError};
-use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::trajectory::Pattern;
+use tpm_runtime::experiment::{Experiment, ExperimentError, Machine};
 use tpm_symbolic::prepare::Prepared;
 
 /// Options that choose and change an experiment.
@@ -27,10 +26,8 @@ pub(crate) struct SimulatedArgs {
 pub(crate) struct Simulation {
     /// The model, and its parameters.
     pub(crate) symbolic: Prepared,
-    /// The same, to be run.
-    pub(crate) model: Interpreted,
-    /// The pattern.
-    pub(crate) pattern: Pattern,
+    /// The same as a machine that moves along the pattern.
+    pub(crate) machine: Machine,
     /// The experiment with the changes.
     pub(crate) experiment: Experiment,
 }
@@ -38,15 +35,18 @@ pub(crate) struct Simulation {
 impl SimulatedArgs {
     /// Reads the model and the experiment.
     pub(crate) fn prepare(&self, file: &Path) -> Result<Simulation, Failure> {
+        self.within(file, &BTreeMap::new())
+    }
+
+    /// The same with bounds of physical parameters behind lumped ones.
+    pub(crate) fn within(&self, file: &Path, bounds: &BTreeMap<String, (f64, f64)>) -> Result<Simulation, Failure> {
         let loaded = Loaded::from_file(file)?;
         let symbolic = loaded.prepared()?;
         let experiment = self.experiment(file)?;
         let name = self.pattern.as_deref().or(experiment.pattern.as_deref());
-        let constant = |name: &str| experiment.constants.get(name).copied();
-        let pattern = Pattern::of_symbolic(loaded.pattern(name)?, &symbolic.model, constant)
+        let machine = Machine::new(&symbolic, loaded.pattern(name)?, &experiment, bounds)
             .map_err(|error| Failure::Input(error.to_string()))?;
-        let model = Interpreted::new(&symbolic.model, &symbolic.form);
-        Ok(Simulation { symbolic, model, pattern, experiment })
+        Ok(Simulation { symbolic, machine, experiment })
     }
 
     /// The experiment file that was named, or the one beside the model.

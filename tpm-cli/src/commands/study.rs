@@ -5,7 +5,8 @@ use crate::failure::Failure;
 use crate::text_table::{Align, TextTable, number};
 use crate::{Outcome, interrupt, output, progress};
 use std::path::PathBuf;
-use tpm_runtime::experiment::{Study, study};
+use tpm_runtime::experiment::{Experiment, Study, study_campaigns};
+use tpm_runtime::procedure::RunReport;
 
 /// Options of `tpm study`.
 #[derive(clap::Args)]
@@ -27,7 +28,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let Simulation { model, pattern, experiment, .. } = args.simulated.prepare(&args.file)?;
+    let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
     let bar = progress::Bar::new("studying");
     let seeds = args.seeds as usize;
     let (result, interrupted) = interrupt::watched(|go_on| {
@@ -35,7 +36,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
             bar.set(ended as u64, seeds as u64);
             go_on()
         };
-        (study(&model, &pattern, &experiment, seeds, &step), !go_on())
+        let identify = |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| machine.identify(own, go_on);
+        (study_campaigns(machine.plant(), &experiment, seeds, &identify, &step), !go_on())
     });
     drop(bar);
     let result = result.map_err(|error| Failure::Input(error.to_string()))?;

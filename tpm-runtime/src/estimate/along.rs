@@ -4,11 +4,11 @@
 //! series that the grid resolves; `jacobian` holds d(row)/d(slot) at every point of that grid, column by column, so that it
 //! is linear in the parameters and need not be formed again when they change.
 
-use super::EstimateError;
 use super::measured_motion::{analyse, synthesise};
+use super::{EstimateError, Information};
 use crate::model::{Dims, Model};
 use crate::trajectory::Trajectory;
-use nalgebra::Complex;
+use nalgebra::{Complex, DMatrix, DVector};
 use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
@@ -65,6 +65,39 @@ impl Along {
             }
             points *= 2;
         }
+    }
+
+    /// What the reference alone shows of the parameters in `free`: every harmonic of every row with the same weight.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn design(
+        model: &dyn Model<f64>,
+        constants: &[f64],
+        trajectory: &Trajectory,
+        harmonics: usize,
+        free: &[usize],
+    ) -> Result<Information, EstimateError> {
+        let dims = model.dims();
+        let points = (8 * (harmonics + 1)).next_power_of_two().clamp(GRID.0, GRID.1);
+        let sampled = Sampled::new(model, constants, trajectory, points)?;
+        let (phi, _) = sampled.lines(dims, 1, harmonics);
+        let mut matrix = DMatrix::zeros(dims.rows * (2 * harmonics + 1), free.len());
+        for row in 0..dims.rows {
+            for (c, &j) in free.iter().enumerate() {
+                for (k, line) in phi[row * dims.parameters + j].iter().enumerate() {
+                    let at = row * (2 * harmonics + 1);
+                    if k > 0 {
+                        matrix[(at + 2 * k - 1, c)] = line.re;
+                        matrix[(at + 2 * k, c)] = line.im;
+                    } else {
+                        matrix[(at, c)] = line.re;
+                    }
+                }
+            }
+        }
+        let right = DVector::zeros(matrix.nrows());
+        Ok(Information::of(&matrix, &right))
     }
 
     /// Replaces the regressors' lines by those of the exact table.

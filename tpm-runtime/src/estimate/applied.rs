@@ -10,8 +10,8 @@
 //! since nu follows from the inputs, this shift is worked out and the mean can be used. Invariant: a record is refined at
 //! estimates that were found without all this; what is added are corrections of second order in the noise.
 
+use super::EstimateError;
 use super::measured_motion::{MeasuredMotion, analyse, synthesise};
-use super::{EstimateError, Settings, estimate_measured_motion};
 use crate::harmonics::{Hold, Spectra, hold_factor};
 use crate::model::Model;
 use nalgebra::{Complex, DMatrix, DVector};
@@ -31,7 +31,10 @@ const NEGLIGIBLE: f64 = 1e-4;
 /// Standard deviation of a shift of a mean as a share of it.
 const SHIFT_UNCERTAINTY: f64 = 0.25;
 
-/// Refines the last record at the estimates from all of them.
+/// The estimates from all records before the last one is refined.
+pub(super) type First<'a> = dyn FnMut(&mut [MeasuredMotion]) -> Result<Vec<f64>, EstimateError> + 'a;
+
+/// Refines the last record at the estimates from all of them, which `first` gives.
 ///
 /// # Errors
 /// [`EstimateError`] of a first estimate without the refinement.
@@ -41,7 +44,7 @@ pub(super) fn refine_last(
     constants: &[f64],
     spectra: &Spectra,
     hold: Hold,
-    settings: &Settings,
+    first: &mut First<'_>,
 ) -> Result<(), EstimateError> {
     let dims = model.dims();
     // Broken periods have no bins between the lines in common with the shifts of the periodic derivative.
@@ -49,7 +52,7 @@ pub(super) fn refine_last(
     if !whole || dims.rows != dims.coordinates || spectra.periods < 4 || spectra.bins.is_empty() {
         return Ok(());
     }
-    let theta = estimate_measured_motion(records, settings)?.values;
+    let theta = first(records)?;
     let Some(record) = records.last_mut() else { return Ok(()) };
     let bins = Bins { spectra, hold, periods: spectra.periods as isize };
     let slots = record.slots().to_vec();

@@ -16,6 +16,7 @@ use crate::model::Model;
 use crate::procedure::Trial;
 use nalgebra::Complex;
 use std::boxed::Box;
+use std::string::String;
 use std::vec;
 use std::vec::Vec;
 
@@ -55,6 +56,17 @@ pub trait Estimator: Send {
 
     /// Highest harmonic used in the last run.
     fn harmonics(&self) -> usize;
+
+    /// What was estimated on the way, in the parameters of another form of the model (lumped ones of a model with
+    /// coordinates eliminated); nothing for most.
+    fn lumped(&self) -> Option<(&dyn Model<f64>, &Estimate)> {
+        None
+    }
+
+    /// What the user should know about the last estimate.
+    fn warnings(&self) -> &[String] {
+        &[]
+    }
 }
 
 /// Which estimator to use.
@@ -92,7 +104,9 @@ impl Method {
     pub fn estimator(self, settings: &Settings) -> Box<dyn Estimator> {
         let first_order = |kind| Box::new(Linearised { kind, settings: settings.clone(), pool: None, harmonics: 0 });
         match self {
-            Method::MeasuredMotion => Box::new(PooledMotion { settings: settings.clone(), records: Vec::new() }),
+            Method::MeasuredMotion => {
+                Box::new(PooledMotion { settings: settings.clone(), records: Vec::new(), design: None })
+            }
             Method::Error => first_order(FirstOrder::Error),
             Method::Hill => first_order(FirstOrder::Hill),
             Method::Effort => first_order(FirstOrder::Effort),
@@ -111,6 +125,33 @@ impl Method {
 struct PooledMotion {
     settings: Settings,
     records: Vec<MeasuredMotion>,
+    /// What the references of the runs show.
+    design: Option<Information>,
+}
+
+impl PooledMotion {
+    /// What the references up to this run show, and the directions that they do not.
+    fn design(&self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(Information, Vec<Vec<f64>>), EstimateError> {
+        let p = model.dims().parameters;
+        let free: Vec<usize> =
+            (0..p).filter(|j| self.settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
+        let reach = 4 * run.trial.trajectory.highest_harmonic() as usize;
+        let own = Along::design(model, &run.trial.constants, &run.trial.trajectory, reach.max(1), &free)?;
+        let whole = self.design.as_ref().map_or_else(|| own.clone(), |before| before.pool(&own));
+        let hidden = whole
+            .solve(&vec![0.0; free.len()], None)
+            .unobservable
+            .into_iter()
+            .map(|direction| {
+                let mut full = vec![0.0; p];
+                for (&j, part) in free.iter().zip(direction) {
+                    full[j] = part;
+                }
+                full
+            })
+            .collect();
+        Ok((whole, hidden))
+    }
 }
 
 impl Estimator for PooledMotion {
@@ -119,13 +160,17 @@ impl Estimator for PooledMotion {
     }
 
     fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
-        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &self.settings)?;
+        let (design, hidden) = self.design(model, run)?;
+        let settings = &Settings { hidden, ..self.settings.clone() };
+        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, settings)?;
         self.records.push(record);
-        let estimate =
-            refine_last(&mut self.records, model, &run.trial.constants, run.spectra, run.hold, &self.settings)
-                .and_then(|()| estimate_measured_motion(&mut self.records, &self.settings));
+        let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, settings)?.values);
+        let estimate = refine_last(&mut self.records, model, &run.trial.constants, run.spectra, run.hold, &mut first)
+            .and_then(|()| estimate_measured_motion(&mut self.records, settings));
         if estimate.is_err() {
             self.records.pop();
+        } else {
+            self.design = Some(design);
         }
         estimate.map(Some)
     }

@@ -94,6 +94,18 @@ impl Information {
         }
     }
 
+    /// Upper triangular factor R.
+    #[must_use]
+    pub const fn factor(&self) -> &DMatrix<f64> {
+        &self.factor
+    }
+
+    /// Right-hand side z of `R theta = z`.
+    #[must_use]
+    pub const fn right(&self) -> &DVector<f64> {
+        &self.right
+    }
+
     /// Real equations taken in.
     #[must_use]
     pub const fn equations(&self) -> usize {
@@ -106,6 +118,12 @@ impl Information {
     /// of the normal equations (a correction for noise in the regressors).
     #[must_use]
     pub fn solve(&self, prior: &[f64], gradient: Option<&[f64]>) -> Solution {
+        self.solve_beside(prior, gradient, &[])
+    }
+
+    /// The same without a step along directions that are known not to be shown.
+    #[must_use]
+    pub fn solve_beside(&self, prior: &[f64], gradient: Option<&[f64]>, hidden: &[Vec<f64>]) -> Solution {
         let n = self.factor.ncols();
         let scale: Vec<f64> = self
             .factor
@@ -121,7 +139,11 @@ impl Information {
         }
         let start = DVector::from_fn(n, |i, _| prior.get(i).copied().unwrap_or(0.0) * scale[i]);
         let target = &self.right - &scaled * &start;
-        let svd = scaled.clone().svd(true, true);
+        let shown = beside(hidden, &scale);
+        let svd = match &shown {
+            Some(basis) => (&scaled * basis).svd(true, true),
+            None => scaled.clone().svd(true, true),
+        };
         let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
             // Both factors were asked for.
             return Solution {
@@ -139,10 +161,13 @@ impl Information {
         let mut covariance = DMatrix::zeros(n, n);
         let mut rank = 0;
         let mut smallest = largest;
-        let mut unobservable = Vec::new();
+        let mut unobservable: Vec<Vec<f64>> = if shown.is_some() { hidden.to_vec() } else { Vec::new() };
         let extra = gradient.map(|g| DVector::from_fn(n, |i, _| g[i] / scale[i]));
         for (i, &value) in svd.singular_values.iter().enumerate() {
-            let direction = v_t.row(i).transpose();
+            let direction: DVector<f64> = match &shown {
+                Some(basis) => basis * v_t.row(i).transpose(),
+                None => v_t.row(i).transpose(),
+            };
             if value > smallest_counted {
                 rank += 1;
                 smallest = smallest.min(value);
@@ -194,6 +219,40 @@ impl Information {
     pub fn column_norms(&self) -> Vec<f64> {
         self.factor.column_iter().map(|c| c.norm()).collect()
     }
+}
+
+/// An orthonormal basis, in scaled parameters, of what is orthogonal to the hidden directions; nothing when there are none.
+fn beside(hidden: &[Vec<f64>], scale: &[f64]) -> Option<DMatrix<f64>> {
+    if hidden.is_empty() {
+        return None;
+    }
+    let n = scale.len();
+    let columns: Vec<DVector<f64>> =
+        hidden.iter().map(|direction| DVector::from_fn(n, |i, _| direction[i] * scale[i]).normalize()).collect();
+    // The left singular vectors of no singular value: complete the hidden directions to a basis.
+    let mut whole = DMatrix::zeros(n, n + columns.len());
+    for (c, column) in columns.iter().enumerate() {
+        whole.set_column(c, column);
+    }
+    for i in 0..n {
+        whole[(i, columns.len() + i)] = 1.0;
+    }
+    let mut basis: Vec<DVector<f64>> = Vec::with_capacity(n);
+    for column in whole.column_iter() {
+        let mut rest = column.into_owned();
+        // Twice is enough (Gram and Schmidt, repeated).
+        for _ in 0..2 {
+            for known in &basis {
+                rest -= known * known.dot(&rest);
+            }
+        }
+        let size = rest.norm();
+        if size > 1e-6 && basis.len() < n {
+            basis.push(rest / size);
+        }
+    }
+    let rank = columns.len().min(n);
+    (rank < n).then(|| DMatrix::from_columns(&basis[rank..]))
 }
 
 #[cfg(test)]

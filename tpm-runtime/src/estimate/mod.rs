@@ -7,6 +7,8 @@
 
 mod along;
 mod applied;
+#[cfg(feature = "interpret")]
+mod eliminated;
 mod equations;
 mod estimator;
 mod first_order;
@@ -15,6 +17,8 @@ mod measured_motion;
 mod select;
 
 pub use along::Along;
+#[cfg(feature = "interpret")]
+pub use eliminated::{Eliminated, EliminatedError};
 pub use equations::Equations;
 pub use estimator::{Estimator, Method, Run};
 pub use first_order::FirstOrder;

@@ -4,14 +4,20 @@
 //! amplitudes are checked against the model when the experiment meets it ([`Experiment::setup`], [`Experiment::bench`]).
 //! Values are in the units of the model; nothing is converted.
 
+#[cfg(feature = "interpret")]
+mod machine;
 mod overrides;
 mod resolve;
 mod result;
+mod store;
 mod study;
 
+#[cfg(feature = "interpret")]
+pub use machine::{Machine, MachineError};
 pub use resolve::ExperimentError;
-pub use result::{CampaignIdentification, identify_simulated, summary};
-pub use study::{ParameterStudy, Study, study};
+pub use result::{CampaignIdentification, Watch, identify_simulated, play_campaign, summary};
+pub use store::{GainManifest, Manifest, RunManifest, Store, StoreError, samples_text};
+pub use study::{Identify, ParameterStudy, Study, study, study_campaigns};
 
 use crate::estimate::Method;
 use crate::procedure::HoldCompensation;
@@ -53,6 +59,13 @@ pub struct Experiment {
     pub plant: PlantSection,
     /// Feedback and sampling.
     pub control: ControlSection,
+    /// Which equations a model with eliminated coordinates is identified from: eliminated (default: the motion of the
+    /// remaining coordinates) or own (all coordinates are measured, every equation is a row).
+    #[serde(default)]
+    pub equations: Equations,
+    /// Where the loop must be stable before anything moves.
+    #[serde(default)]
+    pub stability: StabilitySection,
     /// What must not be passed.
     #[serde(default)]
     pub limits: LimitsSection,
@@ -72,11 +85,36 @@ pub struct PlantSection {
     pub sensors: BTreeMap<String, SensorSection>,
     /// Step of the commanded value by input, unit of the input; continuous where not given.
     pub input_steps: Named,
+    /// The closed-loop arm of Feng, chapter 5, in place of a machine that obeys the model itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closed_loop_arm: Option<ArmSection>,
+}
+
+/// The links of a closed-loop arm, SI units (Feng, Figure 5.1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArmSection {
+    /// l1 to l5, m.
+    pub lengths: [f64; 5],
+    /// m12, m3, m4, m56, kg.
+    pub masses: [f64; 4],
+    /// r1, r3, r4, r5, m.
+    pub centroids: [f64; 4],
+    /// I12, I3, I4, I56, kg m^2.
+    pub inertias: [f64; 4],
+    /// Commanded units per N m.
+    pub torque_scale: f64,
 }
 
 impl Default for PlantSection {
     fn default() -> Self {
-        PlantSection { parameters: Named::new(), sub_steps: 1, sensors: BTreeMap::new(), input_steps: Named::new() }
+        PlantSection {
+            parameters: Named::new(),
+            sub_steps: 1,
+            sensors: BTreeMap::new(),
+            input_steps: Named::new(),
+            closed_loop_arm: None,
+        }
     }
 }
 
@@ -124,6 +162,33 @@ pub struct FeedbackSection {
     pub kd: f64,
 }
 
+/// Which equations a model with eliminated coordinates is identified from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Equations {
+    /// Those after the elimination.
+    #[default]
+    Eliminated,
+    /// The machine's own.
+    Own,
+}
+
+/// Where the loop must be stable before anything moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StabilitySection {
+    /// Least and largest value by parameter; others keep their prior.
+    pub range: BTreeMap<String, [f64; 2]>,
+    /// Random points inside this box, beside its vertices and edges.
+    pub points: usize,
+}
+
+impl Default for StabilitySection {
+    fn default() -> Self {
+        StabilitySection { range: BTreeMap::new(), points: 1000 }
+    }
+}
+
 /// What must not be passed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -150,6 +215,9 @@ impl Default for LimitsSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScheduleSection {
+    /// Multiple of the frequency on which a coordinate plays its pattern; one where not given.
+    #[serde(default)]
+    pub multiples: BTreeMap<String, u32>,
     /// Stages, growing: a value for every amplitude of the pattern and for its frequency (rad/s), by name.
     pub stages: Vec<Named>,
     /// Periods that are let pass at least before anything is measured; settling is tested besides.
@@ -194,6 +262,15 @@ impl Experiment {
     /// [`ExperimentError::Syntax`] with line and column.
     pub fn parse(text: &str) -> Result<Self, ExperimentError> {
         toml::from_str(text)
+            .map_err(|fault| ExperimentError::Syntax { message: std::string::ToString::to_string(&fault) })
+    }
+
+    /// The experiment as a file, with everything that was left to its default.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Syntax`] when a value has no place in such a file.
+    pub fn text(&self) -> Result<String, ExperimentError> {
+        toml::to_string(self)
             .map_err(|fault| ExperimentError::Syntax { message: std::string::ToString::to_string(&fault) })
     }
 }

@@ -1,13 +1,14 @@
 //! An experiment meets a model: names become indices.
 
 use super::overrides::near;
-use super::{Experiment, Named};
+use super::{ArmSection, Experiment, Named, StoreError};
 use crate::control::Gain;
 use crate::estimate::{EstimateError, Frozen, Settings};
 use crate::harmonics::Hold;
 use crate::model::{EvalError, Model};
 use crate::procedure::{CampaignError, Loop, Procedure, Setup, Stage, Velocity};
-use crate::simulate::{Actuator, Bench, Sensor};
+use crate::simulate::{Actuator, ArmGeometry, Bench, ClosedLoopArm, Sensor};
+use crate::stability::{self, Range, Stability, StabilityError};
 use crate::trajectory::Pattern;
 use std::string::{String, ToString};
 use std::vec;
@@ -67,6 +68,15 @@ pub enum ExperimentError {
     /// The simulated machine cannot be evaluated.
     #[error("the simulated machine: {0}")]
     Plant(#[from] EvalError),
+    /// Another machine than the model's is simulated, with other signals.
+    #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
+    Machine,
+    /// A campaign's folder cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The loop must not be closed.
+    #[error(transparent)]
+    Stability(#[from] StabilityError),
     /// The campaign cannot go on.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
@@ -178,13 +188,76 @@ impl Experiment {
             "there must be one at least",
         )?;
         Ok(Bench {
-            parameters: parameters(model).all("plant.parameters", &self.plant.parameters)?,
-            constants: self.constant_values(model)?,
+            parameters: match self.plant.closed_loop_arm {
+                Some(_) => Vec::new(),
+                None => parameters(model).all("plant.parameters", &self.plant.parameters)?,
+            },
+            constants: match self.plant.closed_loop_arm {
+                Some(_) => Vec::new(),
+                None => self.constant_values(model)?,
+            },
             sensors,
             actuators: limits.into_iter().zip(steps).map(|(limit, step)| Actuator { limit, step }).collect(),
             sub_steps: self.plant.sub_steps,
             seed: self.seed,
         })
+    }
+
+    /// The machine that is simulated in place of one that obeys the model itself.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Machine`] when its signals are not those of the model, [`ExperimentError::Invalid`].
+    pub fn other_plant(&self, model: &dyn Model<f64>) -> Result<Option<ClosedLoopArm>, ExperimentError> {
+        let Some(ArmSection { lengths, masses, centroids, inertias, torque_scale }) =
+            self.plant.closed_loop_arm.clone()
+        else {
+            return Ok(None);
+        };
+        for (field, values) in [("lengths", &lengths[..]), ("masses", &masses), ("inertias", &inertias)] {
+            for &value in values {
+                positive(&std::format!("plant.closed_loop_arm.{field}"), value)?;
+            }
+        }
+        positive("plant.closed_loop_arm.torque_scale", torque_scale)?;
+        let arm = ClosedLoopArm::new(ArmGeometry { lengths, masses, centroids, inertias, torque_scale });
+        let (own, wanted) = (arm.dims(), model.dims());
+        let fits = (own.coordinates, own.inputs, own.order) == (wanted.coordinates, wanted.inputs, wanted.order);
+        if fits { Ok(Some(arm)) } else { Err(ExperimentError::Machine) }
+    }
+
+    /// Whether the loop is stable, with the prior and over the stated box, at rest at the mean and at the start of the
+    /// first stage's reference.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Stability`] where it is not; [`ExperimentError::UnknownName`], [`ExperimentError::Invalid`].
+    pub fn check_stability(&self, model: &dyn Model<f64>, setup: &Setup) -> Result<Stability, ExperimentError> {
+        let parameters = parameters(model);
+        let mut ranges = Vec::with_capacity(self.stability.range.len());
+        for (name, &[low, high]) in &self.stability.range {
+            let key = || std::format!("stability.range.{name}");
+            require(low.is_finite() && high.is_finite(), key(), low, "both ends must be finite")?;
+            require(low <= high, key(), low, "the first value must not be above the second")?;
+            ranges.push(Range { parameter: parameters.index("stability.range", name)?, ends: (low, high) });
+        }
+        let mut nominal = setup.prior.clone();
+        for frozen in &setup.estimation.frozen {
+            nominal[frozen.parameter] = frozen.value;
+        }
+        let mut positions = Vec::new();
+        if let Some(stage) = setup.procedure.stages.first() {
+            let reference = stage.trajectory(&setup.pattern, 1.0);
+            positions.push(reference.coordinates.iter().map(|series| series.mean).collect());
+            positions.push(reference.coordinates.iter().map(|series| series.derivative(0.0, 1.0, 0)).collect());
+        }
+        let demand = stability::Demand {
+            nominal,
+            constants: setup.constants.clone(),
+            positions,
+            ranges,
+            interior: self.stability.points,
+            seed: self.seed,
+        };
+        Ok(stability::check(model, &setup.control, &demand)?)
     }
 
     /// The campaign, on a simulated machine (whose inputs are held between samples) or on a real one.
@@ -230,13 +303,19 @@ impl Experiment {
         let mut names = pattern.amplitudes.clone();
         names.push(pattern.frequency.clone());
         let open = Names { kind: "amplitude or frequency", names };
+        let mut multiples = vec![1; coordinates.names.len()];
+        for (name, &multiple) in &schedule.multiples {
+            let key = || std::format!("schedule.multiples.{name}");
+            require(multiple > 0, key(), f64::from(multiple), "the value must be a positive whole number")?;
+            multiples[coordinates.index("schedule.multiples", name)?] = multiple;
+        }
         let mut stages = Vec::with_capacity(schedule.stages.len());
         for (i, stage) in schedule.stages.iter().enumerate() {
             let place = std::format!("schedule.stages.{i}");
             let mut amplitudes = open.all(&place, stage)?;
             let frequency = amplitudes.pop().unwrap_or(f64::NAN);
             positive(&std::format!("{place}.{}", pattern.frequency), frequency)?;
-            stages.push(Stage { amplitudes, frequency });
+            stages.push(Stage { amplitudes, frequency, multiples: multiples.clone() });
         }
         let mut frozen = Vec::with_capacity(self.frozen.len());
         for (name, &value) in &self.frozen {

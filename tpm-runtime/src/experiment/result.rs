@@ -1,12 +1,13 @@
 //! From an experiment on a simulated machine to the reported result.
 
-use super::{Experiment, ExperimentError};
+use super::{Experiment, ExperimentError, Store};
 use crate::estimate::{Estimate, Status};
 use crate::harmonics::Hold;
 use crate::model::Model;
-use crate::procedure::{Campaign, Outcome, RunReport};
+use crate::procedure::{Campaign, Outcome, Record, RunReport, Trial};
 use crate::report::{EstimateReport, ParameterReport};
 use crate::simulate::simulate;
+use crate::stability::Stability;
 use crate::trajectory::Pattern;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -47,8 +48,14 @@ pub struct CampaignIdentification {
     pub residual: f64,
     /// The runs.
     pub runs: Vec<RunReport>,
+    /// Poles of the closed loop, and what was found over the stated box, before the first run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stability: Option<Stability>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// What the next feed-forward would use: the estimate, and the prior along directions that the runs do not show.
+    #[serde(skip)]
+    pub current: Vec<f64>,
     /// The estimate itself, for further computation; nothing when no run was accepted.
     #[serde(skip)]
     pub estimate: Option<Estimate>,
@@ -58,8 +65,10 @@ impl CampaignIdentification {
     /// Everything that was asked for was identified and the campaign ended as planned.
     #[must_use]
     pub fn is_complete(&self) -> bool {
+        // Where there are physical parameters the lumped ones are means to an end.
+        let wanted = if self.physical.is_empty() { &self.parameters } else { &self.physical };
         let identified =
-            self.parameters.iter().all(|p| p.status == Status::Identified.name() || p.status == Status::Frozen.name());
+            wanted.iter().all(|p| p.status == Status::Identified.name() || p.status == Status::Frozen.name());
         identified && self.estimate.is_some() && self.outcome.is_some_and(Outcome::is_normal)
     }
 }
@@ -74,11 +83,44 @@ pub fn identify_simulated(
     experiment: &Experiment,
     progress: &mut dyn FnMut(&RunReport) -> bool,
 ) -> Result<CampaignIdentification, ExperimentError> {
+    let setup = experiment.setup(model, pattern, Hold::Zoh)?;
+    let stability = experiment.check_stability(model, &setup)?;
+    let mut result =
+        play_campaign(model, Campaign::new(model, setup)?, experiment, None, &mut |_, _, run| progress(run))?;
+    result.stability = Some(stability);
+    Ok(result)
+}
+
+/// Sees every run as it ends, with what was played and recorded, and says whether to go on.
+pub type Watch<'a> = dyn FnMut(&Trial, &Record, &RunReport) -> bool + 'a;
+
+/// Plays a campaign on the experiment's simulated machine, which obeys `model`, or is named in the experiment. Runs that a store holds are
+/// taken from it, and new ones are kept there as they end.
+///
+/// # Errors
+/// [`ExperimentError`].
+pub fn play_campaign(
+    model: &dyn Model<f64>,
+    mut campaign: Campaign<'_>,
+    experiment: &Experiment,
+    store: Option<&Store>,
+    watch: &mut Watch<'_>,
+) -> Result<CampaignIdentification, ExperimentError> {
     let bench = experiment.bench(model)?;
-    let mut campaign = Campaign::new(model, experiment.setup(model, pattern, Hold::Zoh)?)?;
-    while let Some(trial) = campaign.next() {
-        let record = simulate(model, &bench, trial)?;
-        if !progress(campaign.submit(&record)?) {
+    let other = experiment.other_plant(model)?;
+    let plant = other.as_ref().map_or(model, |arm| arm as &dyn Model<f64>);
+    let finished = store.map_or_else(|| Ok(Vec::new()), |store| store.records(model))?;
+    let mut finished = finished.into_iter();
+    while let Some(trial) = campaign.next().cloned() {
+        let (record, is_new) = match finished.next() {
+            Some(record) => (record, false),
+            None => (simulate(plant, &bench, &trial)?, true),
+        };
+        let go_on = watch(&trial, &record, campaign.submit(&record)?);
+        if let Some(store) = store.filter(|_| is_new) {
+            store.append(model, &trial, &record, Some(experiment.seed))?;
+        }
+        if !go_on {
             break;
         }
     }
@@ -90,7 +132,13 @@ pub fn identify_simulated(
 pub fn summary(model: &dyn Model<f64>, campaign: &Campaign<'_>, seed: u64) -> CampaignIdentification {
     let estimate = campaign.estimate();
     let setup = campaign.setup();
-    let EstimateReport { parameters, unobservable, covariance } = EstimateReport::new(model, &setup.prior, estimate);
+    let own = EstimateReport::new(model, &setup.prior, estimate);
+    // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
+    let (linear, found, report, physical) = match campaign.estimator().lumped() {
+        Some((lumped, found)) => (lumped, Some(found), EstimateReport::new(lumped, &[], Some(found)), own.parameters),
+        None => (model, estimate, own, Vec::new()),
+    };
+    let EstimateReport { parameters, unobservable, covariance } = report;
     CampaignIdentification {
         schema: "tpm.identification/1",
         model: model.name().into(),
@@ -100,19 +148,21 @@ pub fn summary(model: &dyn Model<f64>, campaign: &Campaign<'_>, seed: u64) -> Ca
         hold: setup.procedure.hold.to_string(),
         harmonics: campaign.runs().iter().rev().find_map(|run| run.harmonics).unwrap_or(0),
         parameters,
-        physical: Vec::new(),
+        physical,
         unobservable,
         covariance,
-        rank: estimate.map_or(0, |e| e.rank),
-        condition: estimate.map(|e| e.condition).filter(|c| c.is_finite()),
-        residual: estimate.map_or(0.0, |e| e.residual),
+        rank: found.map_or(0, |e| e.rank),
+        condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
+        residual: found.map_or(0.0, |e| e.residual),
         runs: campaign.runs().to_vec(),
-        warnings: warnings(model, campaign),
+        stability: None,
+        warnings: warnings(linear, found, campaign),
+        current: campaign.current().to_vec(),
         estimate: estimate.cloned(),
     }
 }
 
-fn warnings(model: &dyn Model<f64>, campaign: &Campaign<'_>) -> Vec<String> {
+fn warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Campaign<'_>) -> Vec<String> {
     let mut warnings = Vec::new();
     for run in campaign.runs() {
         match run.ending {
@@ -126,7 +176,7 @@ fn warnings(model: &dyn Model<f64>, campaign: &Campaign<'_>) -> Vec<String> {
     if let Some(outcome) = campaign.outcome().filter(|outcome| !outcome.is_normal()) {
         warnings.push(format!("the campaign ended early: {}", outcome.describe()));
     }
-    match campaign.estimate() {
+    match estimate {
         None => warnings.push("no run was accepted; nothing is identified".to_string()),
         Some(estimate) => {
             for (j, status) in estimate.status.iter().enumerate() {
@@ -139,5 +189,6 @@ fn warnings(model: &dyn Model<f64>, campaign: &Campaign<'_>) -> Vec<String> {
             }
         }
     }
+    warnings.extend_from_slice(campaign.estimator().warnings());
     warnings
 }

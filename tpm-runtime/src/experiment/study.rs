@@ -6,6 +6,7 @@
 use super::{CampaignIdentification, Experiment, ExperimentError, identify_simulated};
 use crate::estimate::Status;
 use crate::model::Model;
+use crate::procedure::RunReport;
 use crate::trajectory::Pattern;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -65,6 +66,11 @@ pub struct Study {
     pub warnings: Vec<String>,
 }
 
+/// One campaign of a study.
+pub type Identify<'a> = dyn Fn(&Experiment, &mut dyn FnMut(&RunReport) -> bool) -> Result<CampaignIdentification, ExperimentError>
+    + Sync
+    + 'a;
+
 /// Runs an experiment for `campaigns` seeds from its own on, on all cores. `progress` hears how many have ended, from any
 /// thread, and says whether to go on; campaigns after the last one before the first gap are not used.
 ///
@@ -77,6 +83,22 @@ pub fn study(
     campaigns: usize,
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Study, ExperimentError> {
+    let identify =
+        |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| identify_simulated(model, pattern, own, go_on);
+    study_campaigns(model, experiment, campaigns, &identify, progress)
+}
+
+/// The same with a campaign of the caller: it is handed the experiment with its seed, and what to ask after every run.
+///
+/// # Errors
+/// As [`study`].
+pub fn study_campaigns(
+    model: &dyn Model<f64>,
+    experiment: &Experiment,
+    campaigns: usize,
+    identify: &Identify<'_>,
+    progress: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Study, ExperimentError> {
     let (ended, go_on) = (AtomicUsize::new(0), AtomicBool::new(true));
     let one = |index: usize| {
         if !go_on.load(Ordering::Relaxed) {
@@ -84,7 +106,7 @@ pub fn study(
         }
         let mut own = experiment.clone();
         own.seed = experiment.seed.wrapping_add(index as u64);
-        let result = identify_simulated(model, pattern, &own, &mut |_| go_on.load(Ordering::Relaxed));
+        let result = identify(&own, &mut |_| go_on.load(Ordering::Relaxed));
         // A campaign that was stopped half way says nothing.
         let whole = go_on.load(Ordering::Relaxed);
         if !progress(ended.fetch_add(1, Ordering::Relaxed) + 1) {
@@ -114,7 +136,9 @@ fn summarise(
             let truth = *experiment.plant.parameters.get(label.name)?;
             let pairs: Vec<(f64, f64)> = results
                 .iter()
-                .map(|result| &result.parameters[j])
+                .filter_map(
+                    |result| if result.physical.is_empty() { result.parameters.get(j) } else { result.physical.get(j) },
+                )
                 .filter(|parameter| parameter.status == Status::Identified.name())
                 .filter_map(|parameter| Some((parameter.value?, parameter.std?)))
                 .collect();

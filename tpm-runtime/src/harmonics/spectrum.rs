@@ -116,6 +116,29 @@ pub struct Spectra {
 }
 
 impl Spectra {
+    /// The spectra of some of the channels, in the order given.
+    ///
+    /// # Panics
+    /// When there is no such channel.
+    #[must_use]
+    pub fn select(&self, channels: &[usize]) -> Self {
+        let n = channels.len();
+        Spectra {
+            lines: channels.iter().map(|&c| self.lines[c].clone()).collect(),
+            noise: self
+                .noise
+                .iter()
+                .map(|noise| DMatrix::from_fn(n, n, |r, c| noise[(channels[r], channels[c])]))
+                .collect(),
+            bins: if self.bins.is_empty() {
+                Vec::new()
+            } else {
+                channels.iter().map(|&c| self.bins[c].clone()).collect()
+            },
+            ..*self
+        }
+    }
+
     /// Analyses the first `periods` whole periods of every channel (equal lengths).
     ///
     /// # Errors

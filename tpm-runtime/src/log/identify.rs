@@ -121,6 +121,7 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
         grid: None,
         prior: options.prior.clone(),
         frozen: options.frozen.clone(),
+        hidden: Vec::new(),
     };
     let run = |hold: Hold, settings: &Settings| -> Result<(MeasuredMotion, Estimate), EstimateError> {
         let record = MeasuredMotion::new(model, &options.constants, &spectra, hold, settings)?;
@@ -164,7 +165,7 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
     Ok(report(model, options, &record, estimate, log_report, warnings))
 }
 
-fn periodic_part(log: &Log, coordinates: usize, options: &LogOptions) -> Result<Periodic, LogError> {
+pub(super) fn periodic_part(log: &Log, coordinates: usize, options: &LogOptions) -> Result<Periodic, LogError> {
     let range = |what: String| LogError::BadRange {
         path: log.path.clone(),
         what,

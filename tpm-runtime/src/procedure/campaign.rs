@@ -13,7 +13,7 @@ use super::trial::{Loop, Trial, TrialError, TrialSettings};
 use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
 use crate::harmonics::{Hold, Spectra, SpectrumError};
 use crate::model::Model;
-use crate::trajectory::Pattern;
+use crate::trajectory::{Pattern, Trajectory};
 use serde::Serialize;
 use std::boxed::Box;
 use std::string::String;
@@ -33,6 +33,23 @@ pub struct Stage {
     pub amplitudes: Vec<f64>,
     /// Fundamental angular frequency asked for, rad/s.
     pub frequency: f64,
+    /// Multiple of the frequency on which a coordinate's pattern is played, per coordinate; one for all when empty.
+    pub multiples: Vec<u32>,
+}
+
+impl Stage {
+    /// The reference of this stage with its amplitudes times a factor.
+    #[must_use]
+    pub fn trajectory(&self, pattern: &Pattern, scale: f64) -> Trajectory {
+        let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
+        let mut trajectory = pattern.trajectory(&amplitudes, self.frequency);
+        for (series, &multiple) in trajectory.coordinates.iter_mut().zip(&self.multiples) {
+            for line in &mut series.lines {
+                line.harmonic *= multiple;
+            }
+        }
+        trajectory
+    }
 }
 
 /// How a campaign goes.
@@ -152,6 +169,9 @@ pub struct RunReport {
     pub settled_after: Option<usize>,
     /// Whole periods that were measured.
     pub periods: usize,
+    /// Parameters behind the feed-forward, in the model's order.
+    #[serde(skip)]
+    pub played: Vec<f64>,
     /// Root-mean-square tracking error per coordinate over these (or over an aborted run).
     pub tracking_rms: Vec<f64>,
     /// Largest share of its limit that an input took; nothing without limits.
@@ -190,6 +210,14 @@ pub enum CampaignError {
         needed: usize,
         /// In the record.
         given: usize,
+    },
+    /// The record was sampled at another rate.
+    #[error("the record has a sample every {given} s, the trial one every {needed} s")]
+    SampleTime {
+        /// In the trial, s.
+        needed: f64,
+        /// In the record, s.
+        given: f64,
     },
     /// The record holds a value that is not finite.
     #[error("sample {sample} of the record is not finite; was a sensor disconnected?")]
@@ -259,6 +287,19 @@ impl<'m> Campaign<'m> {
     /// # Errors
     /// [`CampaignError::NoStage`], [`CampaignError::Trial`].
     pub fn new(model: &'m dyn Model<f64>, setup: Setup) -> Result<Self, CampaignError> {
+        let estimator = setup.method.estimator(&setup.estimation);
+        Self::with_estimator(model, setup, estimator)
+    }
+
+    /// The same with an estimator of the caller, which gives estimates of the model's parameters.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_estimator(
+        model: &'m dyn Model<f64>,
+        setup: Setup,
+        estimator: Box<dyn Estimator>,
+    ) -> Result<Self, CampaignError> {
         if setup.procedure.stages.is_empty() {
             return Err(CampaignError::NoStage);
         }
@@ -269,7 +310,6 @@ impl<'m> Campaign<'m> {
                 *value = frozen.value;
             }
         }
-        let estimator = setup.method.estimator(&setup.estimation);
         let mut campaign = Campaign {
             model,
             setup,
@@ -311,6 +351,12 @@ impl<'m> Campaign<'m> {
     #[must_use]
     pub const fn estimate(&self) -> Option<&Estimate> {
         self.estimate.as_ref()
+    }
+
+    /// What the estimator that is at work says beside the estimate.
+    #[must_use]
+    pub fn estimator(&self) -> &dyn Estimator {
+        self.estimator.as_ref()
     }
 
     /// The runs so far.
@@ -443,7 +489,8 @@ impl<'m> Campaign<'m> {
         let settle = procedure.settle_periods << self.extensions.min(EXTENSIONS);
         let settings = TrialSettings {
             run: self.reports.len(),
-            trajectory: self.setup.pattern.trajectory(&amplitudes, stage.frequency),
+            trajectory: stage.trajectory(&self.setup.pattern, self.scale),
+            open: &self.setup.pattern.open(),
             amplitudes,
             periods: settle + measured,
             control: &self.setup.control,
@@ -501,6 +548,7 @@ impl<'m> Campaign<'m> {
             samples_per_period: trial.samples_per_period,
             settled_after: None,
             periods: 0,
+            played: trial.parameters.clone(),
             tracking_rms: tracking_rms(trial, record, 0),
             effort_share: share,
             ending: match record.ending {

@@ -5,6 +5,7 @@
 //! ```
 
 mod campaign;
+mod completion;
 mod record;
 mod settle;
 #[cfg(test)]
@@ -12,6 +13,7 @@ mod system_a;
 mod trial;
 
 pub use campaign::{Campaign, CampaignError, LEAST_PERIODS, Outcome, Procedure, RunParameter, RunReport, Setup, Stage};
+pub use completion::OpenReason;
 pub use record::{Ending, Record};
 pub use settle::settled_from;
 pub(crate) use trial::demand;

@@ -30,7 +30,10 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             compensation: HoldCompensation::Exact,
         },
         procedure: Procedure {
-            stages: stages.iter().map(|&(a, w)| Stage { amplitudes: vec![a], frequency: w }).collect(),
+            stages: stages
+                .iter()
+                .map(|&(a, w)| Stage { amplitudes: vec![a], frequency: w, multiples: vec![] })
+                .collect(),
             settle_periods: 3,
             measure_time: 0.0,
             updates_per_stage: 10,

@@ -4,6 +4,7 @@
 //! is the one that this number gives, `w = 2 pi / (N T)`, not the one that was asked for. The feed-forward is
 //! `u = Phi(q_r) theta + known` solved for the inputs, with the estimates theta at the start of the run.
 
+use super::completion::{OpenReason, complete};
 use crate::control::{Differentiator, Gain};
 use crate::harmonics::hold_factor;
 use crate::linear;
@@ -105,6 +106,14 @@ pub enum TrialError {
         /// The input.
         input: String,
     },
+    /// The pattern leaves a coordinate open, and the rows do not determine its motion.
+    #[error("the pattern gives {} no motion: {reason}", .coordinates.join(" and "))]
+    Open {
+        /// The coordinates.
+        coordinates: Vec<String>,
+        /// Why their motion does not follow.
+        reason: OpenReason,
+    },
     /// The feed-forward is not a number.
     #[error("the feed-forward of `{input}` is not finite at sample {sample} of the period")]
     NotFinite {
@@ -151,6 +160,8 @@ pub struct TrialSettings<'a> {
     pub run: usize,
     /// The reference at the frequency asked for.
     pub trajectory: Trajectory,
+    /// Coordinates whose motion follows from the rows without an input, with the estimates for the feed-forward.
+    pub open: &'a [usize],
     /// Amplitudes behind it.
     pub amplitudes: Vec<f64>,
     /// Whole periods to play.
@@ -176,6 +187,7 @@ impl Trial {
         let TrialSettings {
             run,
             mut trajectory,
+            open,
             amplitudes,
             periods,
             control,
@@ -199,6 +211,7 @@ impl Trial {
         }
         let samples = asked.round() as usize;
         trajectory.frequency = 2.0 * std::f64::consts::PI / (samples as f64 * sample_time);
+        complete(model, &mut trajectory, open, parameters, constants)?;
         let mut reference = vec![0.0; samples * dims.motion_len()];
         for (n, motion) in reference.chunks_exact_mut(dims.motion_len()).enumerate() {
             trajectory.motion_at(n, samples, 0.0, motion);
@@ -337,6 +350,7 @@ mod tests {
         let settings = TrialSettings {
             run: 0,
             trajectory: rest_to_rest_3().trajectory(&[0.3], w),
+            open: &[],
             amplitudes: vec![0.3],
             periods: 3,
             control: &control,

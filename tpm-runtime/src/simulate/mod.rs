@@ -3,9 +3,11 @@
 //! Invariant: a run depends on the trial, the bench and its seed alone. All memory is reserved before the first sample; the
 //! loop itself allocates nothing.
 
+mod closed_loop_arm;
 mod plant;
 mod sensor;
 
+pub use closed_loop_arm::{ArmGeometry, ClosedLoopArm};
 pub use plant::{Plant, PlantError};
 pub use sensor::{Actuator, Sensor};
 

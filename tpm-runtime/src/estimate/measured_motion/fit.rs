@@ -16,6 +16,31 @@ const POOR: f64 = 0.25;
 /// Smallest share of the force that counts in that judgement.
 const POOR_FORCE: f64 = 0.01;
 
+/// What is known about how the parameters hang together.
+pub(in crate::estimate) trait Structure {
+    /// The parameters of this structure that explain the pooled equations best, or nothing when there is none; `gradient`
+    /// is added to the right of the normal equations.
+    fn explain(&mut self, information: &Information, gradient: &[f64]) -> Option<Vec<f64>>;
+}
+
+/// Every parameter for itself.
+struct Unstructured;
+
+impl Structure for Unstructured {
+    fn explain(&mut self, _: &Information, _: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
+}
+
+/// An estimate with the equations behind it.
+#[derive(Clone, Debug)]
+pub(in crate::estimate) struct Fitted {
+    /// The parameters without any structure.
+    pub(in crate::estimate) estimate: Estimate,
+    /// Those at which weights and bias were worked out: with the structure, when there is one.
+    pub(in crate::estimate) theta: Vec<f64>,
+}
+
 /// Estimates the parameters from the pooled equations of one or several records of the same model.
 ///
 /// The records' line selections are refined in place (a tail that the model does not explain is left out when the number
@@ -27,28 +52,45 @@ pub fn estimate_measured_motion(
     records: &mut [MeasuredMotion],
     settings: &Settings,
 ) -> Result<Estimate, EstimateError> {
+    Ok(estimate_structured(records, settings, &mut Unstructured)?.estimate)
+}
+
+/// The same with a structure of the parameters.
+///
+/// # Errors
+/// [`EstimateError`].
+pub(in crate::estimate) fn estimate_structured(
+    records: &mut [MeasuredMotion],
+    settings: &Settings,
+    structure: &mut dyn Structure,
+) -> Result<Fitted, EstimateError> {
     let Some(dims) = records.first().map(|r| r.dims) else {
         return Err(EstimateError::NoSignal);
     };
-    let mut estimate = solve_records(records, dims, settings)?;
+    let mut fitted = solve_records(records, dims, settings, structure)?;
     if settings.harmonics.is_none() {
         // Each cut lowers the median of what remains, so the loop is short; it ends at half of the lines at the latest.
         for _ in 0..8 {
             let mut cut = false;
             for record in records.iter_mut() {
-                let (variance, _) = record.row_noise(&estimate.values);
-                cut |= record.cut_tail(&estimate.values, &variance);
+                let (variance, _) = record.row_noise(&fitted.theta);
+                cut |= record.cut_tail(&fitted.theta, &variance);
             }
             if !cut {
                 break;
             }
-            estimate = solve_records(records, dims, settings)?;
+            fitted = solve_records(records, dims, settings, structure)?;
         }
     }
-    Ok(estimate)
+    Ok(fitted)
 }
 
-fn solve_records(records: &[MeasuredMotion], dims: Dims, settings: &Settings) -> Result<Estimate, EstimateError> {
+fn solve_records(
+    records: &[MeasuredMotion],
+    dims: Dims,
+    settings: &Settings,
+    structure: &mut dyn Structure,
+) -> Result<Fitted, EstimateError> {
     let p = dims.parameters;
     let mut start = settings.prior.clone();
     start.resize(p, 0.0);
@@ -64,6 +106,8 @@ fn solve_records(records: &[MeasuredMotion], dims: Dims, settings: &Settings) ->
         return Err(EstimateError::AllFrozen);
     }
     let prior_free: Vec<f64> = free.iter().map(|&j| start[j]).collect();
+    let hidden: Vec<Vec<f64>> =
+        settings.hidden.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
 
     let mut theta = start.clone();
     let mut model_error = vec![vec![0.0; dims.rows]; records.len()];
@@ -82,7 +126,7 @@ fn solve_records(records: &[MeasuredMotion], dims: Dims, settings: &Settings) ->
         .collect();
     let mut gradient = vec![0.0; free.len()];
     let mut information = Information::empty(free.len());
-    let mut solution = information.solve(&prior_free, None);
+    let mut solution = information.solve_beside(&prior_free, None, &hidden);
     let mut equations_total = 0;
     for pass in 0..12 {
         information = Information::empty(free.len());
@@ -100,10 +144,15 @@ fn solve_records(records: &[MeasuredMotion], dims: Dims, settings: &Settings) ->
             information = information.pool(&Information::of(&matrix, &right));
         }
         let correction = (pass > 0).then_some(gradient.as_slice());
-        solution = information.solve(&prior_free, correction);
+        solution = information.solve_beside(&prior_free, correction, &hidden);
         let before = theta.clone();
         for (&j, &value) in free.iter().zip(&solution.values) {
             theta[j] = value;
+        }
+        if free.len() == p
+            && let Some(explained) = structure.explain(&information, &gradient)
+        {
+            theta = explained;
         }
         let moved = free
             .iter()
@@ -156,6 +205,10 @@ fn solve_records(records: &[MeasuredMotion], dims: Dims, settings: &Settings) ->
     let scales: Vec<f64> = norms.iter().map(|n| if *n > 0.0 { *n } else { 1.0 }).collect();
     let touched = Information::touched(&solution.unobservable, &scales);
     let (residual, _) = pooled_residual(records, &theta);
+    let mut values = start;
+    for (&j, &value) in free.iter().zip(&solution.values) {
+        values[j] = value;
+    }
     let mut std = vec![0.0; p];
     let mut status = vec![Status::Frozen; p];
     for (a, &j) in free.iter().enumerate() {
@@ -166,14 +219,14 @@ fn solve_records(records: &[MeasuredMotion], dims: Dims, settings: &Settings) ->
         }
         std[j] = covariance[(j, j)].max(0.0).sqrt();
         let uncertain_force = records.iter().map(|record| record.force_share(j, std[j])).fold(0.0, f64::max);
-        status[j] = if std[j] > POOR * theta[j].abs() && uncertain_force > POOR_FORCE {
+        status[j] = if std[j] > POOR * values[j].abs() && uncertain_force > POOR_FORCE {
             Status::PoorlyDetermined
         } else {
             Status::Identified
         };
     }
-    Ok(Estimate {
-        values: theta,
+    let estimate = Estimate {
+        values,
         std,
         covariance,
         status,
@@ -183,7 +236,8 @@ fn solve_records(records: &[MeasuredMotion], dims: Dims, settings: &Settings) ->
         residual,
         chi_squared,
         model_error: (0..dims.rows).map(|r| model_error.iter().map(|e| e[r].sqrt()).fold(0.0, f64::max)).collect(),
-    })
+    };
+    Ok(Fitted { estimate, theta })
 }
 
 /// Residual of all records as a share of the force: root mean square over rows and records of each one's share.

@@ -13,6 +13,7 @@ mod noise;
 mod sampling;
 
 pub use fit::estimate_measured_motion;
+pub(in crate::estimate) use fit::{Fitted, Structure, estimate_structured};
 pub(in crate::estimate) use sampling::{analyse, synthesise};
 
 use super::select::{highest_visible, strongest, unexplained_tail, visible, without_stragglers};
@@ -93,6 +94,9 @@ pub struct Settings {
     pub prior: Vec<f64>,
     /// Parameters that are held.
     pub frozen: Vec<Frozen>,
+    /// Directions that the experiments cannot show, known beforehand: the estimate keeps its prior along them although
+    /// noise and errors of the tracking seem to show them.
+    pub hidden: Vec<Vec<f64>>,
 }
 
 /// The harmonic equations of one record.

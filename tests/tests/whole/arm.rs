@@ -1,0 +1,177 @@
+//! The closed-loop arm of Feng, chapter 5: its quadratic model identified on an arm whose loop is closed exactly.
+
+use crate::support::model as shipped;
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+use tpm_runtime::experiment::{CampaignIdentification, Experiment, Machine};
+use tpm_runtime::harmonics::Hold;
+use tpm_runtime::model::Model as _;
+use tpm_runtime::procedure::{Campaign, Record, Trial};
+use tpm_runtime::simulate::{ClosedLoopArm, simulate};
+use tpm_symbolic::prepare::prepare;
+
+const PROPOSED: &str = include_str!("../../../models/closed_loop_arm.toml");
+const THESIS: &str = include_str!("../../../models/closed_loop_arm_thesis.toml");
+/// The second arm that fits Table 5.1, as changes of the first.
+const SECOND: [(&str, &str); 6] = [
+    ("constants.th20", "5.56496917"),
+    ("plant.closed_loop_arm.lengths", "[0.102832525, 0.490489504, 0.312920196, 0.100188506, 0.698860106]"),
+    ("plant.closed_loop_arm.masses", "[2.05213335, 2.64063002, 14.0523521, 14.7652820]"),
+    ("plant.closed_loop_arm.centroids", "[0.572369221, 0.343367718, 0.00419312107, 0.544407488]"),
+    ("plant.closed_loop_arm.inertias", "[0.0446111264, 0.0527107853, 0.00656877595, 0.231334601]"),
+    ("plant.closed_loop_arm.torque_scale", "461.049672"),
+];
+
+fn experiments(text: &str) -> [Experiment; 2] {
+    let first = Experiment::parse(text).expect("the shipped file is right");
+    let mut second = first.clone();
+    for (key, value) in SECOND {
+        second.apply_override(key, value).expect("a value of the file");
+    }
+    [first, second]
+}
+
+fn machine(experiment: &Experiment) -> Machine {
+    let prepared = prepare(shipped("closed_loop_arm")).expect("linear in its coefficients");
+    let pattern = prepared.model.pattern(None).expect("has a pattern").clone();
+    Machine::new(&prepared, &pattern, experiment, &BTreeMap::new()).expect("a machine")
+}
+
+fn arm(experiment: &Experiment) -> ClosedLoopArm {
+    experiment.other_plant(machine(experiment).plant()).expect("fits").expect("an arm")
+}
+
+/// The coefficients whose torques along the reference are nearest to the arm's own (least squares over equal times, each
+/// joint by its own torque), and the shares of them that an orthonormal basis of what the reference shows sees.
+fn best_quadratic(experiment: &Experiment) -> DVector<f64> {
+    let machine = machine(experiment);
+    let (plant, arm) = (machine.plant(), arm(experiment));
+    let setup = experiment.setup(plant, machine.pattern(), Hold::Zoh).expect("fits");
+    let reference = setup.procedure.stages[0].trajectory(machine.pattern(), 1.0);
+    let samples = 1000;
+    let mut matrix = DMatrix::<f64>::zeros(2 * samples, 9);
+    let mut torque = DVector::<f64>::zeros(2 * samples);
+    let (mut motion, mut phi, mut own) = ([0.0; 6], [0.0; 18], [0.0; 2]);
+    let mut scratch = vec![0.0; plant.workspace_len()];
+    for n in 0..samples {
+        reference.motion_at(n, samples, 0.0, &mut motion);
+        plant.regressor(&motion, &setup.constants, &mut scratch, &mut phi).expect("lengths fit");
+        arm.known(&motion, &[], &mut [], &mut own).expect("lengths fit");
+        for joint in 0..2 {
+            torque[joint * samples + n] = own[joint];
+            for j in 0..9 {
+                matrix[(joint * samples + n, j)] = phi[9 * joint + j];
+            }
+        }
+    }
+    for joint in 0..2 {
+        let size = torque.rows(joint * samples, samples).norm();
+        torque.rows_mut(joint * samples, samples).apply(|t| *t /= size);
+        matrix.rows_mut(joint * samples, samples).apply(|x| *x /= size);
+    }
+    let scale: Vec<f64> = matrix.column_iter().map(|column| column.norm()).collect();
+    let scaled = DMatrix::from_fn(2 * samples, 9, |r, c| matrix[(r, c)] / scale[c]);
+    let found = scaled.svd(true, true).solve(&torque, 1e-9).expect("both factors");
+    let mut best = DVector::zeros(9);
+    for j in 0..9 {
+        let at = NAMES.iter().position(|name| *name == plant.parameter(j).name).expect("a coefficient");
+        best[at] = found[j] / scale[j];
+    }
+    best
+}
+
+fn identified(experiment: &Experiment) -> (CampaignIdentification, [f64; 9]) {
+    let machine = machine(experiment);
+    let result = machine.identify(experiment, &mut |_| true).expect("runs");
+    let mut values = [0.0; 9];
+    for (j, name) in NAMES.into_iter().enumerate() {
+        let at = result.parameters.iter().position(|p| p.name == name).expect("a coefficient");
+        values[j] = result.current[at];
+    }
+    (result, values)
+}
+
+const NAMES: [&str; 9] = ["a10", "a11", "a12", "a20", "a21", "a22", "a30", "a31", "a32"];
+
+/// Root-mean-square tracking error of both joints at w = 3.6 on the thesis's pattern with given coefficients.
+fn tracking(experiment: &Experiment, values: &[f64; 9]) -> [f64; 2] {
+    let mut experiment = experiment.clone();
+    // The motion itself: an encoder's count alone is as large as the error that remains.
+    experiment.plant.sensors.clear();
+    experiment.schedule.multiples.clear();
+    experiment.schedule.stages.truncate(1);
+    experiment.schedule.stages[0].insert("w".to_owned(), 3.6);
+    experiment.schedule.max_runs = 1;
+    experiment.prior = NAMES.iter().zip(values).map(|(name, value)| ((*name).to_owned(), *value)).collect();
+    let machine = machine(&experiment);
+    let setup = experiment.setup(machine.plant(), machine.pattern(), Hold::Zoh).expect("fits");
+    let mut campaign = Campaign::new(machine.plant(), setup).expect("playable");
+    let trial: Trial = campaign.next().expect("first").clone();
+    let record: Record =
+        simulate(&arm(&experiment), &experiment.bench(machine.plant()).expect("fits"), &trial).expect("runs");
+    let report = campaign.submit(&record).expect("accepted");
+    [report.tracking_rms[0], report.tracking_rms[1]]
+}
+
+#[test]
+fn the_thesis_pattern_shows_six_combinations() {
+    for (rig, experiment) in experiments(THESIS).into_iter().enumerate() {
+        let (result, values) = identified(&experiment);
+        assert_eq!((result.rank, result.unobservable.len()), (6, 3), "{:?}", result.warnings);
+        let stage = &experiment.schedule.stages[0];
+        let (l1, l2) = (stage["lambda1"], stage["lambda2"]);
+        let null = [l2 * l2, l1 * l1, -2.0 * l1 * l2];
+        // Each reported direction is a combination of the three (lambda2^2, lambda1^2, -2 lambda1 lambda2) in (a1k, a2k, a3k).
+        for direction in &result.unobservable {
+            for k in 0..3 {
+                let parts: Vec<f64> = (1..=3)
+                    .map(|i| direction.get(&format!("a{i}{k}")).map_or(0.0, |text| text.parse().expect("a number")))
+                    .collect();
+                let scale = parts[1] / null[1];
+                for (part, null) in parts.iter().zip(null) {
+                    assert!((part - scale * null).abs() < 1e-6, "{direction:?}");
+                }
+            }
+        }
+        // What is orthogonal to them is right, the rest keeps its prior.
+        let best = best_quadratic(&experiment);
+        let norm = null.iter().map(|n| n * n).sum::<f64>().sqrt();
+        let along = |v: &[f64], k: usize| (0..3).map(|i| v[3 * i + k] * null[i] / norm).sum::<f64>();
+        for k in 0..3 {
+            let shown =
+                |v: &[f64]| -> Vec<f64> { (0..3).map(|i| v[3 * i + k] - along(v, k) * null[i] / norm).collect() };
+            let (found, wanted) = (shown(&values), shown(best.as_slice()));
+            let difference = found.iter().zip(&wanted).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            let size = wanted.iter().map(|b| b * b).sum::<f64>().sqrt();
+            println!("rig {}: combinations of a1{k}, a2{k}, a3{k}: {:.3} %", rig + 1, 100.0 * difference / size);
+        }
+        let start: [f64; 9] = NAMES.map(|name| experiment.prior[name]);
+        let [before, after] = [start, values].map(|v| tracking(&experiment, &v));
+        println!("rig {}: tracking {before:?} -> {after:?}", rig + 1);
+        assert!(before[0] > 4.0 * after[0] && before[1] > 4.0 * after[1], "{before:?} {after:?}");
+    }
+}
+
+/// Largest relative differences of [`NAMES`] from the best quadratic; a22 is what the quadratic leaves out.
+const LIMITS: [f64; 9] = [0.01, 0.01, 0.01, 0.01, 0.15, f64::INFINITY, 0.01, 0.05, 0.05];
+
+#[test]
+fn the_proposed_design_shows_all_coefficients() {
+    for (rig, experiment) in experiments(PROPOSED).into_iter().enumerate() {
+        let (result, values) = identified(&experiment);
+        assert_eq!(result.rank, 9, "{:?}", result.warnings);
+        let best = best_quadratic(&experiment);
+        for ((name, value), (best, limit)) in NAMES.iter().zip(values).zip(best.iter().zip(LIMITS)) {
+            println!(
+                "rig {}: {name} {value:.1}, best quadratic {best:.1}: {:.2} %",
+                rig + 1,
+                100.0 * (value / best - 1.0)
+            );
+            assert!((value / best - 1.0).abs() <= limit, "{name}: {value} {best}");
+        }
+        let start: [f64; 9] = NAMES.map(|name| experiment.prior[name]);
+        let [before, after] = [start, values].map(|v| tracking(&experiment, &v));
+        println!("rig {}: tracking {before:?} -> {after:?}; condition {:?}", rig + 1, result.condition);
+        assert!(before[0] > 4.0 * after[0] && before[1] > 4.0 * after[1], "{before:?} {after:?}");
+    }
+}

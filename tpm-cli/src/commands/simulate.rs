@@ -1,0 +1,60 @@
+//! `tpm simulate`: one run on the simulated plant, as a log.
+
+use super::campaign::read_trial;
+use super::simulated::{SimulatedArgs, Simulation};
+use crate::failure::Failure;
+use crate::{Outcome, output};
+use std::path::PathBuf;
+use tpm_runtime::experiment::samples_text;
+use tpm_runtime::harmonics::Hold;
+use tpm_runtime::model::Model;
+use tpm_runtime::procedure::Ending;
+use tpm_runtime::simulate::simulate;
+
+/// Options of `tpm simulate`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    #[command(flatten)]
+    simulated: SimulatedArgs,
+    /// Play the run that `tpm campaign next` wrote to this file; the experiment's first run when not given.
+    #[arg(long, value_name = "CSV")]
+    play: Option<PathBuf>,
+    /// Write the log to this file instead of standard output.
+    #[arg(short, long, value_name = "CSV")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
+    let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
+    let plant = machine.plant();
+    let setup = experiment.setup(plant, machine.pattern(), Hold::Zoh).map_err(|error| input(&error))?;
+    experiment.check_stability(plant, &setup).map_err(|error| input(&error))?;
+    let campaign = machine.campaign(&experiment, setup).map_err(|error| input(&error))?;
+    let Some(first) = campaign.next() else {
+        return Err(Failure::Input("the experiment has no run to play".to_owned()));
+    };
+    let trial = match &args.play {
+        Some(path) => read_trial(path, &machine, first)?,
+        None => first.clone(),
+    };
+    let bench = experiment.bench(plant).map_err(|error| input(&error))?;
+    let other = experiment.other_plant(plant).map_err(|error| input(&error))?;
+    let simulated = other.as_ref().map_or(plant as &dyn Model<f64>, |arm| arm as &dyn Model<f64>);
+    let record = simulate(simulated, &bench, &trial).map_err(|error| input(&error))?;
+    output::emit(args.output.as_deref(), &samples_text(plant, &record))?;
+    match record.ending {
+        Ending::Complete => {}
+        Ending::TrackingBound { coordinate, sample, error } => output::remark(&format!(
+            "remark: stopped at sample {sample}: the tracking error of {} passed its bound ({error})",
+            plant.coordinate(coordinate).name
+        )),
+        Ending::Diverged { sample } => {
+            output::remark(&format!("remark: stopped at sample {sample}: the motion diverged"))
+        }
+    }
+    Ok(())
+}

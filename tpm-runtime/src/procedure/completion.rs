@@ -1,0 +1,310 @@
+//! The periodic motion of the coordinates that a pattern leaves open.
+//!
+//! A chain is driven at one end and its pattern prescribes the other (Feng, chapter 4): the rows without an input,
+//! `m2 x2'' + k3 (x2 - x1) = 0`, then fix the motion of what lies between, and a collocated controller takes its reference
+//! from there. Invariant: the open coordinates are finite Fourier series that make every harmonic of these rows vanish to
+//! rounding (harmonic balance, by Newton's method; one step where the rows are linear in the open coordinates), with as many
+//! harmonics as it takes until the highest ones are negligible.
+
+use super::trial::TrialError;
+use crate::model::Model;
+use crate::trajectory::{Line, Series, Trajectory};
+use nalgebra::{DMatrix, DVector};
+use std::vec;
+use std::vec::Vec;
+
+/// Fewest and most harmonics of an open coordinate.
+const HARMONICS: (usize, usize) = (8, 128);
+/// Most Newton steps.
+const STEPS: usize = 40;
+/// A step of this share of the motion is rounding.
+const CONVERGED: f64 = 1e-13;
+/// The upper quarter of the harmonics is negligible below this share of the largest.
+const NEGLIGIBLE: f64 = 1e-12;
+/// Step of the difference quotients as a share of a slot's size; five points, so exact up to the fourth degree.
+const DIFFERENCE: f64 = 1e-3;
+
+/// Fills the series of the open coordinates with their periodic motion under given parameters.
+///
+/// # Errors
+/// [`TrialError::Open`] when the rows without an input do not determine it, [`TrialError::Evaluation`].
+pub(super) fn complete(
+    model: &dyn Model<f64>,
+    trajectory: &mut Trajectory,
+    open: &[usize],
+    parameters: &[f64],
+    constants: &[f64],
+) -> Result<(), TrialError> {
+    if open.is_empty() {
+        return Ok(());
+    }
+    let fault = |reason| TrialError::Open {
+        coordinates: open.iter().map(|&c| model.coordinate(c).name.into()).collect(),
+        reason,
+    };
+    let mut harmonics = HARMONICS.0.max(2 * trajectory.highest_harmonic() as usize).min(HARMONICS.1);
+    loop {
+        let balance = Balance::new(model, trajectory, open, parameters, constants, harmonics)?;
+        if balance.rows.len() != open.len() {
+            return Err(fault(OpenReason::Rows { free: balance.rows.len(), open: open.len() }));
+        }
+        let solution = balance.solve(trajectory)?.map_err(fault)?;
+        if solution.iter().all(|lines| is_short(lines)) {
+            for (&c, lines) in open.iter().zip(solution) {
+                trajectory.coordinates[c] = series(&lines);
+            }
+            return Ok(());
+        }
+        if harmonics == HARMONICS.1 {
+            return Err(fault(OpenReason::Harmonics { most: HARMONICS.1 }));
+        }
+        harmonics = (2 * harmonics).min(HARMONICS.1);
+    }
+}
+
+/// Why the motion of open coordinates is not determined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OpenReason {
+    /// There are more or fewer rows without an input than open coordinates.
+    #[error("there are {free} rows without an input for {open} coordinates; give the others a motion in the pattern")]
+    Rows {
+        /// Rows without an input.
+        free: usize,
+        /// Open coordinates.
+        open: usize,
+    },
+    /// The rows leave the motion open with these estimates.
+    #[error("with these estimates the rows without an input do not determine it; is a stiffness or a mass zero?")]
+    Singular,
+    /// Newton's method does not converge.
+    #[error("no periodic motion was found; start smaller or slower")]
+    NoConvergence,
+    /// The series does not end.
+    #[error("its harmonics do not fade out up to the {most}th; start smaller or slower")]
+    Harmonics {
+        /// Harmonics that were tried.
+        most: usize,
+    },
+}
+
+/// The upper quarter of the harmonics is negligible.
+fn is_short(lines: &[f64]) -> bool {
+    let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+    let harmonics = lines.len() / 2;
+    lines[1 + 2 * (harmonics - harmonics / 4)..].iter().all(|x| x.abs() <= NEGLIGIBLE * peak)
+}
+
+/// Mean, then cosine and sine of every harmonic, as a series without lines of mere rounding.
+fn series(lines: &[f64]) -> Series {
+    let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+    let kept = |x: f64| if x.abs() > f64::EPSILON * peak { x } else { 0.0 };
+    let of = |(k, pair): (usize, &[f64])| Line { harmonic: k as u32 + 1, cos: kept(pair[0]), sin: kept(pair[1]) };
+    let lines_of = lines[1..].chunks_exact(2).enumerate().map(of);
+    Series { mean: kept(lines[0]), lines: lines_of.filter(|line| line.cos != 0.0 || line.sin != 0.0).collect() }
+}
+
+/// The rows without an input at the points of one period.
+struct Balance<'a> {
+    model: &'a dyn Model<f64>,
+    open: &'a [usize],
+    parameters: &'a [f64],
+    constants: &'a [f64],
+    harmonics: usize,
+    points: usize,
+    /// Rows without an input.
+    rows: Vec<usize>,
+}
+
+impl<'a> Balance<'a> {
+    fn new(
+        model: &'a dyn Model<f64>,
+        trajectory: &Trajectory,
+        open: &'a [usize],
+        parameters: &'a [f64],
+        constants: &'a [f64],
+        harmonics: usize,
+    ) -> Result<Self, TrialError> {
+        let dims = model.dims();
+        // Products of four series of this length are still resolved.
+        let points = (8 * (harmonics + 1)).next_power_of_two();
+        let mut driven = vec![false; dims.rows];
+        let mut map = vec![0.0; dims.input_map_len()];
+        let mut scratch = vec![0.0; model.workspace_len()];
+        let mut motion = vec![0.0; dims.motion_len()];
+        for n in 0..points {
+            trajectory.motion_at(n, points, 0.0, &mut motion);
+            model.input_map(&motion, constants, &mut scratch, &mut map)?;
+            for (driven, row) in driven.iter_mut().zip(map.chunks_exact(dims.inputs.max(1))) {
+                *driven |= row.iter().any(|b| b.abs() > 0.0);
+            }
+        }
+        let rows = (0..dims.rows).filter(|&r| !driven[r]).collect();
+        Ok(Balance { model, open, parameters, constants, harmonics, points, rows })
+    }
+
+    /// Mean and lines of every open coordinate, or why there are none.
+    fn solve(&self, trajectory: &Trajectory) -> Result<Result<Vec<Vec<f64>>, OpenReason>, TrialError> {
+        let width = 2 * self.harmonics + 1;
+        let size = self.open.len() * width;
+        let mut now = trajectory.clone();
+        let mut unknown = DVector::<f64>::zeros(size);
+        for _ in 0..STEPS {
+            for (&c, lines) in self.open.iter().zip(unknown.as_slice().chunks_exact(width)) {
+                now.coordinates[c] = series(lines);
+            }
+            let (residual, jacobian) = self.linearise(&now)?;
+            // Rows of high harmonics are larger by the square of their frequency.
+            let scale: Vec<f64> = jacobian.row_iter().map(|row| row.amax()).collect();
+            if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) || residual.iter().any(|x| !x.is_finite()) {
+                return Ok(Err(OpenReason::Singular));
+            }
+            let scaled = DMatrix::from_fn(size, size, |r, c| jacobian[(r, c)] / scale[r]);
+            let right = DVector::from_fn(size, |r, _| -residual[r] / scale[r]);
+            let Some(step) = scaled.lu().solve(&right).filter(|step| step.iter().all(|x| x.is_finite())) else {
+                return Ok(Err(OpenReason::Singular));
+            };
+            unknown += &step;
+            if step.amax() <= CONVERGED * unknown.amax() {
+                return Ok(Ok(unknown.as_slice().chunks_exact(width).map(<[f64]>::to_vec).collect()));
+            }
+        }
+        Ok(Err(OpenReason::NoConvergence))
+    }
+
+    /// Harmonics of the rows, and their derivatives with respect to the unknown lines.
+    fn linearise(&self, now: &Trajectory) -> Result<(DVector<f64>, DMatrix<f64>), TrialError> {
+        let dims = self.model.dims();
+        let width = 2 * self.harmonics + 1;
+        let size = self.open.len() * width;
+        let mut residual = DVector::zeros(size);
+        let mut jacobian = DMatrix::zeros(size, size);
+        let mut motion = vec![0.0; dims.motion_len()];
+        let mut scratch = vec![0.0; self.model.inverse_workspace_len()];
+        let (mut force, mut side) = (vec![0.0; dims.rows], vec![0.0; dims.rows]);
+        let mut sizes = vec![0.0_f64; dims.motion_len()];
+        for n in 0..self.points {
+            now.motion_at(n, self.points, 0.0, &mut motion);
+            for (size, value) in sizes.iter_mut().zip(&motion) {
+                *size = size.max(value.abs());
+            }
+        }
+        // Basis of one coordinate and its derivatives at a point: 1, cos, sin, cos 2, sin 2, ...
+        let mut basis = vec![0.0; width];
+        for n in 0..self.points {
+            now.motion_at(n, self.points, 0.0, &mut motion);
+            self.model.inverse_dynamics(&motion, self.parameters, self.constants, &mut scratch, &mut force)?;
+            let test = self.test_functions(n);
+            for (f, &row) in self.rows.iter().enumerate() {
+                for (i, t) in test.iter().enumerate() {
+                    residual[f * width + i] += t * force[row];
+                }
+            }
+            for (o, &c) in self.open.iter().enumerate() {
+                for order in 0..=self.model.coordinate_order(c) {
+                    let slot = order * dims.coordinates + c;
+                    let step = DIFFERENCE * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
+                    let centre = motion[slot];
+                    let mut gains = vec![0.0; self.rows.len()];
+                    for (shift, weight) in [(-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)] {
+                        motion[slot] = centre + shift * step;
+                        self.model.inverse_dynamics(
+                            &motion,
+                            self.parameters,
+                            self.constants,
+                            &mut scratch,
+                            &mut side,
+                        )?;
+                        for (gain, &row) in gains.iter_mut().zip(&self.rows) {
+                            *gain += weight / (12.0 * step) * side[row];
+                        }
+                    }
+                    motion[slot] = centre;
+                    if gains.iter().all(|gain| *gain == 0.0) {
+                        continue;
+                    }
+                    self.basis(n, order, now.frequency, &mut basis);
+                    for (f, gain) in gains.iter().enumerate() {
+                        for (i, t) in test.iter().enumerate() {
+                            for (j, b) in basis.iter().enumerate() {
+                                jacobian[(f * width + i, o * width + j)] += t * gain * b;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Ok((residual, jacobian))
+    }
+
+    /// Weights that turn samples into mean, cosines and sines.
+    fn test_functions(&self, n: usize) -> Vec<f64> {
+        let mut test = vec![0.0; 2 * self.harmonics + 1];
+        self.basis(n, 0, 1.0, &mut test);
+        for (i, value) in test.iter_mut().enumerate() {
+            *value *= if i == 0 { 1.0 } else { 2.0 } / self.points as f64;
+        }
+        test
+    }
+
+    /// The given derivative of 1, cos, sin, cos 2, sin 2, ... at a point.
+    fn basis(&self, n: usize, order: usize, frequency: f64, out: &mut [f64]) {
+        for (i, value) in out.iter_mut().enumerate() {
+            let harmonic = i.div_ceil(2);
+            if harmonic == 0 {
+                *value = if order == 0 { 1.0 } else { 0.0 };
+                continue;
+            }
+            let phase = 2.0 * std::f64::consts::PI * ((harmonic * n) % self.points) as f64 / self.points as f64;
+            // Every derivative is a quarter turn.
+            let quarter = (order + if i % 2 == 1 { 0 } else { 3 }) % 4;
+            let (sin, cos) = phase.sin_cos();
+            let turned = [cos, -sin, -cos, sin][quarter];
+            *value = turned * (harmonic as f64 * frequency).powi(order as i32);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{OpenReason, complete};
+    use crate::procedure::TrialError;
+    use crate::test_models::TwoCarts;
+    use crate::trajectory::{Line, Series, Trajectory};
+    use std::vec;
+
+    fn trajectory() -> Trajectory {
+        let lines = [(1, 1.0), (3, -1.0 / 6.0), (5, 1.0 / 50.0)];
+        let lines = lines.iter().map(|&(harmonic, a)| Line { harmonic, cos: 0.4 * a, sin: 0.0 }).collect();
+        Trajectory { frequency: 4.0, coordinates: vec![Series::default(), Series { mean: 0.1, lines }] }
+    }
+
+    #[test]
+    fn the_driven_cart_follows_from_the_free_one() {
+        // x1 = x2 + m2/k3 x2'' (Feng, Eqn 4.32).
+        let mut found = trajectory();
+        complete(&TwoCarts, &mut found, &[0], &[2.0, 1.0, 40.0, 300.0, 200.0], &[]).expect("determined");
+        assert_eq!(found.highest_harmonic(), 5);
+        for i in 0..20 {
+            let phase = 0.3 * f64::from(i);
+            let [x1, x2, x2_dd] = [(0, 0), (1, 0), (1, 2)].map(|(c, n)| found.coordinates[c].derivative(phase, 4.0, n));
+            assert!((x1 - x2 - x2_dd / 200.0).abs() < 1e-14, "{x1} {x2}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_determined_is_refused() {
+        let reason = |open: &[usize], k3: f64| match complete(
+            &TwoCarts,
+            &mut trajectory(),
+            open,
+            &[2.0, 1.0, 40.0, 300.0, k3],
+            &[],
+        ) {
+            Err(TrialError::Open { reason, .. }) => Some(reason),
+            _ => None,
+        };
+        assert_eq!(reason(&[0], 0.0), Some(OpenReason::Singular));
+        assert_eq!(reason(&[0, 1], 200.0), Some(OpenReason::Rows { free: 1, open: 2 }));
+        assert_eq!(reason(&[], 200.0), None);
+    }
+}
