@@ -15,6 +15,7 @@ pub mod control;
 pub mod estimate;
 #[cfg(feature = "std")]
 pub mod experiment;
+pub mod filter;
 #[cfg(feature = "std")]
 pub mod frequency;
 pub mod harmonics;

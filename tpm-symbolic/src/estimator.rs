@@ -14,6 +14,7 @@ use crate::pattern::{Motion, Pattern};
 use crate::plan::{Merger, Op, Plan, Slot};
 use crate::rational;
 use crate::regressor::RegressorForm;
+use crate::split::split_form;
 use crate::table::{Entry, HarmonicTable};
 use num_traits::{One, Zero};
 use std::collections::HashMap;
@@ -139,6 +140,9 @@ pub struct EstimatorPlan {
     pub inverse_dynamics: Plan,
     /// The inputs, when every input stands in exactly one equation and alone there.
     pub feed_forward: Option<Plan>,
+    /// The same in two parts that add up, the motion-independent one first ([`crate::split`]); `None` where there is no
+    /// feed-forward, or its terms cannot be shared out.
+    pub feed_forward_parts: Option<[Plan; 2]>,
     /// The columns from the physical parameters; `None` when every column is one of them.
     pub lumping: Option<Plan>,
     /// One per pattern of the model.
@@ -168,6 +172,7 @@ impl EstimatorPlan {
         let inverse_dynamics = merger.clone().finish(forces.clone());
         Self {
             feed_forward: feed_forward(merger, &forces, &evaluation, form),
+            feed_forward_parts: feed_forward_parts(model, leaves, form),
             inverse_dynamics,
             lumping: lumping(model, form),
             patterns: model
@@ -232,6 +237,18 @@ fn feed_forward(mut merger: Merger, forces: &[Slot], evaluation: &Evaluation, fo
         });
     }
     Some(merger.finish(outputs))
+}
+
+/// The feed-forward of each part of the rows.
+fn feed_forward_parts(model: &Model, leaves: Leaves, form: &RegressorForm) -> Option<[Plan; 2]> {
+    let [resting, moving] = split_form(model, form)?;
+    let plan = |part: &RegressorForm| {
+        let evaluation = Evaluation::new(model, part);
+        let mut merger = Merger::default();
+        let forces = inverse_dynamics(&mut merger, leaves, &evaluation, part);
+        feed_forward(merger, &forces, &evaluation, part)
+    };
+    Some([plan(&resting)?, plan(&moving)?])
 }
 
 fn lumping(model: &Model, form: &RegressorForm) -> Option<Plan> {

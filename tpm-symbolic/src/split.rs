@@ -25,6 +25,7 @@ use crate::pattern::Pattern;
 use crate::polynomial::{Monomial, Polynomial};
 use crate::prepare::{PrepareError, Prepared, prepare};
 use crate::rational::{self, Rational};
+use crate::regressor::RegressorForm;
 use crate::trig;
 use num_traits::One;
 use std::collections::HashMap;
@@ -262,6 +263,61 @@ pub fn numeric_parts(
         part.tail += factor.abs() * column.tail;
     }
     Ok(found)
+}
+
+/// The regressor form in its two parts, the motion-independent and the motion-dependent one, for rows that each hold one input:
+/// the terms of every row are shared out, so that Phi theta + known of both add up to the whole.
+///
+/// `None` where that cannot be done term by term: a row holds several inputs, an input's coordinate does not follow from the
+/// equations or is eliminated, or a term has a share in both parts.
+#[must_use]
+pub fn split_form(model: &Model, form: &RegressorForm) -> Option<[RegressorForm; 2]> {
+    let pairs = pairing(model)?;
+    let mut graph = model.graph.clone();
+    let zero = graph.integer(0);
+    let order = model.order();
+    let mut parts = [form.clone(), form.clone()];
+    for (index, row) in form.rows.iter().enumerate() {
+        let [resting, moving] = &mut parts;
+        resting.rows[index].terms.clear();
+        moving.rows[index].terms.clear();
+        let (input, rest) = row.inputs.split_first().map(|((symbol, _), rest)| (*symbol, rest)).unzip();
+        let Some(input) = input else { continue };
+        if rest.is_some_and(|rest| !rest.is_empty()) {
+            return None;
+        }
+        let leaf = graph.symbol(input);
+        let acts =
+            model.equations.iter().enumerate().filter(|(_, equation)| {
+                equation.terms.iter().any(|term| model.graph.leaves(term.expr).contains(&leaf))
+            });
+        let driven = driven(model, Some(&pairs), acts.map(|(equation, _)| equation))?;
+        if model.eliminations.iter().flat_map(|e| &e.coordinates).any(|coordinate| driven.contains(coordinate)) {
+            return None;
+        }
+        let mut still = HashMap::new();
+        for &coordinate in &driven {
+            for n in 1..=order {
+                still.insert(graph.derivative_of(coordinate, n), zero);
+            }
+        }
+        for term in &row.terms {
+            let values: Vec<(ExprId, ExprId, i32)> = term
+                .atoms
+                .factors()
+                .map(|(&atom, exponent)| (atom, graph.substitute(atom, &still), exponent))
+                .collect();
+            let part = if values.iter().any(|(_, value, exponent)| *value == zero && *exponent > 0) {
+                &mut *moving
+            } else if values.iter().all(|(atom, value, _)| atom == value) {
+                &mut *resting
+            } else {
+                return None;
+            };
+            part.rows[index].terms.push(term.clone());
+        }
+    }
+    Some(parts)
 }
 
 /// A row with inputs, and what multiplies its terms in each input's solution.

@@ -127,7 +127,13 @@ impl Estimator {
         let fixed = [&plan.evaluation.regressor, &plan.evaluation.known, &plan.evaluation.input_map];
         let references = plan.patterns.iter().filter_map(|pattern| pattern.reference.as_ref().ok());
         let tables = self.tables().flat_map(|table| [&table.matrix, &table.bank]);
-        fixed.into_iter().chain([&plan.inverse_dynamics]).chain(&plan.lumping).chain(references).chain(tables)
+        fixed
+            .into_iter()
+            .chain([&plan.inverse_dynamics])
+            .chain(plan.feed_forward_parts.iter().flatten())
+            .chain(&plan.lumping)
+            .chain(references)
+            .chain(tables)
     }
 
     fn numbers(&self) -> impl Iterator<Item = &Rational> {

@@ -52,6 +52,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
         input_map(context),
         inverse_dynamics(context),
         feed_forward(context),
+        feed_forward_parts(context),
         implementation(context),
     ];
     parts.into_iter().collect()
@@ -483,6 +484,37 @@ fn feed_forward(context: &Context<'_>) -> TokenStream {
             Inputs { #(#fields: #values),* }
         }
     }
+}
+
+fn feed_forward_parts(context: &Context<'_>) -> TokenStream {
+    let Some([independent, dependent]) = &context.estimator.plan.feed_forward_parts else { return TokenStream::new() };
+    let part = |name: &str, plan: &Plan, about: &str| {
+        let about = doc(&format!("{about}{}", text::operations(plan)));
+        let (name, arguments) = (ident(name), arguments(context, plan, true));
+        let (statements, values) = written(context, plan);
+        let fields = context.names.inputs.iter().map(|(_, name)| name);
+        quote! {
+            #about
+            #[must_use]
+            pub fn #name<T: Real>(#arguments) -> Inputs<T> {
+                #statements
+                Inputs { #(#fields: #values),* }
+            }
+        }
+    };
+    let independent = part(
+        "feed_forward_independent",
+        independent,
+        "The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate\n\
+         still while the others move. An actuator gives it as fast as its amplifier is, so that it needs no low pass.",
+    );
+    let dependent = part(
+        "feed_forward_dependent",
+        dependent,
+        "The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive. With\n\
+         [`feed_forward_independent`] it adds up to [`feed_forward`].",
+    );
+    quote!(#independent #dependent)
 }
 
 fn implementation(context: &Context<'_>) -> TokenStream {

@@ -212,6 +212,12 @@ pub(super) fn header(context: &Context<'_>) -> String {
              there is `inverse_dynamics` but no `feed_forward`.\n",
         );
     }
+    if plan.feed_forward.is_some() && plan.feed_forward_parts.is_none() {
+        text.push_str(
+            "\nThe feed-forward is not parted into what holds the driven coordinates still and what moves them: such a \
+             coordinate is eliminated or does not follow from the equations, or a term has a share in both.\n",
+        );
+    }
     text.push_str("\n| function | additions | multiplications | divisions | function calls |\n|---|---|---|---|---|\n");
     for (name, plan) in functions(context) {
         let OperationCounts { additions, multiplications, divisions, functions } = plan.counts();
@@ -238,6 +244,10 @@ fn functions<'a>(context: &'a Context<'_>) -> Vec<(String, &'a Plan)> {
         ("inverse_dynamics".to_owned(), &plan.inverse_dynamics),
     ];
     list.extend(plan.feed_forward.iter().map(|plan| ("feed_forward".to_owned(), plan)));
+    if let Some([independent, dependent]) = &plan.feed_forward_parts {
+        list.push(("feed_forward_independent".to_owned(), independent));
+        list.push(("feed_forward_dependent".to_owned(), dependent));
+    }
     list.extend(plan.lumping.iter().map(|plan| ("Physical::lump".to_owned(), plan)));
     for (pattern, names) in plan.patterns.iter().zip(&context.names.patterns) {
         let path = names.module.as_ref().map_or_else(String::new, |module| format!("{module}::"));
