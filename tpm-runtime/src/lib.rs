@@ -34,6 +34,8 @@ pub mod plot;
 pub mod procedure;
 pub mod real;
 #[cfg(feature = "std")]
+pub mod regulator;
+#[cfg(feature = "std")]
 pub mod report;
 #[cfg(feature = "std")]
 pub mod simulate;

@@ -4,11 +4,15 @@
 //! loop itself allocates nothing.
 
 mod closed_loop_arm;
+mod drive;
 mod plant;
+mod regulate;
 mod sensor;
 
 pub use closed_loop_arm::{ArmGeometry, ClosedLoopArm};
+pub use drive::drive;
 pub use plant::{Plant, PlantError};
+pub use regulate::{Regulated, Regulation, regulate};
 pub use sensor::{Actuator, Sensor};
 
 use crate::control::{Differentiator, Feedback};

@@ -1,0 +1,91 @@
+//! Given inputs on a simulated machine, without feedback: an excitation for a frequency response.
+
+use super::Bench;
+use super::plant::{Plant, PlantError};
+use super::sensor::Measurement;
+use crate::model::{Buffer, EvalError, Model, require_len};
+use crate::procedure::{Ending, Record};
+use std::vec;
+use std::vec::Vec;
+
+/// Plays the inputs (one column per input, a value per sample, held until the next) on the machine, which starts at rest in
+/// zero. The record holds what the drives made of them.
+///
+/// # Errors
+/// [`EvalError`] when model, bench and inputs do not fit together, or the plant's rows do not determine its motion.
+pub fn drive(
+    model: &dyn Model<f64>,
+    bench: &Bench,
+    sample_time: f64,
+    inputs: &[Vec<f64>],
+) -> Result<Record, EvalError> {
+    let dims = model.dims();
+    let n = dims.coordinates;
+    require_len(Buffer::Motion, bench.sensors.len(), n)?;
+    require_len(Buffer::Inputs, bench.actuators.len(), dims.inputs)?;
+    require_len(Buffer::Inputs, inputs.len(), dims.inputs)?;
+    let samples = inputs.iter().map(Vec::len).min().unwrap_or(0);
+    let mut plant = Plant::new(model, &bench.parameters, &bench.constants)?;
+    let mut measurement = Measurement::new(&bench.sensors, bench.seed, 0);
+    let (mut measured, mut applied) = (vec![0.0; n], vec![0.0; dims.inputs]);
+    let mut record = Record {
+        sample_time,
+        coordinates: vec![Vec::with_capacity(samples); n],
+        inputs: vec![Vec::with_capacity(samples); dims.inputs],
+        ending: Ending::Complete,
+        saturated: 0,
+    };
+    for sample in 0..samples {
+        measurement.sample(&plant.motion()[..n], &mut measured);
+        for (column, value) in record.coordinates.iter_mut().zip(&measured) {
+            column.push(*value);
+        }
+        let mut cut = false;
+        let drives = applied.iter_mut().zip(&bench.actuators).zip(inputs).zip(&mut record.inputs);
+        for (((value, actuator), column), recorded) in drives {
+            let (given, limited) = actuator.apply(column[sample]);
+            *value = given;
+            cut |= limited;
+            recorded.push(given);
+        }
+        record.saturated += usize::from(cut);
+        match plant.advance(&applied, sample_time, bench.sub_steps) {
+            Ok(()) => {}
+            Err(PlantError::Evaluation(fault)) => return Err(fault),
+            Err(PlantError::Diverged { .. }) => {
+                record.ending = Ending::Diverged { sample };
+                break;
+            }
+        }
+    }
+    Ok(record)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::drive;
+    use crate::procedure::Ending;
+    use crate::simulate::{Actuator, Bench, Sensor};
+    use crate::test_models::MassSpringDrag;
+    use std::vec;
+
+    #[test]
+    fn a_step_moves_a_mass_as_it_must() {
+        let bench = Bench {
+            parameters: vec![2.0, 8.0, 0.0],
+            constants: vec![],
+            sensors: vec![Sensor::default()],
+            actuators: vec![Actuator { limit: 3.0, step: 0.0 }],
+            sub_steps: 4,
+            seed: 1,
+        };
+        // 4 N, cut to 3: x = 3/8 (1 - cos 2 t).
+        let record = drive(&MassSpringDrag, &bench, 0.01, &[vec![4.0; 500]]).expect("fits");
+        assert_eq!((record.ending, record.saturated, record.inputs[0][7]), (Ending::Complete, 500, 3.0));
+        for (n, x) in record.coordinates[0].iter().enumerate() {
+            let expected = 0.375 * (1.0 - (0.02 * n as f64).cos());
+            assert!((x - expected).abs() < 1e-9, "{n}: {x} {expected}");
+        }
+        assert!(drive(&MassSpringDrag, &bench, 0.01, &[]).is_err());
+    }
+}
