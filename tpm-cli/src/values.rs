@@ -23,6 +23,13 @@ pub(crate) struct ValueArgs {
     set: Vec<(String, String)>,
 }
 
+impl ValueArgs {
+    /// The values of a file alone.
+    pub(crate) fn file(path: &Path) -> Self {
+        Self { params: Some(path.to_owned()), set: Vec::new() }
+    }
+}
+
 /// Values by symbol.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Values(BTreeMap<Symbol, Rational>);

@@ -227,8 +227,45 @@ fn a_log_becomes_a_response_a_fit_and_a_figure() {
         close(parameter["value"].as_f64().expect("identified"), truth, tolerance);
         assert!(parameter["std"].as_f64().expect("known") > 0.0);
     }
+    // The start values from a file give the same; a value on the command line goes before it.
+    let table = folder.path().join("start.toml");
+    std::fs::write(&table, "m = 3\nd = 1\nk = 7\nb = 100\n").expect("writable");
+    let table = table.to_str().expect("a plain name");
+    let filed = ["fit", path, "--model", model, "--params", table, "--freeze", "m=1", "--start", "k=100", "--json"];
+    assert_eq!(json(&[&filed, &signals[..]].concat())["model"], found["model"]);
+    // The transform of the whole record, between its averaged lines too.
+    let whole = json(&[&["fit", path, "--order", "0/2", "--whole", "--json"], &signals[..]].concat());
+    let poles = roots(&whole["rational"]["poles"]);
+    close(poles[1].0.hypot(poles[1].1), 158.0_f64.sqrt(), 0.05);
+    assert_eq!(whole["rational"]["lines"], 2341, "from 0.2 to 8 Hz, 1/300 Hz apart");
     let free = [&["fit", path, "--model", model, "--start", "m=1"], &start[..], &signals[..]].concat();
     fails(&free, 1, &["3 independent combinations of 4 free parameters"]);
+}
+
+/// Read backwards in time a damped machine is an unstable one.
+#[test]
+fn an_unstable_fit_is_no_success() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let forwards = std::fs::read_to_string(log(folder.path(), 12_000)).expect("written");
+    let rows: Vec<&str> = forwards.lines().skip(1).collect();
+    let backwards = rows.iter().zip(rows.iter().rev()).map(|(time, row)| {
+        let signals = row.split_once(',').expect("a row").1;
+        format!("{},{signals}\n", time.split(',').next().expect("a time"))
+    });
+    let path = folder.path().join("backwards.csv");
+    std::fs::write(&path, format!("t_s,u,y,idle\n{}", backwards.collect::<String>())).expect("writable");
+    let path = path.to_str().expect("a plain name");
+    let signals = ["--input", "u", "--measured", "y", "--segment", "2048", "--low", "0.3", "--high", "6"];
+    let one = [&["fit", path, "--order", "0/2"], &signals[..]].concat();
+    fails(&one, 1, &["the fit is unstable: pole at"]);
+    assert!(String::from_utf8_lossy(&tpm(&one).stdout).contains("transfer function of order 0/2"));
+    // Several, none of which can be recommended: JSON all the same.
+    let output = tpm(&[&["fit", path, "--order", "0/2,1/2", "--json"], &signals[..]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let found: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(found["recommended"].is_null() && found["orders"].as_array().expect("a list").len() == 2, "{found}");
+    assert!(found["orders"][0]["doubtful"] == true && found["rational"].is_null(), "{found}");
+    assert!(String::from_utf8_lossy(&output.stderr).contains("none of the orders can be recommended"));
 }
 
 #[test]

@@ -5,16 +5,19 @@ use crate::assignments::{by_name, number_assignment};
 use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
+use crate::values::{ValueArgs, Values};
 use crate::{Outcome, output};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::frequency::{
-    Delay, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root, StructuredFit,
-    StructuredSettings, compare_orders, fit_rational, fit_structured,
+    Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root,
+    StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
 };
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::model::Model;
+use tpm_symbolic::rational;
 
 /// Options of `tpm fit`.
 #[derive(clap::Args)]
@@ -26,6 +29,10 @@ pub(crate) struct Args {
     /// the log.
     #[arg(long, value_name = "M/N", value_delimiter = ',', value_parser = degrees)]
     order: Vec<(usize, usize)>,
+    /// Fit to the transform of the whole record with its transient, instead of the averaged response: smaller errors where
+    /// noise on the output is strong.
+    #[arg(long, requires = "order", conflicts_with = "model")]
+    whole: bool,
     /// A known delay in seconds.
     #[arg(long, value_name = "SECONDS", requires = "order")]
     delay: Option<f64>,
@@ -35,7 +42,11 @@ pub(crate) struct Args {
     /// Fit the parameters of this model, linearised at rest in 0; input and measured output are named as in it.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// Start value of a parameter of the model.
+    /// Start values of the parameters, and values of the constants, of the model: NAME = VALUE lines (.toml), or a result of
+    /// `tpm identify --json` (.json).
+    #[arg(long, value_name = "FILE", requires = "model")]
+    params: Option<PathBuf>,
+    /// Start value of a parameter of the model; goes before that of the file.
     #[arg(long, value_name = "NAME=VALUE", requires = "model", value_parser = number_assignment)]
     start: Vec<(String, f64)>,
     /// A parameter of the model that is held at a value.
@@ -162,15 +173,29 @@ fn rational(
                     }
                 })
                 .collect();
-            output::emit(args.measured.output.as_deref(), text)?;
+            let said = if args.json { output::json(&*whole)? } else { text.clone() };
+            output::emit(args.measured.output.as_deref(), &said)?;
             return Err(Failure::Incomplete(format!("none of the orders can be recommended\n{}", faults.join("\n"))));
         };
         whole["recommended"] = json!({"numerator": best.numerator, "denominator": best.denominator});
         best.fit.map_err(|error| Failure::Input(error.to_string()))?
     };
+    let fit = if args.whole {
+        let chosen = RationalSettings {
+            numerator: fit.function.numerator.len() - 1,
+            denominator: fit.function.denominator.len() - 1,
+            ..settings
+        };
+        let (input, output) = measured.signals();
+        fit_record(input, output, measured.log.sample_time, &measured.response.welch, &chosen)
+            .map_err(|error| Failure::Input(error.to_string()))?
+    } else {
+        fit
+    };
     text.push_str(&described(&fit));
     whole["rational"] = fit_json(&fit);
-    for warning in fit.warnings.iter().filter(|warning| warning.order_too_high()) {
+    let spoilt = |warning: &&FitWarning| warning.order_too_high() || matches!(warning, FitWarning::Unstable { .. });
+    for warning in fit.warnings.iter().filter(spoilt) {
         incomplete.push(warning.to_string());
     }
     Ok(fit)
@@ -192,7 +217,7 @@ fn compared(found: &OrderComparison) -> String {
             Ok(fit) if trial.doubtful() => fit
                 .warnings
                 .iter()
-                .find(|w| w.order_too_high() || matches!(w, tpm_runtime::frequency::FitWarning::Unstable { .. }))
+                .find(|w| w.order_too_high() || matches!(w, FitWarning::Unstable { .. }))
                 .map(ToString::to_string)
                 .unwrap_or_default(),
             Ok(_) => String::new(),
@@ -323,6 +348,18 @@ impl Physical {
         let starts = by_name("--start", &args.start, &names)?;
         let held = by_name("--freeze", &args.freeze, &names)?;
         let constants = by_name("--constant", &args.constants, &constant_names)?;
+        let (mut from_file, mut known) = (BTreeMap::new(), BTreeMap::new());
+        if let Some(file) = &args.params {
+            let values = Values::load(&ValueArgs::file(file), &model)?;
+            let of = |symbols: &[Symbol], names: &[String]| -> BTreeMap<String, f64> {
+                let given = symbols.iter().zip(names).filter_map(|(symbol, name)| Some((name, values.get(*symbol)?)));
+                given.map(|(name, value)| (name.clone(), rational::to_f64(value))).collect()
+            };
+            (from_file, known) = (of(&parameters, &names), of(&run_time, &constant_names));
+        }
+        from_file.extend(starts);
+        known.extend(constants);
+        let (starts, constants) = (from_file, known);
         let missing: Vec<String> = names
             .iter()
             .filter(|name| !starts.contains_key(*name) && !held.contains_key(*name))
@@ -333,7 +370,7 @@ impl Physical {
             .collect();
         if !missing.is_empty() {
             return Err(Failure::Input(format!(
-                "a fit of {} needs values to start from; give {} (or --freeze for what is known)",
+                "a fit of {} needs values to start from; give --params FILE, or {} (or --freeze for what is known)",
                 model.name,
                 missing.join(" ")
             )));

@@ -1,6 +1,7 @@
 //! Bode plots: magnitude and phase of measured responses and models (Fong, Figure 6).
 //!
-//! Invariant: phases are continuous along the frequency and all curves lie on the branch of the first one.
+//! Invariant: phases are continuous along the frequency and all curves lie on the branch of the first one; measured phases lie
+//! within half a turn of the first model's, where there is one.
 
 use super::response::{FrequencyResponse, Line};
 use crate::plot::{Axis, Curve, Figure, Panel, Series};
@@ -35,7 +36,19 @@ pub type NamedModel<'a> = (&'a str, &'a dyn Fn(f64) -> Complex<f64>);
 pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &BodeSettings) -> Figure {
     let (low, high) = (settings.low, settings.high);
     let usable: Vec<&Line> = response.band(low, high).filter(|line| line.usable).collect();
-    let measured = unwrapped(usable.iter().map(|line| line.h1));
+    let measured: Vec<f64> = match models.first() {
+        // Where noise turns a phase by more than half a turn only a model tells on which branch it was.
+        Some((_, model)) => {
+            let mut expected = unwrapped(usable.iter().map(|line| model(line.frequency)));
+            let own: Vec<f64> = usable.iter().map(|line| line.h1.arg()).collect();
+            if let (Some(own), Some(&first)) = (own.first(), expected.first()) {
+                let turns = turns(own - first);
+                expected.iter_mut().for_each(|angle| *angle += turns);
+            }
+            own.iter().zip(&expected).map(|(own, expected)| own + turns(expected - own)).collect()
+        }
+        None => unwrapped(usable.iter().map(|line| line.h1)),
+    };
     let branch = measured.first().copied();
     let hertz = |line: &&Line| line.hertz();
     let radius: Vec<f64> = usable.iter().map(|line| response.radius(line, COVERED)).collect();
@@ -63,7 +76,7 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         let values: Vec<Complex<f64>> = frequencies.iter().map(|f| model(2.0 * PI * f)).collect();
         let mut angles = unwrapped(values.iter().copied());
         if let (Some(branch), Some(&own)) = (branch, angles.first()) {
-            let turns = ((branch - own) / (2.0 * PI)).round() * 2.0 * PI;
+            let turns = turns(branch - own);
             angles.iter_mut().for_each(|angle| *angle += turns);
         }
         let sizes = frequencies.iter().zip(&values).map(|(f, h)| (*f, h.norm())).collect();
@@ -106,6 +119,11 @@ fn angles_of(series: &Series) -> Vec<f64> {
     }
 }
 
+/// The whole turns nearest to an angle, rad.
+fn turns(angle: f64) -> f64 {
+    (angle / (2.0 * PI)).round() * 2.0 * PI
+}
+
 fn degrees(angle: f64) -> f64 {
     angle * 180.0 / PI
 }
@@ -116,7 +134,7 @@ fn unwrapped(values: impl Iterator<Item = Complex<f64>>) -> Vec<f64> {
     values
         .map(|value| {
             let own = value.arg();
-            let angle = last.map_or(own, |last| own + ((last - own) / (2.0 * PI)).round() * 2.0 * PI);
+            let angle = last.map_or(own, |last| own + turns(last - own));
             last = Some(angle);
             angle
         })

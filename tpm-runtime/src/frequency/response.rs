@@ -309,7 +309,7 @@ impl FrequencyResponse {
 }
 
 /// What the hold does to a line.
-fn hold_of(frequency: f64, sample_time: f64, hold: Hold) -> Complex<f64> {
+pub(super) fn hold_of(frequency: f64, sample_time: f64, hold: Hold) -> Complex<f64> {
     match hold {
         Hold::None => Complex::new(1.0, 0.0),
         Hold::Zoh => {
