@@ -12,6 +12,8 @@ extern crate std;
 pub mod actuator;
 pub mod control;
 #[cfg(feature = "std")]
+mod differences;
+#[cfg(feature = "std")]
 pub mod estimate;
 #[cfg(feature = "std")]
 pub mod experiment;

@@ -8,7 +8,7 @@
 //! Invariant: rows of `Weighted` are combinations of the c that the data show, each of variance one and uncorrelated with
 //! the others. Directions that the data do not show have no row.
 
-use crate::estimate::{Estimate, Information, Status};
+use crate::estimate::{Estimate, Information, Status, complement};
 use crate::report::ParameterReport;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
@@ -229,7 +229,7 @@ impl Weighted {
             .collect();
         // Functionals that vanish along what is not shown, in scaled coordinates.
         let hidden = DMatrix::from_fn(n, estimate.unobservable.len(), |r, c| estimate.unobservable[c][r] / scale[r]);
-        let shown = complement(&hidden, n);
+        let shown = complement(&hidden);
         let covariance = DMatrix::from_fn(n, n, |r, c| {
             let entry = estimate.covariance[(r, c)] / (scale[r] * scale[c]);
             // A frozen value has no variance; it weighs as much as the sharpest value may.
@@ -258,22 +258,6 @@ impl Weighted {
         }
         Self { rows, right }
     }
-}
-
-/// An orthonormal basis, by columns, of what is orthogonal to the columns given.
-fn complement(columns: &DMatrix<f64>, n: usize) -> DMatrix<f64> {
-    if columns.ncols() == 0 {
-        return DMatrix::identity(n, n);
-    }
-    let unit = DMatrix::from_columns(
-        &columns.column_iter().map(|column| column.into_owned().normalize()).collect::<Vec<DVector<f64>>>(),
-    );
-    let eigen = (&unit * unit.transpose()).symmetric_eigen();
-    let kept: Vec<DVector<f64>> = (0..n)
-        .filter(|&i| eigen.eigenvalues[i].abs() < 0.5 / n as f64)
-        .map(|i| eigen.eigenvectors.column(i).into_owned())
-        .collect();
-    if kept.is_empty() { DMatrix::zeros(n, 0) } else { DMatrix::from_columns(&kept) }
 }
 
 /// Everything that is settled before the first step.

@@ -6,8 +6,10 @@
 //! vertices, edges and random points inside, and is reported as one.
 
 use crate::control::Differentiator;
+use crate::differences::FIVE_POINT;
 use crate::model::{EvalError, Model};
 use crate::procedure::{Loop, TrialError, Velocity, demand};
+use crate::regulator::held;
 use nalgebra::{Complex, DMatrix};
 use rand::{Rng as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -213,7 +215,9 @@ fn at(
         });
         return Err(StabilityError::Unstable { parameters: named(), pole: (worst.re, worst.im), absent });
     }
-    let inside = eigenvalues(&plant.sampled(control));
+    // Where the machine has no sampled form the loop has no poles that could be judged.
+    let inside =
+        plant.sampled(control).map_or_else(|| vec![Complex::new(f64::NAN, 0.0)], |sampled| eigenvalues(&sampled));
     let size = inside.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
     if inside.iter().any(|pole| !pole.re.is_finite()) || size >= 1.0 {
         return Err(StabilityError::Sampled { parameters: named(), sample_time: control.sample_time, size });
@@ -284,7 +288,7 @@ impl Linear {
             let mut sum = vec![0.0; n];
             let base = slot.map_or_else(|| input.map_or(0.0, |i| held[i]), |s| rest[s]);
             let step = DIFFERENCE * base.abs().max(1.0);
-            for (shift, weight) in [(-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)] {
+            for (shift, weight) in FIVE_POINT {
                 let (mut motion, mut inputs) = (rest.clone(), held.clone());
                 if let Some(slot) = slot {
                     motion[slot] += shift * step;
@@ -346,14 +350,10 @@ impl Linear {
         of_rate.lu().solve(&of_state)
     }
 
-    /// One sample of the loop as it is played: hold, and rates measured or filtered.
-    fn sampled(&self, control: &Loop) -> DMatrix<f64> {
+    /// One sample of the loop as it is played: hold, and rates measured or filtered; nothing when a matrix is not finite.
+    fn sampled(&self, control: &Loop) -> Option<DMatrix<f64>> {
         let (states, inputs) = (self.a.nrows(), self.b.ncols());
-        let mut whole = DMatrix::zeros(states + inputs, states + inputs);
-        whole.view_mut((0, 0), (states, states)).copy_from(&(&self.a * control.sample_time));
-        whole.view_mut((0, states), (states, inputs)).copy_from(&(&self.b * control.sample_time));
-        let step = whole.exp();
-        let (ad, bd) = (step.view((0, 0), (states, states)), step.view((0, states), (states, inputs)));
+        let (ad, bd) = held(&self.a, &self.b, control.sample_time).ok()?;
         let coordinates = self.first.len();
         // Behind the states stand, per coordinate, the last error and the filtered rate.
         let size = states + 2 * coordinates;
@@ -393,7 +393,7 @@ impl Linear {
                 }
             }
         }
-        next
+        Some(next)
     }
 }
 

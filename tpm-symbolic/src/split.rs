@@ -140,12 +140,7 @@ pub fn split(model: &Model, motions: &[(Symbol, Vec<Coordinate>)]) -> Result<Spl
         };
         let name = name();
         let zero = model.graph.integer(0);
-        let mut still = HashMap::new();
-        for &coordinate in &driven {
-            for n in 1..=order {
-                still.insert(model.graph.derivative_of(coordinate, n), zero);
-            }
-        }
+        let still = standing_still(&mut model.graph, &driven, order);
         let (mut independent, mut dependent) = (Vec::new(), Vec::new());
         for row in &rows {
             let Some(weight) = row.weights[index] else { continue };
@@ -295,12 +290,7 @@ pub fn split_form(model: &Model, form: &RegressorForm) -> Option<[RegressorForm;
         if model.eliminations.iter().flat_map(|e| &e.coordinates).any(|coordinate| driven.contains(coordinate)) {
             return None;
         }
-        let mut still = HashMap::new();
-        for &coordinate in &driven {
-            for n in 1..=order {
-                still.insert(graph.derivative_of(coordinate, n), zero);
-            }
-        }
+        let still = standing_still(&mut graph, &driven, order);
         for term in &row.terms {
             let values: Vec<(ExprId, ExprId, i32)> = term
                 .atoms
@@ -318,6 +308,18 @@ pub fn split_form(model: &Model, form: &RegressorForm) -> Option<[RegressorForm;
         }
     }
     Some(parts)
+}
+
+/// Zero in the place of every derivative of coordinates that stand still.
+fn standing_still(graph: &mut Graph, coordinates: &[Coordinate], order: u32) -> HashMap<ExprId, ExprId> {
+    let zero = graph.integer(0);
+    let mut still = HashMap::new();
+    for &coordinate in coordinates {
+        for n in 1..=order {
+            still.insert(graph.derivative_of(coordinate, n), zero);
+        }
+    }
+    still
 }
 
 /// A row with inputs, and what multiplies its terms in each input's solution.

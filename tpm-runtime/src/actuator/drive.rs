@@ -126,6 +126,8 @@ pub struct Drive<'a> {
 struct Scratch {
     motion: Vec<f64>,
     inputs: Vec<f64>,
+    /// The motors' forces before their rotors take a share.
+    forces: Vec<f64>,
     workspace: Vec<f64>,
     columns: Vec<f64>,
     matrix: Vec<f64>,
@@ -160,6 +162,7 @@ impl<'a> Drive<'a> {
         Scratch {
             motion: vec![0.0; dims.motion_len()],
             inputs: vec![0.0; inputs],
+            forces: vec![0.0; inputs],
             workspace: vec![0.0; self.demand.model().forward_workspace_len()],
             columns: vec![0.0; n * (inputs + 1)],
             matrix: vec![0.0; inputs * inputs],
@@ -259,7 +262,7 @@ impl<'a> Drive<'a> {
             (model.coordinate_order(*coordinate) == 2).then(|| (*coordinate, motor.rotor_inertia * motor.ratio.powi(2)))
         };
         if (0..inputs).any(|i| rotor(i).is_some()) {
-            let forces = scratch.inputs.clone();
+            scratch.forces.copy_from_slice(&scratch.inputs);
             for column in 0..=inputs {
                 scratch.inputs.fill(0.0);
                 if column < inputs {
@@ -276,7 +279,7 @@ impl<'a> Drive<'a> {
                     scratch.columns[column * n + c] = scratch.motion[model.coordinate_order(c) * n + c];
                 }
             }
-            for (i, force) in forces.iter().enumerate() {
+            for i in 0..inputs {
                 let of = |column: usize| {
                     rotor(i).map_or(0.0, |(c, inertia)| {
                         let at_rest = scratch.columns[inputs * n + c];
@@ -284,7 +287,7 @@ impl<'a> Drive<'a> {
                         inertia * if column == inputs { at_rest } else { value - at_rest }
                     })
                 };
-                scratch.right[i] = force - of(inputs);
+                scratch.right[i] = scratch.forces[i] - of(inputs);
                 for j in 0..inputs {
                     scratch.matrix[i * inputs + j] = of(j) + if i == j { 1.0 } else { 0.0 };
                 }

@@ -6,6 +6,7 @@
 
 use super::measured_motion::{analyse, synthesise};
 use super::{EstimateError, Information};
+use crate::differences::FIVE_POINT;
 use crate::model::{Dims, Model};
 use crate::trajectory::Trajectory;
 use nalgebra::{Complex, DMatrix, DVector};
@@ -248,7 +249,7 @@ impl Sampled {
             for i in 0..self.points {
                 now.copy_from_slice(&self.motion[i * dims.motion_len()..(i + 1) * dims.motion_len()]);
                 let centre = now[slot];
-                for (shift, weight) in [(-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)] {
+                for (shift, weight) in FIVE_POINT {
                     now[slot] = centre + shift * step;
                     let weight = weight / (12.0 * step);
                     model.regressor(&now, constants, &mut scratch, &mut side_phi)?;

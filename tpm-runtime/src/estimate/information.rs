@@ -227,19 +227,19 @@ fn beside(hidden: &[Vec<f64>], scale: &[f64]) -> Option<DMatrix<f64>> {
         return None;
     }
     let n = scale.len();
-    let columns: Vec<DVector<f64>> =
-        hidden.iter().map(|direction| DVector::from_fn(n, |i, _| direction[i] * scale[i]).normalize()).collect();
-    // The left singular vectors of no singular value: complete the hidden directions to a basis.
-    let mut whole = DMatrix::zeros(n, n + columns.len());
-    for (c, column) in columns.iter().enumerate() {
-        whole.set_column(c, column);
-    }
-    for i in 0..n {
-        whole[(i, columns.len() + i)] = 1.0;
-    }
+    let columns = DMatrix::from_fn(n, hidden.len(), |r, c| hidden[c][r] * scale[r]);
+    Some(complement(&columns)).filter(|basis| basis.ncols() > 0)
+}
+
+/// An orthonormal basis, by columns, of what is orthogonal to the columns given.
+pub(crate) fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let n = columns.nrows();
     let mut basis: Vec<DVector<f64>> = Vec::with_capacity(n);
-    for column in whole.column_iter() {
-        let mut rest = column.into_owned();
+    let mut given = 0;
+    let unit = |i: usize| DVector::from_fn(n, |r, _| if r == i { 1.0 } else { 0.0 });
+    let all = columns.column_iter().map(|column| column.normalize()).chain((0..n).map(unit));
+    for (index, column) in all.enumerate() {
+        let mut rest = column;
         // Twice is enough (Gram and Schmidt, repeated).
         for _ in 0..2 {
             for known in &basis {
@@ -250,9 +250,12 @@ fn beside(hidden: &[Vec<f64>], scale: &[f64]) -> Option<DMatrix<f64>> {
         if size > 1e-6 && basis.len() < n {
             basis.push(rest / size);
         }
+        if index + 1 == columns.ncols() {
+            given = basis.len();
+        }
     }
-    let rank = columns.len().min(n);
-    (rank < n).then(|| DMatrix::from_columns(&basis[rank..]))
+    let kept = &basis[given..];
+    if kept.is_empty() { DMatrix::zeros(n, 0) } else { DMatrix::from_columns(kept) }
 }
 
 #[cfg(test)]

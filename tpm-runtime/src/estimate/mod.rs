@@ -23,6 +23,7 @@ pub use equations::Equations;
 pub use estimator::{Estimator, Method, Run};
 pub use first_order::FirstOrder;
 pub(crate) use first_order::error_lines;
+pub(crate) use information::complement;
 pub use information::{Information, Solution};
 pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, estimate_measured_motion};
 

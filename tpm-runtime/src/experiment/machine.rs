@@ -5,7 +5,6 @@
 
 use super::{CampaignIdentification, Equations, Experiment, ExperimentError, Store, Watch, play_campaign};
 use crate::estimate::{Eliminated, EliminatedError, Method};
-use crate::harmonics::Hold;
 use crate::interpret::Interpreted;
 use crate::model::Model as _;
 use crate::physical::PhysicalSettings;
@@ -169,8 +168,7 @@ impl Machine {
         store: Option<&Store>,
         watch: &mut Watch<'_>,
     ) -> Result<CampaignIdentification, ExperimentError> {
-        let setup = experiment.setup(&self.plant, &self.pattern, Hold::Zoh)?;
-        let stability = experiment.check_stability(&self.plant, &setup)?;
+        let (setup, stability) = experiment.stable_setup(&self.plant, &self.pattern)?;
         let mut result = play_campaign(&self.plant, self.campaign(experiment, setup)?, experiment, store, watch)?;
         result.stability = Some(stability);
         Ok(result)

@@ -260,6 +260,20 @@ impl Experiment {
         Ok(stability::check(model, &setup.control, &demand)?)
     }
 
+    /// The campaign on a machine whose inputs are held between samples, with what its loop was found to be.
+    ///
+    /// # Errors
+    /// As [`setup`](Self::setup) and [`check_stability`](Self::check_stability).
+    pub fn stable_setup(
+        &self,
+        model: &dyn Model<f64>,
+        pattern: &Pattern,
+    ) -> Result<(Setup, Stability), ExperimentError> {
+        let setup = self.setup(model, pattern, Hold::Zoh)?;
+        let stability = self.check_stability(model, &setup)?;
+        Ok((setup, stability))
+    }
+
     /// The campaign, on a simulated machine (whose inputs are held between samples) or on a real one.
     ///
     /// # Errors

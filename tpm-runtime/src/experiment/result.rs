@@ -2,7 +2,6 @@
 
 use super::{Experiment, ExperimentError, Store};
 use crate::estimate::{Estimate, Status};
-use crate::harmonics::Hold;
 use crate::model::Model;
 use crate::procedure::{Campaign, Outcome, Record, RunReport, Trial};
 use crate::report::{EstimateReport, ParameterReport};
@@ -83,8 +82,7 @@ pub fn identify_simulated(
     experiment: &Experiment,
     progress: &mut dyn FnMut(&RunReport) -> bool,
 ) -> Result<CampaignIdentification, ExperimentError> {
-    let setup = experiment.setup(model, pattern, Hold::Zoh)?;
-    let stability = experiment.check_stability(model, &setup)?;
+    let (setup, stability) = experiment.stable_setup(model, pattern)?;
     let mut result =
         play_campaign(model, Campaign::new(model, setup)?, experiment, None, &mut |_, _, run| progress(run))?;
     result.stability = Some(stability);

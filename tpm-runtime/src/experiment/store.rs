@@ -5,8 +5,9 @@
 //! last, and both by way of a temporary file that is renamed when complete. Numbers are written with as many digits as give
 //! the same number back, so that a campaign that goes on from a folder is the unbroken one.
 
+use crate::control::Gain;
 use crate::model::Model;
-use crate::procedure::{Ending, Record, Trial, Velocity};
+use crate::procedure::{Ending, Record, Trial};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::format;
@@ -62,6 +63,20 @@ pub struct GainManifest {
     pub kp: f64,
     /// Derivative gain.
     pub kd: f64,
+}
+
+impl GainManifest {
+    /// The feedback of a run, by name.
+    #[must_use]
+    pub fn all(model: &dyn Model<f64>, gains: &[Gain<f64>]) -> Vec<Self> {
+        let named = |gain: &Gain<f64>| GainManifest {
+            input: model.input(gain.input).name.to_string(),
+            coordinate: model.coordinate(gain.coordinate).name.to_string(),
+            kp: gain.proportional,
+            kd: gain.derivative,
+        };
+        gains.iter().map(named).collect()
+    }
 }
 
 /// What is kept of a run beside its samples.
@@ -222,12 +237,6 @@ impl Store {
             Ending::TrackingBound { coordinate, error, .. } => ("tracking_bound", Some((coordinate, error))),
             Ending::Diverged { .. } => ("diverged", None),
         };
-        let gain = |gain: &crate::control::Gain<f64>| GainManifest {
-            input: model.input(gain.input).name.to_string(),
-            coordinate: model.coordinate(gain.coordinate).name.to_string(),
-            kp: gain.proportional,
-            kd: gain.derivative,
-        };
         let manifest = RunManifest {
             schema: RUN.to_string(),
             run: trial.run + 1,
@@ -238,11 +247,8 @@ impl Store {
             seed,
             amplitudes: trial.amplitudes.clone(),
             frequency: trial.trajectory.frequency,
-            feedback: trial.control.gains.iter().map(gain).collect(),
-            derivative_filter: match trial.control.velocity {
-                Velocity::Measured => None,
-                Velocity::Filtered(time_constant) => Some(time_constant),
-            },
+            feedback: GainManifest::all(model, &trial.control.gains),
+            derivative_filter: trial.control.velocity.time_constant(),
             parameters: trial.parameters.clone(),
             sample_time: record.sample_time,
             samples_per_period: trial.samples_per_period,

@@ -112,10 +112,7 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
             names: (0..dims.constants).map(|i| model.constant(i).name.into()).collect(),
         });
     }
-    let periodic = periodic_part(log, dims.coordinates, options)?;
-    let used: Vec<&[f64]> = log.channels.iter().map(|c| &c[periodic.from..]).collect();
-    let spectra = Spectra::analyse(&used, log.sample_time, periodic.samples_per_period, periodic.periods)
-        .map_err(|source| LogError::Spectrum { path: log.path.clone(), source })?;
+    let (periodic, spectra) = periodic_spectra(log, dims.coordinates, options)?;
     let settings = Settings {
         harmonics: options.harmonics,
         grid: None,
@@ -165,7 +162,20 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
     Ok(report(model, options, &record, estimate, log_report, warnings))
 }
 
-pub(super) fn periodic_part(log: &Log, coordinates: usize, options: &LogOptions) -> Result<Periodic, LogError> {
+/// The part of a log that repeats, and its spectra.
+pub(super) fn periodic_spectra(
+    log: &Log,
+    coordinates: usize,
+    options: &LogOptions,
+) -> Result<(Periodic, Spectra), LogError> {
+    let periodic = periodic_part(log, coordinates, options)?;
+    let used: Vec<&[f64]> = log.channels.iter().map(|c| &c[periodic.from..]).collect();
+    let spectra = Spectra::analyse(&used, log.sample_time, periodic.samples_per_period, periodic.periods)
+        .map_err(|source| LogError::Spectrum { path: log.path.clone(), source })?;
+    Ok((periodic, spectra))
+}
+
+fn periodic_part(log: &Log, coordinates: usize, options: &LogOptions) -> Result<Periodic, LogError> {
     let range = |what: String| LogError::BadRange {
         path: log.path.clone(),
         what,

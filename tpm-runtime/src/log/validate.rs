@@ -3,10 +3,9 @@
 //! Invariant: nothing is fitted. The rows are evaluated on the log's own measured motion with the given parameters, and what
 //! they ask for is compared with the inputs, harmonic by harmonic, over the lines that stand out of the noise.
 
-use super::identify::periodic_part;
+use super::identify::periodic_spectra;
 use super::{Log, LogError, LogOptions};
 use crate::estimate::{MeasuredMotion, Settings};
-use crate::harmonics::Spectra;
 use crate::model::{Buffer, Model, require_len};
 use serde::Serialize;
 use std::string::{String, ToString};
@@ -65,10 +64,7 @@ pub fn validate_log(
     let dims = model.dims();
     let fault = |source| LogError::Estimate { path: log.path.clone(), source };
     require_len(Buffer::Parameters, parameters.len(), dims.parameters).map_err(|error| fault(error.into()))?;
-    let periodic = periodic_part(log, dims.coordinates, options)?;
-    let used: Vec<&[f64]> = log.channels.iter().map(|c| &c[periodic.from..]).collect();
-    let spectra = Spectra::analyse(&used, log.sample_time, periodic.samples_per_period, periodic.periods)
-        .map_err(|source| LogError::Spectrum { path: log.path.clone(), source })?;
+    let (periodic, spectra) = periodic_spectra(log, dims.coordinates, options)?;
     let settings = Settings { harmonics: options.harmonics, ..Settings::default() };
     let record = MeasuredMotion::new(model, &options.constants, &spectra, options.hold, &settings).map_err(fault)?;
     let row = |r: usize| {

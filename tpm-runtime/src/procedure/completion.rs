@@ -7,6 +7,7 @@
 //! harmonics as it takes until the highest ones are negligible.
 
 use super::trial::TrialError;
+use crate::differences::FIVE_POINT;
 use crate::model::Model;
 use crate::trajectory::{Line, Series, Trajectory};
 use nalgebra::{DMatrix, DVector};
@@ -205,7 +206,7 @@ impl<'a> Balance<'a> {
                     let step = DIFFERENCE * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
                     let centre = motion[slot];
                     let mut gains = vec![0.0; self.rows.len()];
-                    for (shift, weight) in [(-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)] {
+                    for (shift, weight) in FIVE_POINT {
                         motion[slot] = centre + shift * step;
                         self.model.inverse_dynamics(
                             &motion,

@@ -39,6 +39,17 @@ pub enum Velocity {
     Filtered(f64),
 }
 
+impl Velocity {
+    /// Time constant of the filter, s; nothing where there is none.
+    #[must_use]
+    pub const fn time_constant(self) -> Option<f64> {
+        match self {
+            Velocity::Measured => None,
+            Velocity::Filtered(time_constant) => Some(time_constant),
+        }
+    }
+}
+
 /// Feedback in sampled time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loop {

@@ -1,8 +1,8 @@
 //! Given inputs on a simulated machine, without feedback: an excitation for a frequency response.
 
 use super::Bench;
-use super::plant::{Plant, PlantError};
-use super::sensor::Measurement;
+use super::plant::Plant;
+use super::sensor::{Measurement, apply};
 use crate::model::{Buffer, EvalError, Model, require_len};
 use crate::procedure::{Ending, Record};
 use std::vec;
@@ -40,22 +40,13 @@ pub fn drive(
         for (column, value) in record.coordinates.iter_mut().zip(&measured) {
             column.push(*value);
         }
-        let mut cut = false;
-        let drives = applied.iter_mut().zip(&bench.actuators).zip(inputs).zip(&mut record.inputs);
-        for (((value, actuator), column), recorded) in drives {
-            let (given, limited) = actuator.apply(column[sample]);
-            *value = given;
-            cut |= limited;
-            recorded.push(given);
+        for (value, column) in applied.iter_mut().zip(inputs) {
+            *value = column[sample];
         }
-        record.saturated += usize::from(cut);
-        match plant.advance(&applied, sample_time, bench.sub_steps) {
-            Ok(()) => {}
-            Err(PlantError::Evaluation(fault)) => return Err(fault),
-            Err(PlantError::Diverged { .. }) => {
-                record.ending = Ending::Diverged { sample };
-                break;
-            }
+        record.saturated += usize::from(apply(&bench.actuators, &mut applied, &mut record.inputs));
+        if plant.advance_or_diverge(&applied, sample_time, bench.sub_steps)? {
+            record.ending = Ending::Diverged { sample };
+            break;
         }
     }
     Ok(record)

@@ -18,7 +18,7 @@ pub use sensor::{Actuator, Sensor};
 use crate::control::{Differentiator, Feedback};
 use crate::model::{Buffer, EvalError, Model, require_len};
 use crate::procedure::{Ending, Record, Trial, Velocity};
-use sensor::Measurement;
+use sensor::{Measurement, apply};
 use std::vec;
 use std::vec::Vec;
 
@@ -77,10 +77,7 @@ impl<'a> Session<'a> {
             start[..n].copy_from_slice(first);
         }
         plant.reset(&start)?;
-        let time_constant = match trial.control.velocity {
-            Velocity::Filtered(time_constant) => time_constant,
-            Velocity::Measured => 0.0,
-        };
+        let time_constant = trial.control.velocity.time_constant().unwrap_or(0.0);
         let reserve = |count: usize| (0..count).map(|_| Vec::with_capacity(trial.samples())).collect();
         Ok(Session {
             trial,
@@ -131,14 +128,7 @@ impl<'a> Session<'a> {
             Velocity::Filtered(_) => None,
         };
         Feedback::new(&self.trial.control.gains, &mut self.filters).add(&self.errors, rates, &mut self.wanted)?;
-        let mut cut = false;
-        for ((value, actuator), column) in self.wanted.iter_mut().zip(&self.bench.actuators).zip(&mut self.inputs) {
-            let (applied, limited) = actuator.apply(*value);
-            *value = applied;
-            cut |= limited;
-            column.push(applied);
-        }
-        self.saturated += usize::from(cut);
+        self.saturated += usize::from(apply(&self.bench.actuators, &mut self.wanted, &mut self.inputs));
         for (&value, column) in self.measured.iter().zip(&mut self.coordinates) {
             column.push(value);
         }
@@ -149,11 +139,9 @@ impl<'a> Session<'a> {
                 return Ok(Some(Ending::TrackingBound { coordinate, sample, error }));
             }
         }
-        match self.plant.advance(&self.wanted, self.trial.control.sample_time, self.bench.sub_steps) {
-            Ok(()) => Ok(None),
-            Err(PlantError::Diverged { .. }) => Ok(Some(Ending::Diverged { sample })),
-            Err(PlantError::Evaluation(fault)) => Err(fault),
-        }
+        let diverged =
+            self.plant.advance_or_diverge(&self.wanted, self.trial.control.sample_time, self.bench.sub_steps)?;
+        Ok(diverged.then_some(Ending::Diverged { sample }))
     }
 
     /// Plays the whole run.

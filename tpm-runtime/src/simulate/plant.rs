@@ -116,6 +116,23 @@ impl<'m> Plant<'m> {
         self.time
     }
 
+    /// As [`advance`](Self::advance); whether the motion diverged.
+    ///
+    /// # Errors
+    /// [`EvalError`] when the rows cannot be evaluated although the motion is finite.
+    pub(super) fn advance_or_diverge(
+        &mut self,
+        inputs: &[f64],
+        duration: f64,
+        steps: usize,
+    ) -> Result<bool, EvalError> {
+        match self.advance(inputs, duration, steps) {
+            Ok(()) => Ok(false),
+            Err(PlantError::Diverged { .. }) => Ok(true),
+            Err(PlantError::Evaluation(fault)) => Err(fault),
+        }
+    }
+
     /// Advances by `steps` steps of `duration / steps` seconds under constant inputs.
     ///
     /// # Errors

@@ -4,8 +4,8 @@
 //! simulation knows.
 
 use super::Bench;
-use super::plant::{Plant, PlantError};
-use super::sensor::Measurement;
+use super::plant::Plant;
+use super::sensor::{Measurement, apply};
 use crate::control::Differentiator;
 use crate::model::{Buffer, EvalError, Model, require_len};
 use crate::procedure::{Ending, Record};
@@ -83,26 +83,17 @@ pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'
         for ((rate, filter), value) in rates.iter_mut().zip(&mut filters).zip(measured.iter()) {
             *rate = filter.push(*value);
         }
-        let mut cut = false;
-        for (i, (input, actuator)) in inputs.iter_mut().zip(&bench.actuators).enumerate() {
-            let wanted = -regulation.regulator.gain.row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
-            let (applied, limited) = actuator.apply(wanted);
-            *input = applied;
-            cut |= limited;
-            found.record.inputs[i].push(applied);
+        for (i, input) in inputs.iter_mut().enumerate() {
+            *input = -regulation.regulator.gain.row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
         }
-        found.record.saturated += usize::from(cut);
+        found.record.saturated += usize::from(apply(&bench.actuators, &mut inputs, &mut found.record.inputs));
         for (column, value) in found.record.coordinates.iter_mut().zip(&state) {
             column.push(*value);
         }
         found.cost += sample_time * regulation.weights.cost(&plant.motion()[..2 * n], &inputs);
-        match plant.advance(&inputs, sample_time, bench.sub_steps) {
-            Ok(()) => {}
-            Err(PlantError::Evaluation(fault)) => return Err(fault),
-            Err(PlantError::Diverged { .. }) => {
-                found.record.ending = Ending::Diverged { sample };
-                break;
-            }
+        if plant.advance_or_diverge(&inputs, sample_time, bench.sub_steps)? {
+            found.record.ending = Ending::Diverged { sample };
+            break;
         }
         found.last.copy_from_slice(&plant.motion()[..n]);
         if let Some(coordinate) = (0..n).find(|&c| found.last[c].is_nan() || found.last[c].abs() > regulation.bounds[c])
@@ -148,18 +139,17 @@ mod tests {
         Regulator::optimal(&a, &b, 1e-3, weights).expect("can be stabilised")
     }
 
+    /// Ten seconds from rest at `start`, plain differences as rates.
+    fn regulation<'a>(regulator: &'a Regulator, weights: &'a Weights, start: f64, bound: f64) -> Regulation<'a> {
+        let (start, bounds) = (vec![start], vec![bound]);
+        Regulation { regulator, derivative_filter: 0.0, start, samples: 10_000, bounds, weights }
+    }
+
     #[test]
     fn an_unstable_mass_comes_to_rest_at_the_stated_cost() {
         let weights = Weights { state: vec![10.0, 0.0], input: vec![0.1] };
         let regulator = regulator(&weights);
-        let regulation = Regulation {
-            regulator: &regulator,
-            derivative_filter: 0.0,
-            start: vec![0.1],
-            samples: 10_000,
-            bounds: vec![1.0],
-            weights: &weights,
-        };
+        let regulation = regulation(&regulator, &weights, 0.1, 1.0);
         let found = regulate(&MassSpringDrag, &bench(0.0), &regulation).expect("fits");
         assert_eq!((found.record.ending, found.record.len()), (Ending::Complete, 10_000));
         assert!(found.late[0] < 1e-6, "{found:?}", found = found.late);
@@ -175,15 +165,8 @@ mod tests {
     fn a_drive_that_is_too_weak_is_seen() {
         let weights = Weights { state: vec![10.0, 0.0], input: vec![0.1] };
         let regulator = regulator(&weights);
-        let regulation = Regulation {
-            regulator: &regulator,
-            derivative_filter: 0.0,
-            // The spring pushes with 48 N there, the drive with 40.
-            start: vec![6.0],
-            samples: 10_000,
-            bounds: vec![10.0],
-            weights: &weights,
-        };
+        // The spring pushes with 48 N there, the drive with 40.
+        let regulation = regulation(&regulator, &weights, 6.0, 10.0);
         let found = regulate(&MassSpringDrag, &bench(0.0), &regulation).expect("fits");
         assert!(
             matches!(found.record.ending, Ending::TrackingBound { coordinate: 0, .. }),

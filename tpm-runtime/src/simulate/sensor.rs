@@ -46,6 +46,18 @@ impl Actuator {
     }
 }
 
+/// Gives every drive its wanted value, which becomes the applied one, and records it; whether a limit cut any.
+pub(super) fn apply(actuators: &[Actuator], wanted: &mut [f64], recorded: &mut [Vec<f64>]) -> bool {
+    let mut cut = false;
+    for ((value, actuator), column) in wanted.iter_mut().zip(actuators).zip(recorded) {
+        let (applied, limited) = actuator.apply(*value);
+        *value = applied;
+        cut |= limited;
+        column.push(applied);
+    }
+    cut
+}
+
 fn quantise(value: f64, step: f64) -> f64 {
     if step > 0.0 { (value / step).round() * step } else { value }
 }

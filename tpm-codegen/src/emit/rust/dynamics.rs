@@ -405,21 +405,41 @@ fn entries(
     }
 }
 
-fn known(context: &Context<'_>) -> TokenStream {
-    let plan = &context.estimator.plan.evaluation.known;
-    let about =
-        doc(&format!("The terms without an unknown parameter, on the left-hand side.{}", text::operations(plan)));
-    let arguments = arguments(context, plan, false);
+/// A function of the motion with one value per field of a structure.
+fn function(
+    context: &Context<'_>,
+    name: &str,
+    about: &str,
+    plan: &Plan,
+    with_parameters: bool,
+    (result, fields): (&str, Vec<&Ident>),
+) -> TokenStream {
+    let about = doc(&format!("{about}{}", text::operations(plan)));
+    let (name, result) = (ident(name), ident(result));
+    let arguments = arguments(context, plan, with_parameters);
     let (statements, values) = written(context, plan);
-    let fields = context.names.rows.iter().map(|row| &row.field);
     quote! {
         #about
         #[must_use]
-        pub fn known<T: Real>(#arguments) -> Forces<T> {
+        pub fn #name<T: Real>(#arguments) -> #result<T> {
             #statements
-            Forces { #(#fields: #values),* }
+            #result { #(#fields: #values),* }
         }
     }
+}
+
+fn force_fields<'a>(context: &'a Context<'_>) -> (&'static str, Vec<&'a Ident>) {
+    ("Forces", context.names.rows.iter().map(|row| &row.field).collect())
+}
+
+fn input_fields<'a>(context: &'a Context<'_>) -> (&'static str, Vec<&'a Ident>) {
+    ("Inputs", context.names.inputs.iter().map(|(_, name)| name).collect())
+}
+
+fn known(context: &Context<'_>) -> TokenStream {
+    let plan = &context.estimator.plan.evaluation.known;
+    let about = "The terms without an unknown parameter, on the left-hand side.";
+    function(context, "known", about, plan, false, force_fields(context))
 }
 
 fn input_map(context: &Context<'_>) -> TokenStream {
@@ -445,21 +465,8 @@ fn input_map(context: &Context<'_>) -> TokenStream {
 
 fn inverse_dynamics(context: &Context<'_>) -> TokenStream {
     let plan = &context.estimator.plan.inverse_dynamics;
-    let about = doc(&format!(
-        "Phi theta + known: the generalised force of every equation that the motion needs.{}",
-        text::operations(plan)
-    ));
-    let arguments = arguments(context, plan, true);
-    let (statements, values) = written(context, plan);
-    let fields = context.names.rows.iter().map(|row| &row.field);
-    quote! {
-        #about
-        #[must_use]
-        pub fn inverse_dynamics<T: Real>(#arguments) -> Forces<T> {
-            #statements
-            Forces { #(#fields: #values),* }
-        }
-    }
+    let about = "Phi theta + known: the generalised force of every equation that the motion needs.";
+    function(context, "inverse_dynamics", about, plan, true, force_fields(context))
 }
 
 fn feed_forward(context: &Context<'_>) -> TokenStream {
@@ -471,37 +478,13 @@ fn feed_forward(context: &Context<'_>) -> TokenStream {
         [] => String::new(),
         names => format!(" The motion must satisfy {} by itself.", names.join(", ")),
     };
-    let about =
-        doc(&format!("Feed-forward: the inputs that the reference motion needs.{free}{}", text::operations(plan)));
-    let arguments = arguments(context, plan, true);
-    let (statements, values) = written(context, plan);
-    let fields = context.names.inputs.iter().map(|(_, name)| name);
-    quote! {
-        #about
-        #[must_use]
-        pub fn feed_forward<T: Real>(#arguments) -> Inputs<T> {
-            #statements
-            Inputs { #(#fields: #values),* }
-        }
-    }
+    let about = format!("Feed-forward: the inputs that the reference motion needs.{free}");
+    function(context, "feed_forward", &about, plan, true, input_fields(context))
 }
 
 fn feed_forward_parts(context: &Context<'_>) -> TokenStream {
     let Some([independent, dependent]) = &context.estimator.plan.feed_forward_parts else { return TokenStream::new() };
-    let part = |name: &str, plan: &Plan, about: &str| {
-        let about = doc(&format!("{about}{}", text::operations(plan)));
-        let (name, arguments) = (ident(name), arguments(context, plan, true));
-        let (statements, values) = written(context, plan);
-        let fields = context.names.inputs.iter().map(|(_, name)| name);
-        quote! {
-            #about
-            #[must_use]
-            pub fn #name<T: Real>(#arguments) -> Inputs<T> {
-                #statements
-                Inputs { #(#fields: #values),* }
-            }
-        }
-    };
+    let part = |name: &str, plan: &Plan, about: &str| function(context, name, about, plan, true, input_fields(context));
     let independent = part(
         "feed_forward_independent",
         independent,
