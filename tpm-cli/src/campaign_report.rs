@@ -2,16 +2,14 @@
 //! after, and the inputs beside their feed-forward (Figures 5.5, 5.6), as Markdown, SVG and PNG.
 
 use crate::failure::Failure;
-use crate::output;
 use crate::text_table::number;
+use crate::{output, picture};
 use std::path::Path;
 use tpm_runtime::experiment::{CampaignIdentification, Machine};
 use tpm_runtime::model::{Label, Model as _};
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
 use tpm_runtime::procedure::{Record, RunReport, Trial};
 
-/// Pixels of a PNG per pixel of the figure.
-const ZOOM: f32 = 2.0;
 /// Points of a curve at most.
 const POINTS: usize = 1000;
 
@@ -89,7 +87,7 @@ pub(crate) fn write(
         ];
         panel(plant.coordinate(c), series)
     });
-    draw(folder, "error", Figure::new("Tracking error, mean over the measured periods", errors.collect()))?;
+    draw(folder, "error", &Figure::new("Tracking error, mean over the measured periods", errors.collect()))?;
     let inputs = (0..dims.inputs).map(|i| {
         let series = vec![
             Series::new("applied", 1, Curve::Line(last.input(i))),
@@ -97,7 +95,7 @@ pub(crate) fn write(
         ];
         panel(plant.input(i), series)
     });
-    draw(folder, "input", Figure::new(&format!("Inputs of the {}", last.name("last")), inputs.collect()))
+    draw(folder, "input", &Figure::new(&format!("Inputs of the {}", last.name("last")), inputs.collect()))
 }
 
 /// One row per run with the parameters that it was driven with, then what was identified.
@@ -123,8 +121,6 @@ fn table(machine: &Machine, result: &CampaignIdentification) -> String {
     text
 }
 
-fn draw(folder: &Path, name: &str, figure: Figure) -> Result<(), Failure> {
-    let fault = |error: tpm_runtime::plot::PlotError| Failure::Input(format!("{name}: {error}"));
-    output::write_file(&folder.join(format!("{name}.svg")), figure.svg().map_err(fault)?.as_bytes())?;
-    output::write_file(&folder.join(format!("{name}.png")), &figure.png(ZOOM).map_err(fault)?)
+fn draw(folder: &Path, name: &str, figure: &Figure) -> Result<(), Failure> {
+    ["svg", "png"].into_iter().try_for_each(|kind| picture::draw(&folder.join(format!("{name}.{kind}")), figure))
 }

@@ -11,6 +11,7 @@ pub(crate) mod generate;
 pub(crate) mod identifiability;
 pub(crate) mod identify;
 pub(crate) mod linearize;
+pub(crate) mod log_args;
 pub(crate) mod measured;
 pub(crate) mod simulate;
 pub(crate) mod simulated;

@@ -6,6 +6,7 @@ use crate::assignments::{assignment, once};
 use crate::failure::Failure;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use tpm_codegen::emit::estimator::SCHEMA;
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::model::{Kind, Model};
 use tpm_symbolic::pattern::Pattern;
@@ -71,21 +72,25 @@ impl Values {
         self.0.is_empty()
     }
 
-    /// Names of the parameters and run-time constants that have no value.
-    pub(crate) fn missing(&self, model: &Model) -> Vec<String> {
+    /// Names of the parameters and run-time constants, and of a pattern's amplitudes and frequency, that have no value.
+    pub(crate) fn missing(&self, model: &Model, pattern: Option<&Pattern>) -> Vec<String> {
         model
             .parameters()
             .chain(model.run_time_constants())
+            .chain(motion(pattern))
             .filter(|symbol| !self.0.contains_key(symbol))
             .map(|symbol| model.quantity(symbol).name.clone())
             .collect()
     }
 }
 
+/// Amplitudes and frequency of a pattern.
+fn motion(pattern: Option<&Pattern>) -> impl Iterator<Item = Symbol> + '_ {
+    pattern.into_iter().flat_map(|pattern| pattern.amplitudes.iter().copied().chain([pattern.frequency]))
+}
+
 fn symbol(model: &Model, pattern: Option<&Pattern>, name: &str, place: &str) -> Result<Symbol, Failure> {
-    let motion: Vec<Symbol> = pattern
-        .map(|pattern| pattern.amplitudes.iter().copied().chain([pattern.frequency]).collect())
-        .unwrap_or_default();
+    let motion: Vec<Symbol> = motion(pattern).collect();
     let known = model.find_symbol(name);
     match known.map(|symbol| (symbol, &model.quantity(symbol).kind)) {
         Some((symbol, Kind::Parameter | Kind::Constant { value: None })) => Ok(symbol),
@@ -130,13 +135,20 @@ fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
     Ok(values)
 }
 
+/// A result of `tpm identify --json`.
+pub(crate) fn identification(path: &Path, text: &str) -> Result<serde_json::Value, Failure> {
+    let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
+    let whole: serde_json::Value = serde_json::from_str(text).map_err(|error| at(error.to_string()))?;
+    if whole["schema"] != SCHEMA {
+        return Err(at(format!("this is no result of `tpm identify --json` (schema {SCHEMA})")));
+    }
+    Ok(whole)
+}
+
 /// The identified values that the model knows by name; lumped parameters are given up in favour of the physical ones.
 fn identified(path: &Path, text: &str, model: &Model) -> Result<Vec<(String, Rational)>, Failure> {
     let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
-    let whole: serde_json::Value = serde_json::from_str(text).map_err(|error| at(error.to_string()))?;
-    if whole["schema"] != "tpm.identification/1" {
-        return Err(at("this is no result of `tpm identify --json` (schema tpm.identification/1)".to_owned()));
-    }
+    let whole = identification(path, text)?;
     let mut values = Vec::new();
     for list in ["parameters", "physical"] {
         for entry in whole[list].as_array().into_iter().flatten() {

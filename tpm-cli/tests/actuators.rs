@@ -4,7 +4,7 @@
 mod support;
 
 use serde_json::Value;
-use support::tpm;
+use support::{fails, tpm};
 
 const MODEL: &str = "models/cart_pendulum.tpm";
 const EXAMPLE: &str = "models/cart_pendulum_example.toml";
@@ -15,15 +15,6 @@ fn json(arguments: &[&str], code: i32) -> Value {
     let output = tpm(arguments);
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("JSON")
-}
-
-fn fails(arguments: &[&str], code: i32, said: &[&str]) {
-    let output = tpm(arguments);
-    let text = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
-    for part in said {
-        assert!(text.contains(part), "{arguments:?}: `{part}` is not in: {text}");
-    }
 }
 
 /// A file of the folder `models`, changed, in a folder of its own.

@@ -5,7 +5,7 @@ mod support;
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
-use support::tpm;
+use support::{fails, tpm};
 
 const UP: &str = "models/rotary_pendulum.tpm";
 const DOWN: &str = "models/rotary_pendulum_down.tpm";
@@ -21,16 +21,6 @@ fn printed(arguments: &[&str]) -> String {
 
 fn json(arguments: &[&str]) -> Value {
     serde_json::from_str(&printed(arguments)).expect("JSON")
-}
-
-/// The command fails with this exit code and says all of this on standard error.
-fn fails(arguments: &[&str], code: i32, said: &[&str]) {
-    let output = tpm(arguments);
-    let text = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
-    for part in said {
-        assert!(text.contains(part), "{arguments:?}: `{part}` is not in: {text}");
-    }
 }
 
 fn numbers(value: &Value) -> Vec<f64> {

@@ -82,12 +82,7 @@ impl MachineArgs {
         let pattern = loaded.pattern(self.pattern.as_deref())?.clone();
         let values = Values::load_with(&self.values, &model, Some(&pattern))?;
         let symbolic = split(&model, &motions(&model, &self.motion)?).map_err(|error| loaded.at(&error))?;
-        let motion = pattern.amplitudes.iter().copied().chain([pattern.frequency]);
-        let needed = model.parameters().chain(model.run_time_constants()).chain(motion);
-        let missing: Vec<&str> = needed
-            .filter(|symbol| values.get(*symbol).is_none())
-            .map(|symbol| model.quantity(symbol).name.as_str())
-            .collect();
+        let missing = values.missing(&model, Some(&pattern));
         if !missing.is_empty() {
             return Err(Failure::Input(format!(
                 "a value is missing for {}; give it with --set NAME=VALUE or in --params FILE",
@@ -251,11 +246,11 @@ fn as_text(moved: &Moved, found: &[Requirement], bounds: &Bounds) -> String {
         ("limit", Align::Left),
     ]);
     for (factor, end) in &bounds.frequencies {
-        let (value, limit) = end_text(moved, *end, 1.0);
+        let (value, limit) = end_text(moved, *end);
         table.row(&[number(*factor), amplitudes(moved, *factor), value, limit]);
     }
     text.push_str(&table.finish());
-    let (value, limit) = end_text(moved, bounds.factor, 1.0);
+    let (value, limit) = end_text(moved, bounds.factor);
     let size = match bounds.factor {
         Bound::At { value, .. } => format!(" ({})", amplitudes(moved, value)),
         _ => String::new(),
@@ -274,15 +269,15 @@ fn amplitudes(moved: &Moved, factor: f64) -> String {
     all.map(|(name, value)| format!("{name} = {}", number(factor * value))).collect::<Vec<_>>().join(", ")
 }
 
-fn end_text(moved: &Moved, end: Bound, scale: f64) -> (String, String) {
+fn end_text(moved: &Moved, end: Bound) -> (String, String) {
     match end {
         Bound::At { value, input, limit } => {
-            (number(scale * value), format!("{} of {}", limit.name_and_unit().0, moved.input(input)))
+            (number(value), format!("{} of {}", limit.name_and_unit().0, moved.input(input)))
         }
         Bound::Never { input, limit } => {
             ("none".to_owned(), format!("{} of {}, however slow or small", limit.name_and_unit().0, moved.input(input)))
         }
-        Bound::Beyond(value) => (format!("beyond {}", number(scale * value)), "none met".to_owned()),
+        Bound::Beyond(value) => (format!("beyond {}", number(value)), "none met".to_owned()),
     }
 }
 

@@ -8,11 +8,11 @@ use clap::Subcommand;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use tpm_runtime::experiment::{CampaignIdentification, Experiment, GainManifest, Machine, Manifest, Store, summary};
-use tpm_runtime::harmonics::Hold;
+use tpm_runtime::experiment::{Experiment, GainManifest, Machine, Manifest, Store, summary};
 use tpm_runtime::log::{Log, LogOptions};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::procedure::{Campaign, Record, Trial, Velocity};
+use tpm_runtime::stability::Stability;
 
 /// Files of a campaign's folder beside its runs.
 const MODEL: &str = "model.tpm";
@@ -122,33 +122,23 @@ impl Folder {
         Ok(Folder { simulation, store })
     }
 
-    /// The campaign with all finished runs.
-    fn campaign(&self) -> Result<Campaign<'_>, Failure> {
+    /// The campaign with all finished runs, and what its loop was found to be.
+    fn campaign(&self) -> Result<(Campaign<'_>, Stability), Failure> {
         let Simulation { machine, experiment, .. } = &self.simulation;
         let plant = machine.plant();
         // A real machine's drive holds its input between samples as the simulated one does.
-        let setup = experiment.setup(plant, machine.pattern(), Hold::Zoh).map_err(|error| input(&error))?;
-        experiment.check_stability(plant, &setup).map_err(|error| input(&error))?;
+        let (setup, stability) = experiment.stable_setup(plant, machine.pattern()).map_err(|error| input(&error))?;
         let mut campaign = machine.campaign(experiment, setup).map_err(|error| input(&error))?;
         for record in self.store.records(plant).map_err(|error| input(&error))? {
             campaign.submit(&record).map_err(|error| input(&error))?;
         }
-        Ok(campaign)
-    }
-
-    fn summary(&self, campaign: &Campaign<'_>) -> Result<CampaignIdentification, Failure> {
-        let Simulation { machine, experiment, .. } = &self.simulation;
-        let mut result = summary(machine.plant(), campaign, experiment.seed);
-        let checked = experiment.check_stability(machine.plant(), campaign.setup());
-        result.stability = Some(checked.map_err(|error| input(&error))?);
-        Ok(result)
+        Ok((campaign, stability))
     }
 }
 
 fn start(file: &Path, folder: &Path, simulated: &SimulatedArgs) -> Outcome {
     let Simulation { machine, experiment, .. } = simulated.prepare(file)?;
-    let setup = experiment.setup(machine.plant(), machine.pattern(), Hold::Zoh).map_err(|error| input(&error))?;
-    experiment.check_stability(machine.plant(), &setup).map_err(|error| input(&error))?;
+    experiment.stable_setup(machine.plant(), machine.pattern()).map_err(|error| input(&error))?;
     folder_of(file, folder, simulated.pattern.as_deref(), &experiment, &machine)?;
     output::print(&format!(
         "campaign of {} in {}; what to play: tpm campaign next {} -o run.csv\n",
@@ -179,7 +169,7 @@ pub(crate) struct Play {
 
 fn next(folder: &Path, target: Option<&Path>) -> Outcome {
     let opened = Folder::open(folder)?;
-    let campaign = opened.campaign()?;
+    let (campaign, _) = opened.campaign()?;
     let Some(trial) = campaign.next() else {
         let why = campaign.outcome().map_or("it has ended", |outcome| outcome.describe());
         return Err(Failure::Incomplete(format!("nothing is left to play: {why}")));
@@ -199,21 +189,8 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
             sample_time: trial.control.sample_time,
             samples_per_period: trial.samples_per_period,
             periods: trial.periods,
-            feedback: trial
-                .control
-                .gains
-                .iter()
-                .map(|gain| GainManifest {
-                    input: plant.input(gain.input).name.to_owned(),
-                    coordinate: plant.coordinate(gain.coordinate).name.to_owned(),
-                    kp: gain.proportional,
-                    kd: gain.derivative,
-                })
-                .collect(),
-            derivative_filter: match trial.control.velocity {
-                Velocity::Measured => None,
-                Velocity::Filtered(time_constant) => Some(time_constant),
-            },
+            feedback: GainManifest::all(plant, &trial.control.gains),
+            derivative_filter: trial.control.velocity.time_constant(),
             limits: named(&trial.input_limits, &|i| plant.input(i).name.to_owned()),
             tracking: named(&trial.tracking_bounds, &|c| plant.coordinate(c).name.to_owned()),
         };
@@ -318,7 +295,7 @@ pub(crate) fn read_trial(path: &Path, machine: &Machine, template: &Trial) -> Re
 
 fn submit(folder: &Path, log: &Path) -> Outcome {
     let opened = Folder::open(folder)?;
-    let mut campaign = opened.campaign()?;
+    let (mut campaign, _) = opened.campaign()?;
     let plant = opened.simulation.machine.plant();
     let Some(trial) = campaign.next().cloned() else {
         return Err(Failure::Input("the campaign has ended; no log is expected".to_owned()));
@@ -350,8 +327,10 @@ fn submit(folder: &Path, log: &Path) -> Outcome {
 
 fn result(folder: &Path, json: bool, target: Option<&Path>) -> Outcome {
     let opened = Folder::open(folder)?;
-    let campaign = opened.campaign()?;
-    let result = opened.summary(&campaign)?;
+    let (campaign, stability) = opened.campaign()?;
+    let Simulation { machine, experiment, .. } = &opened.simulation;
+    let mut result = summary(machine.plant(), &campaign, experiment.seed);
+    result.stability = Some(stability);
     let model = &opened.simulation.symbolic.model;
     output::emit(target, &if json { output::json(&result)? } else { describe_campaign(&result, model) })?;
     if result.is_complete() {

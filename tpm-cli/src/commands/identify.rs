@@ -1,6 +1,7 @@
 //! `tpm identify`: parameters with standard deviations, from a log or from experiments on a simulated plant.
 
 use super::campaign::folder_of;
+use super::log_args::LogArgs;
 use super::simulated::{SimulatedArgs, Simulation};
 use crate::assignments::{assignment, by_name, number_assignment};
 use crate::campaign_report::{self, Played};
@@ -8,7 +9,6 @@ use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
 use crate::{Outcome, interrupt, output, progress};
-use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::estimate::{Estimate, Frozen};
@@ -24,24 +24,6 @@ use tpm_runtime::stability::Stability;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::prepare::Prepared;
 
-/// What an input does between samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum HoldChoice {
-    /// The recorded value is a sample of a signal that goes on between samples, or the timing is unknown.
-    None,
-    /// The recorded value is applied until the next sample.
-    Zoh,
-}
-
-impl From<HoldChoice> for Hold {
-    fn from(choice: HoldChoice) -> Self {
-        match choice {
-            HoldChoice::None => Hold::None,
-            HoldChoice::Zoh => Hold::Zoh,
-        }
-    }
-}
-
 /// Options of `tpm identify`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -50,30 +32,8 @@ pub(crate) struct Args {
     /// Identify from this log (CSV with one header line, time in `t_s`) instead of a simulated plant.
     #[arg(long, value_name = "CSV")]
     log: Option<PathBuf>,
-    /// Column of a coordinate or input (or of t_s) that is named otherwise in the log.
-    #[arg(long, value_name = "NAME=COLUMN", requires = "log", value_parser = assignment)]
-    map: Vec<(String, String)>,
-    /// Factor on a column: counts to radians, a gear ratio.
-    #[arg(long, value_name = "NAME=FACTOR", requires = "log", value_parser = number_assignment)]
-    scale: Vec<(String, f64)>,
-    /// Added to a column after its factor.
-    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
-    offset: Vec<(String, f64)>,
-    /// First sample to use, from 0; found when not given.
-    #[arg(long, value_name = "N", requires = "log")]
-    from_sample: Option<usize>,
-    /// Period of the motion in seconds; found when not given.
-    #[arg(long, value_name = "SECONDS", requires = "log")]
-    period: Option<f64>,
-    /// What the inputs do between samples.
-    #[arg(long, value_enum, requires = "log")]
-    hold: Option<HoldChoice>,
-    /// Highest harmonic to use; chosen from the spectrum when not given.
-    #[arg(long, value_name = "N", requires = "log")]
-    harmonics: Option<usize>,
-    /// Value of a constant that is known at run time only.
-    #[arg(long = "constant", value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
-    constants: Vec<(String, f64)>,
+    #[command(flatten)]
+    reading: LogArgs,
     /// Prior value of a parameter: what an unobservable direction keeps; of a physical one: where the search starts.
     #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     prior: Vec<(String, f64)>,
@@ -274,7 +234,7 @@ fn from_log(args: &Args, prepared: &Prepared, model: &Interpreted, path: &Path) 
     let log = Log::open(path, model, &options).map_err(|error| Failure::Input(error.to_string()))?;
     let mut result = identify_log(model, &log, &options).map_err(|error| Failure::Input(error.to_string()))?;
     let map = |list: &[(String, f64)]| list.iter().cloned().collect();
-    let settings = settings(args, &map(&args.prior), &map(&args.freeze), &map(&args.constants), &own);
+    let settings = settings(args, &map(&args.prior), &map(&args.freeze), &map(&args.reading.constants), &own);
     let negative = negative_masses(&result.parameters);
     result.warnings.extend(negative.iter().cloned());
     result.physical = physical_part(prepared, &result.estimate, &settings, &mut result.warnings)?;
@@ -341,35 +301,12 @@ fn physical_part(
 }
 
 fn log_options(args: &Args, model: &Interpreted, physical: &[String]) -> Result<LogOptions, Failure> {
-    let dims = model.dims();
-    let coordinates = (0..dims.coordinates).map(|i| model.coordinate(i).name.to_owned());
-    let inputs = (0..dims.inputs).map(|i| model.input(i).name.to_owned());
-    let mut signals: Vec<String> = coordinates.chain(inputs).collect();
-    signals.push("t_s".to_owned());
-    let parameters: Vec<String> = (0..dims.parameters).map(|i| model.parameter(i).name.to_owned()).collect();
-    let constants: Vec<String> = (0..dims.constants).map(|i| model.constant(i).name.to_owned()).collect();
-
-    let given = by_name("--constant", &args.constants, &constants)?;
-    let missing: Vec<&str> = constants.iter().filter(|name| !given.contains_key(*name)).map(String::as_str).collect();
-    if !missing.is_empty() {
-        return Err(Failure::Input(format!(
-            "the model has constants that are known at run time only; give {}",
-            missing.iter().map(|name| format!("--constant {name}=VALUE")).collect::<Vec<_>>().join(" ")
-        )));
-    }
+    let parameters: Vec<String> = (0..model.dims().parameters).map(|i| model.parameter(i).name.to_owned()).collect();
     let either: Vec<String> = parameters.iter().chain(physical).cloned().collect();
     let priors = by_name("--prior", &args.prior, &either)?;
     let frozen = by_name("--freeze", &args.freeze, &either)?;
     let index = |name: &str| parameters.iter().position(|parameter| parameter == name);
     Ok(LogOptions {
-        map: by_name("--map", &args.map, &signals)?,
-        scale: by_name("--scale", &args.scale, &signals)?,
-        offset: by_name("--offset", &args.offset, &signals)?,
-        from_sample: args.from_sample,
-        period: args.period,
-        hold: args.hold.map_or(Hold::None, Hold::from),
-        harmonics: args.harmonics,
-        constants: constants.iter().map(|name| given[name]).collect(),
         prior: if parameters.iter().all(|name| !priors.contains_key(name)) {
             Vec::new()
         } else {
@@ -379,6 +316,7 @@ fn log_options(args: &Args, model: &Interpreted, physical: &[String]) -> Result<
             .iter()
             .filter_map(|(name, &value)| index(name).map(|parameter| Frozen { parameter, value }))
             .collect(),
+        ..args.reading.options(model)?
     })
 }
 

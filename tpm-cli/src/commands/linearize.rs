@@ -445,7 +445,7 @@ fn state_space(
     linear: &Linearization,
     values: &Values,
 ) -> Result<Option<(StateSpace<Rational>, bool)>, Failure> {
-    let missing = values.missing(model);
+    let missing = values.missing(model, None);
     if !missing.is_empty() {
         if values.is_empty() {
             return Ok(None);

@@ -1,6 +1,6 @@
 //! What `tpm frf` and `tpm fit` share: a log, averaged to a frequency response, and its plot.
 
-use super::identify::HoldChoice;
+use super::log_args::HoldChoice;
 use crate::assignments::{assignment, number_assignment, once};
 use crate::failure::Failure;
 use crate::picture::{self, Picture};

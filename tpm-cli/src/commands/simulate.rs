@@ -6,7 +6,6 @@ use crate::failure::Failure;
 use crate::{Outcome, output};
 use std::path::PathBuf;
 use tpm_runtime::experiment::samples_text;
-use tpm_runtime::harmonics::Hold;
 use tpm_runtime::model::Model;
 use tpm_runtime::procedure::Ending;
 use tpm_runtime::simulate::simulate;
@@ -31,8 +30,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
     let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
     let plant = machine.plant();
-    let setup = experiment.setup(plant, machine.pattern(), Hold::Zoh).map_err(|error| input(&error))?;
-    experiment.check_stability(plant, &setup).map_err(|error| input(&error))?;
+    let (setup, _) = experiment.stable_setup(plant, machine.pattern()).map_err(|error| input(&error))?;
     let campaign = machine.campaign(&experiment, setup).map_err(|error| input(&error))?;
     let Some(first) = campaign.next() else {
         return Err(Failure::Input("the experiment has no run to play".to_owned()));

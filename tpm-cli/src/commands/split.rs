@@ -143,12 +143,7 @@ fn in_numbers(
     harmonics: usize,
 ) -> Result<Numbers, Failure> {
     let model = loaded.model();
-    let motion = pattern.amplitudes.iter().copied().chain([pattern.frequency]);
-    let needed = model.parameters().chain(model.run_time_constants()).chain(motion);
-    let missing: Vec<&str> = needed
-        .filter(|symbol| values.get(*symbol).is_none())
-        .map(|symbol| model.quantity(symbol).name.as_str())
-        .collect();
+    let missing = values.missing(model, Some(pattern));
     if !missing.is_empty() {
         return Err(Failure::Input(format!(
             "harmonics in numbers need a value of {}; give them with --params FILE or --set NAME=VALUE, or none at all for the exact table",

@@ -20,6 +20,16 @@ pub(crate) fn tpm(arguments: &[&str]) -> Output {
     tpm_in(&root(), arguments)
 }
 
+/// The command fails with this exit code and says all of this on standard error.
+pub(crate) fn fails(arguments: &[&str], code: i32, said: &[&str]) {
+    let output = tpm(arguments);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+    for part in said {
+        assert!(text.contains(part), "{arguments:?}: `{part}` is not in: {text}");
+    }
+}
+
 /// What a folder holds, sorted.
 pub(crate) fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("a folder");
