@@ -1,9 +1,16 @@
 //! Writers: tables and sources, from what the exact engine computed.
 //!
+//! What a function computes, reads and is documented with stands once (`function`, over the steps of `code`); a language only prints
+//! it and adds what is its own: types, conversions, a trait, a solver.
+//!
 //! Invariant: a writer decides no mathematics; it prints what it is given, all of it, and twice the same.
 
+mod code;
 pub mod estimator;
+mod function;
 pub mod name;
+mod names;
 pub mod number;
 pub mod rust;
 pub mod table;
+mod text;

@@ -10,7 +10,6 @@ mod expression;
 mod names;
 mod pattern;
 mod record;
-mod text;
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
@@ -18,9 +17,10 @@ use std::cell::RefCell;
 use std::str::FromStr;
 use tpm_symbolic::estimator::Leaf;
 use tpm_symbolic::expr::Node;
-use tpm_symbolic::plan::Plan;
 
 use super::estimator::{Estimator, Identified};
+use super::function::{Reads, Role};
+use super::text;
 use names::Names;
 use record::doc;
 
@@ -51,16 +51,9 @@ struct Context<'a> {
     comments: Option<RefCell<Vec<String>>>,
 }
 
-/// What a plan's leaves are read from.
-struct Sources {
-    motion: bool,
-    constants: bool,
-    parameters: bool,
-}
-
 impl<'a> Context<'a> {
     fn new(estimator: &'a Estimator, options: &'a Options<'a>, comments: bool) -> Self {
-        let names = Names::new(&estimator.model, &estimator.form, &estimator.plan);
+        let names = names::names(estimator);
         let runtime = TokenStream::from_str(options.runtime).unwrap_or_else(|_| quote!(::tpm_runtime));
         let comments = comments.then(RefCell::default);
         Self { estimator, options, names, runtime, comments }
@@ -109,27 +102,38 @@ impl<'a> Context<'a> {
         }
     }
 
-    fn sources(&self, plans: &[&Plan]) -> Sources {
-        let mut sources = Sources { motion: false, constants: false, parameters: false };
-        for node in plans.iter().flat_map(|plan| &plan.inputs) {
-            match self.estimator.plan.leaves.leaf(node) {
-                Leaf::Motion(..) => sources.motion = true,
-                Leaf::Column(_) => sources.parameters = true,
-                Leaf::Symbol(symbol) => {
-                    sources.constants |= self.names.constants.iter().any(|(present, _)| *present == symbol);
-                }
-                Leaf::Cos | Leaf::Sin => {}
-            }
-        }
-        sources
-    }
-
-    /// `constants: &Constants<T>,` where the model has any; `used` says whether the body reads them.
-    fn constants_parameter(&self, used: bool) -> TokenStream {
-        match (self.has_constants(), used) {
+    /// `constants: &Constants<T>,` where the model has any.
+    fn constants_parameter(&self, reads: Reads) -> TokenStream {
+        match (self.has_constants(), reads.constants) {
             (false, _) => quote!(),
             (true, true) => quote!(constants: &Constants<T>,),
             (true, false) => quote!(_constants: &Constants<T>,),
+        }
+    }
+
+    /// The same where they are handed on.
+    fn constants_handed_on(&self) -> TokenStream {
+        self.constants_parameter(Reads { constants: true, ..Reads::default() })
+    }
+
+    /// How a function is called in documentation.
+    fn function_name(&self, role: Role) -> String {
+        let of = |pattern: usize, name: &str| match &self.names.patterns[pattern].module {
+            Some(module) => format!("{module}::{name}"),
+            None => name.to_owned(),
+        };
+        match role {
+            Role::Regressor => "regressor".to_owned(),
+            Role::Known => "known".to_owned(),
+            Role::InputMap => "input_map".to_owned(),
+            Role::InverseDynamics => "inverse_dynamics".to_owned(),
+            Role::FeedForward => "feed_forward".to_owned(),
+            Role::FeedForwardIndependent => "feed_forward_independent".to_owned(),
+            Role::FeedForwardDependent => "feed_forward_dependent".to_owned(),
+            Role::Lump => "Physical::lump".to_owned(),
+            Role::Reference(pattern) => of(pattern, "Pattern::reference"),
+            Role::EstimatorMatrix(pattern) => of(pattern, "Pattern::estimator_matrix"),
+            Role::Accumulate(pattern) => of(pattern, "Accumulator::push_at"),
         }
     }
 
@@ -158,7 +162,8 @@ fn module(context: &Context<'_>) -> Module {
         let reason = "an exact rational that only looks like a known constant";
         attributes.extend(quote!(#[allow(clippy::approx_constant, reason = #reason)]));
     }
-    Module { docs: text::header(context), attributes, items: quote!(#imports #dynamics #patterns) }
+    let docs = text::header(context.estimator, context.options.command, &|role| context.function_name(role));
+    Module { docs, attributes, items: quote!(#imports #dynamics #patterns) }
 }
 
 /// The module `model_name` and the model's type, as items for a macro to expand to. `extra` goes into the module.

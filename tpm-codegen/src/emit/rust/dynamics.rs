@@ -1,18 +1,18 @@
 //! The part of a module that needs no pattern: names, motions, regressor, forces, the shared trait.
 
-use num_traits::Zero;
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::plan::{Op, Plan};
-use tpm_symbolic::regressor::canonical;
 use tpm_symbolic::unit::Unit;
 
+use super::super::code::Place;
 use super::super::estimator::Estimator;
-use super::expression::{PlanWriter, literal};
-use super::names::{derivative_field, derivative_text, ident};
+use super::super::function::{self, Body, Function, Reads};
+use super::super::text;
+use super::Context;
+use super::expression::{Writer, literal};
+use super::names::{derivative_field, ident};
 use super::record::{Field, count, doc, locals, record};
-use super::{Context, text};
 
 /// What the module takes from the runtime.
 pub(super) fn imports(context: &Context<'_>) -> TokenStream {
@@ -93,8 +93,9 @@ fn labels(context: &Context<'_>) -> TokenStream {
         .collect();
     let columns: Vec<TokenStream> =
         form.columns.iter().map(|column| label(&label_type, &column.name, column.unit.as_ref())).collect();
-    let rows: Vec<TokenStream> =
-        (0..form.rows.len()).map(|r| label(&label_type, &form.rows[r].name, row_unit(context.estimator, r))).collect();
+    let rows: Vec<TokenStream> = (0..form.rows.len())
+        .map(|r| label(&label_type, &form.rows[r].name, text::row_unit(context.estimator, r)))
+        .collect();
     let lists = [
         ("COORDINATES", "Names and units of the coordinates.", coordinates),
         ("INPUTS", "Names and units of the inputs.", quantities(&plan.evaluation.inputs)),
@@ -121,28 +122,10 @@ fn labels(context: &Context<'_>) -> TokenStream {
     }
 }
 
-/// The unit of an equation whose right-hand side is one input.
-fn row_unit(estimator: &Estimator, row: usize) -> Option<&Unit> {
-    match estimator.form.rows[row].inputs.as_slice() {
-        [(symbol, factor)] if factor.as_constant().is_some() => estimator.model.quantity(*symbol).unit.as_ref(),
-        _ => None,
-    }
-}
-
 fn parameters(context: &Context<'_>) -> TokenStream {
-    let Estimator { model, form, .. } = context.estimator;
-    let fields: Vec<Field> = form
-        .columns
-        .iter()
-        .zip(&context.names.columns)
-        .map(|(column, name)| {
-            let definition = match column.parameter {
-                Some(_) => String::new(),
-                None => format!(" = `{}`", canonical(model, &column.definition)),
-            };
-            let doc = format!("`{}`{definition}{}.", column.name, text::in_unit(column.unit.as_ref()));
-            Field { ident: name.clone(), doc }
-        })
+    let fields = context.names.columns.iter().enumerate();
+    let fields: Vec<Field> = fields
+        .map(|(index, name)| Field { ident: name.clone(), doc: text::column(context.estimator, index) })
         .collect();
     record(&ident("Parameters"), "The parameters that are estimated; every equation is linear in them.", &fields)
 }
@@ -169,10 +152,9 @@ fn identified(context: &Context<'_>) -> TokenStream {
 }
 
 fn quantity_fields(context: &Context<'_>, symbols: &[(Symbol, Ident)]) -> Vec<Field> {
-    let field = |(symbol, name): &(Symbol, Ident)| {
-        let quantity = context.estimator.model.quantity(*symbol);
-        let doc = format!("`{}`{}.", quantity.name, text::in_unit(quantity.unit.as_ref()));
-        Field { ident: name.clone(), doc }
+    let field = |(symbol, name): &(Symbol, Ident)| Field {
+        ident: name.clone(),
+        doc: text::quantity(context.estimator, *symbol),
     };
     symbols.iter().map(field).collect()
 }
@@ -186,7 +168,9 @@ fn constants(context: &Context<'_>) -> TokenStream {
 }
 
 fn lumping(context: &Context<'_>) -> TokenStream {
-    let Some(plan) = &context.estimator.plan.lumping else { return TokenStream::new() };
+    let Some(Function { about, reads, body: Body::Stores(statements) }) = function::lump(context.estimator) else {
+        return TokenStream::new();
+    };
     let fields = quantity_fields(context, &context.names.physical);
     let physical = record(
         &ident("Physical"),
@@ -194,18 +178,17 @@ fn lumping(context: &Context<'_>) -> TokenStream {
         &fields,
     );
     let owner = ident("self");
-    let mut writer = PlanWriter::new(plan, |node| context.leaf(node, &owner, &context.names.physical));
     let columns = &context.names.columns;
-    let mut body = TokenStream::new();
     let values: Vec<Ident> = locals(columns.len());
-    for (i, (value, column)) in values.iter().zip(&context.estimator.form.columns).enumerate() {
-        let definition = canonical(&context.estimator.model, &column.definition);
-        let comment = context.comment(format!("{} = {definition}", column.name));
-        let (statements, expression) = writer.output(i);
-        body.extend(quote!(#comment #statements let #value = #expression;));
-    }
-    let constants = context.constants_parameter(context.sources(&[plan]).constants);
-    let about = doc(&format!("The estimated parameters that belong to these physical ones.{}", text::operations(plan)));
+    let writer = Writer::new(|node| context.leaf(node, &owner, &context.names.physical));
+    let body = writer.statements(context, &statements, |place, expression| match place {
+        Place::Value(index) => {
+            let value = &values[index];
+            quote!(let #value = #expression;)
+        }
+        Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
+    });
+    let (about, constants) = (doc(&about), context.constants_parameter(reads));
     quote! {
         #physical
 
@@ -228,10 +211,7 @@ fn motion(context: &Context<'_>) -> TokenStream {
     for names in coordinates {
         let info = &model.coordinates[names.coordinate.0 as usize];
         let derivatives: Vec<Ident> = (0..=names.order).map(derivative_field).collect();
-        let docs = (0..=names.order).map(|n| {
-            let unit = text::rate(info.unit.as_ref(), n);
-            doc(&format!("`{}`{}.", derivative_text(&info.name, n), text::in_unit(unit.as_ref())))
-        });
+        let docs = (0..=names.order).map(|n| doc(&text::derivative(context.estimator, names.coordinate, n)));
         let (name, field) = (&names.motion_type, &names.field);
         let about = doc(&format!("The coordinate `{}` and its time derivatives at one instant.", info.name));
         types.extend(quote! {
@@ -309,11 +289,7 @@ fn motion(context: &Context<'_>) -> TokenStream {
 
 fn forces(context: &Context<'_>) -> TokenStream {
     let fields: Vec<Field> = (0..context.estimator.form.rows.len())
-        .map(|r| {
-            let unit = text::in_unit(row_unit(context.estimator, r));
-            let doc = format!("Equation `{}`{unit}.", context.estimator.form.rows[r].name);
-            Field { ident: context.names.rows[r].field.clone(), doc }
-        })
+        .map(|r| Field { ident: context.names.rows[r].field.clone(), doc: text::equation(context.estimator, r) })
         .collect();
     let about = "One number per equation: the generalised force that its left-hand side amounts to.";
     let forces = record(&ident("Forces"), about, &fields);
@@ -323,11 +299,10 @@ fn forces(context: &Context<'_>) -> TokenStream {
 }
 
 /// The parameter list of a function of the motion.
-fn arguments(context: &Context<'_>, plan: &Plan, with_parameters: bool) -> TokenStream {
-    let sources = context.sources(&[plan]);
-    let motion = if sources.motion { ident("motion") } else { ident("_motion") };
-    let constants = context.constants_parameter(sources.constants);
-    let parameters = match (with_parameters, sources.parameters) {
+fn arguments(context: &Context<'_>, reads: Reads, with_parameters: bool) -> TokenStream {
+    let motion = if reads.motion { ident("motion") } else { ident("_motion") };
+    let constants = context.constants_parameter(reads);
+    let parameters = match (with_parameters, reads.parameters) {
         (false, _) => quote!(),
         (true, true) => quote!(parameters: &Parameters<T>,),
         (true, false) => quote!(_parameters: &Parameters<T>,),
@@ -335,89 +310,83 @@ fn arguments(context: &Context<'_>, plan: &Plan, with_parameters: bool) -> Token
     quote!(#motion: &Motion<T>, #parameters #constants)
 }
 
-fn written(context: &Context<'_>, plan: &Plan) -> (TokenStream, Vec<TokenStream>) {
-    let owner = ident("self");
-    PlanWriter::new(plan, |node| context.leaf(node, &owner, &[])).outputs()
+fn regressor(context: &Context<'_>) -> TokenStream {
+    let function = function::regressor(context.estimator);
+    let arguments = arguments(context, function.reads, false);
+    matrix(context, "regressor", &function, arguments, context.names.columns.len())
 }
 
-fn regressor(context: &Context<'_>) -> TokenStream {
-    let estimator = context.estimator;
-    let plan = &estimator.plan.evaluation.regressor;
-    let (rows, columns) = (count(estimator.form.rows.len()), count(estimator.form.columns.len()));
-    let mut about = String::from(
-        "The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u.\n",
-    );
-    for (r, row) in estimator.form.rows.iter().enumerate() {
-        about.push_str(&format!("\nEquation `{}`:\n\n```text\n", row.name));
-        for (c, column) in estimator.form.columns.iter().enumerate() {
-            if row.terms.iter().any(|term| term.column == Some(c)) {
-                about.push_str(&format!("{}: {}\n", column.name, text::entry(estimator, r, Some(c))));
-            }
+fn input_map(context: &Context<'_>) -> TokenStream {
+    let function = function::input_map(context.estimator);
+    let arguments = context.constants_parameter(function.reads);
+    matrix(context, "input_map", &function, arguments, context.names.inputs.len())
+}
+
+/// A function with a row per equation.
+fn matrix(
+    context: &Context<'_>,
+    name: &str,
+    function: &Function,
+    arguments: TokenStream,
+    columns: usize,
+) -> TokenStream {
+    let (rows, columns) = (count(context.names.rows.len()), count(columns));
+    let (name, about) = (ident(name), doc(&function.about));
+    let Body::Stores(statements) = &function.body else {
+        unreachable!("invariant: matrices of the dynamics are written entry by entry")
+    };
+    let body = if statements.is_empty() {
+        quote!([[T::ZERO; #columns]; #rows])
+    } else {
+        let owner = ident("self");
+        let body = entries(context, statements, &Writer::new(|node| context.leaf(node, &owner, &[])));
+        quote! {
+            let mut matrix = [[T::ZERO; #columns]; #rows];
+            #body
+            matrix
         }
-        about.push_str("```\n");
-    }
-    about.push_str(text::operations(plan).trim_start_matches('\n'));
-    let (about, arguments) = (doc(&about), arguments(context, plan, false));
-    let body = entries(context, plan, estimator.form.columns.len(), |row, column| {
-        let name = &estimator.form.columns[column].name;
-        format!("{}, {name}: {}", estimator.form.rows[row].name, text::entry(estimator, row, Some(column)))
-    });
+    };
     quote! {
         #about
         #[must_use]
-        pub fn regressor<T: Real>(#arguments) -> [[T; #columns]; #rows] {
+        pub fn #name<T: Real>(#arguments) -> [[T; #columns]; #rows] {
             #body
         }
     }
 }
 
-/// A matrix that is not zero everywhere, entry by entry, each under its formula.
-fn entries(
+/// Steps that fill `matrix`.
+pub(super) fn entries<L: Fn(&tpm_symbolic::expr::Node) -> TokenStream>(
     context: &Context<'_>,
-    plan: &Plan,
-    columns: usize,
-    formula: impl Fn(usize, usize) -> String,
+    statements: &[super::super::code::Statement],
+    writer: &Writer<L>,
 ) -> TokenStream {
-    let owner = ident("self");
-    let mut writer = PlanWriter::new(plan, |node| context.leaf(node, &owner, &[]));
-    let mut body = TokenStream::new();
-    for output in 0..plan.outputs.len() {
-        let zero = matches!(&plan.ops[plan.outputs[output].index()], Op::Constant(value) if value.is_zero());
-        let (statements, value) = writer.output(output);
-        if zero {
-            body.extend(statements);
-            continue;
+    writer.statements(context, statements, |place, value| match place {
+        Place::Entry(row, column) => {
+            let (row, column) = (count(row), count(column));
+            quote!(matrix[#row][#column] = #value;)
         }
-        let (row, column) = (output / columns, output % columns);
-        let comment = context.comment(formula(row, column));
-        let (row, column) = (count(row), count(column));
-        body.extend(quote!(#comment #statements matrix[#row][#column] = #value;));
-    }
-    let (rows, columns) = (count(plan.outputs.len() / columns.max(1)), count(columns));
-    if body.is_empty() {
-        let rows = count(context.estimator.form.rows.len());
-        return quote!([[T::ZERO; #columns]; #rows]);
-    }
-    quote! {
-        let mut matrix = [[T::ZERO; #columns]; #rows];
-        #body
-        matrix
-    }
+        Place::Value(_) => unreachable!("invariant: a matrix has rows and columns"),
+    })
 }
 
 /// A function of the motion with one value per field of a structure.
-fn function(
+fn structure(
     context: &Context<'_>,
     name: &str,
-    about: &str,
-    plan: &Plan,
+    function: &Function,
     with_parameters: bool,
     (result, fields): (&str, Vec<&Ident>),
 ) -> TokenStream {
-    let about = doc(&format!("{about}{}", text::operations(plan)));
-    let (name, result) = (ident(name), ident(result));
-    let arguments = arguments(context, plan, with_parameters);
-    let (statements, values) = written(context, plan);
+    let (about, name, result) = (doc(&function.about), ident(name), ident(result));
+    let arguments = arguments(context, function.reads, with_parameters);
+    let Body::Values(statements, values) = &function.body else {
+        unreachable!("invariant: forces and inputs are given all at once")
+    };
+    let owner = ident("self");
+    let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
+    let statements = writer.statements(context, statements, |_, _| TokenStream::new());
+    let values = values.iter().map(|value| writer.expression(value));
     quote! {
         #about
         #[must_use]
@@ -437,66 +406,26 @@ fn input_fields<'a>(context: &'a Context<'_>) -> (&'static str, Vec<&'a Ident>) 
 }
 
 fn known(context: &Context<'_>) -> TokenStream {
-    let plan = &context.estimator.plan.evaluation.known;
-    let about = "The terms without an unknown parameter, on the left-hand side.";
-    function(context, "known", about, plan, false, force_fields(context))
-}
-
-fn input_map(context: &Context<'_>) -> TokenStream {
-    let estimator = context.estimator;
-    let plan = &estimator.plan.evaluation.input_map;
-    let (rows, inputs) = (count(estimator.form.rows.len()), count(estimator.plan.evaluation.inputs.len()));
-    let about =
-        doc(&format!("The input map B, one row per equation and one column per input.{}", text::operations(plan)));
-    let constants = context.constants_parameter(context.sources(&[plan]).constants);
-    let names = |row: usize, input: usize| {
-        let name = &estimator.model.quantity(estimator.plan.evaluation.inputs[input]).name;
-        format!("{}, {name}: {}", estimator.form.rows[row].name, text::input_factor(estimator, row, input))
-    };
-    let body = entries(context, plan, estimator.plan.evaluation.inputs.len(), names);
-    quote! {
-        #about
-        #[must_use]
-        pub fn input_map<T: Real>(#constants) -> [[T; #inputs]; #rows] {
-            #body
-        }
-    }
+    structure(context, "known", &function::known(context.estimator), false, force_fields(context))
 }
 
 fn inverse_dynamics(context: &Context<'_>) -> TokenStream {
-    let plan = &context.estimator.plan.inverse_dynamics;
-    let about = "Phi theta + known: the generalised force of every equation that the motion needs.";
-    function(context, "inverse_dynamics", about, plan, true, force_fields(context))
+    let function = function::inverse_dynamics(context.estimator);
+    structure(context, "inverse_dynamics", &function, true, force_fields(context))
 }
 
 fn feed_forward(context: &Context<'_>) -> TokenStream {
-    let Some(plan) = &context.estimator.plan.feed_forward else { return TokenStream::new() };
-    let free =
-        context.estimator.form.rows.iter().filter(|row| row.inputs.is_empty()).map(|row| format!("`{}`", row.name));
-    let free: Vec<String> = free.collect();
-    let free = match free.as_slice() {
-        [] => String::new(),
-        names => format!(" The motion must satisfy {} by itself.", names.join(", ")),
-    };
-    let about = format!("Feed-forward: the inputs that the reference motion needs.{free}");
-    function(context, "feed_forward", &about, plan, true, input_fields(context))
+    let Some(function) = function::feed_forward(context.estimator) else { return TokenStream::new() };
+    structure(context, "feed_forward", &function, true, input_fields(context))
 }
 
 fn feed_forward_parts(context: &Context<'_>) -> TokenStream {
-    let Some([independent, dependent]) = &context.estimator.plan.feed_forward_parts else { return TokenStream::new() };
-    let part = |name: &str, plan: &Plan, about: &str| function(context, name, about, plan, true, input_fields(context));
-    let independent = part(
-        "feed_forward_independent",
-        independent,
-        "The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate\n\
-         still while the others move. An actuator gives it as fast as its amplifier is, so that it needs no low pass.",
-    );
-    let dependent = part(
-        "feed_forward_dependent",
-        dependent,
-        "The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive. With\n\
-         [`feed_forward_independent`] it adds up to [`feed_forward`].",
-    );
+    let Some([independent, dependent]) = function::feed_forward_parts(context.estimator) else {
+        return TokenStream::new();
+    };
+    let part = |name: &str, part: &Function| structure(context, name, part, true, input_fields(context));
+    let independent = part("feed_forward_independent", &independent);
+    let dependent = part("feed_forward_dependent", &dependent);
     quote!(#independent #dependent)
 }
 

@@ -3,20 +3,18 @@
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 use std::collections::BTreeSet;
-use tpm_symbolic::estimator::{Leaf, PatternPlan, TablePlan, entry_formula};
-use tpm_symbolic::fourier::Trig;
+use tpm_symbolic::estimator::{PatternPlan, TablePlan};
 use tpm_symbolic::plan::Plan;
-use tpm_symbolic::table::Entry;
 
-use super::super::estimator::gaps;
+use super::super::code::{Base, Level, Place, Table};
+use super::super::function::{self, Body, Function};
 use super::super::number::Rounded;
-use super::expression::{PlanWriter, literal, literal_single};
-use super::names::{PatternNames, derivative_field, harmonic_field, harmonic_function, ident};
+use super::super::text;
+use super::Context;
+use super::dynamics::entries;
+use super::expression::{Writer, literal, literal_single};
+use super::names::{PatternNames, derivative_field, harmonic_field, ident};
 use super::record::{Field, count, doc, locals, record};
-use super::{Context, text};
-
-/// Entries of the estimator matrix up to which it is straight-line code; beyond, it is a table and a loop.
-pub(super) const STRAIGHT_LINE_ENTRIES: usize = 400;
 
 /// The items of all patterns: in the module itself, or each in a module of its own when there are several.
 pub(super) fn items(context: &Context<'_>) -> TokenStream {
@@ -30,8 +28,8 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
                 let name = pattern.name.clone().unwrap_or_else(|| (index + 1).to_string());
                 let motions = text::motions(context.estimator, index);
                 let mut about = format!("The pattern `{name}`.\n\n```text\n{motions}```\n");
-                let remarks = gaps(pattern).into_iter().chain(text::approximations(context.estimator, pattern));
-                remarks.for_each(|remark| about.push_str(&format!("\n{remark}\n")));
+                let remarks = text::remarks(context.estimator, pattern);
+                remarks.iter().for_each(|remark| about.push_str(&format!("\n{remark}\n")));
                 let about = doc(&about);
                 quote! {
                     #about
@@ -71,17 +69,11 @@ fn imports(context: &Context<'_>, pattern: &PatternPlan) -> TokenStream {
 }
 
 fn pattern_items(context: &Context<'_>, index: usize, pattern: &PatternPlan, names: &PatternNames) -> TokenStream {
-    let model = &context.estimator.model;
-    let fields: Vec<Field> = names
-        .fields
-        .iter()
-        .map(|(symbol, name)| {
-            let quantity = model.quantity(*symbol);
-            let what = if *symbol == pattern.frequency { "Fundamental angular frequency" } else { "Amplitude" };
-            let doc = format!("{what} `{}`{}.", quantity.name, text::in_unit(quantity.unit.as_ref()));
-            Field { ident: name.clone(), doc }
-        })
-        .collect();
+    let fields = names.fields.iter().map(|(symbol, name)| Field {
+        ident: name.clone(),
+        doc: text::pattern_symbol(context.estimator, pattern, *symbol),
+    });
+    let fields: Vec<Field> = fields.collect();
     let motions = text::motions(context.estimator, index);
     let about = format!("Amplitudes and frequency of the trajectory pattern\n\n```text\n{motions}```");
     let structure = record(&ident("Pattern"), &about, &fields);
@@ -108,13 +100,8 @@ fn pattern_items(context: &Context<'_>, index: usize, pattern: &PatternPlan, nam
     }
 }
 
-fn frequency(pattern: &PatternPlan, names: &PatternNames) -> Ident {
-    let found = names.fields.iter().find(|(symbol, _)| *symbol == pattern.frequency);
-    found.expect("invariant: a pattern has its frequency").1.clone()
-}
-
 fn period(pattern: &PatternPlan, names: &PatternNames) -> TokenStream {
-    let w = frequency(pattern, names);
+    let w = names.frequency(pattern);
     quote! {
         /// One period of the motion in seconds.
         #[must_use]
@@ -124,17 +111,17 @@ fn period(pattern: &PatternPlan, names: &PatternNames) -> TokenStream {
     }
 }
 
-/// Which of cos w t and sin w t a plan reads.
-fn phase_functions(context: &Context<'_>, plan: &Plan) -> (bool, bool) {
-    let reads = |leaf: Leaf| plan.inputs.iter().any(|node| context.estimator.plan.leaves.leaf(node) == leaf);
-    (reads(Leaf::Cos), reads(Leaf::Sin))
-}
-
 fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &PatternNames) -> TokenStream {
-    let w = frequency(pattern, names);
+    let Function { about, reads, body: Body::Values(statements, values) } =
+        function::reference(context.estimator, pattern, plan)
+    else {
+        unreachable!("invariant: a motion is given all at once")
+    };
+    let w = names.frequency(pattern);
     let owner = ident("self");
-    let (statements, values) = PlanWriter::new(plan, |node| context.leaf(node, &owner, &names.fields)).outputs();
-    let mut values = values.into_iter();
+    let writer = Writer::new(|node| context.leaf(node, &owner, &names.fields));
+    let statements = writer.statements(context, &statements, |_, _| TokenStream::new());
+    let mut values = values.iter().map(|value| writer.expression(value));
     let coordinates = context.names.coordinates.iter().map(|coordinate| {
         let (field, motion_type) = (&coordinate.field, &coordinate.motion_type);
         let derivatives = (0..=coordinate.order).map(derivative_field);
@@ -143,20 +130,16 @@ fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &
         quote!(#field: #motion_type { #(#entries),* })
     });
     let coordinates: Vec<TokenStream> = coordinates.collect();
-    let phase = match phase_functions(context, plan) {
+    let phase = match (reads.cos, reads.sin) {
         (true, true) => quote!(let (sin, cos) = phase.sin_cos();),
         (true, false) => quote!(let cos = phase.cos();),
         (false, true) => quote!(let sin = phase.sin();),
         (false, false) => quote!(let _ = phase;),
     };
-    let constants = context.constants_parameter(context.sources(&[plan]).constants);
-    let outer = context.constants_parameter(true);
+    let constants = context.constants_parameter(reads);
+    let outer = context.constants_handed_on();
     let argument = context.constants_argument();
-    let about = doc(&format!(
-        "The reference motion at a phase `{}*t` in radians, with every derivative that the equations read.{}, one sine and cosine.",
-        context.estimator.model.quantity(pattern.frequency).name,
-        text::operations(plan).trim_end_matches('.')
-    ));
+    let about = doc(&about);
     quote! {
         /// The reference motion at a time in seconds. Reduce long times to one period, so that the phase keeps its digits.
         #[must_use]
@@ -174,71 +157,29 @@ fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &
     }
 }
 
-/// A table row as text: `u, cos 3`.
-fn row_text(table: &TablePlan, row: usize) -> String {
-    let (equation, harmonic, function) = table.rows[row];
-    format!("{}, {} {harmonic}", table.table.equations[equation], harmonic_function(function))
-}
-
-/// The exact formula of a place of the table.
-fn formula(table: &TablePlan, row: usize, column: Option<usize>) -> String {
-    let (equation, harmonic, function) = table.rows[row];
-    let mut text = String::new();
-    for entry in table.table.at(equation, harmonic, function, column) {
-        let term = entry_formula(&table.table, &entry);
-        match term.strip_prefix('-') {
-            _ if text.is_empty() => text.push_str(&term),
-            Some(positive) => text.push_str(&format!(" - {positive}")),
-            None => text.push_str(&format!(" + {term}")),
-        }
-    }
-    text
-}
-
 fn estimator_matrix(context: &Context<'_>, table: &TablePlan, names: &PatternNames) -> TokenStream {
-    let (rows, columns) = (count(table.rows.len()), count(context.estimator.form.columns.len()));
-    let constants = context.constants_parameter(context.sources(&[&table.matrix]).constants);
-    let entries = table.places.iter().filter(|(_, column)| column.is_some()).count();
-    let about = "The estimator matrix B Lambda: the exact harmonic coefficients of every parameter's regressor.\n\n\
-                 Rows are in the order of [`Harmonics`], columns in the order of [`Parameters`].";
-    if entries > STRAIGHT_LINE_ENTRIES {
-        let about = doc(&format!(
-            "{about}\n\nIts {entries} entries are a table and a loop; as straight-line code they would be long."
-        ));
-        let body = looped(context, table, names, &|entry| entry.column);
-        return quote! {
-            #about
-            #[must_use]
-            pub fn estimator_matrix(&self, #constants) -> [[T; #columns]; #rows] {
-                let mut matrix = [[T::ZERO; #columns]; #rows];
-                #body
+    let (rows, columns) = (count(table.rows.len()), count(context.names.columns.len()));
+    let Function { about, reads, body } = function::estimator_matrix(context.estimator, table);
+    let (about, constants) = (doc(&about), context.constants_parameter(reads));
+    let body = match &body {
+        Body::Table(table) => {
+            let table = looped(context, table, names);
+            quote! {
+                #table
                 for &(row, column, double, single, powers) in &ENTRIES {
                     let value = term(double, single, &powers);
                     if let Some(entry) = matrix.get_mut(usize::from(row)).and_then(|row| row.get_mut(usize::from(column))) {
                         *entry += value;
                     }
                 }
-                matrix
             }
-        };
-    }
-    let about = doc(&format!("{about}{}", text::operations(&table.matrix)));
-    let owner = ident("self");
-    let mut writer = PlanWriter::new(&table.matrix, |node| context.leaf(node, &owner, &names.fields));
-    let mut body = TokenStream::new();
-    for (output, &(row, column)) in table.places.iter().enumerate() {
-        let (statements, value) = writer.output(output);
-        body.extend(match column {
-            None => statements,
-            Some(column) => {
-                let name = &context.estimator.form.columns[column].name;
-                let comment =
-                    context.comment(format!("{}, {name}: {}", row_text(table, row), formula(table, row, Some(column))));
-                let (row, column) = (count(row), count(column));
-                quote!(#comment #statements matrix[#row][#column] = #value;)
-            }
-        });
-    }
+        }
+        Body::Stores(statements) => {
+            let owner = ident("self");
+            entries(context, statements, &Writer::new(|node| context.leaf(node, &owner, &names.fields)))
+        }
+        Body::Values(..) => unreachable!("invariant: a matrix is written entry by entry"),
+    };
     quote! {
         #about
         #[must_use]
@@ -251,58 +192,30 @@ fn estimator_matrix(context: &Context<'_>, table: &TablePlan, names: &PatternNam
 }
 
 /// The table of entries, the bases of their powers, and the closure that evaluates one entry.
-fn looped(
-    context: &Context<'_>,
-    table: &TablePlan,
-    names: &PatternNames,
-    column_of: &dyn Fn(&Entry) -> Option<usize>,
-) -> TokenStream {
-    let entries: Vec<Entry> = table.table.entries().filter(|entry| column_of(entry).is_some()).collect();
-    let mut bases: BTreeSet<(bool, Option<usize>)> = BTreeSet::new();
-    for entry in &entries {
-        bases.extend(entry.powers.factors().map(|(&symbol, _)| (false, Some(symbol))));
-        bases.extend(entry.sign.factors().map(|(&symbol, _)| (true, Some(symbol))));
-        if entry.pi != 0 {
-            bases.insert((false, None));
-        }
-    }
+fn looped(context: &Context<'_>, table: &Table, names: &PatternNames) -> TokenStream {
     let owner = ident("self");
-    let base_values = bases.iter().map(|&(sign, symbol)| match symbol {
-        None => quote!(T::PI),
-        Some(symbol) => {
-            let symbol = tpm_symbolic::expr::Symbol(u32::try_from(symbol).expect("invariant: symbols are 32 bits"));
-            let value = context.leaf(&tpm_symbolic::expr::Node::Symbol(symbol), &owner, &names.fields);
-            if sign { quote!(#value.sign()) } else { value }
+    let base_values = table.bases.iter().map(|base| match base {
+        Base::Pi => quote!(T::PI),
+        Base::Symbol(symbol) => context.leaf(&function::symbol_leaf(*symbol), &owner, &names.fields),
+        Base::Sign(symbol) => {
+            let value = context.leaf(&function::symbol_leaf(*symbol), &owner, &names.fields);
+            quote!(#value.sign())
         }
     });
     let base_values: Vec<TokenStream> = base_values.collect();
-    let rows = entries.iter().map(|entry| {
-        let row = table.rows.iter().position(|row| *row == (entry.equation, entry.harmonic, entry.function));
-        let row = count(row.expect("invariant: every entry has its row"));
-        let column = count(column_of(entry).unwrap_or(0));
-        let rounded = Rounded::new(&entry.coefficient);
+    let rows = table.terms.iter().map(|term| {
+        let (row, column) = match term.place {
+            Place::Entry(row, column) => (count(row), count(column)),
+            Place::Value(row) => (count(row), count(0)),
+        };
+        let rounded = Rounded::new(&term.coefficient);
         let (double, single) = (literal(rounded.double), literal_single(rounded.single));
-        let powers = bases.iter().map(|&(sign, symbol)| {
-            let power = match (sign, symbol) {
-                (false, None) => entry.pi,
-                (false, Some(symbol)) => entry.powers.exponent(&symbol),
-                (true, symbol) => symbol.map_or(0, |symbol| entry.sign.exponent(&symbol) % 2),
-            };
-            proc_macro2::Literal::i32_unsuffixed(power)
-        });
+        let powers = term.powers.iter().map(|&power| proc_macro2::Literal::i32_unsuffixed(power));
         quote!((#row, #column, #double, #single, [#(#powers),*]))
     });
-    let (length, bases_count) = (count(entries.len()), count(bases.len()));
-    let order: Vec<String> = bases
-        .iter()
-        .map(|&(sign, symbol)| match symbol {
-            None => "pi".to_owned(),
-            Some(symbol) if sign => format!("sign({})", table.table.symbols[symbol]),
-            Some(symbol) => table.table.symbols[symbol].to_string(),
-        })
-        .collect();
-    let comment = context
-        .comment(format!("Row, column, coefficient in double and single precision, powers of {}.", order.join(", ")));
+    let (length, bases_count) = (count(table.terms.len()), count(table.bases.len()));
+    let comment = format!("Row, column, coefficient in double and single precision, powers of {}.", table.order);
+    let comment = context.comment(comment);
     quote! {
         #comment
         const ENTRIES: [(u16, u16, f64, f32, [i32; #bases_count]); #length] = [#(#rows),*];
@@ -322,42 +235,39 @@ fn looped(
 }
 
 fn known_harmonics(context: &Context<'_>, table: &TablePlan, names: &PatternNames) -> TokenStream {
-    let known = table.places.iter().enumerate().filter(|(_, (_, column))| column.is_none());
-    let known: Vec<(usize, usize)> = known.map(|(output, &(row, _))| (output, row)).collect();
-    if known.is_empty() {
+    let Some(Function { about, reads, body }) = function::known_harmonics(context.estimator, table) else {
         return TokenStream::new();
-    }
+    };
     let rows = count(table.rows.len());
-    let constants = context.constants_parameter(context.sources(&[&table.matrix]).constants);
-    let body = if known.len() > STRAIGHT_LINE_ENTRIES {
-        let looped = looped(context, table, names, &|entry| entry.column.map_or(Some(0), |_| None));
-        quote! {
-            #looped
-            for &(row, _, double, single, powers) in &ENTRIES {
-                let value = term(double, single, &powers);
-                if let Some(entry) = harmonics.get_mut(usize::from(row)) {
-                    *entry += value;
+    let (about, constants) = (doc(&about), context.constants_parameter(reads));
+    let body = match &body {
+        Body::Table(table) => {
+            let table = looped(context, table, names);
+            quote! {
+                #table
+                for &(row, _, double, single, powers) in &ENTRIES {
+                    let value = term(double, single, &powers);
+                    if let Some(entry) = harmonics.get_mut(usize::from(row)) {
+                        *entry += value;
+                    }
                 }
             }
         }
-    } else {
-        // The matrix's plan restricted to these outputs, so that nothing is computed for the others.
-        let mut merger = tpm_symbolic::plan::Merger::default();
-        let slots = merger.append(&table.matrix);
-        let plan = merger.finish(known.iter().map(|&(output, _)| slots[output]).collect());
-        let owner = ident("self");
-        let mut writer = PlanWriter::new(&plan, |node| context.leaf(node, &owner, &names.fields));
-        let mut body = TokenStream::new();
-        for (output, &(_, row)) in known.iter().enumerate() {
-            let comment = context.comment(format!("{}: {}", row_text(table, row), formula(table, row, None)));
-            let (statements, value) = writer.output(output);
-            let row = count(row);
-            body.extend(quote!(#comment #statements harmonics[#row] = #value;));
+        Body::Stores(statements) => {
+            let owner = ident("self");
+            let writer = Writer::new(|node| context.leaf(node, &owner, &names.fields));
+            writer.statements(context, statements, |place, value| match place {
+                Place::Value(row) => {
+                    let row = count(row);
+                    quote!(harmonics[#row] = #value;)
+                }
+                Place::Entry(..) => unreachable!("invariant: harmonics are no matrix"),
+            })
         }
-        body
+        Body::Values(..) => unreachable!("invariant: harmonics are written one by one"),
     };
     quote! {
-        /// Harmonics of the terms without an unknown parameter, on the left-hand side.
+        #about
         #[must_use]
         pub fn known_harmonics(&self, #constants) -> Harmonics<T> {
             let mut harmonics = [T::ZERO; #rows];
@@ -368,7 +278,7 @@ fn known_harmonics(context: &Context<'_>, table: &TablePlan, names: &PatternName
 }
 
 fn parameters(context: &Context<'_>, table: &TablePlan) -> TokenStream {
-    let constants = context.constants_parameter(true);
+    let constants = context.constants_handed_on();
     let argument = context.constants_argument();
     let known = table.places.iter().any(|(_, column)| column.is_none());
     let right = if known {
@@ -425,14 +335,7 @@ fn harmonics(context: &Context<'_>, table: &TablePlan) -> TokenStream {
         }
         let (field, name) = (&names.field, &names.harmonics_type);
         let idents: Vec<Ident> = rows.iter().map(|&row| harmonic_field(table.rows[row].1, table.rows[row].2)).collect();
-        let docs = rows.iter().map(|&row| {
-            let (_, harmonic, function) = table.rows[row];
-            doc(&match harmonic {
-                0 => "Mean.".to_owned(),
-                1 => format!("Factor of {}(w t).", harmonic_function(function)),
-                _ => format!("Factor of {}({harmonic} w t).", harmonic_function(function)),
-            })
-        });
+        let docs = rows.iter().map(|&row| doc(&text::harmonic(table.rows[row].1, table.rows[row].2)));
         let equation_name = &table.table.equations[equation];
         let about = doc(&format!("Harmonics of equation `{equation_name}`: those that its table has."));
         types.extend(quote! {
@@ -487,17 +390,21 @@ fn harmonics(context: &Context<'_>, table: &TablePlan) -> TokenStream {
 }
 
 fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
+    let (reads, statements, factors) = function::bank(context.estimator, table);
     let owner = ident("self");
-    let (statements, values) = PlanWriter::new(&table.bank, |node| context.leaf(node, &owner, &[])).factors();
+    let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
+    let statements = writer.statements(context, &statements, |_, _| TokenStream::new());
     let locals = locals(table.rows.len());
-    let (reads_cos, reads_sin) = phase_functions(context, &table.bank);
-    let cos = ident(if reads_cos { "cos" } else { "_cos" });
-    let sin = ident(if reads_sin { "sin" } else { "_sin" });
-    let products = table.rows.iter().zip(values).zip(&locals).map(|((&(equation, harmonic, function), value), sum)| {
+    let cos = ident(if reads.cos { "cos" } else { "_cos" });
+    let sin = ident(if reads.sin { "sin" } else { "_sin" });
+    let products = table.rows.iter().zip(&factors).zip(&locals).map(|((&(equation, ..), factor), sum)| {
         let field = &context.names.rows[equation].field;
-        match (harmonic, function) {
-            (0, Trig::Cos) => quote!(*#sum += sample.#field;),
-            _ => quote!(*#sum += sample.#field * #value;),
+        match factor {
+            None => quote!(*#sum += sample.#field;),
+            Some(factor) => {
+                let factor = writer.at(factor, Level::Unary);
+                quote!(*#sum += sample.#field * #factor;)
+            }
         }
     });
     let scaled = table.rows.iter().zip(&locals).map(|(&(_, harmonic, _), local)| match harmonic {

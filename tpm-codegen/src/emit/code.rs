@@ -1,0 +1,211 @@
+//! Straight-line code before a language writes it: statements, expressions, tables.
+//!
+//! Invariant: every operation of a plan stands here exactly once, with its operands in their order, so that code in every
+//! language rounds as the interpreter does; only the division into statements is chosen, once for all languages. Operations
+//! used once stand inside the expression that uses them while that stays readable.
+
+use tpm_symbolic::expr::{Function, Node, Symbol};
+use tpm_symbolic::plan::{Op, Plan, Slot};
+use tpm_symbolic::rational::Rational;
+
+/// Leaves and operators in one expression before it gets a name.
+const WIDEST: usize = 14;
+
+/// How tightly an expression's outermost operator binds, in Rust and in C.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Level {
+    Sum,
+    Product,
+    Unary,
+    Atom,
+}
+
+/// An operator between two operands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Operator {
+    Add,
+    Sub,
+    Mul,
+    Div,
+}
+
+impl Operator {
+    /// How tightly it binds; a left operand may bind as loosely, a right one binds at least as [`Self::right`].
+    pub(super) fn level(self) -> Level {
+        match self {
+            Self::Add | Self::Sub => Level::Sum,
+            Self::Mul | Self::Div => Level::Product,
+        }
+    }
+
+    /// How tightly a right operand must bind, so that the order of operations stays the plan's.
+    pub(super) fn right(self) -> Level {
+        match self {
+            Self::Add | Self::Sub => Level::Product,
+            Self::Mul | Self::Div => Level::Unary,
+        }
+    }
+}
+
+/// An expression.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Expression {
+    /// An exact number, rounded once where it is written.
+    Number(Rational),
+    Pi,
+    /// A leaf of the plan.
+    Leaf(Node),
+    /// What [`Statement::Let`] has named.
+    Temporary(usize),
+    Binary(Operator, Box<Expression>, Box<Expression>),
+    Negated(Box<Expression>),
+    Call(Function, Box<Expression>),
+    /// atan2(y, x)
+    Atan2(Box<Expression>, Box<Expression>),
+}
+
+impl Expression {
+    /// How tightly it binds; a number counts as an atom, however a language spells it.
+    pub(super) fn level(&self) -> Level {
+        match self {
+            Self::Binary(operator, ..) => operator.level(),
+            Self::Negated(_) => Level::Unary,
+            _ => Level::Atom,
+        }
+    }
+}
+
+/// Where a result goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// A scalar of a structure, in its order.
+    Value(usize),
+    /// Row and column of a matrix.
+    Entry(usize, usize),
+}
+
+/// A step.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Statement {
+    /// What the next steps are for.
+    Comment(String),
+    /// A named intermediate result.
+    Let(usize, Expression),
+    /// A result.
+    Store(Place, Expression),
+}
+
+/// What a power in a [`Table`] is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Base {
+    /// Amplitude, frequency or constant.
+    Symbol(Symbol),
+    Pi,
+    /// The sign of an amplitude.
+    Sign(Symbol),
+}
+
+/// One term of a [`Table`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Term {
+    pub(super) place: Place,
+    pub(super) coefficient: Rational,
+    /// Of the table's bases, in their order.
+    pub(super) powers: Vec<i32>,
+}
+
+/// Sums of a coefficient times powers, as data for a loop.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Table {
+    pub(super) bases: Vec<Base>,
+    pub(super) terms: Vec<Term>,
+    /// The order of the bases, in words.
+    pub(super) order: String,
+}
+
+/// Reads a plan output by output.
+pub(super) struct Reader<'a> {
+    plan: &'a Plan,
+    uses: Vec<u32>,
+    /// What stands for every operation so far, and its size.
+    ready: Vec<(Expression, usize)>,
+    names: usize,
+}
+
+impl<'a> Reader<'a> {
+    pub(super) fn new(plan: &'a Plan) -> Self {
+        let mut uses = vec![0; plan.ops.len()];
+        for slot in plan.ops.iter().flat_map(Op::operands).chain(plan.outputs.iter().copied()) {
+            uses[slot.index()] += 1;
+        }
+        Self { plan, uses, ready: Vec::with_capacity(plan.ops.len()), names: 0 }
+    }
+
+    /// The statements that output `index` still needs, and its expression.
+    pub(super) fn output(&mut self, index: usize) -> (Vec<Statement>, Expression) {
+        let slot = self.plan.outputs[index];
+        let mut statements = Vec::new();
+        while self.ready.len() <= slot.index() {
+            let position = self.ready.len();
+            let op = &self.plan.ops[position];
+            let (value, size) = self.read(op);
+            let simple = matches!(op, Op::Constant(_) | Op::Pi | Op::Load(_));
+            self.ready.push(if !simple && (self.uses[position] > 1 || size > WIDEST) {
+                let name = self.names;
+                self.names += 1;
+                statements.push(Statement::Let(name, value));
+                (Expression::Temporary(name), 1)
+            } else {
+                (value, size)
+            });
+        }
+        (statements, self.ready[slot.index()].0.clone())
+    }
+
+    /// All outputs at once.
+    pub(super) fn outputs(mut self) -> (Vec<Statement>, Vec<Expression>) {
+        let mut statements = Vec::new();
+        let mut values = Vec::with_capacity(self.plan.outputs.len());
+        for index in 0..self.plan.outputs.len() {
+            let (more, value) = self.output(index);
+            statements.extend(more);
+            values.push(value);
+        }
+        (statements, values)
+    }
+
+    fn read(&self, op: &Op) -> (Expression, usize) {
+        let at = |slot: &Slot| {
+            let (value, size) = &self.ready[slot.index()];
+            (Box::new(value.clone()), *size)
+        };
+        let binary = |operator: Operator, a: &Slot, b: &Slot| {
+            let ((a, left), (b, right)) = (at(a), at(b));
+            (Expression::Binary(operator, a, b), left + right)
+        };
+        match op {
+            Op::Constant(value) => {
+                let size = if num_traits::Signed::is_negative(value) { 2 } else { 1 };
+                (Expression::Number(value.clone()), size)
+            }
+            Op::Pi => (Expression::Pi, 1),
+            Op::Load(index) => (Expression::Leaf(self.plan.inputs[*index as usize].clone()), 1),
+            Op::Add(a, b) => binary(Operator::Add, a, b),
+            Op::Sub(a, b) => binary(Operator::Sub, a, b),
+            Op::Mul(a, b) => binary(Operator::Mul, a, b),
+            Op::Div(a, b) => binary(Operator::Div, a, b),
+            Op::Neg(a) => {
+                let (a, size) = at(a);
+                (Expression::Negated(a), size)
+            }
+            Op::Function(function, a) => {
+                let (a, size) = at(a);
+                (Expression::Call(*function, a), size + 1)
+            }
+            Op::Atan2(y, x) => {
+                let ((y, _), (x, size)) = (at(y), at(x));
+                (Expression::Atan2(y, x), size + 2)
+            }
+        }
+    }
+}

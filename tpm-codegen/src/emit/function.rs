@@ -1,0 +1,395 @@
+//! What the functions of an estimator compute, read and are documented with, in no language yet.
+//!
+//! Invariant: the emitters of all languages print these descriptions; none of them decides which steps a function takes.
+
+use num_traits::Zero;
+use std::collections::BTreeSet;
+use tpm_symbolic::estimator::{Leaf, PatternPlan, TablePlan, entry_formula};
+use tpm_symbolic::expr::{Node, Symbol};
+use tpm_symbolic::plan::{Merger, Op, Plan};
+use tpm_symbolic::regressor::canonical;
+use tpm_symbolic::table::Entry;
+
+use super::code::{Base, Expression, Place, Reader, Statement, Table, Term};
+use super::estimator::Estimator;
+use super::names::harmonic_function;
+use super::text;
+
+/// Entries of the estimator matrix up to which it is straight-line code; beyond, it is a table and a loop.
+pub(super) const STRAIGHT_LINE_ENTRIES: usize = 400;
+
+/// A function that follows from the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Role {
+    Regressor,
+    Known,
+    InputMap,
+    InverseDynamics,
+    FeedForward,
+    FeedForwardIndependent,
+    FeedForwardDependent,
+    Lump,
+    /// The reference motion of a pattern.
+    Reference(usize),
+    /// The estimator matrix of a pattern.
+    EstimatorMatrix(usize),
+    /// One sample of a pattern's harmonics.
+    Accumulate(usize),
+}
+
+/// What a function reads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Reads {
+    pub(super) motion: bool,
+    pub(super) constants: bool,
+    pub(super) parameters: bool,
+    /// cos w t
+    pub(super) cos: bool,
+    /// sin w t
+    pub(super) sin: bool,
+    /// Amplitudes, frequency or physical parameters: what the function belongs to.
+    pub(super) own: bool,
+}
+
+impl Reads {
+    fn of(estimator: &Estimator, plan: &Plan) -> Self {
+        let mut reads = Self::default();
+        for node in &plan.inputs {
+            match estimator.plan.leaves.leaf(node) {
+                Leaf::Motion(..) => reads.motion = true,
+                Leaf::Column(_) => reads.parameters = true,
+                Leaf::Cos => reads.cos = true,
+                Leaf::Sin => reads.sin = true,
+                Leaf::Symbol(symbol) => reads.symbol(estimator, symbol),
+            }
+        }
+        reads
+    }
+
+    fn of_table(estimator: &Estimator, table: &Table) -> Self {
+        let mut reads = Self::default();
+        for base in &table.bases {
+            match base {
+                Base::Symbol(symbol) | Base::Sign(symbol) => reads.symbol(estimator, *symbol),
+                Base::Pi => {}
+            }
+        }
+        reads
+    }
+
+    fn symbol(&mut self, estimator: &Estimator, symbol: Symbol) {
+        match estimator.plan.evaluation.constants.contains(&symbol) {
+            true => self.constants = true,
+            false => self.own = true,
+        }
+    }
+}
+
+/// The steps of a function.
+#[derive(Clone, Debug)]
+pub(super) enum Body {
+    /// Intermediate results, then every scalar of the result in its order.
+    Values(Vec<Statement>, Vec<Expression>),
+    /// Results under their formulas; what is not stored is zero.
+    Stores(Vec<Statement>),
+    /// A table and a loop; what is not in it is zero.
+    Table(Table),
+}
+
+/// A function.
+#[derive(Clone, Debug)]
+pub(super) struct Function {
+    pub(super) about: String,
+    pub(super) reads: Reads,
+    pub(super) body: Body,
+}
+
+impl Function {
+    fn values(estimator: &Estimator, plan: &Plan, about: String) -> Self {
+        let (statements, values) = Reader::new(plan).outputs();
+        Self { about, reads: Reads::of(estimator, plan), body: Body::Values(statements, values) }
+    }
+}
+
+/// Names of the functions with their plans, in the order of a module.
+pub(super) fn plans(estimator: &Estimator) -> Vec<(Role, &Plan)> {
+    let plan = &estimator.plan;
+    let mut list = vec![
+        (Role::Regressor, &plan.evaluation.regressor),
+        (Role::Known, &plan.evaluation.known),
+        (Role::InputMap, &plan.evaluation.input_map),
+        (Role::InverseDynamics, &plan.inverse_dynamics),
+    ];
+    list.extend(plan.feed_forward.iter().map(|plan| (Role::FeedForward, plan)));
+    if let Some([independent, dependent]) = &plan.feed_forward_parts {
+        list.push((Role::FeedForwardIndependent, independent));
+        list.push((Role::FeedForwardDependent, dependent));
+    }
+    list.extend(plan.lumping.iter().map(|plan| (Role::Lump, plan)));
+    for (index, pattern) in plan.patterns.iter().enumerate() {
+        list.extend(pattern.reference.iter().map(|plan| (Role::Reference(index), plan)));
+        if let Ok(table) = &pattern.table {
+            list.push((Role::EstimatorMatrix(index), &table.matrix));
+            list.push((Role::Accumulate(index), &table.bank));
+        }
+    }
+    list
+}
+
+/// Phi, rows times columns.
+pub(super) fn regressor(estimator: &Estimator) -> Function {
+    let plan = &estimator.plan.evaluation.regressor;
+    let mut about = String::from(
+        "The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u.\n",
+    );
+    for (r, row) in estimator.form.rows.iter().enumerate() {
+        about.push_str(&format!("\nEquation `{}`:\n\n```text\n", row.name));
+        for (c, column) in estimator.form.columns.iter().enumerate() {
+            if row.terms.iter().any(|term| term.column == Some(c)) {
+                about.push_str(&format!("{}: {}\n", column.name, text::entry(estimator, r, Some(c))));
+            }
+        }
+        about.push_str("```\n");
+    }
+    about.push_str(text::operations(plan).trim_start_matches('\n'));
+    let statements = entries(plan, estimator.form.columns.len(), |row, column| {
+        let name = &estimator.form.columns[column].name;
+        format!("{}, {name}: {}", estimator.form.rows[row].name, text::entry(estimator, row, Some(column)))
+    });
+    Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) }
+}
+
+/// A matrix that is not zero everywhere, entry by entry, each under its formula.
+fn entries(plan: &Plan, columns: usize, formula: impl Fn(usize, usize) -> String) -> Vec<Statement> {
+    let mut reader = Reader::new(plan);
+    let mut statements = Vec::new();
+    for output in 0..plan.outputs.len() {
+        let zero = matches!(&plan.ops[plan.outputs[output].index()], Op::Constant(value) if value.is_zero());
+        let (needed, value) = reader.output(output);
+        if zero {
+            statements.extend(needed);
+            continue;
+        }
+        let (row, column) = (output / columns, output % columns);
+        statements.push(Statement::Comment(formula(row, column)));
+        statements.extend(needed);
+        statements.push(Statement::Store(Place::Entry(row, column), value));
+    }
+    statements
+}
+
+/// The terms without an unknown parameter.
+pub(super) fn known(estimator: &Estimator) -> Function {
+    let plan = &estimator.plan.evaluation.known;
+    let about = format!("The terms without an unknown parameter, on the left-hand side.{}", text::operations(plan));
+    Function::values(estimator, plan, about)
+}
+
+/// B, rows times inputs.
+pub(super) fn input_map(estimator: &Estimator) -> Function {
+    let plan = &estimator.plan.evaluation.input_map;
+    let about = format!("The input map B, one row per equation and one column per input.{}", text::operations(plan));
+    let statements = entries(plan, estimator.plan.evaluation.inputs.len(), |row, input| {
+        let name = &estimator.model.quantity(estimator.plan.evaluation.inputs[input]).name;
+        format!("{}, {name}: {}", estimator.form.rows[row].name, text::input_factor(estimator, row, input))
+    });
+    Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) }
+}
+
+/// Phi theta + known.
+pub(super) fn inverse_dynamics(estimator: &Estimator) -> Function {
+    let plan = &estimator.plan.inverse_dynamics;
+    let about = format!(
+        "Phi theta + known: the generalised force of every equation that the motion needs.{}",
+        text::operations(plan)
+    );
+    Function::values(estimator, plan, about)
+}
+
+/// The inputs, where every input follows from one equation.
+pub(super) fn feed_forward(estimator: &Estimator) -> Option<Function> {
+    let plan = estimator.plan.feed_forward.as_ref()?;
+    let free = estimator.form.rows.iter().filter(|row| row.inputs.is_empty()).map(|row| format!("`{}`", row.name));
+    let free: Vec<String> = free.collect();
+    let free = match free.as_slice() {
+        [] => String::new(),
+        names => format!(" The motion must satisfy {} by itself.", names.join(", ")),
+    };
+    let about = format!("Feed-forward: the inputs that the reference motion needs.{free}{}", text::operations(plan));
+    Some(Function::values(estimator, plan, about))
+}
+
+/// The motion-independent and the motion-dependent part of the feed-forward.
+pub(super) fn feed_forward_parts(estimator: &Estimator) -> Option<[Function; 2]> {
+    let [independent, dependent] = estimator.plan.feed_forward_parts.as_ref()?;
+    let part =
+        |plan: &Plan, about: &str| Function::values(estimator, plan, format!("{about}{}", text::operations(plan)));
+    Some([
+        part(
+            independent,
+            "The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate\n\
+             still while the others move. An actuator gives it as fast as its amplifier is, so that it needs no low pass.",
+        ),
+        part(
+            dependent,
+            "The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive. With\n\
+             [`feed_forward_independent`] it adds up to [`feed_forward`].",
+        ),
+    ])
+}
+
+/// The estimated parameters from the physical ones, when they differ.
+pub(super) fn lump(estimator: &Estimator) -> Option<Function> {
+    let plan = estimator.plan.lumping.as_ref()?;
+    let mut reader = Reader::new(plan);
+    let mut statements = Vec::new();
+    for (i, column) in estimator.form.columns.iter().enumerate() {
+        let definition = canonical(&estimator.model, &column.definition);
+        statements.push(Statement::Comment(format!("{} = {definition}", column.name)));
+        let (needed, value) = reader.output(i);
+        statements.extend(needed);
+        statements.push(Statement::Store(Place::Value(i), value));
+    }
+    let about = format!("The estimated parameters that belong to these physical ones.{}", text::operations(plan));
+    Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
+}
+
+/// The reference motion at a phase.
+pub(super) fn reference(estimator: &Estimator, pattern: &PatternPlan, plan: &Plan) -> Function {
+    let about = format!(
+        "The reference motion at a phase `{}*t` in radians, with every derivative that the equations read.{}, one sine and cosine.",
+        estimator.model.quantity(pattern.frequency).name,
+        text::operations(plan).trim_end_matches('.')
+    );
+    Function::values(estimator, plan, about)
+}
+
+/// B Lambda.
+pub(super) fn estimator_matrix(estimator: &Estimator, table: &TablePlan) -> Function {
+    let entries = table.places.iter().filter(|(_, column)| column.is_some()).count();
+    let about = "The estimator matrix B Lambda: the exact harmonic coefficients of every parameter's regressor.\n\n\
+                 Rows are in the order of [`Harmonics`], columns in the order of [`Parameters`].";
+    if entries > STRAIGHT_LINE_ENTRIES {
+        let about = format!(
+            "{about}\n\nIts {entries} entries are a table and a loop; as straight-line code they would be long."
+        );
+        let table = looped(table, |row, entry| entry.column.map(|column| Place::Entry(row, column)));
+        return Function { about, reads: Reads::of_table(estimator, &table), body: Body::Table(table) };
+    }
+    let mut reader = Reader::new(&table.matrix);
+    let mut statements = Vec::new();
+    for (output, &(row, column)) in table.places.iter().enumerate() {
+        let (needed, value) = reader.output(output);
+        if let Some(column) = column {
+            let name = &estimator.form.columns[column].name;
+            let formula = format!("{}, {name}: {}", row_text(table, row), formula(table, row, Some(column)));
+            statements.push(Statement::Comment(formula));
+            statements.extend(needed);
+            statements.push(Statement::Store(Place::Entry(row, column), value));
+        } else {
+            statements.extend(needed);
+        }
+    }
+    let about = format!("{about}{}", text::operations(&table.matrix));
+    Function { about, reads: Reads::of(estimator, &table.matrix), body: Body::Stores(statements) }
+}
+
+/// Harmonics of the terms without an unknown parameter, when there are any.
+pub(super) fn known_harmonics(estimator: &Estimator, table: &TablePlan) -> Option<Function> {
+    let about = "Harmonics of the terms without an unknown parameter, on the left-hand side.".to_owned();
+    let known = table.places.iter().enumerate().filter(|(_, (_, column))| column.is_none());
+    let known: Vec<(usize, usize)> = known.map(|(output, &(row, _))| (output, row)).collect();
+    if known.is_empty() {
+        return None;
+    }
+    if known.len() > STRAIGHT_LINE_ENTRIES {
+        let table = looped(table, |row, entry| entry.column.is_none().then_some(Place::Value(row)));
+        return Some(Function { about, reads: Reads::of_table(estimator, &table), body: Body::Table(table) });
+    }
+    // The matrix's plan restricted to these outputs, so that nothing is computed for the others.
+    let mut merger = Merger::default();
+    let slots = merger.append(&table.matrix);
+    let plan = merger.finish(known.iter().map(|&(output, _)| slots[output]).collect());
+    let mut reader = Reader::new(&plan);
+    let mut statements = Vec::new();
+    for (output, &(_, row)) in known.iter().enumerate() {
+        let (needed, value) = reader.output(output);
+        statements.push(Statement::Comment(format!("{}: {}", row_text(table, row), formula(table, row, None))));
+        statements.extend(needed);
+        statements.push(Statement::Store(Place::Value(row), value));
+    }
+    Some(Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) })
+}
+
+/// cos or sin of every row's harmonic at a phase; `None` for a mean, whose factor is one.
+pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Statement>, Vec<Option<Expression>>) {
+    let (statements, values) = Reader::new(&table.bank).outputs();
+    let factors = table.rows.iter().zip(values).map(|(&(_, harmonic, _), value)| (harmonic > 0).then_some(value));
+    (Reads::of(estimator, &table.bank), statements, factors.collect())
+}
+
+/// The terms of a table that belong somewhere, with the bases of their powers.
+fn looped(table: &TablePlan, place: impl Fn(usize, &Entry) -> Option<Place>) -> Table {
+    let row = |entry: &Entry| {
+        let found = table.rows.iter().position(|row| *row == (entry.equation, entry.harmonic, entry.function));
+        found.expect("invariant: every entry has its row")
+    };
+    let entries = table.table.entries().filter_map(|entry| Some((place(row(&entry), &entry)?, entry)));
+    let entries: Vec<(Place, Entry)> = entries.collect();
+    let mut bases: BTreeSet<(bool, Option<usize>)> = BTreeSet::new();
+    for (_, entry) in &entries {
+        bases.extend(entry.powers.factors().map(|(&symbol, _)| (false, Some(symbol))));
+        bases.extend(entry.sign.factors().map(|(&symbol, _)| (true, Some(symbol))));
+        if entry.pi != 0 {
+            bases.insert((false, None));
+        }
+    }
+    let terms = entries.iter().map(|(place, entry)| {
+        let powers = bases.iter().map(|&(sign, symbol)| match (sign, symbol) {
+            (false, None) => entry.pi,
+            (false, Some(symbol)) => entry.powers.exponent(&symbol),
+            (true, symbol) => symbol.map_or(0, |symbol| entry.sign.exponent(&symbol) % 2),
+        });
+        Term { place: *place, coefficient: entry.coefficient.clone(), powers: powers.collect() }
+    });
+    let terms = terms.collect();
+    let order = bases.iter().map(|&(sign, symbol)| match symbol {
+        None => "pi".to_owned(),
+        Some(symbol) if sign => format!("sign({})", table.table.symbols[symbol]),
+        Some(symbol) => table.table.symbols[symbol].to_string(),
+    });
+    let order = order.collect::<Vec<String>>().join(", ");
+    let symbol = |index: usize| Symbol(u32::try_from(index).expect("invariant: symbols are 32 bits"));
+    let bases = bases.iter().map(|&(sign, index)| match index {
+        None => Base::Pi,
+        Some(index) if sign => Base::Sign(symbol(index)),
+        Some(index) => Base::Symbol(symbol(index)),
+    });
+    Table { bases: bases.collect(), terms, order }
+}
+
+/// The leaf of a symbol, as plans spell it.
+pub(super) fn symbol_leaf(symbol: Symbol) -> Node {
+    Node::Symbol(symbol)
+}
+
+/// A table row as text: `u, cos 3`.
+fn row_text(table: &TablePlan, row: usize) -> String {
+    let (equation, harmonic, function) = table.rows[row];
+    format!("{}, {} {harmonic}", table.table.equations[equation], harmonic_function(function))
+}
+
+/// The exact formula of a place of the table.
+fn formula(table: &TablePlan, row: usize, column: Option<usize>) -> String {
+    let (equation, harmonic, function) = table.rows[row];
+    let mut text = String::new();
+    for entry in table.table.at(equation, harmonic, function, column) {
+        let term = entry_formula(&table.table, &entry);
+        match term.strip_prefix('-') {
+            _ if text.is_empty() => text.push_str(&term),
+            Some(positive) => text.push_str(&format!(" - {positive}")),
+            None => text.push_str(&format!(" + {term}")),
+        }
+    }
+    text
+}
