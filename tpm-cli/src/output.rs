@@ -28,6 +28,33 @@ pub(crate) fn remark(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
+/// Writes several files that belong together: all of them or none. What was there comes back when one cannot be written.
+pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<(), Failure> {
+    let mut written: Vec<(&Path, Option<Vec<u8>>)> = Vec::new();
+    for &(path, bytes) in files {
+        let before = match std::fs::read(path) {
+            Ok(before) => Ok(Some(before)),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(Failure::write(path, error)),
+        };
+        let result = before.and_then(|before| write_file(path, bytes).map(|()| before));
+        match result {
+            Ok(before) => written.push((path, before)),
+            Err(failure) => {
+                for (path, before) in written {
+                    // The first fault is the one to report; this only tidies up after it.
+                    let _ = match before {
+                        Some(before) => write_file(path, &before).is_ok(),
+                        None => std::fs::remove_file(path).is_ok(),
+                    };
+                }
+                return Err(failure);
+            }
+        }
+    }
+    Ok(())
+}
+
 /// Writes a file by way of a temporary one beside it, renamed when complete.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let folder = match path.parent() {
@@ -61,7 +88,23 @@ pub(crate) fn json(result: &impl serde::Serialize) -> Result<String, Failure> {
 
 #[cfg(test)]
 mod tests {
-    use super::write_file;
+    use super::{write_file, write_files};
+
+    #[test]
+    fn files_that_belong_together_are_written_together() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = |name: &str| folder.path().join(name);
+        let (header, fresh, source) = (path("a.h"), path("b.h"), path("a.c"));
+        std::fs::write(&header, "before").expect("writable");
+        std::fs::create_dir(&source).expect("a folder stands in the way");
+        let files: [(&std::path::Path, &[u8]); 3] = [(&header, b"after"), (&fresh, b"after"), (&source, b"after")];
+        assert!(write_files(&files).is_err());
+        assert_eq!(std::fs::read(&header).expect("it is there"), b"before");
+        assert!(!fresh.exists());
+        std::fs::remove_dir(&source).expect("empty");
+        assert!(write_files(&files).is_ok());
+        assert_eq!(std::fs::read(&source).expect("it is there"), b"after");
+    }
 
     #[test]
     fn a_failed_write_leaves_nothing_behind() {

@@ -79,6 +79,63 @@ fn gaps_are_said() {
     assert!(said.contains("remark: There is no estimator matrix and no harmonic"), "{said}");
 }
 
+/// A header and a source, both or neither, with the prefix and the scalar that were asked for.
+#[test]
+fn c_is_a_header_and_a_source() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().to_str().expect("a readable path");
+    let float = ["generate", SLIDER, "--lang", "c", "--prefix", "slider", "--real", "float", "-o", out];
+    let output = tpm(&float);
+    assert!(output.status.success() && output.stdout.is_empty(), "{}", text(&output.stderr));
+    assert_eq!(names(folder.path()), ["slider.c", "slider.h"]);
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("written");
+    let header = read("slider.h");
+    assert!(header.contains("`tpm generate mass_spring_drag.tpm --lang c --prefix slider --real float`"), "{header}");
+    assert!(header.contains("void slider_regressor(const slider_motion *motion") && !header.contains("double"));
+    assert!(read("slider.c").contains("#include \"slider.h\"") && read("slider.c").contains("cosf(phase)"));
+
+    let check = [&float[..], &["--check"]].concat();
+    assert!(tpm(&check).status.success());
+    let changed = read("slider.c").replacen("0.5555556f", "0.5555555f", 1);
+    let line = changed.lines().position(|line| line.contains("0.5555555f")).expect("it is there") + 1;
+    std::fs::write(folder.path().join("slider.c"), changed).expect("writable");
+    let stale = tpm(&check);
+    let message = text(&stale.stderr);
+    assert_eq!(stale.status.code(), Some(1));
+    assert!(message.contains(&format!("slider.c differs from line {line};")), "{message}");
+
+    // The source cannot be written: the header stays as it was.
+    let before = "/* before */\n";
+    std::fs::write(folder.path().join("slider.h"), before).expect("writable");
+    std::fs::remove_file(folder.path().join("slider.c")).expect("removable");
+    std::fs::create_dir(folder.path().join("slider.c")).expect("a folder stands in the way");
+    let refused = tpm(&float);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+    assert_eq!(read("slider.h"), before);
+
+    let large = folder.path().join("large.tpm");
+    std::fs::write(&large, "model A {\n coordinate x; input u; parameter m;\n 1e40*m*ddot(x) = u;\n}\n")
+        .expect("writable");
+    let large = large.to_str().expect("a readable path");
+    let file = folder.path().join("one.c");
+    let cases: [(&[&str], &str); 6] = [
+        (&[SLIDER, "--lang", "c"], "(mass_spring_drag.h, mass_spring_drag.c): give a folder with -o"),
+        (&[SLIDER, "--lang", "c", "-o", file.to_str().expect("a readable path")], "-o must be a folder"),
+        (&[SLIDER, "--lang", "c", "--prefix", "2nd", "-o", out], "`2nd` cannot begin names of C"),
+        (&[SLIDER, "--lang", "c", "--prefix", "größe", "-o", out], "all ASCII"),
+        (&[large, "--lang", "c", "--real", "float", "-o", out], "beyond single precision"),
+        (&[SLIDER, "--lang", "rust", "--real", "float"], "--prefix and --real are for --lang c"),
+    ];
+    let before = names(folder.path());
+    for (given, expected) in cases {
+        let output = tpm(&[&["generate"], given].concat());
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{given:?}: {message}");
+        assert!(message.contains(expected), "{given:?}: `{expected}` is missing in\n{message}");
+        assert_eq!(names(folder.path()), before, "{given:?} left something behind");
+    }
+}
+
 /// Arguments, what the message must contain. Exit code 2, nothing printed, nothing written.
 #[test]
 fn refusals_leave_nothing_behind() {

@@ -5,6 +5,8 @@
 //!
 //! Invariant: a writer decides no mathematics; it prints what it is given, all of it, and twice the same.
 
+#[cfg(feature = "generate")]
+pub mod c;
 mod code;
 pub mod estimator;
 mod function;

@@ -2,14 +2,17 @@
 //!
 //! Invariant: equal models and options give equal bytes; nothing is written to disk here.
 
+pub use crate::emit::c::Scalar;
 use crate::emit::estimator::{EmitError, Estimator, Identified};
-use crate::emit::rust;
+use crate::emit::{c, rust};
 
 /// A target language.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Language {
     /// A `no_std` Rust module over the crate `tpm-runtime`.
     Rust,
+    /// A header and a source in C99, over `math.h` alone.
+    C,
 }
 
 impl Language {
@@ -18,6 +21,7 @@ impl Language {
     pub fn from_name(name: &str) -> Option<Self> {
         match name {
             "rust" => Some(Self::Rust),
+            "c" => Some(Self::C),
             _ => None,
         }
     }
@@ -32,6 +36,18 @@ pub struct Options<'a> {
     pub command: &'a str,
     /// Identified values to be baked in.
     pub identified: Option<&'a Identified>,
+    /// What names and files begin with, in C; the model's name when not given.
+    pub prefix: Option<&'a str>,
+    /// The scalar, in C. Rust is generic over both.
+    pub scalar: Scalar,
+}
+
+impl<'a> Options<'a> {
+    /// What every generation needs: no identified values, the model's own prefix, double precision.
+    #[must_use]
+    pub fn new(language: Language, command: &'a str) -> Self {
+        Self { language, command, identified: None, prefix: None, scalar: Scalar::default() }
+    }
 }
 
 /// A generated file.
@@ -46,7 +62,7 @@ pub struct File {
 /// The source files of an estimator.
 ///
 /// # Errors
-/// When the identified values do not belong to the model.
+/// When the identified values do not belong to the model, or what the language cannot hold stands in the way.
 pub fn generate(estimator: &Estimator, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
     if let Some(identified) = options.identified {
         identified.in_order(estimator)?;
@@ -57,6 +73,14 @@ pub fn generate(estimator: &Estimator, options: &Options<'_>) -> Result<Vec<File
                 rust::Options { command: options.command, identified: options.identified, ..rust::Options::default() };
             let text = rust::file(estimator, &rust_options).map_err(|error| EmitError::Layout(error.to_string()))?;
             Ok(vec![File { name: format!("{}.rs", rust::module_name(estimator).trim_start_matches("r#")), text }])
+        }
+        Language::C => {
+            let Options { command, identified, prefix, scalar, .. } = *options;
+            let files = c::files(estimator, &c::Options { command, prefix, scalar, identified })?;
+            Ok(vec![
+                File { name: format!("{}.h", files.name), text: files.header },
+                File { name: format!("{}.c", files.name), text: files.source },
+            ])
         }
     }
 }

@@ -36,7 +36,7 @@ fn mass_spring_drag() -> Model {
 
 fn options() -> Options<'static> {
     let command = "tpm generate mass_spring_drag.tpm --lang rust";
-    Options { language: Language::Rust, command, identified: None }
+    Options::new(Language::Rust, command)
 }
 
 #[test]

@@ -6,25 +6,38 @@ use crate::{Outcome, output};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::{EmitError, Identified};
-use tpm_codegen::generate::{self, File, Options, generate};
+use tpm_codegen::generate::{self, File, Options, Scalar, generate};
 
 /// A target language.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Language {
     /// A `no_std` module over the crate tpm-runtime.
     Rust,
+    /// A header and a source in C99, over math.h alone.
+    C,
+}
+
+/// The scalar of C.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Real {
+    /// Single precision.
+    Float,
+    /// Double precision.
+    Double,
 }
 
 impl Language {
     fn target(self) -> generate::Language {
         match self {
             Self::Rust => generate::Language::Rust,
+            Self::C => generate::Language::C,
         }
     }
 
     fn name(self) -> &'static str {
         match self {
             Self::Rust => "rust",
+            Self::C => "c",
         }
     }
 }
@@ -37,8 +50,14 @@ pub(crate) struct Args {
     /// The language of the code.
     #[arg(long, value_enum)]
     lang: Language,
-    /// Write into this folder, which is made when there is none; or to this file, when the name ends as the language's
-    /// files do (.rs). Standard output when not given.
+    /// With --lang c, what names and files begin with; the model's name in small letters when not given.
+    #[arg(long, value_name = "P")]
+    prefix: Option<String>,
+    /// With --lang c, the scalar; double when not given. Rust is generic over both.
+    #[arg(long, value_enum)]
+    real: Option<Real>,
+    /// Write into this folder, which is made when there is none; or to this file, when there is one and the name ends as
+    /// the language's files do (.rs). Standard output when not given.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED.
@@ -54,16 +73,40 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let estimator = loaded.estimator()?;
     let identified = args.params.as_deref().map(identified).transpose()?;
+    if args.lang != Language::C && (args.prefix.is_some() || args.real.is_some()) {
+        let what =
+            "--prefix and --real are for --lang c; Rust names its module by the model and is generic over f32 and f64";
+        return Err(Failure::Input(what.to_owned()));
+    }
     let command = command(args);
-    let options = Options { language: args.lang.target(), command: &command, identified: identified.as_ref() };
+    let options = Options {
+        identified: identified.as_ref(),
+        prefix: args.prefix.as_deref(),
+        scalar: if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double },
+        ..Options::new(args.lang.target(), &command)
+    };
     let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
+        (EmitError::Prefix(_), _) => Failure::Input(error.to_string()),
         _ => loaded.at_whole(&error.to_string(), None),
     })?;
     for gap in estimator.gaps() {
         output::remark(&format!("remark: {gap}"));
     }
     match &args.output {
+        None if files.len() > 1 => {
+            let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
+            Err(Failure::Input(format!(
+                "the code is in {} files ({}): give a folder with -o",
+                names.len(),
+                names.join(", ")
+            )))
+        }
+        Some(out) if files.len() > 1 && is_file(out, &files) => Err(Failure::Input(format!(
+            "the code is in {} files, so that -o must be a folder, not the file {}",
+            files.len(),
+            out.display()
+        ))),
         None => files.iter().try_for_each(|file| output::print(&file.text)),
         Some(out) if args.check => check(out, &files, &command),
         Some(out) => write(out, &files),
@@ -76,6 +119,12 @@ fn command(args: &Args) -> String {
         path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
     };
     let mut command = format!("tpm generate {} --lang {}", name(&args.file), args.lang.name());
+    if let Some(prefix) = &args.prefix {
+        command.push_str(&format!(" --prefix {prefix}"));
+    }
+    if args.real == Some(Real::Float) {
+        command.push_str(" --real float");
+    }
     if let Some(params) = &args.params {
         command.push_str(&format!(" --params {}", name(params)));
     }
@@ -91,19 +140,26 @@ fn identified(path: &Path) -> Result<Identified, Failure> {
     Identified::from_json(&text).map_err(|error| at(error.to_string()))
 }
 
+/// Whether a path is named as a file of the language, and is no folder.
+fn is_file(out: &Path, files: &[File]) -> bool {
+    let same_kind = |file: &File| out.extension().is_some() && out.extension() == Path::new(&file.name).extension();
+    files.iter().any(same_kind) && !out.is_dir()
+}
+
 /// Where a file goes: into the folder, or to the very path when that is named as the file's kind is.
 fn target(out: &Path, file: &File, alone: bool) -> PathBuf {
-    let same_kind = out.extension().is_some() && out.extension() == Path::new(&file.name).extension();
-    if alone && same_kind && !out.is_dir() { out.to_owned() } else { out.join(&file.name) }
+    if alone && is_file(out, std::slice::from_ref(file)) { out.to_owned() } else { out.join(&file.name) }
 }
 
 fn write(out: &Path, files: &[File]) -> Outcome {
-    for file in files {
-        let path = target(out, file, files.len() == 1);
-        if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
-            std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-        }
-        output::write_file(&path, file.text.as_bytes())?;
+    let paths: Vec<PathBuf> = files.iter().map(|file| target(out, file, files.len() == 1)).collect();
+    if let Some(folder) = paths.first().and_then(|path| path.parent()).filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+    }
+    let contents: Vec<(&Path, &[u8])> =
+        paths.iter().zip(files).map(|(path, file)| (path.as_path(), file.text.as_bytes())).collect();
+    output::write_files(&contents)?;
+    for path in &paths {
         output::remark(&format!("wrote {}", path.display()));
     }
     Ok(())

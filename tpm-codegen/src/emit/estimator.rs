@@ -39,6 +39,17 @@ pub enum EmitError {
     /// A number of the model is beyond double precision.
     #[error("the number {0} is beyond double precision (about 1e-308 to 1e308); choose other units")]
     OutOfRange(String),
+    /// A number of the model is beyond the scalar of the code.
+    #[error("{0} is beyond single precision (about 1e-38 to 1e38); generate double precision, or choose other units")]
+    OutOfScalar(String),
+    /// A prefix of names that is none.
+    #[error(
+        "`{0}` cannot begin names of C: a prefix is a letter followed by letters, digits and underscores, all ASCII, without an underscore at its end"
+    )]
+    Prefix(String),
+    /// A structure would have no member, which C does not know.
+    #[error("the model has {0}, and C has no structure without members")]
+    Empty(&'static str),
     /// Identified values are of another model, or incomplete.
     #[error("{0}")]
     Identified(#[from] IdentifiedError),
@@ -136,7 +147,7 @@ impl Estimator {
             .chain(tables)
     }
 
-    fn numbers(&self) -> impl Iterator<Item = &Rational> {
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &Rational> {
         self.plans().flat_map(|plan| &plan.ops).filter_map(|op| match op {
             Op::Constant(value) => Some(value),
             _ => None,

@@ -26,7 +26,7 @@ const RUST: [&str; 50] = [
 ];
 
 /// Words of C, of C++, and of `math.h` that a field or variable must not take.
-const C: [&str; 96] = [
+const C: [&str; 126] = [
     "alignas",
     "alignof",
     "and",
@@ -123,6 +123,36 @@ const C: [&str; 96] = [
     "jn",
     "yn",
     "gamma",
+    "gammaf",
+    "lgamma",
+    "signgam",
+    "fmin",
+    "fmax",
+    "floor",
+    "ceil",
+    "round",
+    "hypot",
+    "isnan",
+    "isinf",
+    "isfinite",
+    "signbit",
+    "HUGE",
+    "HUGE_VAL",
+    "M_E",
+    "M_PI",
+    "NULL",
+    "DOMAIN",
+    "SING",
+    "OVERFLOW",
+    "UNDERFLOW",
+    "PLOSS",
+    "TLOSS",
+    "offsetof",
+    "unix",
+    "linux",
+    "i386",
+    "near",
+    "far",
 ];
 
 impl Language {
@@ -130,10 +160,30 @@ impl Language {
         match self {
             Self::Rust if RUST_FIXED.contains(&name) => format!("{name}_"),
             Self::Rust if RUST.contains(&name) => format!("r#{name}"),
-            Self::C if C.contains(&name) || name.starts_with('_') => format!("{}_", name.trim_start_matches('_')),
+            Self::C if !name.is_ascii() => self.legal(&ascii(name)),
+            Self::C if C.contains(&name) || name.starts_with('_') => {
+                let rest = name.trim_start_matches('_');
+                if rest.starts_with(|first: char| first.is_ascii_alphabetic()) {
+                    format!("{rest}_")
+                } else {
+                    format!("x{rest}")
+                }
+            }
             _ => name.to_owned(),
         }
     }
+}
+
+/// Letters that C compilers take in different ways as their code points: older ones read identifiers as ASCII only.
+fn ascii(name: &str) -> String {
+    let mut text = String::with_capacity(name.len() + 4);
+    for letter in name.chars() {
+        match letter {
+            letter if letter.is_ascii() => text.push(letter),
+            letter => text.push_str(&format!("u{:04x}", u32::from(letter))),
+        }
+    }
+    text
 }
 
 /// Gives out names in one namespace.
@@ -224,7 +274,8 @@ mod tests {
         let found = ["type", "self", "value", "x", "x", "x_", "M"].map(|name| fields.name(name));
         assert_eq!(found, ["r#type", "self_", "value_", "x", "x_", "x__", "M"]);
         let mut fields = Namer::new(Language::C, &[]);
-        assert_eq!(["int", "_x", "sin", "type"].map(|name| fields.name(name)), ["int_", "x_", "sin_", "type"]);
+        let found = ["int", "_x", "sin", "type", "_1", "θ"].map(|name| fields.name(name));
+        assert_eq!(found, ["int_", "x_", "sin_", "type", "x1", "u03b8"]);
     }
 
     #[test]
