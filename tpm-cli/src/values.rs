@@ -79,7 +79,7 @@ impl Values {
             .chain(model.run_time_constants())
             .chain(motion(pattern))
             .filter(|symbol| !self.0.contains_key(symbol))
-            .map(|symbol| model.quantity(symbol).name.clone())
+            .map(|symbol| model.quantity(symbol).name.to_string())
             .collect()
     }
 }

@@ -79,11 +79,11 @@ fn entries(parsed: &Parsed, equation: usize) -> Entries {
         .entries()
         .filter(|entry| entry.equation == equation)
         .map(|entry| {
-            let parameter = entry.column.map_or_else(String::new, |column| form.columns[column].name.clone());
+            let parameter = entry.column.map_or_else(String::new, |column| form.columns[column].name.to_string());
             let powers = entry
                 .powers
                 .factors()
-                .map(|(&symbol, power)| (parsed.model.symbols[symbol].name.clone(), power))
+                .map(|(&symbol, power)| (parsed.model.symbols[symbol].name.to_string(), power))
                 .collect();
             ((entry.harmonic, entry.function.name().to_owned(), parameter, powers), display(&entry.coefficient))
         })

@@ -290,7 +290,7 @@ impl Fixed {
         let mut constants = BTreeMap::new();
         for (index, quantity) in prepared.model.symbols.iter().enumerate() {
             if matches!(quantity.kind, Kind::Constant { value: None })
-                && let Some(value) = settings.constants.get(&quantity.name)
+                && let Some(value) = settings.constants.get(quantity.name.as_str())
             {
                 constants.insert(Symbol(index as u32), *value);
             }
@@ -302,7 +302,7 @@ impl Fixed {
             if let tpm_symbolic::expr::Node::Symbol(symbol) = graph.node(leaf) {
                 let quantity = prepared.model.quantity(*symbol);
                 if matches!(quantity.kind, Kind::Constant { value: None }) && !constants.contains_key(symbol) {
-                    return Err(PhysicalError::NoConstant { name: quantity.name.clone() });
+                    return Err(PhysicalError::NoConstant { name: quantity.name.to_string() });
                 }
             }
         }

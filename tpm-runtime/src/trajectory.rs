@@ -230,7 +230,8 @@ impl Pattern {
                         Kind::Constant { value: Some(value) } => Some(to_f64(value)),
                         _ => constant(&quantity.name),
                     };
-                    factor *= value.ok_or_else(|| PatternError::NoValue { name: quantity.name.clone() })?.powi(power);
+                    factor *=
+                        value.ok_or_else(|| PatternError::NoValue { name: quantity.name.as_str().into() })?.powi(power);
                 }
                 let mut series = Series::default();
                 for (harmonic, function, coefficient) in fourier.terms() {
@@ -252,8 +253,8 @@ impl Pattern {
             motions.push(parts);
         }
         Ok(Pattern {
-            amplitudes: pattern.amplitudes.iter().map(|&a| model.quantity(a).name.clone()).collect(),
-            frequency: model.quantity(pattern.frequency).name.clone(),
+            amplitudes: pattern.amplitudes.iter().map(|&a| model.quantity(a).name.as_str().into()).collect(),
+            frequency: model.quantity(pattern.frequency).name.as_str().into(),
             coordinates: motions,
         })
     }

@@ -10,6 +10,7 @@ use crate::model::{Model, TermId};
 use crate::pattern::Pattern;
 use crate::regressor::{Column, RegressorForm, Row, Term};
 use crate::table::HarmonicTable;
+use ecow::EcoString;
 use serde::{Deserialize, Serialize};
 
 /// The harmonics of one term of an input.
@@ -52,7 +53,7 @@ pub fn harmonic_content(
         let terms = row.terms.iter().map(|term| {
             let own = Term { column: Some(columns.len()), ..term.clone() };
             columns.push(Column {
-                name: String::new(),
+                name: EcoString::new(),
                 unit: None,
                 definition: crate::polynomial::Polynomial::zero(),
                 parameter: None,
@@ -79,14 +80,14 @@ pub fn harmonic_content(
             let factors: Vec<_> = factors.into_iter().map(|(atom, exponent)| graph.pow(atom, exponent)).collect();
             let motion = graph.product(&factors);
             TermContent {
-                parameter: term.column.map(|column| form.columns[column].name.clone()),
+                parameter: term.column.map(|column| form.columns[column].name.to_string()),
                 motion: graph.display(motion, model),
                 harmonics,
                 source: term.source,
             }
         });
         let terms = terms.collect();
-        InputContent { equation: row.name.clone(), highest: whole.highest_harmonic(equation), terms }
+        InputContent { equation: row.name.to_string(), highest: whole.highest_harmonic(equation), terms }
     });
     Ok(inputs.collect())
 }

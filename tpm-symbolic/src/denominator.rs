@@ -83,6 +83,18 @@ impl Denominator {
         }
     }
 
+    /// self *= 2.
+    pub(crate) fn double(&mut self) {
+        self.two += 1;
+    }
+
+    /// Divides by 2 while it goes, at most `most` times, and says how often it went.
+    pub(crate) fn halve(&mut self, most: u32) -> u32 {
+        let times = self.two.min(most);
+        self.two -= times;
+        times
+    }
+
     /// A common multiple of both.
     pub(crate) fn join(&mut self, other: &Self) {
         self.two = self.two.max(other.two);
@@ -261,6 +273,29 @@ impl Factors {
             value *= self.cofactors[i].pow(e - denominator.cofactors().get(i).copied().unwrap_or(0));
         }
         Scalar::from_big(&BigInt::from(value))
+    }
+
+    /// Divides by every odd prime as often as it is in there and `divide` says that the numerators were divided by it
+    /// too. Cofactors stay.
+    pub(crate) fn reduce(&self, denominator: &mut Denominator, mut divide: impl FnMut(&OddPrime) -> bool) {
+        let mut by = |index: usize, exponent: &mut u32| {
+            while *exponent > 0 && divide(self.known(index)) {
+                *exponent -= 1;
+            }
+        };
+        for (index, exponent) in denominator.odd.iter_mut().enumerate() {
+            if *exponent > 0 {
+                by(index, exponent);
+            }
+        }
+        if let Some(rare) = &mut denominator.rare {
+            rare.more.iter_mut().enumerate().for_each(|(index, exponent)| by(FIRST + index, exponent));
+            let kept = rare.more.iter().rposition(|exponent| *exponent > 0).map_or(0, |last| last + 1);
+            rare.more.truncate(kept);
+            if rare.more.is_empty() && rare.cofactors.is_empty() {
+                denominator.rare = None;
+            }
+        }
     }
 
     /// Prepares the reduction of many fractions over the same denominator.

@@ -386,7 +386,7 @@ fn explain(model: &mut Model, state: &State, target: Coordinate) -> EliminateErr
         let Err(reasons) = candidate(&model.graph, state, index, target) else { continue };
         let (term, reason) = match reasons {
             Reasons::Input => {
-                let name = row.input.map_or_else(String::new, |input| model.quantity(input).name.clone());
+                let name = row.input.map_or_else(String::new, |input| model.quantity(input).name.to_string());
                 (id, Reason::Input(name))
             }
             Reasons::Zero => (id, Reason::ZeroFactor),

@@ -173,8 +173,10 @@ pub fn expand_with(
 #[derive(Clone, Debug)]
 struct Part {
     factor: Scalar,
-    /// By index into [`Atoms::symbols`].
-    symbols: SmallVec<[(usize, i32); 4]>,
+    /// Its powers of symbols among all, from one index up to the next.
+    powers: (usize, usize),
+    /// The sum of their magnitudes.
+    degree: u64,
     /// By index into [`Atoms::shapes`].
     shape: Option<usize>,
 }
@@ -194,6 +196,8 @@ const PI: usize = usize::MAX;
 /// All atoms of a regressor form, as sums of parts.
 struct Atoms<'a> {
     parts: SmallVec<[Part; 4]>,
+    /// Powers of symbols in parts, by index into [`Atoms::symbols`].
+    powers: SmallVec<[(usize, i32); 8]>,
     list: SmallVec<[Atom; 8]>,
     /// Index into `list` of every node of the graph that occurs.
     index: SmallVec<[u32; 64]>,
@@ -225,6 +229,7 @@ impl<'a> Atoms<'a> {
     fn new() -> Self {
         Self {
             parts: SmallVec::new(),
+            powers: SmallVec::new(),
             list: SmallVec::new(),
             index: SmallVec::new(),
             symbols: SmallVec::new(),
@@ -288,7 +293,7 @@ impl<'a> Atoms<'a> {
         let before = std::mem::take(&mut self.symbols);
         self.symbols.clone_from(&before);
         self.symbols.sort_unstable();
-        for (symbol, _) in self.parts.iter_mut().flat_map(|part| &mut part.symbols) {
+        for (symbol, _) in &mut self.powers {
             *symbol = self.symbols.partition_point(|&other| other < before[*symbol]);
         }
     }
@@ -337,8 +342,7 @@ impl<'a> Atoms<'a> {
             _ => return Err(ExpandError::NotFinite { term, atom: model.display(id) }),
         }
         let parts = &self.parts[start..];
-        let exponents = parts.iter().map(|part| part.symbols.iter().map(|(_, e)| u64::from(e.unsigned_abs())).sum());
-        let highest = exponents.max().unwrap_or(0).max(1);
+        let highest = parts.iter().map(|part| part.degree).max().unwrap_or(0).max(1);
         let invertible = parts.len() == 1 && parts[0].shape.is_none() && parts[0].factor.is_one();
         self.index[id.index()] = u32::try_from(self.list.len()).expect("invariant: ids fit in u32");
         self.list.push(Atom { start, end: self.parts.len(), highest, invertible });
@@ -346,8 +350,9 @@ impl<'a> Atoms<'a> {
     }
 
     fn constant(&mut self, symbol: usize) {
-        let symbols = smallvec![(self.symbol(symbol), 1)];
-        self.parts.push(Part { factor: Scalar::ONE, symbols, shape: None });
+        let (power, start) = ((self.symbol(symbol), 1), self.powers.len());
+        self.powers.push(power);
+        self.parts.push(Part { factor: Scalar::ONE, powers: (start, start + 1), degree: 1, shape: None });
     }
 
     fn motion(
@@ -366,19 +371,23 @@ impl<'a> Atoms<'a> {
             if fourier.is_zero() || (constant && order > 0) {
                 continue;
             }
-            let mut symbols: SmallVec<[(usize, i32); 4]> = SmallVec::new();
+            let (start, mut degree) = (self.powers.len(), u64::from(order));
             for (symbol, exponent) in monomial.factors() {
-                symbols.push((self.symbol(symbol.0 as usize), exponent));
+                let symbol = self.symbol(symbol.0 as usize);
+                self.powers.push((symbol, exponent));
+                degree += u64::from(exponent.unsigned_abs());
             }
             if order > 0 {
                 let exponent = i32::try_from(order).expect("invariant: derivative orders are small");
-                symbols.push((self.symbol(pattern.frequency.0 as usize), exponent));
+                let symbol = self.symbol(pattern.frequency.0 as usize);
+                self.powers.push((symbol, exponent));
             }
+            let powers = (start, self.powers.len());
             // A whole number is kept out of the shapes, so that offsets cancel before anything is multiplied out.
             let [value, _] = if constant { fourier.pair(0) } else { [None; 2] };
             let part = match value.filter(|value| rational::is_integer(value)) {
-                Some(value) => Part { factor: Scalar::from_big(value.numer()), symbols, shape: None },
-                None => Part { factor: Scalar::ONE, symbols, shape: Some(self.shape(fourier, order)) },
+                Some(value) => Part { factor: Scalar::from_big(value.numer()), powers, degree, shape: None },
+                None => Part { factor: Scalar::ONE, powers, degree, shape: Some(self.shape(fourier, order)) },
             };
             self.parts.push(part);
         }
@@ -401,6 +410,10 @@ fn refuse_beyond(
     entries: f64,
     bytes: f64,
 ) -> Result<(), ExpandError> {
+    // Nearly every table is far below every limit, and 128 bits take long to become a float.
+    if bytes <= 1e6 {
+        return Ok(());
+    }
     let limit = if options.allow_large { ExpandOptions::ADDRESSABLE } else { ExpandOptions::DEFAULT_LIMIT };
     match term {
         Some(term) if bytes > limit as f64 => {
@@ -492,6 +505,7 @@ struct Expansion<'a, 'p, K> {
 }
 
 impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
+    #[inline(always)]
     fn new(
         model: &'a Model,
         form: &'a RegressorForm,
@@ -503,7 +517,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
         let mut powers = Vec::new();
         powers.resize_with(if several { atoms.list.len() } else { 0 }, Vec::new);
         let terms = form.rows.iter().map(|row| row.terms.len()).sum();
-        let mut expansion = Self {
+        Self {
             model,
             form,
             atoms,
@@ -525,9 +539,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
             series: Vec::with_capacity(terms),
             words: Vec::new(),
             entries: 0,
-        };
-        expansion.prepare();
-        expansion
+        }
     }
 
     /// Shapes as factors and parts as products.
@@ -537,14 +549,14 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
         for shape in &atoms.shapes {
             let known = wholes.iter().position(|whole| std::ptr::eq(whole.fourier(), shape.fourier));
             let index = known.unwrap_or_else(|| {
-                wholes.push(Whole::new(shape.fourier));
+                wholes.push(Whole::new(shape.fourier, &mut self.factors));
                 wholes.len() - 1
             });
-            self.bases.push(wholes[index].base(shape.order, &mut self.factors));
+            self.bases.push(wholes[index].base(shape.order, atoms.largest_exponent, &mut self.factors));
         }
         for part in &atoms.parts {
             let mut symbols = K::one(self.symbol_layout);
-            for &(symbol, exponent) in &part.symbols {
+            for &(symbol, exponent) in &atoms.powers[part.powers.0..part.powers.1] {
                 symbols.add(&K::variable(self.symbol_layout, symbol), i64::from(exponent));
             }
             let shapes = K::one(self.shape_layout);
@@ -554,6 +566,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
     }
 
     fn run(&mut self, options: &mut ExpandOptions<'_>) -> Result<HarmonicTable, ExpandError> {
+        self.prepare();
         let form = self.form;
         for (equation, row) in form.rows.iter().enumerate() {
             let mut terms = Cow::Borrowed(row.terms.as_slice());
@@ -567,9 +580,9 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
         self.refuse_too_large(options)?;
         self.multiply_out(options)?;
         let names = [
-            form.rows.iter().map(|row| row.name.as_str().into()).collect(),
-            form.columns.iter().map(|column| column.name.as_str().into()).collect(),
-            self.model.symbols.iter().map(|quantity| quantity.name.as_str().into()).collect(),
+            form.rows.iter().map(|row| row.name.clone()).collect(),
+            form.columns.iter().map(|column| column.name.clone()).collect(),
+            self.model.symbols.iter().map(|quantity| quantity.name.clone()).collect(),
         ];
         self.series.retain(|series| series.len > 0);
         let (series, words) = (std::mem::take(&mut self.series), std::mem::take(&mut self.words));
@@ -809,6 +822,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
         // one first.
         let mut present: SmallVec<[i64; 8]> = smallvec![0; count];
         let mut exponents = present.clone();
+        let (present, exponents) = (present.as_mut_slice(), exponents.as_mut_slice());
         let mut levels: SmallVec<[Level; 4]> = SmallVec::new();
         // What comes first is the empty product, when there is one.
         let constant = contributions.first().is_some_and(|first| first.shapes == K::one(self.shape_layout));
@@ -841,7 +855,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
                         self.report(options, done, total, self.groups[contribution.group].term)?;
                     }
                 }
-                present.copy_from_slice(&exponents);
+                present.copy_from_slice(exponents);
             }
             self.contribute(contribution, &levels[depth]);
         }
@@ -920,24 +934,29 @@ fn store<T: Numerator>(
     let size = series.numerator_words + series.denominator_words;
     let start = out.len();
     out.resize(start + values.len() * size, 0);
-    let mut slots = out[start..].chunks_exact_mut(size);
+    let mut slots = &mut out[start..];
     let mut count = 0;
     let halvings = u32::from(reduction.is_even());
     // Beyond one word the numerators are unlimited.
     let doubled = if halvings == 1 { None } else { Some(factor.times(&Scalar::Small(2))) };
     let of_rest = doubled.as_ref().unwrap_or(factor);
-    for part in values.chunks(series.len) {
+    let mut values = values;
+    while !values.is_empty() {
+        let (part, others) = values.split_at(series.len);
+        values = others;
         let (constant, rest) = part.split_at(usize::from(series.first == 0));
         for (list, halvings, factor) in [(constant, 0, factor), (rest, halvings, of_rest)] {
-            let pairs = list.iter().zip(&mut slots);
+            let (here, further) = slots.split_at_mut(list.len() * size);
+            slots = further;
             count += match factor {
-                Scalar::Small(1) => write_all(pairs, |value, slot| reduction.write(value, halvings, slot)),
+                Scalar::Small(1) => write_all(list, here, size, |value, slot| reduction.write(value, halvings, slot)),
                 Scalar::Small(factor) => {
-                    write_all(pairs, |value, slot| reduction.write(&value.times(*factor), halvings, slot))
+                    let scaled = |value: &T| value.times(*factor);
+                    write_all(list, here, size, |value, slot| reduction.write(&scaled(value), halvings, slot))
                 }
                 Scalar::Big(factor) => {
                     let scaled = |value: &T| value.to_big() * factor.as_ref();
-                    write_all(pairs, |value, slot| reduction.write(&scaled(value), halvings, slot))
+                    write_all(list, here, size, |value, slot| reduction.write(&scaled(value), halvings, slot))
                 }
             };
         }
@@ -945,14 +964,13 @@ fn store<T: Numerator>(
     count
 }
 
-/// Writes the values that are not zero, and counts them.
+/// Writes the values that are not zero into their slots of `size` words, and counts them.
 #[inline]
-fn write_all<'a, T: Numerator + 'a>(
-    pairs: impl Iterator<Item = (&'a T, &'a mut [u64])>,
-    write: impl Fn(&T, &mut [u64]),
-) -> usize {
-    let mut count = 0;
-    for (value, slot) in pairs {
+fn write_all<T: Numerator>(values: &[T], slots: &mut [u64], size: usize, write: impl Fn(&T, &mut [u64])) -> usize {
+    let (mut count, mut slots) = (0, slots);
+    for value in values {
+        let (slot, further) = slots.split_at_mut(size);
+        slots = further;
         if !value.is_zero() {
             count += 1;
             write(value, slot);

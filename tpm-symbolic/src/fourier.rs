@@ -166,6 +166,11 @@ impl Fourier {
         cos.chain(sin).sum()
     }
 
+    /// The coefficients that are not zero, of cosines, then of sines.
+    pub(crate) fn coefficients(&self) -> impl Iterator<Item = &Rational> {
+        self.cos.iter().chain(&self.sin).filter(|value| !value.is_zero())
+    }
+
     /// The non-zero coefficients of the cosine and the sine of a harmonic.
     pub(crate) fn pair(&self, harmonic: usize) -> [Option<&Rational>; 2] {
         let sin = harmonic.checked_sub(1).and_then(|i| self.sin.get(i));

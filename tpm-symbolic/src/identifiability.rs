@@ -56,7 +56,7 @@ impl<'a> Experiment<'a> {
     #[must_use]
     pub fn of(name: &str, model: &Model, table: &'a HarmonicTable) -> Self {
         let mut experiment = Self::new(name, table);
-        experiment.shared = model.run_time_constants().map(|symbol| model.quantity(symbol).name.clone()).collect();
+        experiment.shared = model.run_time_constants().map(|symbol| model.quantity(symbol).name.to_string()).collect();
         experiment
     }
 

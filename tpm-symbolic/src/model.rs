@@ -8,6 +8,7 @@ use crate::expr::{Coordinate, ExprId, Graph, Names, Node, Symbol};
 use crate::pattern::Pattern;
 use crate::rational::Rational;
 use crate::unit::Unit;
+use ecow::EcoString;
 use serde::{Deserialize, Serialize};
 
 /// What a named quantity is.
@@ -33,7 +34,7 @@ pub enum Kind {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Quantity {
     /// The name in the model.
-    pub name: String,
+    pub name: EcoString,
     /// The unit, when declared.
     pub unit: Option<Unit>,
     /// What it is.
@@ -116,7 +117,7 @@ impl Model {
     /// Declares a quantity.
     pub fn declare(&mut self, name: &str, unit: Option<Unit>, kind: Kind) -> Symbol {
         let symbol = Symbol(u32::try_from(self.symbols.len()).expect("invariant: fewer than 2^32 symbols"));
-        self.symbols.push(Quantity { name: name.to_owned(), unit, kind });
+        self.symbols.push(Quantity { name: name.into(), unit, kind });
         symbol
     }
 
@@ -195,7 +196,7 @@ impl Model {
 
 impl Names for Model {
     fn symbol_name(&self, symbol: Symbol) -> String {
-        self.quantity(symbol).name.clone()
+        self.quantity(symbol).name.to_string()
     }
 
     fn coordinate_name(&self, coordinate: Coordinate) -> String {

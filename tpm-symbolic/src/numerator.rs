@@ -154,7 +154,8 @@ impl<T> Default for Room<T> {
 impl<T> Room<T> {
     /// An empty list with room for `len`.
     pub(crate) fn take(&mut self, len: usize) -> Vec<T> {
-        let Some(mut list) = self.spare.pop() else { return Vec::with_capacity(len) };
+        // Products grow: a little more than now needed saves asking again.
+        let Some(mut list) = self.spare.pop() else { return Vec::with_capacity(len.max(16)) };
         list.clear();
         list
     }

@@ -200,7 +200,7 @@ impl ParameterMap {
             row.collect()
         });
         let jacobian = jacobian.collect();
-        let columns = prepared.form.columns.iter().map(|column| column.name.clone()).collect();
+        let columns = prepared.form.columns.iter().map(|column| column.name.to_string()).collect();
         Self { graph, quantities: prepared.model.symbols.clone(), columns, parameters, definitions, jacobian }
     }
 

@@ -195,12 +195,12 @@ fn lump(model: &Model, rows: Vec<CollectedRow>, prefix: &str) -> RegressorForm {
             coefficient,
             source,
         }));
-        result.push(Row { name: row.name, terms, inputs: row.inputs });
+        result.push(Row { name: row.name.into(), terms, inputs: row.inputs });
     }
     let keys: Vec<MotionKey> = lumped.iter().map(|entry| motion_key(&model.graph, &entry.motion)).collect();
     let mut order: Vec<usize> = (0..lumped.len()).collect();
     order.sort_by(|&a, &b| compare(&keys[a], &keys[b]).then(lumped[a].row.cmp(&lumped[b].row)));
-    let mut taken: BTreeSet<String> = model.symbols.iter().map(|quantity| quantity.name.clone()).collect();
+    let mut taken: BTreeSet<String> = model.symbols.iter().map(|quantity| quantity.name.to_string()).collect();
     taken.extend(model.coordinates.iter().map(|coordinate| coordinate.name.clone()));
     let mut columns: Vec<Column> = Vec::new();
     let mut known: BTreeMap<Polynomial<ExprId>, (usize, Rational)> = BTreeMap::new();
@@ -256,7 +256,7 @@ fn column(
         }
     });
     let unit = definition.terms().next().and_then(|(monomial, _)| unit_of(model, monomial));
-    Column { name, unit, definition: definition.clone(), parameter }
+    Column { name: name.into(), unit, definition: definition.clone(), parameter }
 }
 
 fn symbol_of(model: &Model, atom: ExprId) -> Option<Symbol> {

@@ -15,6 +15,7 @@ use crate::model::{Kind, Model, TermId};
 use crate::polynomial::{Monomial, Polynomial};
 use crate::rational::{self, Rational};
 use crate::unit::Unit;
+use ecow::EcoString;
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -24,7 +25,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Column {
     /// The name, usable as an identifier.
-    pub name: String,
+    pub name: EcoString,
     /// The unit, when every unit that goes into it is declared.
     pub unit: Option<Unit>,
     /// The expression in the physical parameters, a Laurent polynomial over parameter symbols and parameter-only
@@ -51,7 +52,7 @@ pub struct Term {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Row {
     /// The input's name, or `eq1`, `eq2`, ...
-    pub name: String,
+    pub name: EcoString,
     /// The terms on the left-hand side.
     pub terms: Vec<Term>,
     /// The right-hand side: known factor (a polynomial over run-time constants) of every input that occurs.
@@ -402,7 +403,7 @@ fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group>) -> Regre
     let mut indexed: Vec<(Option<Symbol>, Group)> = groups.into_iter().map(|group| (single(&group), group)).collect();
     // The model's own parameters in order of declaration, then the lumped ones as they appeared.
     indexed.sort_by_key(|(symbol, _)| (symbol.is_none(), *symbol));
-    let mut taken: BTreeSet<String> = model.symbols.iter().map(|quantity| quantity.name.clone()).collect();
+    let mut taken: BTreeSet<String> = model.symbols.iter().map(|quantity| quantity.name.to_string()).collect();
     taken.extend(model.coordinates.iter().map(|coordinate| coordinate.name.clone()));
     let mut columns = Vec::with_capacity(indexed.len());
     let mut position: BTreeMap<ParameterMonomial, (usize, Rational)> = BTreeMap::new();
@@ -417,7 +418,7 @@ fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group>) -> Regre
         if let Some((first, _)) = group.members.first() {
             position.insert(first.clone(), (index, Rational::one()));
         }
-        columns.push(Column { name, unit, definition, parameter: symbol });
+        columns.push(Column { name: name.into(), unit, definition, parameter: symbol });
     }
     let rows = rows.into_iter().map(|row| {
         let mut terms: Vec<Term> = row
@@ -429,7 +430,7 @@ fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group>) -> Regre
             })
             .collect();
         terms.sort_by(|a, b| (a.column, &a.atoms).cmp(&(b.column, &b.atoms)));
-        Row { name: row.name, terms, inputs: row.inputs }
+        Row { name: row.name.into(), terms, inputs: row.inputs }
     });
     RegressorForm { rows: rows.collect(), columns }
 }

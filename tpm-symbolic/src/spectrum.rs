@@ -49,95 +49,113 @@ enum BaseTerms {
 /// Harmonic, C and S.
 type Terms<T> = SmallVec<[(usize, T, T); 4]>;
 
-/// (harmonic, c, s) and their common denominator.
-type Parts<T> = (Terms<T>, T);
+/// (harmonic, C, S) and their common denominator.
+type Parts<T> = (Terms<T>, Denominator);
 
 /// a * b when it and its negative fit.
 fn checked<T: Zero + CheckedMul + CheckedSub>(a: &T, b: &T) -> Option<T> {
     a.checked_mul(b).filter(|product| T::zero().checked_sub(product).is_some())
 }
 
-/// The coefficients over one denominator; `None` when they do not fit into T.
-fn over_one_denominator<T>(fourier: &Fourier, exact: impl Fn(&BigInt) -> Option<T>) -> Option<Parts<T>>
+/// (harmonic, c, s) and their common denominator; `None` when they do not fit into T.
+fn over_one_denominator<T>(fourier: &Fourier, exact: impl Fn(&BigInt) -> Option<T>) -> Option<(Terms<T>, T)>
 where
     T: Clone + Integer + CheckedMul + CheckedSub + Signed,
 {
     let mut denominator = T::one();
-    let mut list = Terms::new();
-    // Every numerator with its own denominator first.
-    let mut below: SmallVec<[(T, T); 4]> = SmallVec::new();
-    for k in 0..=fourier.highest_harmonic() {
-        let mut numerators = [T::zero(), T::zero()];
-        let mut denominators = [T::one(), T::one()];
-        let pair = fourier.pair(k);
-        for (i, value) in pair.iter().enumerate() {
-            if let Some(value) = value {
-                (numerators[i], denominators[i]) = (exact(value.numer())?, exact(value.denom())?);
-                if denominator != denominators[i] && !denominator.is_multiple_of(&denominators[i]) {
-                    let common = denominator.gcd(&denominators[i]);
-                    denominator = checked(&denominator, &(denominators[i].clone() / common))?;
-                }
-            }
-        }
-        if pair.iter().any(Option::is_some) {
-            let ([c, s], [c_below, s_below]) = (numerators, denominators);
-            list.push((k, c, s));
-            below.push((c_below, s_below));
+    for value in fourier.coefficients() {
+        let below = exact(value.denom())?;
+        if denominator.is_one() {
+            denominator = below;
+        } else if denominator != below && !denominator.is_multiple_of(&below) {
+            let common = denominator.gcd(&below);
+            denominator = checked(&denominator, &(below / common))?;
         }
     }
-    for ((_, c, s), (c_below, s_below)) in list.iter_mut().zip(below) {
-        for (value, below) in [(c, c_below), (s, s_below)] {
-            if !value.is_zero() && below != denominator {
-                *value = checked(value, &(denominator.clone() / below))?;
-            }
+    let over = |value: Option<&Rational>| {
+        let Some(value) = value else { return Some(T::zero()) };
+        let (above, below) = (exact(value.numer())?, exact(value.denom())?);
+        if below == denominator { Some(above) } else { checked(&above, &(denominator.clone() / below)) }
+    };
+    let mut list = Terms::new();
+    for k in 0..=fourier.highest_harmonic() {
+        let [c, s] = fourier.pair(k);
+        if c.is_some() || s.is_some() {
+            list.push((k, over(c)?, over(s)?));
         }
     }
     Some((list, denominator))
 }
 
-/// The numerators C and S of the n-th phase derivative; `None` when they do not fit into T.
-fn derivative<T>((list, denominator): &Parts<T>, order: u32, harmonic: impl Fn(usize) -> Option<T>) -> Option<Parts<T>>
-where
-    T: Clone + Integer + CheckedMul + CheckedSub + Signed,
-{
-    let two = T::one() + T::one();
+/// (harmonic, C, S) from (harmonic, c, s), over twice the denominator; `None` when they do not fit into T.
+fn halved<T: Clone>(
+    mut terms: Terms<T>,
+    mut denominator: Denominator,
+    twice: impl Fn(&T) -> Option<T>,
+) -> Option<Parts<T>> {
+    if let Some((0, constant, _)) = terms.first_mut() {
+        *constant = twice(constant)?;
+    }
+    denominator.double();
+    Some((terms, denominator))
+}
+
+/// (harmonic, C, S) of the n-th phase derivative, from the products of C and S with k^n that `raised` makes; `None` when
+/// these do not fit into T.
+fn derivative<T: Numerator>(
+    list: &[(usize, T, T)],
+    order: u32,
+    raised: impl Fn(&T, &T, usize) -> Option<(T, T)>,
+) -> Option<Terms<T>> {
     let mut terms = Terms::new();
-    let mut common = checked(denominator, &two)?;
-    let mut denominator = common.clone();
     for (k, c, s) in list {
-        let (mut c, mut s) = (c.clone(), s.clone());
-        if *k == 0 {
-            if order > 0 {
-                continue;
-            }
-            c = checked(&c, &two)?;
-        } else if order > 0 {
-            let (harmonic, mut factor) = (harmonic(*k)?, T::one());
-            for _ in 0..order {
-                factor = checked(&factor, &harmonic)?;
-            }
-            (c, s) = (checked(&c, &factor)?, checked(&s, &factor)?);
+        if order > 0 && *k == 0 {
+            continue;
         }
-        for value in [&c, &s] {
-            if !value.is_zero() && !common.is_one() {
-                common = common.gcd(value);
-            }
-        }
+        let (c, s) = raised(c, s, *k)?;
         // d/dtheta maps (c, s) of harmonic k to (k s, -k c).
         terms.push(match order % 4 {
             0 => (*k, c, s),
-            1 => (*k, s, -c),
-            2 => (*k, -c, -s),
-            _ => (*k, -s, c),
+            1 => (*k, s, c.negated()),
+            2 => (*k, c.negated(), s.negated()),
+            _ => (*k, s.negated(), c),
         });
     }
-    if !common.is_one() {
-        denominator = denominator / common.clone();
-        for value in terms.iter_mut().flat_map(|(_, c, s)| [c, s]).filter(|value| !value.is_zero()) {
-            *value = value.clone() / common.clone();
-        }
+    Some(terms)
+}
+
+/// Divides out what the numerators have in common with the known primes of the denominator.
+fn reduce<T: Numerator>(terms: &mut [(usize, T, T)], denominator: &mut Denominator, factors: &Factors) {
+    let mut twos = u32::MAX;
+    for value in terms.iter().flat_map(|(_, c, s)| [c, s]).filter(|value| !value.is_zero()) {
+        twos = twos.min(value.trailing_zeros());
     }
-    Some((terms, denominator))
+    let shift = denominator.halve(twos);
+    for value in terms.iter_mut().flat_map(|(_, c, s)| [c, s]).filter(|_| shift > 0) {
+        *value = value.shifted_right(shift);
+    }
+    factors.reduce(denominator, |prime| {
+        let quotient = |value: &T| match value.is_negative() {
+            true => value.negated().divided_exactly(prime).map(|quotient| quotient.negated()),
+            false => value.divided_exactly(prime),
+        };
+        let divisible = terms.iter().all(|(_, c, s)| quotient(c).is_some() && quotient(s).is_some());
+        if divisible {
+            for value in terms.iter_mut().flat_map(|(_, c, s)| [c, s]) {
+                *value = quotient(value).expect("invariant: just tried");
+            }
+        }
+        divisible
+    });
+}
+
+/// The sum over k = -highest..highest of |C_k| + |S_k|, and a mask of each that is 0 when all are; `None` beyond a word.
+fn norm(terms: &[(usize, i64, i64)]) -> Option<(u64, i64, i64)> {
+    terms.iter().try_fold((0u64, 0, 0), |(sum, cos, sin), (k, c, s)| {
+        let once = c.unsigned_abs().checked_add(s.unsigned_abs())?;
+        let norm = sum.checked_add(if *k == 0 { once } else { once.checked_mul(2)? })?;
+        Some((norm, cos | c, sin | s))
+    })
 }
 
 /// A Fourier polynomial whose phase derivatives are wanted as factors.
@@ -148,43 +166,60 @@ pub(crate) struct Whole<'a> {
 }
 
 impl<'a> Whole<'a> {
-    pub(crate) fn new(fourier: &'a Fourier) -> Self {
+    pub(crate) fn new(fourier: &'a Fourier, factors: &mut Factors) -> Self {
         let exact = |value: &BigInt| i64::try_from(value).ok().filter(|value| *value > i64::MIN);
-        Self { fourier, small: over_one_denominator(fourier, exact) }
+        let small = over_one_denominator(fourier, exact).and_then(|(terms, denominator)| {
+            halved(terms, factors.factor_word(denominator.unsigned_abs()), |value| checked(value, &2))
+        });
+        Self { fourier, small }
     }
 
     pub(crate) fn fourier(&self) -> &'a Fourier {
         self.fourier
     }
 
-    /// The n-th phase derivative as a factor.
-    pub(crate) fn base(&self, order: u32, factors: &mut Factors) -> Base {
-        if let Some(small) = &self.small
-            && let Some((terms, denominator)) = derivative(small, order, |k| i64::try_from(k).ok())
-            && let Some((norm, cos, sin)) = terms.iter().try_fold((0u64, 0, 0), |(sum, cos, sin), (k, c, s)| {
-                let once = c.unsigned_abs().checked_add(s.unsigned_abs())?;
-                let norm = sum.checked_add(if *k == 0 { once } else { once.checked_mul(2)? })?;
-                Some((norm, cos | c, sin | s))
-            })
+    /// The n-th phase derivative as a factor of products of at most `degree` such factors.
+    pub(crate) fn base(&self, order: u32, degree: u64, factors: &mut Factors) -> Base {
+        let small = |c: &i64, s: &i64, k: usize| {
+            let factor = if order == 0 { 1 } else { i64::try_from(k).ok()?.checked_pow(order)? };
+            Some((checked(c, &factor)?, checked(s, &factor)?))
+        };
+        let norm_bits = |norm: u64| u64::from(64 - norm.saturating_sub(1).leading_zeros());
+        if let Some((list, denominator)) = &self.small
+            && let Some(mut terms) = derivative(list, order, small)
+            && let Some((mut norm_of_all, cos, sin)) = norm(&terms)
         {
-            let denominator = denominator.unsigned_abs();
+            let mut denominator = denominator.clone();
+            let mut denominator_bits = factors.bits(&denominator);
+            // In products that fit into a word to the end, common factors cost nothing.
+            if degree.saturating_mul(norm_bits(norm_of_all) + denominator_bits) > 62 {
+                reduce(&mut terms, &mut denominator, factors);
+                denominator_bits = factors.bits(&denominator);
+                norm_of_all = norm(&terms).map_or(norm_of_all, |(norm, ..)| norm);
+            }
             return Base {
                 cos: cos != 0,
                 sin: sin != 0,
                 parity: common_parity(&terms),
                 highest: terms.last().map_or(0, |term| term.0),
-                denominator_bits: u64::from(64 - denominator.leading_zeros()),
-                norm_bits: u64::from(64 - norm.saturating_sub(1).leading_zeros()),
-                denominator: factors.factor_word(denominator),
+                denominator_bits,
+                norm_bits: norm_bits(norm_of_all),
+                denominator,
                 terms: BaseTerms::Small(terms),
             };
         }
-        let parts = over_one_denominator(self.fourier, |value| Some(value.clone()));
-        let derived = parts.and_then(|parts| derivative(&parts, order, |k| Some(BigInt::from(k))));
-        let (terms, denominator) = derived.expect("invariant: unlimited integers do not overflow");
+        let big = |c: &BigInt, s: &BigInt, k: usize| {
+            let factor = BigInt::from(k).pow(order);
+            Some((c * &factor, s * factor))
+        };
+        let parts = over_one_denominator(self.fourier, |value| Some(value.clone())).and_then(|(terms, denominator)| {
+            let (terms, denominator) = halved(terms, factors.factor(denominator.magnitude()), |value| Some(value * 2))?;
+            Some((derivative(&terms, order, big)?, denominator))
+        });
+        let (mut terms, mut denominator) = parts.expect("invariant: unlimited integers do not overflow");
+        reduce(&mut terms, &mut denominator, factors);
         let norm: BigUint =
             terms.iter().map(|(k, c, s)| (c.magnitude() + s.magnitude()) * if *k == 0 { 1u32 } else { 2u32 }).sum();
-        let denominator = factors.factor(denominator.magnitude());
         Base {
             cos: terms.iter().any(|term| !Zero::is_zero(&term.1)),
             sin: terms.iter().any(|term| !Zero::is_zero(&term.2)),
@@ -662,7 +697,7 @@ pub(crate) fn power_product(factors: &[(&Fourier, u32)]) -> Fourier {
             return Fourier::zero();
         }
         let mut known = Factors::default();
-        let base = Whole::new(fourier).base(0, &mut known);
+        let base = Whole::new(fourier, &mut known).base(0, u64::from(*exponent), &mut known);
         let below = known.quotient(base.denominator(), &Denominator::default()).to_big();
         for _ in 0..*exponent {
             let next = result.multiply(&base, &mut rooms);

@@ -130,7 +130,7 @@ pub fn split(model: &Model, motions: &[(Symbol, Vec<Coordinate>)]) -> Result<Spl
     let order = model.order();
     let mut found = Vec::with_capacity(inputs.len());
     for (index, &input) in inputs.iter().enumerate() {
-        let name = || model.quantity(input).name.clone();
+        let name = || model.quantity(input).name.to_string();
         let driven = match motions.iter().find(|(symbol, _)| *symbol == input) {
             Some((_, given)) => given.clone(),
             None => {

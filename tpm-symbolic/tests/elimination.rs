@@ -27,7 +27,7 @@ fn columns(prepared: &Prepared) -> Vec<(String, String, String)> {
         let motion = graph.product(&motion);
         assert_eq!(term.coefficient, integer(1));
         let motion = graph.display(motion, &prepared.model);
-        found.push((column.name.clone(), motion, canonical(&prepared.model, &column.definition)));
+        found.push((column.name.to_string(), motion, canonical(&prepared.model, &column.definition)));
     }
     found
 }

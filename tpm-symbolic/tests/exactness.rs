@@ -30,7 +30,7 @@ impl Builder {
         for i in 0..coordinates {
             model.declare_coordinate(&format!("q{i}"), None);
         }
-        let row = |i| Row { name: format!("eq{i}"), terms: Vec::new(), inputs: Vec::new() };
+        let row = |i| Row { name: format!("eq{i}").into(), terms: Vec::new(), inputs: Vec::new() };
         let form = RegressorForm { columns: Vec::new(), rows: (0..equations).map(row).collect() };
         Self { model, form, next: 0 }
     }
@@ -45,7 +45,7 @@ impl Builder {
 
     fn column(&mut self) -> usize {
         let (name, definition) = (format!("p{}", self.form.columns.len()), Polynomial::zero());
-        self.form.columns.push(Column { name, unit: None, definition, parameter: None });
+        self.form.columns.push(Column { name: name.into(), unit: None, definition, parameter: None });
         self.form.columns.len() - 1
     }
 

@@ -214,7 +214,7 @@ fn fong_26_by_substitution_of_the_coordinate() {
 }
 
 fn table_1(p: &Pendulum) -> impl Fn(Symbol) -> Option<Rational> + use<> {
-    let names: Vec<String> = p.b.model(|model| model.symbols.iter().map(|q| q.name.clone()).collect());
+    let names: Vec<String> = p.b.model(|model| model.symbols.iter().map(|q| q.name.to_string()).collect());
     move |symbol| {
         let (_, value) = TABLE_1.iter().find(|(name, _)| *name == names[symbol.0 as usize])?;
         rational::parse(value)

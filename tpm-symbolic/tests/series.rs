@@ -94,7 +94,7 @@ fn polynomials_are_their_own_series_and_several_coordinates_keep_the_total_order
     let (expr, parameters) = b.model(|m| found.with_parameters(m, "s"));
     assert_eq!(parameters.len(), 10);
     let names: Vec<String> =
-        b.model(|m| parameters.iter().map(|(symbol, _)| m.quantity(*symbol).name.clone()).collect());
+        b.model(|m| parameters.iter().map(|(symbol, _)| m.quantity(*symbol).name.to_string()).collect());
     assert_eq!(names[..3], ["s0_0", "s0_1", "s0_2"]);
     let back = b.model(|m| {
         let replaced = parameters.iter().map(|&(symbol, id)| (m.graph.symbol(symbol), id)).collect();

@@ -100,9 +100,9 @@ impl MachineArgs {
             return Err(Failure::Input(format!("--set {name}={frequency}: the frequency must be positive")));
         }
         Ok(Moved {
-            names: pattern.amplitudes.iter().map(|symbol| model.quantity(*symbol).name.clone()).collect(),
+            names: pattern.amplitudes.iter().map(|symbol| model.quantity(*symbol).name.to_string()).collect(),
             amplitudes: pattern.amplitudes.iter().map(|symbol| of(*symbol).unwrap_or(f64::NAN)).collect(),
-            frequency_name: model.quantity(pattern.frequency).name.clone(),
+            frequency_name: model.quantity(pattern.frequency).name.to_string(),
             frequency,
             machine,
             model,

@@ -66,7 +66,7 @@ fn describe(model: &Model, form: &RegressorForm) -> String {
     let _ = writeln!(text, "inputs: {}", list(model.inputs().map(quantity).collect()));
     let _ = writeln!(text, "physical parameters: {}", list(model.parameters().map(quantity).collect()));
     let _ = writeln!(text, "constants known at run time: {}", list(model.run_time_constants().map(quantity).collect()));
-    let _ = writeln!(text, "equations: {}", list(form.rows.iter().map(|row| row.name.clone()).collect()));
+    let _ = writeln!(text, "equations: {}", list(form.rows.iter().map(|row| row.name.to_string()).collect()));
     let _ = writeln!(text, "linear in {} parameters:", form.columns.len());
     for column in &form.columns {
         let name = with_unit(&column.name, column.unit.as_ref().map(ToString::to_string));

@@ -338,7 +338,7 @@ impl Physical {
         let loaded = Loaded::from_file(path)?;
         let mut model = loaded.model().clone();
         let named = |symbols: Vec<Symbol>| -> Vec<String> {
-            symbols.iter().map(|symbol| loaded.model().quantity(*symbol).name.clone()).collect()
+            symbols.iter().map(|symbol| loaded.model().quantity(*symbol).name.to_string()).collect()
         };
         let parameters: Vec<Symbol> = model.parameters().collect();
         let run_time: Vec<Symbol> = model.run_time_constants().collect();

@@ -258,7 +258,7 @@ fn physical_names(prepared: &Prepared) -> Vec<String> {
         return Vec::new();
     }
     let parameters = prepared.model.symbols.iter().filter(|quantity| quantity.kind == Kind::Parameter);
-    parameters.map(|quantity| quantity.name.clone()).collect()
+    parameters.map(|quantity| quantity.name.to_string()).collect()
 }
 
 /// What was said of the physical parameters.

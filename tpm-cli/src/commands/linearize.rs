@@ -125,7 +125,7 @@ impl Linear {
         let fault = |text: String| Failure::Input(format!("{}: {text}", args.file.display()));
         let coordinates: Vec<String> = model.coordinates.iter().map(|c| c.name.clone()).collect();
         let symbols: Vec<_> = model.inputs().collect();
-        let inputs: Vec<String> = symbols.iter().map(|symbol| model.quantity(*symbol).name.clone()).collect();
+        let inputs: Vec<String> = symbols.iter().map(|symbol| model.quantity(*symbol).name.to_string()).collect();
         let values = Values::load(&args.values, &model)?;
         let operating = operating_point(args, &mut model, &coordinates, &inputs)?;
         let linear = linearize::linearize(&mut model, &operating).map_err(|error| fault(error.to_string()))?;

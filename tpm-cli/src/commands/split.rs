@@ -167,7 +167,7 @@ fn drives(split: &Split, driven: &[Coordinate]) -> Vec<String> {
 fn as_text(split: &mut Split, table: Option<&HarmonicTable>, numbers: Option<&Numbers>) -> String {
     let mut text = format!("{}: the two parts of every input\n", split.model.name);
     for input in &split.inputs.clone() {
-        let name = split.model.quantity(input.input).name.clone();
+        let name = split.model.quantity(input.input).name.to_string();
         let _ = writeln!(text, "\n{name} drives {}", drives(split, &input.motions).join(", "));
         for (label, part) in [("independent", &input.independent), ("dependent", &input.dependent)] {
             let expr = split.expression(part);
@@ -189,7 +189,7 @@ fn as_text(split: &mut Split, table: Option<&HarmonicTable>, numbers: Option<&Nu
         for part in &numbers.waves {
             for (harmonic, cos, sin) in lines(part) {
                 table.row(&[
-                    numbers.parts.form.rows[part.equation].name.clone(),
+                    numbers.parts.form.rows[part.equation].name.to_string(),
                     harmonic.to_string(),
                     number(cos),
                     number(sin),

@@ -163,7 +163,7 @@ impl Estimator {
 /// Names and definitions of the columns.
 fn columns(model: &Model, form: &RegressorForm) -> Vec<String> {
     let definition = |column: &Column| match column.parameter {
-        Some(_) => column.name.clone(),
+        Some(_) => column.name.to_string(),
         None => format!("{} = {}", column.name, canonical(model, &column.definition)),
     };
     form.columns.iter().map(definition).collect()
@@ -245,9 +245,9 @@ impl Identified {
             let expected = estimator.model.name.clone();
             return Err(IdentifiedError::Model { found: self.model.clone(), expected });
         }
-        let find = |name: &String| {
+        let find = |name: &str| {
             let found = self.parameters.iter().find(|parameter| parameter.name == *name);
-            found.ok_or_else(|| IdentifiedError::Missing(name.clone()))
+            found.ok_or_else(|| IdentifiedError::Missing(name.to_owned()))
         };
         estimator.form.columns.iter().map(|column| find(&column.name)).collect()
     }

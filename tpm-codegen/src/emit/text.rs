@@ -84,7 +84,7 @@ pub(super) fn equations(estimator: &Estimator) -> String {
                 continue;
             }
             parts.push(match entry(estimator, r, Some(c)).as_str() {
-                "1" => column.name.clone(),
+                "1" => column.name.to_string(),
                 "-1" => format!("-{}", column.name),
                 sum if sum.contains(" + ") || sum.contains(" - ") => format!("{}*({sum})", column.name),
                 factor => match factor.strip_prefix('-') {
@@ -99,7 +99,7 @@ pub(super) fn equations(estimator: &Estimator) -> String {
         let inputs = row.inputs.iter().map(|(symbol, factor)| {
             let name = &estimator.model.quantity(*symbol).name;
             match display(estimator, factor).as_str() {
-                "1" => name.clone(),
+                "1" => name.to_string(),
                 "-1" => format!("-{name}"),
                 factor => format!("({factor})*{name}"),
             }
@@ -139,7 +139,7 @@ pub(super) fn motions(estimator: &Estimator, index: usize) -> String {
             let mut factors: Vec<String> = Vec::new();
             for (&symbol, exponent) in monomial.factors() {
                 let name = &estimator.model.quantity(symbol).name;
-                factors.push(if exponent == 1 { name.clone() } else { format!("{name}^{exponent}") });
+                factors.push(if exponent == 1 { name.to_string() } else { format!("{name}^{exponent}") });
             }
             let series = fourier.terms().fold(String::new(), |mut series, (harmonic, function, coefficient)| {
                 let base = match harmonic {

@@ -293,7 +293,7 @@ impl<'a> Lowering<'a, '_, '_> {
     fn pattern(&mut self, pattern: &'a ast::Pattern) {
         let mut scope = motion::Scope { symbols: HashMap::new(), values: self.values.clone(), frequency: None };
         for constant in self.model.symbols_where(|kind| *kind == Kind::Constant { value: None }) {
-            scope.symbols.insert(self.model.quantity(constant).name.clone(), constant);
+            scope.symbols.insert(self.model.quantity(constant).name.to_string(), constant);
         }
         let (mut amplitudes, mut frequency, mut harmonics) = (Vec::new(), None, None);
         for item in &pattern.items {

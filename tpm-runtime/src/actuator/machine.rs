@@ -70,7 +70,7 @@ impl Machine {
                 Some(value) => {
                     values.insert(symbol, value);
                 }
-                None => names.push(model.quantity(symbol).name.clone()),
+                None => names.push(model.quantity(symbol).name.as_str().into()),
             }
         }
         if !names.is_empty() {

@@ -110,8 +110,8 @@ fn inputs(model: &Model, terms: &[SourceTerm]) -> Vec<String> {
     for leaf in terms.iter().flat_map(|term| model.graph.leaves(term.expr)) {
         if let Node::Symbol(symbol) = model.graph.node(leaf) {
             let quantity = model.quantity(*symbol);
-            if quantity.kind == Kind::Input && !names.contains(&quantity.name) {
-                names.push(quantity.name.clone());
+            if quantity.kind == Kind::Input && !names.iter().any(|name| *name == quantity.name) {
+                names.push(quantity.name.to_string());
             }
         }
     }
