@@ -103,15 +103,15 @@ fn labels(context: &mut Context<'_>) {
     let model = &estimator.model;
     let of_symbol = |(symbol, _): &(Symbol, String)| {
         let quantity = model.quantity(*symbol);
-        (quantity.name.clone(), quantity.unit.clone())
+        (quantity.name.to_string(), quantity.unit.clone())
     };
     let coordinates = context.names.coordinates.iter().map(|names| {
         let info = &model.coordinates[names.coordinate.0 as usize];
         (info.name.clone(), info.unit.clone())
     });
     let rows = estimator.form.rows.iter().enumerate();
-    let rows = rows.map(|(r, row)| (row.name.clone(), text::row_unit(estimator, r).cloned()));
-    let columns = estimator.form.columns.iter().map(|column| (column.name.clone(), column.unit.clone()));
+    let rows = rows.map(|(r, row)| (row.name.to_string(), text::row_unit(estimator, r).cloned()));
+    let columns = estimator.form.columns.iter().map(|column| (column.name.to_string(), column.unit.clone()));
     type List = Vec<(String, Option<Unit>)>;
     let lists: [(&str, &str, &str, List); 5] = [
         ("coordinate_labels", "COORDINATES", "Names and units of the coordinates.", coordinates.collect()),
