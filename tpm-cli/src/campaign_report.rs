@@ -6,7 +6,7 @@ use crate::text_table::number;
 use crate::{output, picture};
 use std::path::Path;
 use tpm_runtime::experiment::{CampaignIdentification, Machine};
-use tpm_runtime::model::{Label, Model as _};
+use tpm_runtime::model::Model as _;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
 use tpm_runtime::procedure::{Record, RunReport, Trial};
 
@@ -75,9 +75,9 @@ pub(crate) fn write(
     let (Some(first), Some(last)) = (first, last) else { return Ok(()) };
     let plant = machine.plant();
     let dims = plant.dims();
-    let panel = |label: Label<'_>, series: Vec<Series>| Panel {
+    let panel = |label: String, series: Vec<Series>| Panel {
         x: Axis::linear("share of the period").from_to(0.0, 1.0),
-        y: Axis::linear(&label.to_string()),
+        y: Axis::linear(&label),
         series,
     };
     let errors = (0..dims.coordinates).map(|c| {
@@ -85,7 +85,7 @@ pub(crate) fn write(
             Series::new(&first.name("first"), 1, Curve::Line(first.error(c))),
             Series::new(&last.name("last"), 0, Curve::Line(last.error(c))),
         ];
-        panel(plant.coordinate(c), series)
+        panel(format!("error of {}", plant.coordinate(c)), series)
     });
     draw(folder, "error", &Figure::new("Tracking error, mean over the measured periods", errors.collect()))?;
     let inputs = (0..dims.inputs).map(|i| {
@@ -93,7 +93,7 @@ pub(crate) fn write(
             Series::new("applied", 1, Curve::Line(last.input(i))),
             Series::new("feed-forward", 0, Curve::Dashed(last.feed_forward(i))),
         ];
-        panel(plant.input(i), series)
+        panel(plant.input(i).to_string(), series)
     });
     draw(folder, "input", &Figure::new(&format!("Inputs of the {}", last.name("last")), inputs.collect()))
 }

@@ -37,6 +37,8 @@ enum Command {
     Campaign(Box<commands::campaign::Args>),
     /// Parse a model, check units, linearity and finiteness, and say what was found.
     Check(commands::check::Args),
+    /// Propose experiments that show the most within the limits.
+    Design(Box<commands::design::Args>),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(commands::expand::Args),
     /// Compare common and split feed-forward on the simulated machine, with filters and motors.
@@ -70,6 +72,7 @@ fn main() -> ExitCode {
         Command::Actuator(args) => commands::actuator::run(args),
         Command::Campaign(args) => commands::campaign::run(args),
         Command::Check(args) => commands::check::run(args),
+        Command::Design(args) => commands::design::run(args),
         Command::Expand(args) => commands::expand::run(args),
         Command::Feedforward(args) => commands::feedforward::run(args),
         Command::Fit(args) => commands::fit::run(args),

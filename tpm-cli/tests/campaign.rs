@@ -126,3 +126,29 @@ fn bad_logs_are_refused_and_nothing_is_lost() {
     let cut = std::fs::read_to_string(at.join("c/run-001.csv")).expect("a run");
     assert_eq!(cut.lines().count(), 801);
 }
+
+#[test]
+fn a_design_is_judged_before_anything_moves() {
+    let model = root().join("models/mass_spring_drag.tpm");
+    let arguments = ["design", model.to_str().expect("plain"), "--json"];
+    let found = json(&tpm(&arguments));
+    assert_eq!(found["schema"], "tpm.design/1");
+    assert_eq!(found["estimates"]["k1"], 40.0);
+    let candidates = found["candidates"].as_array().expect("a list");
+    assert!(candidates.iter().all(|candidate| candidate["rank"] == 3 && candidate["passed"].is_null()));
+
+    let limited = tpm(&[&arguments[..], &["--set", "limits.inputs.u=20"]].concat());
+    let limited = json(&limited);
+    let candidates = limited["candidates"].as_array().expect("a list");
+    let within = candidates.iter().filter(|candidate| candidate["passed"].is_null()).count();
+    assert!(within > 0 && within < candidates.len());
+    assert!(candidates[..within].iter().all(|candidate| candidate["effort_share"].as_f64().expect("limited") < 0.7));
+    assert_eq!(candidates[within]["passed"]["input"], "u");
+
+    support::fails(&[&arguments[..], &["--set", "limits.inputs.u=0.5"]].concat(), 1, &["no candidate"]);
+    let arm = root().join("models/closed_loop_arm.tpm");
+    let zero = ["prior.a10=0", "prior.a20=0", "prior.a30=0", "prior.a11=0", "prior.a21=0", "prior.a31=0"];
+    let zero = zero.iter().flat_map(|value| ["--set", value]);
+    let arguments: Vec<&str> = ["design", arm.to_str().expect("plain")].into_iter().chain(zero).collect();
+    support::fails(&arguments, 2, &["a10 = 0", "give prior values"]);
+}

@@ -101,6 +101,57 @@ impl Along {
         Ok(Information::of(&matrix, &right))
     }
 
+    /// Square root of the information about the parameters in `samples` samples over whole periods whose coordinates have
+    /// white noise of these standard deviations, the inputs known: rows of unit variance. Its Gram matrix is the inverse of
+    /// the Cramer-Rao bound of the steady state.
+    ///
+    /// With the inputs held, the motion answers to a change of the parameters by `-J^-1 Phi`, with the periodic derivatives
+    /// J as they are, harmonics coupled. `None` when there are not as many rows as coordinates, or J is singular.
+    #[must_use]
+    pub fn predicted(&self, theta: &[f64], noise: &[f64], samples: usize) -> Option<DMatrix<f64>> {
+        let Dims { rows, coordinates, parameters, .. } = self.dims;
+        let highest = self.phi.first()?.len().checked_sub(1)?;
+        if rows != coordinates {
+            return None;
+        }
+        // Real parts of the lines, then imaginary parts but for the means', coordinate by coordinate.
+        let width = 2 * highest + 1;
+        let place = |c: usize, k: usize, imaginary: bool| c * width + if imaginary { highest + k } else { k };
+        let parts = |lines: &[Complex<f64>]| -> Vec<f64> {
+            lines.iter().map(|line| line.re).chain(lines[1..].iter().map(|line| line.im)).collect()
+        };
+        let mut derivative = DMatrix::zeros(rows * width, coordinates * width);
+        let mut error = vec![vec![Complex::new(0.0, 0.0); highest + 1]; coordinates];
+        for c in 0..coordinates {
+            for k in 0..=highest {
+                for imaginary in [false, true].into_iter().take(if k == 0 { 1 } else { 2 }) {
+                    error[c][k] = if imaginary { Complex::new(0.0, 1.0) } else { Complex::new(1.0, 0.0) };
+                    for row in 0..rows {
+                        let lines = parts(&self.applied(row, theta, &error, highest));
+                        let mut column = derivative.column_mut(place(c, k, imaginary));
+                        column.rows_mut(row * width, width).copy_from_slice(&lines);
+                    }
+                }
+                error[c][k] = Complex::new(0.0, 0.0);
+            }
+        }
+        let mut felt = DMatrix::zeros(rows * width, parameters);
+        for row in 0..rows {
+            for j in 0..parameters {
+                felt.column_mut(j).rows_mut(row * width, width).copy_from_slice(&parts(self.regressor(row, j)));
+            }
+        }
+        let mut answer = derivative.lu().solve(&felt)?;
+        for (c, deviation) in noise.iter().enumerate().take(coordinates) {
+            for (i, mut row) in answer.rows_mut(c * width, width).row_iter_mut().enumerate() {
+                // A mean has the variance 1/N of the samples', a phasor's part 2/N.
+                let share = if i == 0 { 1.0 } else { 2.0 };
+                row *= (samples as f64 / share).sqrt() / deviation;
+            }
+        }
+        answer.iter().all(|value| value.is_finite()).then_some(answer)
+    }
+
     /// Replaces the regressors' lines by those of the exact table.
     #[must_use]
     pub fn with_lines(mut self, phi: Vec<Vec<Complex<f64>>>, known: Vec<Vec<Complex<f64>>>) -> Self {

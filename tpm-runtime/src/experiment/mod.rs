@@ -4,6 +4,7 @@
 //! amplitudes are checked against the model when the experiment meets it ([`Experiment::setup`], [`Experiment::bench`]).
 //! Values are in the units of the model; nothing is converted.
 
+mod design;
 #[cfg(feature = "interpret")]
 mod machine;
 mod overrides;
@@ -12,6 +13,7 @@ mod result;
 mod store;
 mod study;
 
+pub use design::{Candidate, Design, Passed, Predicted, design};
 #[cfg(feature = "interpret")]
 pub use machine::{Machine, MachineError};
 pub use resolve::ExperimentError;

@@ -80,6 +80,17 @@ pub enum ExperimentError {
     /// The campaign cannot go on.
     #[error(transparent)]
     Campaign(#[from] CampaignError),
+    /// The schedule has no stage to design around.
+    #[error("schedule.stages is empty: give a stage, around which candidates are tried")]
+    NoStage,
+    /// With these estimates no candidate's motion can be predicted.
+    #[error(
+        "the rows do not determine the motion with the estimates {}; give prior values that do", .estimates.join(", ")
+    )]
+    Unpredictable {
+        /// Names and values.
+        estimates: Vec<String>,
+    },
     /// Nothing was estimated.
     #[error(transparent)]
     Estimate(#[from] EstimateError),

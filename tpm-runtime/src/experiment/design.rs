@@ -1,0 +1,334 @@
+//! Experiment design before anything moves: what candidates would show, and whether they keep within the limits.
+//!
+//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`Along::predicted`]): white noise on the measured
+//! positions (the step of an encoder counted as noise of variance step^2/12), inputs known exactly. Candidates are compared
+//! by the determinant of the scaled information (D-optimality), and one that passes a limit is not proposed but said where
+//! it does.
+
+use super::{Experiment, ExperimentError};
+use crate::estimate::Along;
+use crate::harmonics::Hold;
+use crate::model::Model;
+use crate::procedure::{LEAST_PERIODS, Stage, Trial, TrialSettings};
+use crate::simulate::Bench;
+use crate::trajectory::{Pattern, Trajectory};
+use nalgebra::DMatrix;
+use serde::{Serialize, Serializer};
+use std::format;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+
+/// Shares of the last stage's amplitudes and frequency that are tried.
+const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
+/// Multiples of the frequency that are tried for every coordinate of several.
+const MULTIPLES: [u32; 3] = [1, 2, 3];
+/// Most coordinates whose multiples are varied.
+const VARIED: usize = 3;
+/// Singular values of the scaled information's root below this share of the largest show nothing.
+const RANK: f64 = 1e-9;
+/// Relative noise that is assumed of a sensor without any.
+const LEAST_NOISE: f64 = 1e-6;
+
+/// The predicted deviation of one parameter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Predicted {
+    /// Name.
+    pub name: String,
+    /// Standard deviation; nothing when the candidate does not show the parameter.
+    pub std: Option<f64>,
+}
+
+/// Where a candidate passes a limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Passed {
+    /// The input.
+    pub input: String,
+    /// Sample of the period.
+    pub sample: usize,
+    /// What it asks for there, as a share of the limit.
+    pub share: f64,
+}
+
+/// Candidates, and what they were judged by.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Design {
+    /// The estimates: the prior, and the simulated machine's value where the prior is zero.
+    #[serde(serialize_with = "by_name")]
+    pub estimates: Vec<(String, f64)>,
+    /// Standard deviation of the positions, an encoder's step included; a millionth of the amplitude for sensors without
+    /// any, unit of the coordinate, at the last stage.
+    #[serde(serialize_with = "by_name")]
+    pub noise: Vec<(String, f64)>,
+    /// The best first; those that pass a limit come last.
+    pub candidates: Vec<Candidate>,
+}
+
+/// One candidate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Candidate {
+    /// Names and values of the amplitudes.
+    #[serde(serialize_with = "by_name")]
+    pub amplitudes: Vec<(String, f64)>,
+    /// Fundamental frequency, rad/s.
+    pub frequency: f64,
+    /// Multiple of it by coordinate.
+    #[serde(serialize_with = "by_name")]
+    pub multiples: Vec<(String, u32)>,
+    /// Combinations of the parameters that it shows.
+    pub rank: usize,
+    /// Condition number of the scaled equations over what it shows.
+    pub condition: f64,
+    /// Natural logarithm of the determinant of the information, every parameter scaled by its estimate.
+    pub determinant: f64,
+    /// Predicted deviations.
+    pub parameters: Vec<Predicted>,
+    /// Largest share of its limit that an input takes; nothing without limits.
+    pub effort_share: Option<f64>,
+    /// Highest harmonic of any input above a thousandth of its largest one.
+    pub input_harmonics: usize,
+    /// The sample that passes a limit the most; nothing when all keep within the stated share.
+    pub passed: Option<Passed>,
+}
+
+fn by_name<T: Serialize, S: Serializer>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
+}
+
+/// Candidates around the last stage of an experiment's schedule: shares of its amplitudes and frequency, and multiples of the
+/// frequency when a few coordinates move. Each is measured for the experiment's `measure_time`.
+///
+/// # Errors
+/// [`ExperimentError`].
+pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment) -> Result<Design, ExperimentError> {
+    let setup = experiment.setup(model, pattern, Hold::Zoh)?;
+    let bench = experiment.bench(model)?;
+    let dims = model.dims();
+    let mut theta = setup.prior.clone();
+    for (value, truth) in theta.iter_mut().zip(&bench.parameters) {
+        if *value == 0.0 {
+            *value = *truth;
+        }
+    }
+    let last = setup.procedure.stages.last().ok_or(ExperimentError::NoStage)?;
+    let moved = pattern.coordinates.len() - pattern.open().len();
+    let varied = moved > 1 && moved <= VARIED;
+    let mut multiples = vec![last.multiples.clone()];
+    if varied {
+        multiples = vec![vec![]];
+        for c in 0..dims.coordinates {
+            let of: &[u32] = if pattern.coordinates[c].is_empty() { &[1] } else { &MULTIPLES };
+            multiples = multiples
+                .into_iter()
+                .flat_map(|list: Vec<u32>| of.iter().map(move |m| [list.clone(), vec![*m]].concat()))
+                .collect();
+        }
+        multiples.retain(|list| list.iter().copied().reduce(gcd) == Some(1));
+    }
+    let fastest = f64::from(last.multiples.iter().copied().max().unwrap_or(1)) * last.frequency;
+    let mut candidates = Vec::new();
+    for share in SHARES {
+        for speed in SHARES {
+            for list in &multiples {
+                // The fastest coordinate keeps to the frequency that the schedule allows it.
+                let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
+                let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
+                let stage = Stage { amplitudes: amplitudes.clone(), frequency, multiples: list.clone() };
+                let period = 2.0 * std::f64::consts::PI / frequency;
+                let periods = ((setup.procedure.measure_time / period).ceil() as usize).max(LEAST_PERIODS);
+                let trial = Trial::new(
+                    model,
+                    TrialSettings {
+                        run: 0,
+                        trajectory: stage.trajectory(pattern, 1.0),
+                        open: &pattern.open(),
+                        amplitudes,
+                        periods,
+                        control: &setup.control,
+                        parameters: &theta,
+                        constants: &setup.constants,
+                        tracking_bounds: &setup.procedure.tracking_bounds,
+                        input_limits: &setup.procedure.input_limits,
+                    },
+                );
+                // A candidate that cannot be played is none.
+                let Ok(trial) = trial else { continue };
+                let noise = deviations(&bench, &trial.trajectory);
+                let samples = periods * trial.samples_per_period;
+                let reach = 4 * trial.trajectory.highest_harmonic() as usize;
+                let along = Along::new(model, &setup.constants, &trial.trajectory, reach)?;
+                let Some(root) = along.predicted(&theta, &noise, samples) else { continue };
+                candidates.push(judge(model, pattern, &stage, &trial, &theta, &root, setup.procedure.effort_share));
+            }
+        }
+    }
+    let estimates = (0..theta.len()).map(|j| (model.parameter(j).name.to_string(), theta[j]));
+    if candidates.is_empty() {
+        let estimates = estimates.map(|(name, value)| format!("{name} = {value}")).collect();
+        return Err(ExperimentError::Unpredictable { estimates });
+    }
+    candidates.sort_by(|a: &Candidate, b: &Candidate| {
+        let key = |c: &Candidate| (c.passed.is_some(), std::cmp::Reverse(c.rank));
+        key(a).cmp(&key(b)).then(b.determinant.total_cmp(&a.determinant))
+    });
+    let noise = deviations(&bench, &last.trajectory(pattern, 1.0));
+    let noise = noise.into_iter().enumerate().map(|(c, value)| (model.coordinate(c).name.to_string(), value));
+    Ok(Design { estimates: estimates.collect(), noise: noise.collect(), candidates })
+}
+
+/// Standard deviation of the noise of every coordinate.
+fn deviations(bench: &Bench, trajectory: &Trajectory) -> Vec<f64> {
+    let sensors = bench.sensors.iter().zip(&trajectory.coordinates);
+    let deviation = sensors.map(|(sensor, series)| {
+        let size = series.lines.iter().map(|line| line.cos.hypot(line.sin)).fold(0.0, f64::max);
+        let variance = sensor.noise * sensor.noise + sensor.step * sensor.step / 12.0;
+        variance.sqrt().max(LEAST_NOISE * size).max(f64::MIN_POSITIVE.sqrt())
+    });
+    deviation.collect()
+}
+
+fn gcd(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+fn judge(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    stage: &Stage,
+    trial: &Trial,
+    theta: &[f64],
+    root: &DMatrix<f64>,
+    share: f64,
+) -> Candidate {
+    let p = theta.len();
+    let scale: Vec<f64> =
+        root.column_iter().map(|column| column.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
+    let scaled =
+        DMatrix::from_fn(root.nrows().max(p), p, |r, c| if r < root.nrows() { root[(r, c)] / scale[c] } else { 0.0 });
+    let svd = scaled.svd(false, true);
+    let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
+    let (mut rank, mut smallest, mut determinant) = (0, largest, 0.0);
+    let mut variance = vec![0.0; p];
+    let mut hidden = vec![false; p];
+    if let Some(directions) = &svd.v_t {
+        for (value, direction) in svd.singular_values.iter().zip(directions.row_iter()) {
+            let shown = *value > RANK * largest;
+            rank += usize::from(shown);
+            if shown {
+                smallest = f64::min(smallest, *value);
+                determinant += 2.0 * value.ln();
+            }
+            for j in 0..p {
+                if shown {
+                    variance[j] += (direction[j] / value / scale[j]).powi(2);
+                } else {
+                    hidden[j] |= direction[j].abs() > 1e-6;
+                }
+            }
+        }
+    }
+    for (s, value) in scale.iter().zip(theta) {
+        determinant += 2.0 * (s * if *value == 0.0 { 1.0 } else { value.abs() }).ln();
+    }
+    let (most, input, sample) = trial.feed_forward_share();
+    let limited = trial.input_limits.iter().any(|limit| limit.is_finite());
+    let passed = Passed { input: model.input(input).name.to_string(), sample, share: most };
+    Candidate {
+        amplitudes: pattern.amplitudes.iter().cloned().zip(stage.amplitudes.iter().copied()).collect(),
+        frequency: trial.trajectory.frequency,
+        multiples: (0..stage.multiples.len())
+            .map(|c| (model.coordinate(c).name.to_string(), stage.multiples[c]))
+            .collect(),
+        rank,
+        condition: if rank > 0 { largest / smallest } else { f64::INFINITY },
+        determinant,
+        parameters: (0..p)
+            .map(|j| Predicted {
+                name: model.parameter(j).name.to_string(),
+                std: (!hidden[j]).then(|| variance[j].sqrt()),
+            })
+            .collect(),
+        effort_share: limited.then_some(most),
+        input_harmonics: input_harmonics(trial, model.dims().inputs),
+        passed: (limited && most >= share).then_some(passed),
+    }
+}
+
+/// Highest harmonic of any input's feed-forward above a thousandth of its largest one.
+fn input_harmonics(trial: &Trial, inputs: usize) -> usize {
+    let reach = (8 * trial.trajectory.highest_harmonic() as usize).min(trial.samples_per_period / 2);
+    let size = |input: usize, k: usize| {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (n, sample) in trial.feed_forward.iter().skip(input).step_by(inputs.max(1)).enumerate() {
+            let phase = 2.0 * std::f64::consts::PI * ((k * n) % trial.samples_per_period) as f64
+                / trial.samples_per_period as f64;
+            re += sample * phase.cos();
+            im += sample * phase.sin();
+        }
+        f64::hypot(re, im)
+    };
+    (0..inputs)
+        .map(|input| {
+            let sizes: Vec<f64> = (1..=reach).map(|k| size(input, k)).collect();
+            let largest = sizes.iter().copied().fold(0.0, f64::max);
+            sizes.iter().rposition(|s| *s > 1e-3 * largest).map_or(0, |k| k + 1)
+        })
+        .max()
+        .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::design;
+    use crate::experiment::Experiment;
+    use crate::test_models::MassSpringDrag;
+    use crate::trajectory::tests::rest_to_rest_3;
+    use std::f64::consts::PI;
+    use std::string::ToString;
+
+    fn experiment() -> Experiment {
+        let mut experiment = Experiment::parse(include_str!("../../../models/mass_spring_drag.toml"))
+            .expect("the shipped file is right");
+        for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
+            experiment.prior.insert(name.to_string(), value);
+        }
+        experiment.plant.sensors.entry("x".to_string()).or_default().counts = 0.0;
+        experiment
+    }
+
+    #[test]
+    fn predictions_are_the_bounds_that_were_found_by_sensitivities_in_time() {
+        // Feng 3.24, sigma = 1e-3, 20 s at 1 kHz: relative bounds at (lambda, w) = (0.3, pi) and (0.6, 2 pi).
+        for (lambda, w, bounds) in [(0.3, 1.0, [2.6e-4, 1.3e-4, 2.8e-4]), (0.6, 2.0, [1.6e-4, 3.1e-4, 4.9e-5])] {
+            let mut experiment = experiment();
+            experiment.schedule.stages.truncate(1);
+            experiment.schedule.stages[0].insert("lambda".to_string(), lambda);
+            experiment.schedule.stages[0].insert("w".to_string(), w * PI);
+            let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
+            let full = found
+                .iter()
+                .find(|c| (c.amplitudes[0].1 - lambda).abs() < 1e-9 && (c.frequency / (w * PI) - 1.0).abs() < 1e-3)
+                .expect("the stage itself");
+            for ((predicted, truth), bound) in full.parameters.iter().zip([2.0, 40.0, 1.5]).zip(bounds) {
+                let relative = predicted.std.expect("shown") / truth;
+                assert!((relative / bound - 1.0).abs() < 0.05, "{}: {relative:e} {bound:e}", predicted.name);
+            }
+        }
+    }
+
+    #[test]
+    fn limits_are_kept_and_the_sample_that_passes_one_is_named() {
+        let mut experiment = experiment();
+        experiment.limits.inputs.insert("u".to_string(), 40.0);
+        let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
+        assert_eq!(found.len(), 16);
+        let within = found.iter().take_while(|c| c.passed.is_none()).count();
+        assert!(within > 0 && within < 16);
+        for pair in found[..within].windows(2) {
+            assert!(pair[0].determinant >= pair[1].determinant);
+        }
+        let beyond = found[15].passed.as_ref().expect("the largest passes it");
+        assert!(beyond.share >= 0.7 && beyond.input == "u");
+        assert!(found[0].effort_share.expect("limited") < 0.7);
+    }
+}
