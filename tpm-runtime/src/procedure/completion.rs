@@ -4,13 +4,15 @@
 //! `m2 x2'' + k3 (x2 - x1) = 0`, then fix the motion of what lies between, and a collocated controller takes its reference
 //! from there. Invariant: the open coordinates are finite Fourier series that make every harmonic of these rows vanish to
 //! rounding (harmonic balance, by Newton's method; one step where the rows are linear in the open coordinates), with as many
-//! harmonics as it takes until the highest ones are negligible.
+//! harmonics as it takes until the highest ones are negligible. Where the estimates leave these rows empty (all zero before the
+//! first run) nothing determines the open coordinates, and they rest at zero.
 
 use super::trial::TrialError;
 use crate::differences::FIVE_POINT;
 use crate::model::Model;
 use crate::trajectory::{Line, Series, Trajectory};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Complex, DMatrix, DVector};
+use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
 
@@ -154,6 +156,9 @@ impl<'a> Balance<'a> {
                 now.coordinates[c] = series(lines);
             }
             let (residual, jacobian) = self.linearise(&now)?;
+            if jacobian.iter().chain(&residual).all(|x| *x == 0.0) {
+                return Ok(Ok(vec![vec![0.0; width]; self.open.len()]));
+            }
             // Rows of high harmonics are larger by the square of their frequency.
             let scale: Vec<f64> = jacobian.row_iter().map(|row| row.amax()).collect();
             if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) || residual.iter().any(|x| !x.is_finite()) {
@@ -173,96 +178,144 @@ impl<'a> Balance<'a> {
     }
 
     /// Harmonics of the rows, and their derivatives with respect to the unknown lines.
+    ///
+    /// A row's derivative with respect to a coordinate's n-th derivative is a periodic function g; the derivative of the row's
+    /// harmonic a with respect to a line b is a harmonic of g times a line, so it takes the harmonics a + b and a - b of g.
     fn linearise(&self, now: &Trajectory) -> Result<(DVector<f64>, DMatrix<f64>), TrialError> {
-        let dims = self.model.dims();
         let width = 2 * self.harmonics + 1;
         let size = self.open.len() * width;
         let mut residual = DVector::zeros(size);
         let mut jacobian = DMatrix::zeros(size, size);
-        let mut motion = vec![0.0; dims.motion_len()];
-        let mut scratch = vec![0.0; self.model.inverse_workspace_len()];
-        let (mut force, mut side) = (vec![0.0; dims.rows], vec![0.0; dims.rows]);
-        let mut sizes = vec![0.0_f64; dims.motion_len()];
-        for n in 0..self.points {
-            now.motion_at(n, self.points, 0.0, &mut motion);
-            for (size, value) in sizes.iter_mut().zip(&motion) {
-                *size = size.max(value.abs());
+        let Samples { forces, gains } = self.sample(now)?;
+        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(self.points);
+        let mut lines = transform.make_output_vec();
+        let mut analyse = |signal: &mut Vec<f64>| {
+            let moving = signal.iter().any(|x| *x != 0.0);
+            if moving {
+                transform.process(signal, &mut lines).expect("invariant: buffers were made for this transform");
+            }
+            moving.then(|| Lines(lines.iter().map(|z| z / self.points as f64).collect()))
+        };
+        for (f, mut force) in forces.into_iter().enumerate() {
+            let Some(lines) = analyse(&mut force) else { continue };
+            for i in 0..width {
+                let (harmonic, sine) = (i.div_ceil(2), i > 0 && i % 2 == 0);
+                let part = if sine { lines.sin(harmonic as isize) } else { lines.cos(harmonic as isize) };
+                residual[f * width + i] = weight(i) * part;
             }
         }
-        // Basis of one coordinate and its derivatives at a point: 1, cos, sin, cos 2, sin 2, ...
-        let mut basis = vec![0.0; width];
-        for n in 0..self.points {
-            now.motion_at(n, self.points, 0.0, &mut motion);
-            self.model.inverse_dynamics(&motion, self.parameters, self.constants, &mut scratch, &mut force)?;
-            let test = self.test_functions(n);
-            for (f, &row) in self.rows.iter().enumerate() {
-                for (i, t) in test.iter().enumerate() {
-                    residual[f * width + i] += t * force[row];
-                }
-            }
-            for (o, &c) in self.open.iter().enumerate() {
-                for order in 0..=self.model.coordinate_order(c) {
-                    let slot = order * dims.coordinates + c;
-                    let step = DIFFERENCE * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
-                    let centre = motion[slot];
-                    let mut gains = vec![0.0; self.rows.len()];
-                    for (shift, weight) in FIVE_POINT {
-                        motion[slot] = centre + shift * step;
-                        self.model.inverse_dynamics(
-                            &motion,
-                            self.parameters,
-                            self.constants,
-                            &mut scratch,
-                            &mut side,
-                        )?;
-                        for (gain, &row) in gains.iter_mut().zip(&self.rows) {
-                            *gain += weight / (12.0 * step) * side[row];
-                        }
-                    }
-                    motion[slot] = centre;
-                    if gains.iter().all(|gain| *gain == 0.0) {
-                        continue;
-                    }
-                    self.basis(n, order, now.frequency, &mut basis);
-                    for (f, gain) in gains.iter().enumerate() {
-                        for (i, t) in test.iter().enumerate() {
-                            for (j, b) in basis.iter().enumerate() {
-                                jacobian[(f * width + i, o * width + j)] += t * gain * b;
-                            }
-                        }
-                    }
+        for Gains { row, open, order, mut samples } in gains {
+            let Some(lines) = analyse(&mut samples) else { continue };
+            for i in 0..width {
+                let (a, test_sine) = (i.div_ceil(2) as isize, i > 0 && i % 2 == 0);
+                for j in 0..width {
+                    let Some((b, sine, factor)) = differentiated(j, order, now.frequency) else { continue };
+                    let product = match (test_sine, sine) {
+                        (false, false) => lines.cos(a - b) + lines.cos(a + b),
+                        (false, true) => lines.sin(b - a) + lines.sin(a + b),
+                        (true, false) => lines.sin(a - b) + lines.sin(a + b),
+                        (true, true) => lines.cos(a - b) - lines.cos(a + b),
+                    };
+                    jacobian[(row * width + i, open * width + j)] += 0.5 * weight(i) * factor * product;
                 }
             }
         }
         Ok((residual, jacobian))
     }
 
-    /// Weights that turn samples into mean, cosines and sines.
-    fn test_functions(&self, n: usize) -> Vec<f64> {
-        let mut test = vec![0.0; 2 * self.harmonics + 1];
-        self.basis(n, 0, 1.0, &mut test);
-        for (i, value) in test.iter_mut().enumerate() {
-            *value *= if i == 0 { 1.0 } else { 2.0 } / self.points as f64;
+    /// The rows and their derivatives at the points of a period.
+    fn sample(&self, now: &Trajectory) -> Result<Samples, TrialError> {
+        let dims = self.model.dims();
+        let mut motions = vec![0.0; self.points * dims.motion_len()];
+        let mut sizes = vec![0.0_f64; dims.motion_len()];
+        for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
+            now.motion_at(n, self.points, 0.0, motion);
+            for (size, value) in sizes.iter_mut().zip(motion.iter()) {
+                *size = size.max(value.abs());
+            }
         }
-        test
+        let mut scratch = vec![0.0; self.model.inverse_workspace_len()];
+        let mut force = vec![0.0; dims.rows];
+        let mut evaluate = |motion: &[f64], force: &mut [f64]| {
+            self.model.inverse_dynamics(motion, self.parameters, self.constants, &mut scratch, force)
+        };
+        let mut forces = vec![vec![0.0; self.points]; self.rows.len()];
+        for (n, motion) in motions.chunks_exact(dims.motion_len()).enumerate() {
+            evaluate(motion, &mut force)?;
+            for (forces, &row) in forces.iter_mut().zip(&self.rows) {
+                forces[n] = force[row];
+            }
+        }
+        let mut gains = Vec::new();
+        for (open, &c) in self.open.iter().enumerate() {
+            for order in 0..=self.model.coordinate_order(c) {
+                let slot = order * dims.coordinates + c;
+                let step = DIFFERENCE * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
+                let mut samples = vec![vec![0.0; self.points]; self.rows.len()];
+                for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
+                    let centre = motion[slot];
+                    for (shift, weight) in FIVE_POINT {
+                        motion[slot] = centre + shift * step;
+                        evaluate(motion, &mut force)?;
+                        for (samples, &row) in samples.iter_mut().zip(&self.rows) {
+                            samples[n] += weight / (12.0 * step) * force[row];
+                        }
+                    }
+                    motion[slot] = centre;
+                }
+                gains.extend(samples.into_iter().enumerate().map(|(row, samples)| Gains { row, open, order, samples }));
+            }
+        }
+        Ok(Samples { forces, gains })
+    }
+}
+
+/// The rows without an input over a period.
+struct Samples {
+    /// Per row.
+    forces: Vec<Vec<f64>>,
+    gains: Vec<Gains>,
+}
+
+/// Derivative of a row with respect to a derivative of an open coordinate over a period.
+struct Gains {
+    row: usize,
+    open: usize,
+    order: usize,
+    samples: Vec<f64>,
+}
+
+/// Transform of one period of a real signal, divided by the number of points: means of the signal times cosines and sines.
+struct Lines(Vec<Complex<f64>>);
+
+impl Lines {
+    /// Mean of the signal times cos(k theta).
+    fn cos(&self, k: isize) -> f64 {
+        self.0[k.unsigned_abs()].re
     }
 
-    /// The given derivative of 1, cos, sin, cos 2, sin 2, ... at a point.
-    fn basis(&self, n: usize, order: usize, frequency: f64, out: &mut [f64]) {
-        for (i, value) in out.iter_mut().enumerate() {
-            let harmonic = i.div_ceil(2);
-            if harmonic == 0 {
-                *value = if order == 0 { 1.0 } else { 0.0 };
-                continue;
-            }
-            let phase = 2.0 * std::f64::consts::PI * ((harmonic * n) % self.points) as f64 / self.points as f64;
-            // Every derivative is a quarter turn.
-            let quarter = (order + if i % 2 == 1 { 0 } else { 3 }) % 4;
-            let (sin, cos) = phase.sin_cos();
-            let turned = [cos, -sin, -cos, sin][quarter];
-            *value = turned * (harmonic as f64 * frequency).powi(order as i32);
-        }
+    /// Mean of the signal times sin(k theta).
+    fn sin(&self, k: isize) -> f64 {
+        if k < 0 { self.0[k.unsigned_abs()].im } else { -self.0[k.unsigned_abs()].im }
     }
+}
+
+/// Unknowns are the mean, then cosine and sine of every harmonic: what turns a mean of products into such a factor.
+const fn weight(unknown: usize) -> f64 {
+    if unknown == 0 { 1.0 } else { 2.0 }
+}
+
+/// The given derivative of an unknown's function 1, cos, sin, cos 2, sin 2, ...: harmonic, whether it is a sine, and its factor;
+/// nothing when it is zero.
+fn differentiated(unknown: usize, order: usize, frequency: f64) -> Option<(isize, bool, f64)> {
+    let harmonic = unknown.div_ceil(2);
+    if harmonic == 0 {
+        return (order == 0).then_some((0, false, 1.0));
+    }
+    // Every derivative is a quarter turn: cos, -sin, -cos, sin.
+    let quarter = (order + if unknown % 2 == 1 { 0 } else { 3 }) % 4;
+    let sign = if quarter == 1 || quarter == 2 { -1.0 } else { 1.0 };
+    Some((harmonic as isize, quarter % 2 == 1, sign * (harmonic as f64 * frequency).powi(order as i32)))
 }
 
 #[cfg(test)]
