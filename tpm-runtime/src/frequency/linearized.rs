@@ -4,8 +4,9 @@
 //! per set of parameters; every symbol in them is either a parameter of the fit or has a value.
 
 use super::structured::ResponseModel;
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::Complex;
 use std::string::{String, ToString};
+use std::vec;
 use std::vec::Vec;
 use tpm_symbolic::expr::{Coordinate, ExprId, Node, Symbol};
 use tpm_symbolic::linearize::Linearization;
@@ -113,13 +114,94 @@ impl ResponseModel for LinearizedResponse<'_> {
         let stiffness = entries(&self.linearization.stiffness);
         let drive: Vec<f64> =
             self.linearization.input.iter().map(|row| self.value(row[self.input], parameters)).collect();
-        let drive = DVector::from_iterator(n, drive.into_iter().map(Complex::from));
+        let mut matrix = vec![Complex::from(0.0); n * n];
+        let mut right = vec![Complex::from(0.0); n];
         for (value, &w) in out.iter_mut().zip(frequencies) {
-            let entry = |i: usize| Complex::new(stiffness[i] - w * w * mass[i], w * damping[i]);
-            let matrix = DMatrix::from_fn(n, n, |r, c| entry(r * n + c));
-            let solution = matrix.lu().solve(&drive);
+            for (i, entry) in matrix.iter_mut().enumerate() {
+                *entry = Complex::new(stiffness[i] - w * w * mass[i], w * damping[i]);
+            }
+            for (right, drive) in right.iter_mut().zip(&drive) {
+                *right = Complex::from(*drive);
+            }
             // A singular matrix has no response; numbers that are not finite reject the parameters.
-            *value = solution.map_or(Complex::from(f64::NAN), |q| q[self.coordinate]);
+            let solved = solve(&mut matrix, &mut right);
+            *value = if solved { right[self.coordinate] } else { Complex::from(f64::NAN) };
         }
+    }
+}
+
+/// Solves `matrix q = right` by elimination with pivots, both overwritten; a fit does so many thousand times, for which the
+/// allocations of a decomposition are too slow. False when the matrix is singular.
+fn solve(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> bool {
+    let n = right.len();
+    for k in 0..n {
+        let mut pivot = k;
+        for r in k + 1..n {
+            if matrix[r * n + k].l1_norm() > matrix[pivot * n + k].l1_norm() {
+                pivot = r;
+            }
+        }
+        if pivot != k {
+            right.swap(pivot, k);
+            for c in k..n {
+                matrix.swap(pivot * n + c, k * n + c);
+            }
+        }
+        let inverse = matrix[k * n + k].inv();
+        if !(inverse.re.is_finite() && inverse.im.is_finite()) {
+            return false;
+        }
+        for r in k + 1..n {
+            let factor = matrix[r * n + k] * inverse;
+            for c in k + 1..n {
+                let part = factor * matrix[k * n + c];
+                matrix[r * n + c] -= part;
+            }
+            let part = factor * right[k];
+            right[r] -= part;
+        }
+        // The inverse stays in the pivot's place for the substitution.
+        matrix[k * n + k] = inverse;
+    }
+    for k in (0..n).rev() {
+        let mut sum = right[k];
+        for c in k + 1..n {
+            sum -= matrix[k * n + c] * right[c];
+        }
+        right[k] = sum * matrix[k * n + k];
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::solve;
+    use nalgebra::Complex;
+    use std::vec::Vec;
+
+    #[test]
+    fn elimination_solves_and_says_when_it_cannot() {
+        // A matrix that needs a pivot, and a solution to start from.
+        let entries = [
+            (0.0, 0.0),
+            (2.0, -1.0),
+            (1.0, 0.5),
+            (3.0, 1.0),
+            (0.0, 4.0),
+            (1.0, 0.0),
+            (-1.0, 2.0),
+            (0.5, 0.5),
+            (7.0, 0.0),
+        ];
+        let matrix: Vec<Complex<f64>> = entries.iter().map(|&(re, im)| Complex::new(re, im)).collect();
+        let truth = [Complex::new(1.0, -2.0), Complex::new(0.0, 3.0), Complex::new(-0.5, 0.25)];
+        let mut right: Vec<_> =
+            (0..3).map(|r| (0..3).map(|c| matrix[3 * r + c] * truth[c]).sum::<Complex<f64>>()).collect();
+        assert!(solve(&mut matrix.clone(), &mut right));
+        for (found, truth) in right.iter().zip(truth) {
+            assert!((found - truth).norm() < 1e-14, "{found} {truth}");
+        }
+        let mut singular = [1.0, 2.0, 2.0, 4.0].map(Complex::from);
+        assert!(!solve(&mut singular, &mut [1.0, 1.0].map(Complex::from)));
     }
 }

@@ -362,6 +362,16 @@ fn effective_averages(weights: &[f64], step: usize, segments: usize) -> f64 {
     count / (1.0 + 2.0 * shared)
 }
 
+/// What all lines have in common when chance is told from excitation.
+struct Chance {
+    /// Number of independent averages.
+    averages: f64,
+    /// Neighbouring lines that share their noise.
+    correlation: f64,
+    /// Power of the input that is rounding.
+    rounding: f64,
+}
+
 /// Sums of the segments' spectra.
 struct Power {
     input: Vec<f64>,
@@ -408,6 +418,11 @@ impl Power {
     fn lines(&self, sample_time: f64, welch: &Welch, segments: usize, averages: f64) -> Vec<Line> {
         let density = 2.0 * sample_time / (self.window * segments as f64);
         let coherence: Vec<f64> = (0..self.input.len()).map(|k| self.coherence(k)).collect();
+        let chance = Chance {
+            averages,
+            correlation: welch.line_correlation(),
+            rounding: ROUNDING * self.input.iter().copied().fold(0.0, f64::max),
+        };
         (0..self.input.len())
             .map(|k| {
                 let (uu, yy, uy) = (self.input[k], self.output[k], self.cross[k]);
@@ -418,7 +433,7 @@ impl Power {
                 let h2 = if uy.norm_sqr() > 0.0 { Complex::from(yy) / uy.conj() / hold } else { zero };
                 // The mean was removed, so that the line at zero holds rounding only; the last one has no phase.
                 let inner = k > 0 && 2 * k < welch.segment;
-                let usable = inner && self.excited(k, &coherence, averages, welch.line_correlation());
+                let usable = inner && self.excited(k, &coherence, &chance);
                 let variance = (1.0 - coherence[k]) * yy / uu / (averages - 1.0) / hold.norm_sqr();
                 let std = if variance.is_nan() { f64::INFINITY } else { variance.sqrt() };
                 Line {
@@ -444,10 +459,10 @@ impl Power {
     ///
     /// Without any relation a coherence over n averages is Beta(1, n - 1) distributed; the quantile of the mean of several
     /// follows from its variance and skewness (Cornish-Fisher).
-    fn excited(&self, k: usize, coherence: &[f64], averages: f64, correlation: f64) -> bool {
+    fn excited(&self, k: usize, coherence: &[f64], chance: &Chance) -> bool {
+        let &Chance { averages, correlation, rounding } = chance;
         let power = self.input[k];
-        let strongest = self.input.iter().copied().fold(0.0, f64::max);
-        if power <= ROUNDING * strongest {
+        if power <= rounding {
             return false;
         }
         let (from, to) = (k.saturating_sub(NEIGHBOURS).max(1), (k + NEIGHBOURS + 1).min(coherence.len()));
