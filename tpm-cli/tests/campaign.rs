@@ -40,6 +40,9 @@ fn files_alone_give_the_result_of_identify() {
     let files = json(&tpm_in(at, &["campaign", "result", "c", "--json"]));
     let whole = json(&tpm(&[&["identify", model, "--json"], &SHORT[..]].concat()));
     assert_eq!(files, whole);
+    // Nobody knows on what the logs were recorded.
+    let text = String::from_utf8(tpm_in(at, &["campaign", "result", "c"]).stdout).expect("text");
+    assert!(text.starts_with("model MassSpringDrag from the runs in its folder; estimator"), "{text}");
 }
 
 #[test]

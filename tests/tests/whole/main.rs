@@ -11,6 +11,7 @@ mod frequency;
 #[path = "../../generated/mass_spring_drag.rs"]
 mod generated;
 mod licences;
+mod pendulum;
 mod physical;
 mod split;
 mod support;

@@ -1,6 +1,6 @@
 //! `tpm campaign`: a campaign on a real machine, by files.
 
-use super::identify::describe_campaign;
+use super::identify::{Runs, describe_campaign};
 use super::simulated::{SimulatedArgs, Simulation};
 use crate::failure::Failure;
 use crate::{Outcome, output};
@@ -332,7 +332,7 @@ fn result(folder: &Path, json: bool, target: Option<&Path>) -> Outcome {
     let mut result = summary(machine.plant(), &campaign, experiment.seed);
     result.stability = Some(stability);
     let model = &opened.simulation.symbolic.model;
-    output::emit(target, &if json { output::json(&result)? } else { describe_campaign(&result, model) })?;
+    output::emit(target, &if json { output::json(&result)? } else { describe_campaign(&result, model, Runs::Kept) })?;
     if result.is_complete() {
         return Ok(());
     }

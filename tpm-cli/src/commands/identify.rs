@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 fn simulated(args: &Args) -> Outcome {
     let bounds = args.bound.iter().cloned().collect();
-    let Simulation { symbolic: prepared, machine, experiment } = args.simulated.within(&args.file, &bounds)?;
+    let Simulation { symbolic: prepared, machine, written, experiment } = args.simulated.within(&args.file, &bounds)?;
     let (prepared, experiment) = (&prepared, &experiment);
     let store = match &args.runs {
         Some(folder) => Some(folder_of(&args.file, folder, args.simulated.pattern.as_deref(), experiment, &machine)?),
@@ -126,11 +126,11 @@ fn simulated(args: &Args) -> Outcome {
     let negative = if sound { Vec::new() } else { negative_masses(named) };
     result.warnings.extend(negative.iter().cloned());
     if let Some(estimate) = result.estimate.as_ref().filter(|_| machine.eliminated().is_none()) {
-        let settings =
-            settings(args, &experiment.prior, &experiment.frozen, &experiment.constants, &physical_names(prepared));
+        let settings = settings(args, &written.prior, &written.frozen, &written.constants, &physical_names(prepared));
         result.physical = physical_part(prepared, estimate, &settings, &mut result.warnings)?;
     }
-    let text = if args.json { output::json(&result)? } else { describe_campaign(&result, &prepared.model) };
+    let text =
+        if args.json { output::json(&result)? } else { describe_campaign(&result, &prepared.model, Runs::Simulated) };
     output::emit(args.output.as_deref(), &text)?;
     if let Some(folder) = &args.report {
         campaign_report::write(folder, &machine, &result, first.as_ref(), last.as_ref())?;
@@ -148,11 +148,30 @@ fn simulated(args: &Args) -> Outcome {
     Ok(())
 }
 
-pub(crate) fn describe_campaign(result: &CampaignIdentification, model: &tpm_symbolic::model::Model) -> String {
-    let mut text = format!(
-        "model {} on a simulated plant; estimator {}; hold {}; seed {}\n\n",
-        result.model, result.estimator, result.hold, result.seed
-    );
+/// Where the runs of a campaign come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Runs {
+    /// Played on the plant of the experiment file, with noise from its seed.
+    Simulated,
+    /// Kept in a folder: logs of a machine, or of whatever played them.
+    Kept,
+}
+
+pub(crate) fn describe_campaign(
+    result: &CampaignIdentification,
+    model: &tpm_symbolic::model::Model,
+    runs: Runs,
+) -> String {
+    let mut text = match runs {
+        Runs::Simulated => format!(
+            "model {} on a simulated plant; estimator {}; hold {}; seed {}\n\n",
+            result.model, result.estimator, result.hold, result.seed
+        ),
+        Runs::Kept => format!(
+            "model {} from the runs in its folder; estimator {}; hold {}\n\n",
+            result.model, result.estimator, result.hold
+        ),
+    };
     let amplitudes: Vec<&str> =
         result.runs.first().map_or_else(Vec::new, |run| run.amplitudes.iter().map(|(name, _)| name.as_str()).collect());
     let frequency = model.patterns.first().map_or("w", |pattern| &model.quantity(pattern.frequency).name);

@@ -28,7 +28,9 @@ pub(crate) struct Simulation {
     pub(crate) symbolic: Prepared,
     /// The same as a machine that moves along the pattern.
     pub(crate) machine: Machine,
-    /// The experiment with the changes.
+    /// The experiment with the changes, as it is written: in physical parameters, if these are given.
+    pub(crate) written: Experiment,
+    /// The same in the parameters that the model is linear in.
     pub(crate) experiment: Experiment,
 }
 
@@ -42,11 +44,12 @@ impl SimulatedArgs {
     pub(crate) fn within(&self, file: &Path, bounds: &BTreeMap<String, (f64, f64)>) -> Result<Simulation, Failure> {
         let loaded = Loaded::from_file(file)?;
         let symbolic = loaded.prepared()?;
-        let experiment = self.experiment(file)?;
+        let written = self.experiment(file)?;
+        let experiment = written.lumped(&symbolic);
         let name = self.pattern.as_deref().or(experiment.pattern.as_deref());
         let machine = Machine::new(&symbolic, loaded.pattern(name)?, &experiment, bounds)
             .map_err(|error| Failure::Input(error.to_string()))?;
-        Ok(Simulation { symbolic, machine, experiment })
+        Ok(Simulation { symbolic, machine, written, experiment })
     }
 
     /// The experiment file that was named, or the one beside the model.

@@ -14,7 +14,9 @@ use super::{
 use crate::harmonics::{Hold, Spectra};
 use crate::model::Model;
 use crate::procedure::Trial;
+use crate::trajectory::{Line, Series, Trajectory};
 use nalgebra::Complex;
+use std::borrow::Cow;
 use std::boxed::Box;
 use std::string::String;
 use std::vec;
@@ -24,6 +26,8 @@ use std::vec::Vec;
 const POOR: f64 = 0.25;
 /// A change within so many standard deviations is noise.
 const INSIGNIFICANT: f64 = 3.0;
+/// A measured line belongs to the motion when its power is this many times that of its noise.
+const CERTAIN: f64 = 100.0;
 /// Change of a parameter in a perturbed run of [`Numerical`], as a share of the value, or of the whole force.
 const PERTURBATION: f64 = 0.5;
 
@@ -36,6 +40,35 @@ pub struct Run<'a> {
     pub spectra: &'a Spectra,
     /// How the recorded inputs became forces.
     pub hold: Hold,
+}
+
+impl Run<'_> {
+    /// The motion that tells which parameters the run can show: the reference, in which errors of the tracking show nothing.
+    ///
+    /// Estimates of zero leave open coordinates at rest in the reference, while the machine moves them. The motion is then
+    /// the measured one, of all coordinates: rows without an input hold on a motion as a whole, not on a mixture.
+    fn judged_motion(&self) -> Cow<'_, Trajectory> {
+        let reference = &self.trial.trajectory;
+        let rests = |&c: &usize| reference.coordinates[c].highest_harmonic() == 0;
+        let measured = self.spectra.lines.len() >= reference.coordinates.len();
+        if !(measured && self.trial.open.iter().any(rests)) {
+            return Cow::Borrowed(reference);
+        }
+        let reach = 4 * reference.highest_harmonic().max(1) as usize;
+        let series = |c: usize| {
+            let line = |(k, z): (usize, &Complex<f64>)| {
+                let certain = z.norm_sqr() > CERTAIN * self.spectra.noise[k][(c, c)].re;
+                certain.then_some(Line { harmonic: k as u32, cos: z.re, sin: -z.im })
+            };
+            let lines = &self.spectra.lines[c];
+            Series {
+                mean: lines[0].re,
+                lines: lines.iter().enumerate().take(reach + 1).skip(1).filter_map(line).collect(),
+            }
+        };
+        let coordinates = (0..reference.coordinates.len()).map(series).collect();
+        Cow::Owned(Trajectory { frequency: self.spectra.fundamental, coordinates })
+    }
 }
 
 /// From runs to parameters.
@@ -135,8 +168,9 @@ impl PooledMotion {
         let p = model.dims().parameters;
         let free: Vec<usize> =
             (0..p).filter(|j| self.settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
-        let reach = 4 * run.trial.trajectory.highest_harmonic() as usize;
-        let own = Along::design(model, &run.trial.constants, &run.trial.trajectory, reach.max(1), &free)?;
+        let motion = run.judged_motion();
+        let reach = 4 * motion.highest_harmonic() as usize;
+        let own = Along::design(model, &run.trial.constants, &motion, reach.max(1), &free)?;
         let whole = self.design.as_ref().map_or_else(|| own.clone(), |before| before.pool(&own));
         let hidden = whole
             .solve(&vec![0.0; free.len()], None)

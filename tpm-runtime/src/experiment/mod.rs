@@ -6,6 +6,8 @@
 
 mod design;
 #[cfg(feature = "interpret")]
+mod lumped;
+#[cfg(feature = "interpret")]
 mod machine;
 mod overrides;
 mod resolve;
@@ -79,7 +81,8 @@ pub struct Experiment {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantSection {
-    /// True values of all parameters.
+    /// True values of all parameters; of a model whose parameters are lumped, the physical ones do
+    /// (`Experiment::lumped`).
     pub parameters: Named,
     /// Integration steps per sample.
     pub sub_steps: usize,

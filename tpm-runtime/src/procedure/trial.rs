@@ -142,6 +142,8 @@ pub struct Trial {
     pub run: usize,
     /// The reference motion, with the frequency that the sampling allows.
     pub trajectory: Trajectory,
+    /// Coordinates whose reference follows from the rows without an input, with the estimates for the feed-forward.
+    pub open: Vec<usize>,
     /// Amplitudes behind the reference, in the order of the pattern.
     pub amplitudes: Vec<f64>,
     /// Samples in a period.
@@ -245,6 +247,7 @@ impl Trial {
         Ok(Trial {
             run,
             trajectory,
+            open: open.to_vec(),
             amplitudes,
             samples_per_period: samples,
             periods,
