@@ -14,6 +14,7 @@ pub(crate) mod identify;
 pub(crate) mod linearize;
 pub(crate) mod log_args;
 pub(crate) mod measured;
+pub(crate) mod pendulum_study;
 pub(crate) mod simulate;
 pub(crate) mod simulated;
 pub(crate) mod split;

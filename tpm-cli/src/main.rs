@@ -55,6 +55,8 @@ enum Command {
     Identify(Box<commands::identify::Args>),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
     Linearize(Box<commands::linearize::Args>),
+    /// Study the rotary pendulum of Fong: derive, linearise, measure, fit, identify, balance, and report.
+    PendulumStudy(commands::pendulum_study::Args),
     /// Split every input into what holds its own coordinate still and what moves it.
     Split(commands::split::Args),
     /// Play one run on the simulated plant and write its log.
@@ -81,6 +83,7 @@ fn main() -> ExitCode {
         Command::Identifiability(args) => commands::identifiability::run(args),
         Command::Identify(args) => commands::identify::run(args),
         Command::Linearize(args) => commands::linearize::run(args),
+        Command::PendulumStudy(args) => commands::pendulum_study::run(args),
         Command::Split(args) => commands::split::run(args),
         Command::Simulate(args) => commands::simulate::run(args),
         Command::Study(args) => commands::study::run(args),
