@@ -81,6 +81,29 @@ void brushless_motor_feed_forward(const brushless_motor_motion *motion,
             parameters->kv;
 }
 
+void brushless_motor_feed_forward_with_regressor(const brushless_motor_motion *motion,
+        const brushless_motor_parameters *parameters, brushless_motor_inputs *inputs,
+        double matrix[BRUSHLESS_MOTOR_EQUATIONS][BRUSHLESS_MOTOR_PARAMETERS])
+{
+    const brushless_motor_motion at = *motion;
+    matrix[0][2] = matrix[0][3] = matrix[0][4] = 0.0;
+    matrix[1][0] = matrix[1][1] = 0.0;
+    /* tau_m, kt */
+    matrix[0][0] = at.i.value;
+    /* tau_m, J */
+    matrix[0][1] = -at.phi.ddot;
+    /* u, R */
+    matrix[1][2] = at.i.value;
+    /* u, L */
+    matrix[1][3] = at.i.dot;
+    /* u, kv */
+    matrix[1][4] = at.phi.dot;
+    /* tau_m */
+    inputs->tau_m = at.i.value * parameters->kt - at.phi.ddot * parameters->J;
+    /* u */
+    inputs->u = at.i.value * parameters->R + at.i.dot * parameters->L + at.phi.dot * parameters->kv;
+}
+
 void brushless_motor_feed_forward_independent(const brushless_motor_motion *motion,
         const brushless_motor_parameters *parameters, brushless_motor_inputs *inputs)
 {
@@ -311,6 +334,17 @@ void brushless_motor_accumulate(brushless_motor_accumulator *accumulator, double
         const brushless_motor_forces *sample)
 {
     brushless_motor_accumulate_at(accumulator, cos(phase), sin(phase), sample);
+}
+
+void brushless_motor_accumulate_hann(brushless_motor_accumulator *accumulator, double phase,
+        double periods, const brushless_motor_forces *sample)
+{
+    const double weight = 1.0 - cos(phase / periods);
+    brushless_motor_forces weighted;
+
+    weighted.tau_m = sample->tau_m * weight;
+    weighted.u = sample->u * weight;
+    brushless_motor_accumulate(accumulator, phase, &weighted);
 }
 
 brushless_motor_status brushless_motor_accumulated(const brushless_motor_accumulator *accumulator,

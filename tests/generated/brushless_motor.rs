@@ -32,6 +32,7 @@ use ::tpm_runtime::harmonics::AccumulatorError;
 use ::tpm_runtime::model::{fixed, require_len, store};
 use ::tpm_runtime::{
     Buffer, Dims, EvalError, Label, Model, Real, SolveError, least_squares,
+    weighted_least_squares,
 };
 
 /// The model `BrushlessMotor`, as the runtime takes any model.
@@ -67,6 +68,9 @@ pub const EQUATIONS: [Label<'static>; 2] = [
     Label::new("tau_m", "N*m"),
     Label::new("u", "V"),
 ];
+
+/// A number that changes with the model, for logs and results to say what they belong to.
+pub const MODEL_HASH: u64 = 13093920074248113816;
 
 /// The sizes of the model.
 pub const DIMS: Dims = Dims {
@@ -300,6 +304,33 @@ pub fn feed_forward<T: Real>(
     }
 }
 
+/// [`feed_forward`] and [`regressor`] in one go: what they share is computed once.
+///
+/// Operations: 4 additions, 5 multiplications.
+#[must_use]
+pub fn feed_forward_with_regressor<T: Real>(
+    motion: &Motion<T>,
+    parameters: &Parameters<T>,
+) -> (Inputs<T>, [[T; 5]; 2]) {
+    let mut matrix = [[T::ZERO; 5]; 2];
+    // tau_m, kt
+    matrix[0][0] = motion.i.value;
+    // tau_m, J
+    matrix[0][1] = -motion.phi.ddot;
+    // u, R
+    matrix[1][2] = motion.i.value;
+    // u, L
+    matrix[1][3] = motion.i.dot;
+    // u, kv
+    matrix[1][4] = motion.phi.dot;
+    // tau_m
+    let v0 = motion.i.value * parameters.kt - motion.phi.ddot * parameters.J;
+    // u
+    let v1 = motion.i.value * parameters.R + motion.i.dot * parameters.L
+        + motion.phi.dot * parameters.kv;
+    (Inputs { tau_m: v0, u: v1 }, matrix)
+}
+
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate
 /// still while the others move. An actuator gives it as fast as its amplifier is, so that it needs no low pass.
 ///
@@ -527,6 +558,31 @@ impl<T: Real> Pattern<T> {
     ) -> Result<Parameters<T>, SolveError> {
         solve(&self.estimator_matrix(), effort)
     }
+
+    /// The same with every harmonic counted by its standard deviation, or all alike when there are none, and how well the
+    /// parameters are known.
+    ///
+    /// # Errors
+    /// When the pattern does not determine a parameter, or a number is not finite.
+    pub fn estimate(
+        &self,
+        effort: &Harmonics<T>,
+        deviations: Option<&Harmonics<T>>,
+    ) -> Result<Estimate<T>, SolveError> {
+        let deviations = deviations.map(|deviations| deviations.into_array());
+        let found = weighted_least_squares(
+            &self.estimator_matrix(),
+            &effort.into_array(),
+            deviations.as_ref(),
+            &PARAMETERS,
+        )?;
+        Ok(Estimate {
+            parameters: Parameters::from_array(found.solution),
+            covariance: found.covariance,
+            residual: found.residual,
+            condition: found.condition,
+        })
+    }
 }
 
 /// Number of harmonics in the table, over all equations.
@@ -603,10 +659,24 @@ impl<T: Real> Accumulator<T> {
         }
     }
 
-    /// Takes in one sample at a phase `w t` in radians.
+    /// Takes in one sample at a phase `w t` in radians: one sine and one cosine for all harmonics, so that no error adds
+    /// up from sample to sample.
     pub fn push(&mut self, phase: T, sample: &Forces<T>) {
         let (sin, cos) = phase.sin_cos();
         self.push_at(cos, sin, sample);
+    }
+
+    /// The same under a Hann window over so many whole periods, at least two: the sample counts `1 - cos(w t / periods)`
+    /// times. What is no harmonic leaks less into the harmonics, at the price of some of the data.
+    pub fn push_hann(&mut self, phase: T, periods: T, sample: &Forces<T>) {
+        let weight = T::ONE - (phase / periods).cos();
+        self.push(
+            phase,
+            &Forces {
+                tau_m: sample.tau_m * weight,
+                u: sample.u * weight,
+            },
+        );
     }
 
     /// Takes in one sample where cosine and sine of the phase are known.
@@ -654,22 +724,13 @@ pub fn harmonics<T: Real>(
     if samples.len() <= 2 * HIGHEST_HARMONIC {
         return Err(too_few);
     }
-    let angle = |index: usize| {
-        T::from_f64(
-                2.0 * ::core::f64::consts::PI * (index as f64 / samples.len() as f64),
-            )
-            .sin_cos()
-    };
-    let (step_sin, step_cos) = angle(1);
-    let (mut sin, mut cos) = (T::ZERO, T::ONE);
     let mut accumulator = Accumulator::new();
     for (index, sample) in samples.iter().enumerate() {
-        // The phasor turns with every sample and is set anew now and then, before its rounding errors add up.
-        if index % 64 == 0 {
-            (sin, cos) = angle(index);
-        }
-        accumulator.push_at(cos, sin, sample);
-        (sin, cos) = (sin * step_cos + cos * step_sin, cos * step_cos - sin * step_sin);
+        // Measured from the nearer end of the period, so that the phase keeps its digits.
+        let left = samples.len() - index;
+        let place = if index <= left { index as f64 } else { -(left as f64) };
+        let turns = place / samples.len() as f64;
+        accumulator.push(T::from_f64(2.0 * ::core::f64::consts::PI * turns), sample);
     }
     accumulator.harmonics().ok_or(too_few)
 }
@@ -685,4 +746,19 @@ pub fn solve<T: Real>(
 ) -> Result<Parameters<T>, SolveError> {
     least_squares(matrix, &harmonics.into_array(), &PARAMETERS)
         .map(Parameters::from_array)
+}
+
+/// What the harmonics say about the parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate<T> {
+    /// The parameters.
+    pub parameters: Parameters<T>,
+    /// Their covariance in the order of the fields, when the harmonics' errors have the deviations that were given, or 1
+    /// where none were.
+    pub covariance: [[T; 5]; 5],
+    /// Euclidean length of what is left of the harmonics, in deviations.
+    pub residual: T,
+    /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
+    /// and at most the number of parameters times that.
+    pub condition: T,
 }

@@ -91,6 +91,30 @@ void cart_pendulum_feed_forward(const cart_pendulum_motion *motion,
     inputs->tau = t0 * motion->x.ddot * parameters->m_L + motion->theta.ddot * parameters->m_L_2;
 }
 
+void cart_pendulum_feed_forward_with_regressor(const cart_pendulum_motion *motion,
+        const cart_pendulum_parameters *parameters, cart_pendulum_inputs *inputs,
+        double matrix[CART_PENDULUM_EQUATIONS][CART_PENDULUM_PARAMETERS])
+{
+    const cart_pendulum_motion at = *motion;
+    matrix[0][2] = 0.0;
+    matrix[1][0] = 0.0;
+    /* F, M_plus_m */
+    matrix[0][0] = at.x.ddot;
+    /* F, m_L */
+    const double t0 = cos(at.theta.value);
+    const double t1 = t0 * at.theta.ddot - at.theta.dot * at.theta.dot * sin(at.theta.value);
+    matrix[0][1] = t1;
+    /* tau, m_L */
+    const double t2 = t0 * at.x.ddot;
+    matrix[1][1] = t2;
+    /* tau, m_L_2 */
+    matrix[1][2] = at.theta.ddot;
+    /* F */
+    inputs->F = at.x.ddot * parameters->M_plus_m + t1 * parameters->m_L;
+    /* tau */
+    inputs->tau = t2 * parameters->m_L + at.theta.ddot * parameters->m_L_2;
+}
+
 void cart_pendulum_feed_forward_independent(const cart_pendulum_motion *motion,
         const cart_pendulum_parameters *parameters, cart_pendulum_inputs *inputs)
 {
@@ -854,6 +878,17 @@ void cart_pendulum_accumulate(cart_pendulum_accumulator *accumulator, double pha
         const cart_pendulum_forces *sample)
 {
     cart_pendulum_accumulate_at(accumulator, cos(phase), sin(phase), sample);
+}
+
+void cart_pendulum_accumulate_hann(cart_pendulum_accumulator *accumulator, double phase,
+        double periods, const cart_pendulum_forces *sample)
+{
+    const double weight = 1.0 - cos(phase / periods);
+    cart_pendulum_forces weighted;
+
+    weighted.F = sample->F * weight;
+    weighted.tau = sample->tau * weight;
+    cart_pendulum_accumulate(accumulator, phase, &weighted);
 }
 
 cart_pendulum_status cart_pendulum_accumulated(const cart_pendulum_accumulator *accumulator,

@@ -50,6 +50,8 @@ extern "C" {
 #define CART_PENDULUM_PARAMETERS 3
 /* Constants known at run time. */
 #define CART_PENDULUM_CONSTANTS 0
+/* A number that changes with the model, for logs and results to say what they belong to. */
+#define CART_PENDULUM_MODEL_HASH UINT64_C(0xebdddced7a763e01)
 
 /* The parameters that are estimated; every equation is linear in them. */
 typedef struct cart_pendulum_parameters {
@@ -189,6 +191,16 @@ void cart_pendulum_inverse_dynamics(const cart_pendulum_motion *motion,
  */
 void cart_pendulum_feed_forward(const cart_pendulum_motion *motion,
         const cart_pendulum_parameters *parameters, cart_pendulum_inputs *inputs);
+
+/*
+ * `cart_pendulum_feed_forward` and `cart_pendulum_regressor` in one go: what they share is computed
+ * once.
+ *
+ * Operations: 3 additions, 8 multiplications, 2 function calls.
+ */
+void cart_pendulum_feed_forward_with_regressor(const cart_pendulum_motion *motion,
+        const cart_pendulum_parameters *parameters, cart_pendulum_inputs *inputs,
+        double matrix[CART_PENDULUM_EQUATIONS][CART_PENDULUM_PARAMETERS]);
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own
@@ -479,6 +491,14 @@ void cart_pendulum_accumulate_at(cart_pendulum_accumulator *accumulator, double 
  */
 void cart_pendulum_accumulate(cart_pendulum_accumulator *accumulator, double phase,
         const cart_pendulum_forces *sample);
+
+/*
+ * The same under a Hann window over so many whole periods, at least two: the sample counts `1 -
+ * cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price of
+ * some of the data.
+ */
+void cart_pendulum_accumulate_hann(cart_pendulum_accumulator *accumulator, double phase,
+        double periods, const cart_pendulum_forces *sample);
 
 /* The harmonics of the samples so far; `CART_PENDULUM_TOO_FEW` before the first one. */
 cart_pendulum_status cart_pendulum_accumulated(const cart_pendulum_accumulator *accumulator,

@@ -159,6 +159,70 @@ void closed_loop_arm_feed_forward(const closed_loop_arm_motion *motion,
             parameters->a32;
 }
 
+void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *motion,
+        const closed_loop_arm_parameters *parameters, const closed_loop_arm_constants *constants,
+        closed_loop_arm_inputs *inputs,
+        double matrix[CLOSED_LOOP_ARM_EQUATIONS][CLOSED_LOOP_ARM_PARAMETERS])
+{
+    const closed_loop_arm_motion at = *motion;
+    matrix[0][3] = matrix[0][4] = matrix[0][5] = 0.0;
+    matrix[1][0] = 0.0;
+    /* tau1, a10 */
+    const double t0 = 2.0 * at.th1.ddot;
+    matrix[0][0] = t0;
+    /* tau1, a11 */
+    const double t1 = at.th2.value - constants->th20;
+    const double t2 = t1 * at.th1.ddot;
+    const double t3 = 2.0 * t2 + 2.0 * (at.th1.dot * at.th2.dot);
+    matrix[0][1] = t3;
+    /* tau1, a12 */
+    const double t4 = t1 * t1;
+    const double t5 = t4 * at.th1.ddot;
+    const double t6 = 2.0 * t5 + 4.0 * (t1 * at.th1.dot * at.th2.dot);
+    matrix[0][2] = t6;
+    /* tau1, a30 */
+    matrix[0][6] = at.th2.ddot;
+    /* tau1, a31 */
+    const double t7 = at.th2.dot * at.th2.dot;
+    const double t8 = t1 * at.th2.ddot;
+    const double t9 = t7 + t8;
+    matrix[0][7] = t9;
+    /* tau1, a32 */
+    const double t10 = t4 * at.th2.ddot;
+    const double t11 = 2.0 * (t1 * t7);
+    const double t12 = t10 + t11;
+    matrix[0][8] = t12;
+    /* tau2, a11 */
+    const double t13 = at.th1.dot * at.th1.dot;
+    matrix[1][1] = -t13;
+    /* tau2, a12 */
+    const double t14 = 2.0 * (t1 * t13);
+    matrix[1][2] = -t14;
+    /* tau2, a20 */
+    const double t15 = 2.0 * at.th2.ddot;
+    matrix[1][3] = t15;
+    /* tau2, a21 */
+    const double t16 = t7 + 2.0 * t8;
+    matrix[1][4] = t16;
+    /* tau2, a22 */
+    const double t17 = 2.0 * t10 + t11;
+    matrix[1][5] = t17;
+    /* tau2, a30 */
+    matrix[1][6] = at.th1.ddot;
+    /* tau2, a31 */
+    matrix[1][7] = t2;
+    /* tau2, a32 */
+    matrix[1][8] = t5;
+    /* tau1 */
+    inputs->tau1 = t0 * parameters->a10 + t3 * parameters->a11 + t6 * parameters->a12 + at.th2.ddot
+            * parameters->a30 + t9 * parameters->a31 + t12 * parameters->a32;
+    /* tau2 */
+    const double t18 = -(t13 * parameters->a11) - t14 * parameters->a12 + t15 * parameters->a20 +
+            t16 * parameters->a21 + t17 * parameters->a22 + at.th1.ddot * parameters->a30 + t2 *
+            parameters->a31 + t5 * parameters->a32;
+    inputs->tau2 = t18;
+}
+
 void closed_loop_arm_feed_forward_independent(const closed_loop_arm_motion *motion,
         const closed_loop_arm_parameters *parameters, const closed_loop_arm_constants *constants,
         closed_loop_arm_inputs *inputs)
@@ -632,6 +696,17 @@ void closed_loop_arm_accumulate(closed_loop_arm_accumulator *accumulator, double
         const closed_loop_arm_forces *sample)
 {
     closed_loop_arm_accumulate_at(accumulator, cos(phase), sin(phase), sample);
+}
+
+void closed_loop_arm_accumulate_hann(closed_loop_arm_accumulator *accumulator, double phase,
+        double periods, const closed_loop_arm_forces *sample)
+{
+    const double weight = 1.0 - cos(phase / periods);
+    closed_loop_arm_forces weighted;
+
+    weighted.tau1 = sample->tau1 * weight;
+    weighted.tau2 = sample->tau2 * weight;
+    closed_loop_arm_accumulate(accumulator, phase, &weighted);
 }
 
 closed_loop_arm_status closed_loop_arm_accumulated(const closed_loop_arm_accumulator *accumulator,

@@ -71,6 +71,24 @@ void emps_feed_forward(const emps_motion *motion, const emps_parameters *paramet
             sign_of(motion->q.dot) * parameters->Fc + parameters->OF;
 }
 
+void emps_feed_forward_with_regressor(const emps_motion *motion, const emps_parameters *parameters,
+        emps_inputs *inputs, double matrix[EMPS_EQUATIONS][EMPS_PARAMETERS])
+{
+    const emps_motion at = *motion;
+    /* force, M */
+    matrix[0][0] = at.q.ddot;
+    /* force, Fv */
+    matrix[0][1] = at.q.dot;
+    /* force, Fc */
+    const double t0 = sign_of(at.q.dot);
+    matrix[0][2] = t0;
+    /* force, OF */
+    matrix[0][3] = 1.0;
+    /* force */
+    inputs->force = at.q.ddot * parameters->M + at.q.dot * parameters->Fv + t0 * parameters->Fc +
+            parameters->OF;
+}
+
 void emps_feed_forward_independent(const emps_motion *motion, const emps_parameters *parameters,
         emps_inputs *inputs)
 {
@@ -353,6 +371,16 @@ void emps_accumulate(emps_accumulator *accumulator, double phase, const emps_for
     emps_accumulate_at(accumulator, cos(phase), sin(phase), sample);
 }
 
+void emps_accumulate_hann(emps_accumulator *accumulator, double phase, double periods,
+        const emps_forces *sample)
+{
+    const double weight = 1.0 - cos(phase / periods);
+    emps_forces weighted;
+
+    weighted.force = sample->force * weight;
+    emps_accumulate(accumulator, phase, &weighted);
+}
+
 emps_status emps_accumulated(const emps_accumulator *accumulator, emps_harmonics *harmonics)
 {
     if (accumulator->samples == 0) {
@@ -427,4 +455,28 @@ emps_status emps_identify(const emps_pattern *pattern, const emps_harmonics *eff
         }
     }
     return emps_solve(workspace, estimate);
+}
+
+void emps_identify_direct(const emps_pattern *pattern, const emps_harmonics *effort,
+        emps_parameters *parameters)
+{
+    /* M = (-1/2*force.cos1 + 1/2*force.cos3)/(lambda*w^2) */
+    parameters->M = (0.5 * effort->force.cos3 - 0.5 * effort->force.cos1) / (pattern->lambda *
+            (pattern->w * pattern->w));
+    /* Fv = the exact sum/(lambda*w) */
+    const double t0 = 1.27684091457535 * effort->force.sin3 + 0.32561363819178335 *
+            effort->force.sin5 + 0.23258117013698812 * effort->force.sin7 + 0.18089646566210188 *
+            effort->force.sin9 + 0.14800619917808336 * effort->force.sin11 + 0.12523601468914744 *
+            effort->force.sin13 + 0.10853787939726112 * effort->force.sin15 - 0.5743863618082167 *
+            effort->force.sin1;
+    parameters->Fv = t0 / (pattern->lambda * pattern->w);
+    /* Fc = the exact sum/(sign(lambda)*pi^-1) */
+    const double t1 = -(0.1017542619349323 * effort->force.sin1) - 0.3052627858047969 *
+            effort->force.sin3 - 0.1017542619349323 * effort->force.sin5 - 0.07268161566780879 *
+            effort->force.sin7 - 0.056530145519406834 * effort->force.sin9 - 0.04625193724315105 *
+            effort->force.sin11 - 0.03913625459035858 * effort->force.sin13 - 0.0339180873116441 *
+            effort->force.sin15;
+    parameters->Fc = t1 * sign_of(pattern->lambda) * 3.141592653589793;
+    /* OF = (1*force.cos0) */
+    parameters->OF = effort->force.cos0;
 }

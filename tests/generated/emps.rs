@@ -32,6 +32,7 @@ use ::tpm_runtime::harmonics::AccumulatorError;
 use ::tpm_runtime::model::{fixed, require_len, store};
 use ::tpm_runtime::{
     Buffer, Dims, EvalError, Label, Model, Real, SolveError, least_squares,
+    weighted_least_squares,
 };
 
 /// The model `Emps`, as the runtime takes any model.
@@ -57,6 +58,9 @@ pub const CONSTANTS: [Label<'static>; 0] = [];
 
 /// Names and units of the equations: the input's, where there is exactly one.
 pub const EQUATIONS: [Label<'static>; 1] = [Label::new("force", "N")];
+
+/// A number that changes with the model, for logs and results to say what they belong to.
+pub const MODEL_HASH: u64 = 8549541574127582935;
 
 /// The sizes of the model.
 pub const DIMS: Dims = Dims {
@@ -254,6 +258,30 @@ pub fn feed_forward<T: Real>(
         force: motion.q.ddot * parameters.M + motion.q.dot * parameters.Fv
             + motion.q.dot.sign() * parameters.Fc + parameters.OF,
     }
+}
+
+/// [`feed_forward`] and [`regressor`] in one go: what they share is computed once.
+///
+/// Operations: 3 additions, 3 multiplications, 1 function call.
+#[must_use]
+pub fn feed_forward_with_regressor<T: Real>(
+    motion: &Motion<T>,
+    parameters: &Parameters<T>,
+) -> (Inputs<T>, [[T; 4]; 1]) {
+    let mut matrix = [[T::ZERO; 4]; 1];
+    // force, M
+    matrix[0][0] = motion.q.ddot;
+    // force, Fv
+    matrix[0][1] = motion.q.dot;
+    // force, Fc
+    let t0 = motion.q.dot.sign();
+    matrix[0][2] = t0;
+    // force, OF
+    matrix[0][3] = T::ONE;
+    // force
+    let v0 = motion.q.ddot * parameters.M + motion.q.dot * parameters.Fv
+        + t0 * parameters.Fc + parameters.OF;
+    (Inputs { force: v0 }, matrix)
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate
@@ -486,6 +514,71 @@ impl<T: Real> Pattern<T> {
     ) -> Result<Parameters<T>, SolveError> {
         solve(&self.estimator_matrix(), effort)
     }
+
+    /// The same with every harmonic counted by its standard deviation, or all alike when there are none, and how well the
+    /// parameters are known.
+    ///
+    /// # Errors
+    /// When the pattern does not determine a parameter, or a number is not finite.
+    pub fn estimate(
+        &self,
+        effort: &Harmonics<T>,
+        deviations: Option<&Harmonics<T>>,
+    ) -> Result<Estimate<T>, SolveError> {
+        let deviations = deviations.map(|deviations| deviations.into_array());
+        let found = weighted_least_squares(
+            &self.estimator_matrix(),
+            &effort.into_array(),
+            deviations.as_ref(),
+            &PARAMETERS,
+        )?;
+        Ok(Estimate {
+            parameters: Parameters::from_array(found.solution),
+            covariance: found.covariance,
+            residual: found.residual,
+            condition: found.condition,
+        })
+    }
+
+    /// The parameters for which the harmonics of the pattern's own forces are `effort`, in the sense of least squares: the
+    /// exact pseudo-inverse of the numbers in the estimator matrix, each rounded once, over the scales of its columns. No
+    /// amplitude or frequency may be zero.
+    ///
+    /// Operations: 16 additions, 23 multiplications, 2 divisions, 1 function call.
+    #[must_use]
+    pub fn parameters_direct(&self, effort: &Harmonics<T>) -> Parameters<T> {
+        // M = (-1/2*force.cos1 + 1/2*force.cos3)/(lambda*w^2)
+        let v0 = (T::from_f64(0.5) * effort.force.cos3
+            - T::from_f64(0.5) * effort.force.cos1) / (self.lambda * (self.w * self.w));
+        // Fv = the exact sum/(lambda*w)
+        let t0 = T::from_f64(1.27684091457535) * effort.force.sin3
+            + T::from_f64(0.32561363819178335) * effort.force.sin5
+            + T::from_f64(0.23258117013698812) * effort.force.sin7
+            + T::from_f64(0.18089646566210188) * effort.force.sin9
+            + T::from_f64(0.14800619917808336) * effort.force.sin11
+            + T::from_f64(0.12523601468914744) * effort.force.sin13
+            + T::from_f64(0.10853787939726112) * effort.force.sin15
+            - T::from_f64(0.5743863618082167) * effort.force.sin1;
+        let v1 = t0 / (self.lambda * self.w);
+        // Fc = the exact sum/(sign(lambda)*pi^-1)
+        let t1 = -(T::from_f64(0.1017542619349323) * effort.force.sin1)
+            - T::from_f64(0.3052627858047969) * effort.force.sin3
+            - T::from_f64(0.1017542619349323) * effort.force.sin5
+            - T::from_f64(0.07268161566780879) * effort.force.sin7
+            - T::from_f64(0.056530145519406834) * effort.force.sin9
+            - T::from_f64(0.04625193724315105) * effort.force.sin11
+            - T::from_f64(0.03913625459035858) * effort.force.sin13
+            - T::from_f64(0.0339180873116441) * effort.force.sin15;
+        let v2 = t1 * self.lambda.sign() * T::PI;
+        // OF = (1*force.cos0)
+        let v3 = effort.force.cos0;
+        Parameters {
+            M: v0,
+            Fv: v1,
+            Fc: v2,
+            OF: v3,
+        }
+    }
 }
 
 /// Number of harmonics in the table, over all equations.
@@ -594,10 +687,23 @@ impl<T: Real> Accumulator<T> {
         }
     }
 
-    /// Takes in one sample at a phase `w t` in radians.
+    /// Takes in one sample at a phase `w t` in radians: one sine and one cosine for all harmonics, so that no error adds
+    /// up from sample to sample.
     pub fn push(&mut self, phase: T, sample: &Forces<T>) {
         let (sin, cos) = phase.sin_cos();
         self.push_at(cos, sin, sample);
+    }
+
+    /// The same under a Hann window over so many whole periods, at least two: the sample counts `1 - cos(w t / periods)`
+    /// times. What is no harmonic leaks less into the harmonics, at the price of some of the data.
+    pub fn push_hann(&mut self, phase: T, periods: T, sample: &Forces<T>) {
+        let weight = T::ONE - (phase / periods).cos();
+        self.push(
+            phase,
+            &Forces {
+                force: sample.force * weight,
+            },
+        );
     }
 
     /// Takes in one sample where cosine and sine of the phase are known.
@@ -680,22 +786,13 @@ pub fn harmonics<T: Real>(
     if samples.len() <= 2 * HIGHEST_HARMONIC {
         return Err(too_few);
     }
-    let angle = |index: usize| {
-        T::from_f64(
-                2.0 * ::core::f64::consts::PI * (index as f64 / samples.len() as f64),
-            )
-            .sin_cos()
-    };
-    let (step_sin, step_cos) = angle(1);
-    let (mut sin, mut cos) = (T::ZERO, T::ONE);
     let mut accumulator = Accumulator::new();
     for (index, sample) in samples.iter().enumerate() {
-        // The phasor turns with every sample and is set anew now and then, before its rounding errors add up.
-        if index % 64 == 0 {
-            (sin, cos) = angle(index);
-        }
-        accumulator.push_at(cos, sin, sample);
-        (sin, cos) = (sin * step_cos + cos * step_sin, cos * step_cos - sin * step_sin);
+        // Measured from the nearer end of the period, so that the phase keeps its digits.
+        let left = samples.len() - index;
+        let place = if index <= left { index as f64 } else { -(left as f64) };
+        let turns = place / samples.len() as f64;
+        accumulator.push(T::from_f64(2.0 * ::core::f64::consts::PI * turns), sample);
     }
     accumulator.harmonics().ok_or(too_few)
 }
@@ -711,4 +808,19 @@ pub fn solve<T: Real>(
 ) -> Result<Parameters<T>, SolveError> {
     least_squares(matrix, &harmonics.into_array(), &PARAMETERS)
         .map(Parameters::from_array)
+}
+
+/// What the harmonics say about the parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate<T> {
+    /// The parameters.
+    pub parameters: Parameters<T>,
+    /// Their covariance in the order of the fields, when the harmonics' errors have the deviations that were given, or 1
+    /// where none were.
+    pub covariance: [[T; 4]; 4],
+    /// Euclidean length of what is left of the harmonics, in deviations.
+    pub residual: T,
+    /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
+    /// and at most the number of parameters times that.
+    pub condition: T,
 }

@@ -63,6 +63,22 @@ void mass_spring_drag_feed_forward(const mass_spring_drag_motion *motion,
             motion->x.dot * parameters->k2;
 }
 
+void mass_spring_drag_feed_forward_with_regressor(const mass_spring_drag_motion *motion,
+        const mass_spring_drag_parameters *parameters, mass_spring_drag_inputs *inputs,
+        double matrix[MASS_SPRING_DRAG_EQUATIONS][MASS_SPRING_DRAG_PARAMETERS])
+{
+    const mass_spring_drag_motion at = *motion;
+    /* u, m */
+    matrix[0][0] = at.x.ddot;
+    /* u, k1 */
+    matrix[0][1] = at.x.value;
+    /* u, k2 */
+    const double t0 = at.x.dot * at.x.dot;
+    matrix[0][2] = t0;
+    /* u */
+    inputs->u = at.x.ddot * parameters->m + at.x.value * parameters->k1 + t0 * parameters->k2;
+}
+
 void mass_spring_drag_feed_forward_independent(const mass_spring_drag_motion *motion,
         const mass_spring_drag_parameters *parameters, mass_spring_drag_inputs *inputs)
 {
@@ -313,6 +329,16 @@ void mass_spring_drag_accumulate(mass_spring_drag_accumulator *accumulator, doub
     mass_spring_drag_accumulate_at(accumulator, cos(phase), sin(phase), sample);
 }
 
+void mass_spring_drag_accumulate_hann(mass_spring_drag_accumulator *accumulator, double phase,
+        double periods, const mass_spring_drag_forces *sample)
+{
+    const double weight = 1.0 - cos(phase / periods);
+    mass_spring_drag_forces weighted;
+
+    weighted.u = sample->u * weight;
+    mass_spring_drag_accumulate(accumulator, phase, &weighted);
+}
+
 mass_spring_drag_status
         mass_spring_drag_accumulated(const mass_spring_drag_accumulator *accumulator,
         mass_spring_drag_harmonics *harmonics)
@@ -381,4 +407,19 @@ mass_spring_drag_status mass_spring_drag_identify(const mass_spring_drag_pattern
         }
     }
     return mass_spring_drag_solve(workspace, estimate);
+}
+
+void mass_spring_drag_identify_direct(const mass_spring_drag_pattern *pattern,
+        const mass_spring_drag_harmonics *effort, mass_spring_drag_parameters *parameters)
+{
+    /* m = (1/8*u.cos1 + 9/8*u.cos3)/(lambda*w^2) */
+    const double t0 = 1.125 * effort->u.cos3;
+    const double t1 = pattern->w * pattern->w;
+    parameters->m = (0.125 * effort->u.cos1 + t0) / (pattern->lambda * t1);
+    /* k1 = (9/8*u.cos1 + 9/8*u.cos3)/(lambda) */
+    parameters->k1 = (1.125 * effort->u.cos1 + t0) / pattern->lambda;
+    /* k2 = (90/181*u.cos0 - 135/181*u.cos2 + 54/181*u.cos4 - 9/181*u.cos6)/(lambda^2*w^2) */
+    parameters->k2 = (0.4972375690607735 * effort->u.cos0 + 0.2983425414364641 * effort->u.cos4 -
+            0.7458563535911602 * effort->u.cos2 - 0.049723756906077346 * effort->u.cos6) / (t1 *
+            (pattern->lambda * pattern->lambda));
 }

@@ -41,6 +41,8 @@ extern "C" {
 #define MASS_SPRING_DRAG_PARAMETERS 3
 /* Constants known at run time. */
 #define MASS_SPRING_DRAG_CONSTANTS 0
+/* A number that changes with the model, for logs and results to say what they belong to. */
+#define MASS_SPRING_DRAG_MODEL_HASH UINT64_C(0xa87c3d0076d5942e)
 
 /* The parameters that are estimated; every equation is linear in them. */
 typedef struct mass_spring_drag_parameters {
@@ -142,6 +144,16 @@ void mass_spring_drag_inverse_dynamics(const mass_spring_drag_motion *motion,
  */
 void mass_spring_drag_feed_forward(const mass_spring_drag_motion *motion,
         const mass_spring_drag_parameters *parameters, mass_spring_drag_inputs *inputs);
+
+/*
+ * `mass_spring_drag_feed_forward` and `mass_spring_drag_regressor` in one go: what they share is
+ * computed once.
+ *
+ * Operations: 2 additions, 4 multiplications.
+ */
+void mass_spring_drag_feed_forward_with_regressor(const mass_spring_drag_motion *motion,
+        const mass_spring_drag_parameters *parameters, mass_spring_drag_inputs *inputs,
+        double matrix[MASS_SPRING_DRAG_EQUATIONS][MASS_SPRING_DRAG_PARAMETERS]);
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own
@@ -300,6 +312,14 @@ void mass_spring_drag_accumulate_at(mass_spring_drag_accumulator *accumulator, d
 void mass_spring_drag_accumulate(mass_spring_drag_accumulator *accumulator, double phase,
         const mass_spring_drag_forces *sample);
 
+/*
+ * The same under a Hann window over so many whole periods, at least two: the sample counts `1 -
+ * cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price of
+ * some of the data.
+ */
+void mass_spring_drag_accumulate_hann(mass_spring_drag_accumulator *accumulator, double phase,
+        double periods, const mass_spring_drag_forces *sample);
+
 /* The harmonics of the samples so far; `MASS_SPRING_DRAG_TOO_FEW` before the first one. */
 mass_spring_drag_status
         mass_spring_drag_accumulated(const mass_spring_drag_accumulator *accumulator,
@@ -338,6 +358,18 @@ mass_spring_drag_status mass_spring_drag_solve(mass_spring_drag_workspace *works
 mass_spring_drag_status mass_spring_drag_identify(const mass_spring_drag_pattern *pattern,
         const mass_spring_drag_harmonics *effort, const mass_spring_drag_harmonics *deviations,
         mass_spring_drag_workspace *workspace, mass_spring_drag_estimate *estimate);
+
+/*
+ * The parameters for which the harmonics of the pattern's own forces are `effort`, in the sense of
+ * least squares: the
+ * exact pseudo-inverse of the numbers in the estimator matrix, each rounded once, over the scales
+ * of its columns. No
+ * amplitude or frequency may be zero.
+ *
+ * Operations: 5 additions, 11 multiplications, 3 divisions.
+ */
+void mass_spring_drag_identify_direct(const mass_spring_drag_pattern *pattern,
+        const mass_spring_drag_harmonics *effort, mass_spring_drag_parameters *parameters);
 
 #ifdef __cplusplus
 }

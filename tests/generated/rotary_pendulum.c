@@ -139,6 +139,45 @@ void rotary_pendulum_feed_forward(const rotary_pendulum_motion *motion,
             parameters->m2_l1_c2) / (constants->Kt * constants->Ku / constants->Rm);
 }
 
+void rotary_pendulum_feed_forward_with_regressor(const rotary_pendulum_motion *motion,
+        const rotary_pendulum_parameters *parameters, const rotary_pendulum_constants *constants,
+        rotary_pendulum_inputs *inputs,
+        double matrix[ROTARY_PENDULUM_EQUATIONS][ROTARY_PENDULUM_PARAMETERS])
+{
+    const rotary_pendulum_motion at = *motion;
+    matrix[0][0] = matrix[0][2] = matrix[0][7] = 0.0;
+    matrix[1][1] = matrix[1][3] = matrix[1][4] = 0.0;
+    /* e, C1 */
+    matrix[0][1] = at.th1.dot;
+    /* e, Kb */
+    const double t0 = constants->Kt * at.th1.dot / constants->Rm;
+    matrix[0][3] = t0;
+    /* e, m2_l1_2_plus_J1 */
+    matrix[0][4] = at.th1.ddot;
+    /* e, m2_c2_2 */
+    const double t1 = sin(at.th2.value);
+    const double t2 = cos(at.th2.value);
+    const double t3 = t1 * t1 * at.th1.ddot + 2.0 * (t1 * at.th1.dot * t2 * at.th2.dot);
+    matrix[0][5] = t3;
+    /* e, m2_l1_c2 */
+    const double t4 = t1 * (at.th2.dot * at.th2.dot) - t2 * at.th2.ddot;
+    matrix[0][6] = t4;
+    /* eq2, J2 */
+    matrix[1][0] = at.th2.ddot;
+    /* eq2, C2 */
+    matrix[1][2] = at.th2.dot;
+    /* eq2, m2_c2_2 */
+    matrix[1][5] = at.th2.ddot - t1 * (at.th1.dot * at.th1.dot) * t2;
+    /* eq2, m2_l1_c2 */
+    matrix[1][6] = -(t2 * at.th1.ddot);
+    /* eq2, m2_c2 */
+    matrix[1][7] = -(9.8 * t1);
+    /* e */
+    inputs->e = (at.th1.dot * parameters->C1 + t0 * parameters->Kb + at.th1.ddot *
+            parameters->m2_l1_2_plus_J1 + t3 * parameters->m2_c2_2 + t4 * parameters->m2_l1_c2) /
+            (constants->Kt * constants->Ku / constants->Rm);
+}
+
 void rotary_pendulum_feed_forward_independent(const rotary_pendulum_motion *motion,
         const rotary_pendulum_parameters *parameters, const rotary_pendulum_constants *constants,
         rotary_pendulum_inputs *inputs)

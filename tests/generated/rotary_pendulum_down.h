@@ -50,6 +50,8 @@ extern "C" {
 #define ROTARY_PENDULUM_DOWN_PARAMETERS 8
 /* Constants known at run time. */
 #define ROTARY_PENDULUM_DOWN_CONSTANTS 3
+/* A number that changes with the model, for logs and results to say what they belong to. */
+#define ROTARY_PENDULUM_DOWN_MODEL_HASH UINT64_C(0x239b11f6c9cd8545)
 
 /* The parameters that are estimated; every equation is linear in them. */
 typedef struct rotary_pendulum_down_parameters {
@@ -233,6 +235,17 @@ void rotary_pendulum_down_inverse_dynamics(const rotary_pendulum_down_motion *mo
 void rotary_pendulum_down_feed_forward(const rotary_pendulum_down_motion *motion,
         const rotary_pendulum_down_parameters *parameters,
         const rotary_pendulum_down_constants *constants, rotary_pendulum_down_inputs *inputs);
+
+/*
+ * `rotary_pendulum_down_feed_forward` and `rotary_pendulum_down_regressor` in one go: what they
+ * share is computed once.
+ *
+ * Operations: 10 additions, 21 multiplications, 3 divisions, 2 function calls.
+ */
+void rotary_pendulum_down_feed_forward_with_regressor(const rotary_pendulum_down_motion *motion,
+        const rotary_pendulum_down_parameters *parameters,
+        const rotary_pendulum_down_constants *constants, rotary_pendulum_down_inputs *inputs,
+        double matrix[ROTARY_PENDULUM_DOWN_EQUATIONS][ROTARY_PENDULUM_DOWN_PARAMETERS]);
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own

@@ -66,6 +66,25 @@ void silverbox_feed_forward(const silverbox_motion *motion, const silverbox_para
             parameters->k1 + motion->y.value * (motion->y.value * motion->y.value) * parameters->k3;
 }
 
+void silverbox_feed_forward_with_regressor(const silverbox_motion *motion,
+        const silverbox_parameters *parameters, silverbox_inputs *inputs,
+        double matrix[SILVERBOX_EQUATIONS][SILVERBOX_PARAMETERS])
+{
+    const silverbox_motion at = *motion;
+    /* u, m */
+    matrix[0][0] = at.y.ddot;
+    /* u, d */
+    matrix[0][1] = at.y.dot;
+    /* u, k1 */
+    matrix[0][2] = at.y.value;
+    /* u, k3 */
+    const double t0 = at.y.value * (at.y.value * at.y.value);
+    matrix[0][3] = t0;
+    /* u */
+    inputs->u = at.y.ddot * parameters->m + at.y.dot * parameters->d + at.y.value * parameters->k1 +
+            t0 * parameters->k3;
+}
+
 void silverbox_feed_forward_independent(const silverbox_motion *motion,
         const silverbox_parameters *parameters, silverbox_inputs *inputs)
 {
@@ -329,6 +348,16 @@ void silverbox_accumulate(silverbox_accumulator *accumulator, double phase,
     silverbox_accumulate_at(accumulator, cos(phase), sin(phase), sample);
 }
 
+void silverbox_accumulate_hann(silverbox_accumulator *accumulator, double phase, double periods,
+        const silverbox_forces *sample)
+{
+    const double weight = 1.0 - cos(phase / periods);
+    silverbox_forces weighted;
+
+    weighted.u = sample->u * weight;
+    silverbox_accumulate(accumulator, phase, &weighted);
+}
+
 silverbox_status silverbox_accumulated(const silverbox_accumulator *accumulator,
         silverbox_harmonics *harmonics)
 {
@@ -397,4 +426,26 @@ silverbox_status silverbox_identify(const silverbox_pattern *pattern,
         }
     }
     return silverbox_solve(workspace, estimate);
+}
+
+void silverbox_identify_direct(const silverbox_pattern *pattern, const silverbox_harmonics *effort,
+        silverbox_parameters *parameters)
+{
+    /* m = (1/8*u.cos1 + 9/8*u.cos3 + 56133/23693*u.cos5 - 56133/189544*u.cos7 +
+       2079/189544*u.cos9)/(lambda*w^2) */
+    const double t0 = 1.125 * effort->u.cos3;
+    parameters->m = (0.125 * effort->u.cos1 + t0 + 2.3691807706917656 * effort->u.cos5 +
+            0.010968429493943358 * effort->u.cos9 - 0.2961475963364707 * effort->u.cos7) /
+            (pattern->lambda * (pattern->w * pattern->w));
+    /* d = (-9/10*u.sin1 + 3/10*u.sin3)/(lambda*w) */
+    parameters->d = (0.3 * effort->u.sin3 - 0.9 * effort->u.sin1) / (pattern->lambda * pattern->w);
+    /* k1 = (9/8*u.cos1 + 9/8*u.cos3 + 271917/23693*u.cos5 - 271917/189544*u.cos7 +
+       10071/189544*u.cos9)/(lambda) */
+    parameters->k1 = (1.125 * effort->u.cos1 + t0 + 11.476680876208162 * effort->u.cos5 +
+            0.05313278183429705 * effort->u.cos9 - 1.4345851095260203 * effort->u.cos7) /
+            pattern->lambda;
+    /* k3 = (-314928/23693*u.cos5 + 39366/23693*u.cos7 - 1458/23693*u.cos9)/(lambda^3) */
+    parameters->k3 = (1.6615033976279914 * effort->u.cos7 - 13.292027181023931 * effort->u.cos5 -
+            0.06153716287511079 * effort->u.cos9) / (pattern->lambda * (pattern->lambda *
+            pattern->lambda));
 }

@@ -41,6 +41,8 @@ extern "C" {
 #define SILVERBOX_PARAMETERS 4
 /* Constants known at run time. */
 #define SILVERBOX_CONSTANTS 0
+/* A number that changes with the model, for logs and results to say what they belong to. */
+#define SILVERBOX_MODEL_HASH UINT64_C(0x539a8bc0ef2b035e)
 
 /* The parameters that are estimated; every equation is linear in them. */
 typedef struct silverbox_parameters {
@@ -145,6 +147,15 @@ void silverbox_inverse_dynamics(const silverbox_motion *motion,
  */
 void silverbox_feed_forward(const silverbox_motion *motion, const silverbox_parameters *parameters,
         silverbox_inputs *inputs);
+
+/*
+ * `silverbox_feed_forward` and `silverbox_regressor` in one go: what they share is computed once.
+ *
+ * Operations: 3 additions, 6 multiplications.
+ */
+void silverbox_feed_forward_with_regressor(const silverbox_motion *motion,
+        const silverbox_parameters *parameters, silverbox_inputs *inputs,
+        double matrix[SILVERBOX_EQUATIONS][SILVERBOX_PARAMETERS]);
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own
@@ -303,6 +314,14 @@ void silverbox_accumulate_at(silverbox_accumulator *accumulator, double cosine, 
 void silverbox_accumulate(silverbox_accumulator *accumulator, double phase,
         const silverbox_forces *sample);
 
+/*
+ * The same under a Hann window over so many whole periods, at least two: the sample counts `1 -
+ * cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price of
+ * some of the data.
+ */
+void silverbox_accumulate_hann(silverbox_accumulator *accumulator, double phase, double periods,
+        const silverbox_forces *sample);
+
 /* The harmonics of the samples so far; `SILVERBOX_TOO_FEW` before the first one. */
 silverbox_status silverbox_accumulated(const silverbox_accumulator *accumulator,
         silverbox_harmonics *harmonics);
@@ -339,6 +358,18 @@ silverbox_status silverbox_solve(silverbox_workspace *workspace, silverbox_estim
 silverbox_status silverbox_identify(const silverbox_pattern *pattern,
         const silverbox_harmonics *effort, const silverbox_harmonics *deviations,
         silverbox_workspace *workspace, silverbox_estimate *estimate);
+
+/*
+ * The parameters for which the harmonics of the pattern's own forces are `effort`, in the sense of
+ * least squares: the
+ * exact pseudo-inverse of the numbers in the estimator matrix, each rounded once, over the scales
+ * of its columns. No
+ * amplitude or frequency may be zero.
+ *
+ * Operations: 11 additions, 19 multiplications, 4 divisions.
+ */
+void silverbox_identify_direct(const silverbox_pattern *pattern, const silverbox_harmonics *effort,
+        silverbox_parameters *parameters);
 
 #ifdef __cplusplus
 }

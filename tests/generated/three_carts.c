@@ -200,6 +200,60 @@ void three_carts_feed_forward(const three_carts_motion *motion,
             motion->x3.value * t1 * parameters->c14;
 }
 
+void three_carts_feed_forward_with_regressor(const three_carts_motion *motion,
+        const three_carts_parameters *parameters, three_carts_inputs *inputs,
+        double matrix[THREE_CARTS_EQUATIONS][THREE_CARTS_PARAMETERS])
+{
+    const three_carts_motion at = *motion;
+    /* F, c1 */
+    matrix[0][0] = at.x3.der6;
+    /* F, c2 */
+    matrix[0][1] = at.x3.der4;
+    /* F, c3 */
+    const double t0 = at.x3.value * at.x3.ddot * at.x3.der4;
+    matrix[0][2] = t0;
+    /* F, c4 */
+    const double t1 = at.x3.ddot * at.x3.ddot;
+    const double t2 = at.x3.der4 * t1;
+    matrix[0][3] = t2;
+    /* F, c5 */
+    const double t3 = at.x3.value * at.x3.value;
+    const double t4 = at.x3.der4 * t3;
+    matrix[0][4] = t4;
+    /* F, c6 */
+    const double t5 = at.x3.der4 * at.x3.der4;
+    const double t6 = at.x3.ddot * t5;
+    matrix[0][5] = t6;
+    /* F, c7 */
+    const double t7 = at.x3.value * t5;
+    matrix[0][6] = t7;
+    /* F, c8 */
+    const double t8 = at.x3.der4 * t5;
+    matrix[0][7] = t8;
+    /* F, c9 */
+    matrix[0][8] = at.x3.ddot;
+    /* F, c10 */
+    const double t9 = at.x3.ddot * t3;
+    matrix[0][9] = t9;
+    /* F, c11 */
+    const double t10 = at.x3.value * t1;
+    matrix[0][10] = t10;
+    /* F, c12 */
+    const double t11 = at.x3.ddot * t1;
+    matrix[0][11] = t11;
+    /* F, c13 */
+    matrix[0][12] = at.x3.value;
+    /* F, c14 */
+    const double t12 = at.x3.value * t3;
+    matrix[0][13] = t12;
+    /* F */
+    const double t13 = at.x3.der6 * parameters->c1 + at.x3.der4 * parameters->c2 + t0 *
+            parameters->c3 + t2 * parameters->c4 + t4 * parameters->c5 + t6 * parameters->c6 + t7 *
+            parameters->c7 + t8 * parameters->c8;
+    inputs->F = t13 + at.x3.ddot * parameters->c9 + t9 * parameters->c10 + t10 * parameters->c11 +
+            t11 * parameters->c12 + at.x3.value * parameters->c13 + t12 * parameters->c14;
+}
+
 /* Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish. */
 static double length_of(const double *values, size_t stride, size_t count)
 {
@@ -740,6 +794,16 @@ void three_carts_accumulate(three_carts_accumulator *accumulator, double phase,
         const three_carts_forces *sample)
 {
     three_carts_accumulate_at(accumulator, cos(phase), sin(phase), sample);
+}
+
+void three_carts_accumulate_hann(three_carts_accumulator *accumulator, double phase, double periods,
+        const three_carts_forces *sample)
+{
+    const double weight = 1.0 - cos(phase / periods);
+    three_carts_forces weighted;
+
+    weighted.F = sample->F * weight;
+    three_carts_accumulate(accumulator, phase, &weighted);
 }
 
 three_carts_status three_carts_accumulated(const three_carts_accumulator *accumulator,

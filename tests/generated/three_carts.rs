@@ -33,6 +33,7 @@ use ::tpm_runtime::harmonics::AccumulatorError;
 use ::tpm_runtime::model::{fixed, require_len, store};
 use ::tpm_runtime::{
     Buffer, Dims, EvalError, Label, Model, Real, SolveError, least_squares,
+    weighted_least_squares,
 };
 
 /// The model `ThreeCarts`, as the runtime takes any model.
@@ -68,6 +69,9 @@ pub const CONSTANTS: [Label<'static>; 0] = [];
 
 /// Names and units of the equations: the input's, where there is exactly one.
 pub const EQUATIONS: [Label<'static>; 1] = [Label::new("F", "N")];
+
+/// A number that changes with the model, for logs and results to say what they belong to.
+pub const MODEL_HASH: u64 = 14947229367334768845;
 
 /// The sizes of the model.
 pub const DIMS: Dims = Dims {
@@ -524,6 +528,66 @@ pub fn feed_forward<T: Real>(
         F: t4 + motion.x3.ddot * t0 * parameters.c12 + motion.x3.value * parameters.c13
             + motion.x3.value * t1 * parameters.c14,
     }
+}
+
+/// [`feed_forward`] and [`regressor`] in one go: what they share is computed once.
+///
+/// Operations: 13 additions, 28 multiplications.
+#[must_use]
+pub fn feed_forward_with_regressor<T: Real>(
+    motion: &Motion<T>,
+    parameters: &Parameters<T>,
+) -> (Inputs<T>, [[T; 14]; 1]) {
+    let mut matrix = [[T::ZERO; 14]; 1];
+    // F, c1
+    matrix[0][0] = motion.x3.der6;
+    // F, c2
+    matrix[0][1] = motion.x3.der4;
+    // F, c3
+    let t0 = motion.x3.value * motion.x3.ddot * motion.x3.der4;
+    matrix[0][2] = t0;
+    // F, c4
+    let t1 = motion.x3.ddot * motion.x3.ddot;
+    let t2 = motion.x3.der4 * t1;
+    matrix[0][3] = t2;
+    // F, c5
+    let t3 = motion.x3.value * motion.x3.value;
+    let t4 = motion.x3.der4 * t3;
+    matrix[0][4] = t4;
+    // F, c6
+    let t5 = motion.x3.der4 * motion.x3.der4;
+    let t6 = motion.x3.ddot * t5;
+    matrix[0][5] = t6;
+    // F, c7
+    let t7 = motion.x3.value * t5;
+    matrix[0][6] = t7;
+    // F, c8
+    let t8 = motion.x3.der4 * t5;
+    matrix[0][7] = t8;
+    // F, c9
+    matrix[0][8] = motion.x3.ddot;
+    // F, c10
+    let t9 = motion.x3.ddot * t3;
+    matrix[0][9] = t9;
+    // F, c11
+    let t10 = motion.x3.value * t1;
+    matrix[0][10] = t10;
+    // F, c12
+    let t11 = motion.x3.ddot * t1;
+    matrix[0][11] = t11;
+    // F, c13
+    matrix[0][12] = motion.x3.value;
+    // F, c14
+    let t12 = motion.x3.value * t3;
+    matrix[0][13] = t12;
+    // F
+    let t13 = motion.x3.der6 * parameters.c1 + motion.x3.der4 * parameters.c2
+        + t0 * parameters.c3 + t2 * parameters.c4 + t4 * parameters.c5
+        + t6 * parameters.c6 + t7 * parameters.c7 + t8 * parameters.c8;
+    let v0 = t13 + motion.x3.ddot * parameters.c9 + t9 * parameters.c10
+        + t10 * parameters.c11 + t11 * parameters.c12 + motion.x3.value * parameters.c13
+        + t12 * parameters.c14;
+    (Inputs { F: v0 }, matrix)
 }
 
 impl<T: Real> Model<T> for ThreeCarts {
@@ -994,6 +1058,31 @@ impl<T: Real> Pattern<T> {
     ) -> Result<Parameters<T>, SolveError> {
         solve(&self.estimator_matrix(), effort)
     }
+
+    /// The same with every harmonic counted by its standard deviation, or all alike when there are none, and how well the
+    /// parameters are known.
+    ///
+    /// # Errors
+    /// When the pattern does not determine a parameter, or a number is not finite.
+    pub fn estimate(
+        &self,
+        effort: &Harmonics<T>,
+        deviations: Option<&Harmonics<T>>,
+    ) -> Result<Estimate<T>, SolveError> {
+        let deviations = deviations.map(|deviations| deviations.into_array());
+        let found = weighted_least_squares(
+            &self.estimator_matrix(),
+            &effort.into_array(),
+            deviations.as_ref(),
+            &PARAMETERS,
+        )?;
+        Ok(Estimate {
+            parameters: Parameters::from_array(found.solution),
+            covariance: found.covariance,
+            residual: found.residual,
+            condition: found.condition,
+        })
+    }
 }
 
 /// Number of harmonics in the table, over all equations.
@@ -1102,10 +1191,18 @@ impl<T: Real> Accumulator<T> {
         }
     }
 
-    /// Takes in one sample at a phase `w t` in radians.
+    /// Takes in one sample at a phase `w t` in radians: one sine and one cosine for all harmonics, so that no error adds
+    /// up from sample to sample.
     pub fn push(&mut self, phase: T, sample: &Forces<T>) {
         let (sin, cos) = phase.sin_cos();
         self.push_at(cos, sin, sample);
+    }
+
+    /// The same under a Hann window over so many whole periods, at least two: the sample counts `1 - cos(w t / periods)`
+    /// times. What is no harmonic leaks less into the harmonics, at the price of some of the data.
+    pub fn push_hann(&mut self, phase: T, periods: T, sample: &Forces<T>) {
+        let weight = T::ONE - (phase / periods).cos();
+        self.push(phase, &Forces { F: sample.F * weight });
     }
 
     /// Takes in one sample where cosine and sine of the phase are known.
@@ -1196,22 +1293,13 @@ pub fn harmonics<T: Real>(
     if samples.len() <= 2 * HIGHEST_HARMONIC {
         return Err(too_few);
     }
-    let angle = |index: usize| {
-        T::from_f64(
-                2.0 * ::core::f64::consts::PI * (index as f64 / samples.len() as f64),
-            )
-            .sin_cos()
-    };
-    let (step_sin, step_cos) = angle(1);
-    let (mut sin, mut cos) = (T::ZERO, T::ONE);
     let mut accumulator = Accumulator::new();
     for (index, sample) in samples.iter().enumerate() {
-        // The phasor turns with every sample and is set anew now and then, before its rounding errors add up.
-        if index % 64 == 0 {
-            (sin, cos) = angle(index);
-        }
-        accumulator.push_at(cos, sin, sample);
-        (sin, cos) = (sin * step_cos + cos * step_sin, cos * step_cos - sin * step_sin);
+        // Measured from the nearer end of the period, so that the phase keeps its digits.
+        let left = samples.len() - index;
+        let place = if index <= left { index as f64 } else { -(left as f64) };
+        let turns = place / samples.len() as f64;
+        accumulator.push(T::from_f64(2.0 * ::core::f64::consts::PI * turns), sample);
     }
     accumulator.harmonics().ok_or(too_few)
 }
@@ -1227,4 +1315,19 @@ pub fn solve<T: Real>(
 ) -> Result<Parameters<T>, SolveError> {
     least_squares(matrix, &harmonics.into_array(), &PARAMETERS)
         .map(Parameters::from_array)
+}
+
+/// What the harmonics say about the parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Estimate<T> {
+    /// The parameters.
+    pub parameters: Parameters<T>,
+    /// Their covariance in the order of the fields, when the harmonics' errors have the deviations that were given, or 1
+    /// where none were.
+    pub covariance: [[T; 14]; 14],
+    /// Euclidean length of what is left of the harmonics, in deviations.
+    pub residual: T,
+    /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
+    /// and at most the number of parameters times that.
+    pub condition: T,
 }

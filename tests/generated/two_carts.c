@@ -105,6 +105,37 @@ void two_carts_feed_forward(const two_carts_motion *motion, const two_carts_para
     inputs->F = t2 + motion->x2.value * t0 * parameters->c7;
 }
 
+void two_carts_feed_forward_with_regressor(const two_carts_motion *motion,
+        const two_carts_parameters *parameters, two_carts_inputs *inputs,
+        double matrix[TWO_CARTS_EQUATIONS][TWO_CARTS_PARAMETERS])
+{
+    const two_carts_motion at = *motion;
+    /* F, c1 */
+    matrix[0][0] = at.x2.der4;
+    /* F, c2 */
+    matrix[0][1] = at.x2.ddot;
+    /* F, c3 */
+    const double t0 = at.x2.value * at.x2.value;
+    const double t1 = at.x2.ddot * t0;
+    matrix[0][2] = t1;
+    /* F, c4 */
+    const double t2 = at.x2.ddot * at.x2.ddot;
+    const double t3 = at.x2.value * t2;
+    matrix[0][3] = t3;
+    /* F, c5 */
+    const double t4 = at.x2.ddot * t2;
+    matrix[0][4] = t4;
+    /* F, c6 */
+    matrix[0][5] = at.x2.value;
+    /* F, c7 */
+    const double t5 = at.x2.value * t0;
+    matrix[0][6] = t5;
+    /* F */
+    inputs->F = at.x2.der4 * parameters->c1 + at.x2.ddot * parameters->c2 + t1 * parameters->c3 + t3
+            * parameters->c4 + t4 * parameters->c5 + at.x2.value * parameters->c6 + t5 *
+            parameters->c7;
+}
+
 /* Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish. */
 static double length_of(const double *values, size_t stride, size_t count)
 {
@@ -435,6 +466,16 @@ void two_carts_accumulate(two_carts_accumulator *accumulator, double phase,
     two_carts_accumulate_at(accumulator, cos(phase), sin(phase), sample);
 }
 
+void two_carts_accumulate_hann(two_carts_accumulator *accumulator, double phase, double periods,
+        const two_carts_forces *sample)
+{
+    const double weight = 1.0 - cos(phase / periods);
+    two_carts_forces weighted;
+
+    weighted.F = sample->F * weight;
+    two_carts_accumulate(accumulator, phase, &weighted);
+}
+
 two_carts_status two_carts_accumulated(const two_carts_accumulator *accumulator,
         two_carts_harmonics *harmonics)
 {
@@ -505,4 +546,60 @@ two_carts_status two_carts_identify(const two_carts_pattern *pattern,
         }
     }
     return two_carts_solve(workspace, estimate);
+}
+
+void two_carts_identify_direct(const two_carts_pattern *pattern, const two_carts_harmonics *effort,
+        two_carts_parameters *parameters)
+{
+    /* c1 = (1/192*F.cos1 + 3/64*F.cos3 + 25/192*F.cos5 + 952543639/3732973152*F.cos7 +
+       32729337/77770274*F.cos9 + 4577674697/7465946304*F.cos11 + 5085699713/7465946304*F.cos13 -
+       283508475/2488648768*F.cos15)/(lambda*w^4) */
+    const double t0 = 0.005208333333333333 * effort->F.cos1 + 0.046875 * effort->F.cos3 +
+            0.13020833333333334 * effort->F.cos5 + 0.25517023568456676 * effort->F.cos7 +
+            0.4208463634833021 * effort->F.cos9 + 0.6131405866859018 * effort->F.cos11 +
+            0.6811862161766761 * effort->F.cos13 - 0.11392064587235477 * effort->F.cos15;
+    const double t1 = pattern->w * pattern->w;
+    const double t2 = t1 * t1;
+    parameters->c1 = t0 / (pattern->lambda * t2);
+    /* c2 = (17/96*F.cos1 + 39/32*F.cos3 + 125/96*F.cos5 - 36244114505/1866486576*F.cos7 -
+       6191809083/38885137*F.cos9 - 2213496395203/3732973152*F.cos11 -
+       4474197327715/3732973152*F.cos13 + 240799751925/1244324384*F.cos15)/(lambda*w^2) */
+    const double t3 = 0.17708333333333334 * effort->F.cos1 + 1.21875 * effort->F.cos3 +
+            1.3020833333333333 * effort->F.cos5 + 193.51847076316716 * effort->F.cos15 -
+            19.418363341607016 * effort->F.cos7 - 159.23331022338945 * effort->F.cos9 -
+            592.9580270399438 * effort->F.cos11 - 1198.5613465550582 * effort->F.cos13;
+    parameters->c2 = t3 / (pattern->lambda * t1);
+    /* c3 = (216711639375/9954595072*F.cos7 + 1914094141875/9954595072*F.cos9 +
+       3703983616875/4977297536*F.cos11 + 7635931516875/4977297536*F.cos13 -
+       153983109375/622162192*F.cos15)/(lambda^3*w^2) */
+    const double t4 = pattern->lambda * (pattern->lambda * pattern->lambda);
+    parameters->c3 = (21.770010513492437 * effort->F.cos7 + 192.2824713642958 * effort->F.cos9 +
+            744.1756475446116 * effort->F.cos11 + 1534.1521099844895 * effort->F.cos13 -
+            247.49673213026097 * effort->F.cos15) / (t1 * t4);
+    /* c4 = (9909066215/9954595072*F.cos7 + 110059982955/9954595072*F.cos9 +
+       286067394835/4977297536*F.cos11 + 699494103955/4977297536*F.cos13 -
+       14014096875/622162192*F.cos15)/(lambda^3*w^4) */
+    parameters->c4 = (0.995426347664501 * effort->F.cos7 + 11.056198886941527 * effort->F.cos9 +
+            57.47444125369643 * effort->F.cos11 + 140.53692769935304 * effort->F.cos13 -
+            22.524828823092484 * effort->F.cos15) / (t2 * t4);
+    /* c5 = (163151381/9954595072*F.cos7 + 2305289889/9954595072*F.cos9 +
+       8898576937/4977297536*F.cos11 + 42471760393/4977297536*F.cos13 -
+       836630525/622162192*F.cos15)/(lambda^3*w^6) */
+    parameters->c5 = (0.016389554755361926 * effort->F.cos7 + 0.23158047839477203 * effort->F.cos9 +
+            1.787833030402143 * effort->F.cos11 + 8.533096542010705 * effort->F.cos13 -
+            1.3447145065349777 * effort->F.cos15) / (t4 * (t1 * t2));
+    /* c6 = (75/64*F.cos1 + 75/64*F.cos3 + 75/64*F.cos5 - 146895784355/1244324384*F.cos7 -
+       63607541535/77770274*F.cos9 - 7494349092805/2488648768*F.cos11 -
+       15000875129965/2488648768*F.cos13 + 2423030837925/2488648768*F.cos15)/(lambda) */
+    const double t5 = 1.171875 * effort->F.cos1 + 1.171875 * effort->F.cos3 + 1.171875 *
+            effort->F.cos5 + 973.6331092925845 * effort->F.cos15 - 118.05264466713207 *
+            effort->F.cos7 - 817.890156012566 * effort->F.cos9 - 3011.412935875168 * effort->F.cos11
+            - 6027.718866097942 * effort->F.cos13;
+    parameters->c6 = t5 / pattern->lambda;
+    /* c7 = (1629864928125/9954595072*F.cos7 + 11197018715625/9954595072*F.cos9 +
+       20591733290625/4977297536*F.cos11 + 41207729090625/4977297536*F.cos13 -
+       832023140625/622162192*F.cos15)/(lambda^3) */
+    parameters->c7 = (163.72990727763877 * effort->F.cos7 + 1124.8090589962471 * effort->F.cos9 +
+            4137.131272882177 * effort->F.cos11 + 8279.13718088502 * effort->F.cos13 -
+            1337.3090671909551 * effort->F.cos15) / t4;
 }

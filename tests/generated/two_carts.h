@@ -45,6 +45,8 @@ extern "C" {
 #define TWO_CARTS_PARAMETERS 7
 /* Constants known at run time. */
 #define TWO_CARTS_CONSTANTS 0
+/* A number that changes with the model, for logs and results to say what they belong to. */
+#define TWO_CARTS_MODEL_HASH UINT64_C(0x30c4c17345199ebf)
 
 /* The parameters that are estimated; every equation is linear in them. */
 typedef struct two_carts_parameters {
@@ -184,6 +186,15 @@ void two_carts_inverse_dynamics(const two_carts_motion *motion,
 void two_carts_feed_forward(const two_carts_motion *motion, const two_carts_parameters *parameters,
         two_carts_inputs *inputs);
 
+/*
+ * `two_carts_feed_forward` and `two_carts_regressor` in one go: what they share is computed once.
+ *
+ * Operations: 6 additions, 13 multiplications.
+ */
+void two_carts_feed_forward_with_regressor(const two_carts_motion *motion,
+        const two_carts_parameters *parameters, two_carts_inputs *inputs,
+        double matrix[TWO_CARTS_EQUATIONS][TWO_CARTS_PARAMETERS]);
+
 /* How a function ended. */
 typedef enum two_carts_status {
     /* As asked for. */
@@ -322,6 +333,14 @@ void two_carts_accumulate_at(two_carts_accumulator *accumulator, double cosine, 
 void two_carts_accumulate(two_carts_accumulator *accumulator, double phase,
         const two_carts_forces *sample);
 
+/*
+ * The same under a Hann window over so many whole periods, at least two: the sample counts `1 -
+ * cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price of
+ * some of the data.
+ */
+void two_carts_accumulate_hann(two_carts_accumulator *accumulator, double phase, double periods,
+        const two_carts_forces *sample);
+
 /* The harmonics of the samples so far; `TWO_CARTS_TOO_FEW` before the first one. */
 two_carts_status two_carts_accumulated(const two_carts_accumulator *accumulator,
         two_carts_harmonics *harmonics);
@@ -358,6 +377,18 @@ two_carts_status two_carts_solve(two_carts_workspace *workspace, two_carts_estim
 two_carts_status two_carts_identify(const two_carts_pattern *pattern,
         const two_carts_harmonics *effort, const two_carts_harmonics *deviations,
         two_carts_workspace *workspace, two_carts_estimate *estimate);
+
+/*
+ * The parameters for which the harmonics of the pattern's own forces are `effort`, in the sense of
+ * least squares: the
+ * exact pseudo-inverse of the numbers in the estimator matrix, each rounded once, over the scales
+ * of its columns. No
+ * amplitude or frequency may be zero.
+ *
+ * Operations: 37 additions, 54 multiplications, 7 divisions.
+ */
+void two_carts_identify_direct(const two_carts_pattern *pattern, const two_carts_harmonics *effort,
+        two_carts_parameters *parameters);
 
 #ifdef __cplusplus
 }

@@ -67,6 +67,73 @@ pub fn least_squares<T: Real, const R: usize, const C: usize>(
     right: &[T; R],
     labels: &[Label<'static>; C],
 ) -> Result<[T; C], SolveError> {
+    factorised(matrix, right, labels).map(|factors| factors.solution)
+}
+
+/// Everything that the data say about x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeastSquares<T, const C: usize> {
+    /// The x that minimises |A x - b|, rows counted by their deviations.
+    pub solution: [T; C],
+    /// Its covariance, when the rows' errors have the deviations that were given, or 1 where none were.
+    pub covariance: [[T; C]; C],
+    /// Euclidean length of what is left of b, in deviations.
+    pub residual: T,
+    /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number, and at
+    /// most C times that.
+    pub condition: T,
+}
+
+/// The x that minimises |A x - b| with every row divided by the standard deviation of its error, and how well it is known.
+///
+/// # Errors
+/// [`SolveError::Unobservable`], [`SolveError::NotFinite`] (a deviation of zero leads there too).
+pub fn weighted_least_squares<T: Real, const R: usize, const C: usize>(
+    matrix: &[[T; C]; R],
+    right: &[T; R],
+    deviations: Option<&[T; R]>,
+    labels: &[Label<'static>; C],
+) -> Result<LeastSquares<T, C>, SolveError> {
+    let (mut matrix, mut right) = (*matrix, *right);
+    if let Some(deviations) = deviations {
+        for ((row, right), &deviation) in matrix.iter_mut().zip(&mut right).zip(deviations) {
+            for entry in row {
+                *entry /= deviation;
+            }
+            *right /= deviation;
+        }
+    }
+    let Factors { pivots, scales, solution, residual } = factorised(&matrix, &right, labels)?;
+    let mut covariance = [[T::ZERO; C]; C];
+    let mut square = T::ZERO;
+    for k in 0..C {
+        // A column of the inverse of the triangular factor; the covariance is the sum of their squares.
+        let column = substituted(&pivots, |j, _| if j == k { T::ONE } else { T::ZERO });
+        for ((row, &a), &scale) in covariance.iter_mut().zip(&column).zip(&scales) {
+            square += a * a;
+            for ((entry, &b), &other) in row.iter_mut().zip(&column).zip(&scales) {
+                *entry += a / scale * (b / other);
+            }
+        }
+    }
+    let condition = (T::from_f64(C as f64) * square).sqrt();
+    Ok(LeastSquares { solution, covariance, residual, condition })
+}
+
+/// The triangular factor with what follows from it at once.
+struct Factors<T, const C: usize> {
+    pivots: [Pivot<T, C>; C],
+    /// Lengths of the columns.
+    scales: [T; C],
+    solution: [T; C],
+    residual: T,
+}
+
+fn factorised<T: Real, const R: usize, const C: usize>(
+    matrix: &[[T; C]; R],
+    right: &[T; R],
+    labels: &[Label<'static>; C],
+) -> Result<Factors<T, C>, SolveError> {
     let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
     let mut scales = [T::ONE; C];
     for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
@@ -119,10 +186,19 @@ pub fn least_squares<T: Real, const R: usize, const C: usize>(
         pivot.right = project(&first.values, &mut right);
         left = rest;
     }
+    let mut solution = substituted(&pivots, |_, pivot| pivot.right);
+    for (value, &scale) in solution.iter_mut().zip(&scales) {
+        *value /= scale;
+    }
+    Ok(Factors { pivots, scales, solution, residual: length(&right) })
+}
+
+/// The solution of the triangular system, by original places; `right` is asked for every pivot and its number.
+fn substituted<T: Real, const C: usize>(pivots: &[Pivot<T, C>; C], right: impl Fn(usize, &Pivot<T, C>) -> T) -> [T; C] {
     let mut solution = [T::ZERO; C];
-    for pivot in pivots.iter().rev() {
+    for (k, pivot) in pivots.iter().enumerate().rev() {
         // Entries of columns that are not solved yet are zero in the row.
-        let mut sum = pivot.right;
+        let mut sum = right(k, pivot);
         for (&entry, &value) in pivot.row.iter().zip(&solution) {
             sum -= entry * value;
         }
@@ -130,10 +206,7 @@ pub fn least_squares<T: Real, const R: usize, const C: usize>(
             *slot = sum / pivot.diagonal;
         }
     }
-    for (value, &scale) in solution.iter_mut().zip(&scales) {
-        *value /= scale;
-    }
-    Ok(solution)
+    solution
 }
 
 /// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
@@ -170,7 +243,7 @@ fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
 
 #[cfg(test)]
 mod tests {
-    use super::{SolveError, least_squares};
+    use super::{SolveError, least_squares, weighted_least_squares};
     use crate::model::Label;
 
     fn labels<const C: usize>(names: [&'static str; C]) -> [Label<'static>; C] {
@@ -183,6 +256,30 @@ mod tests {
         let matrix = [[1.0_f64, 0.0], [1.0, 1.0], [1.0, 2.0], [1.0, 3.0]];
         let x = least_squares(&matrix, &[1.0, 3.0, 4.0, 4.0], &labels(["a", "b"])).expect("full rank");
         assert!((x[0] - 1.5).abs() < 1e-14 && (x[1] - 1.0).abs() < 1e-14, "{x:?}");
+    }
+
+    #[test]
+    fn covariance_is_the_inverse_of_the_information() {
+        // y = a + b t at t = 0, 1, 2 with deviations 1, 1/2, 1: information [[6, 6], [6, 8]], inverse [[2/3, -1/2], [-1/2, 1/2]].
+        let matrix = [[1.0_f64, 0.0], [1.0, 1.0], [1.0, 2.0]];
+        let found = weighted_least_squares(&matrix, &[1.0, 3.0, 5.0], Some(&[1.0, 0.5, 1.0]), &labels(["a", "b"]));
+        let found = found.expect("full rank");
+        let expected = [[2.0 / 3.0, -0.5], [-0.5, 0.5]];
+        for (row, expected) in found.covariance.iter().zip(&expected) {
+            assert!(row.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-14), "{found:?}");
+        }
+        assert!(
+            (found.solution[0] - 1.0).abs() < 1e-14
+                && (found.solution[1] - 2.0).abs() < 1e-14
+                && found.residual < 1e-14
+        );
+        // The scaled columns have the Gram matrix [[1, c], [c, 1]] with c^2 = 3/4: condition^2 = 2 * 2 / (1 - c^2).
+        assert!((found.condition - 4.0).abs() < 1e-13, "{}", found.condition);
+        let plain = weighted_least_squares(&matrix, &[1.0, 3.0, 6.0], None, &labels(["a", "b"])).expect("full rank");
+        assert_eq!(least_squares(&matrix, &[1.0, 3.0, 6.0], &labels(["a", "b"])), Ok(plain.solution));
+        assert!((plain.residual - 1.0 / 6.0_f64.sqrt()).abs() < 1e-14, "{}", plain.residual);
+        let none = weighted_least_squares(&matrix, &[1.0; 3], Some(&[0.0; 3]), &labels(["a", "b"]));
+        assert_eq!(none, Err(SolveError::NotFinite));
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub mod stability;
 #[cfg(feature = "std")]
 pub mod trajectory;
 
-pub use least_squares::{SolveError, least_squares};
+pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
 pub use model::{Buffer, Dims, EvalError, Label, Model};
 pub use real::Real;
 #[cfg(feature = "macros")]

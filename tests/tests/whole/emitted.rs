@@ -349,9 +349,16 @@ macro_rules! pattern {
                         accumulator.push(2.0 * std::f64::consts::PI * i as f64 / count as f64, sample);
                     }
                     let stepwise = accumulator.harmonics().expect("samples were taken in").into_array();
+                    // Three periods under a Hann window have the same harmonics.
+                    let mut windowed = code::Accumulator::new();
+                    for i in 0..3 * count {
+                        let phase = 2.0 * std::f64::consts::PI * i as f64 / count as f64;
+                        windowed.push_hann(phase, 3.0, &samples[i % count]);
+                    }
+                    let windowed = windowed.harmonics().expect("samples were taken in").into_array();
                     let size = at_once.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
-                    for (a, b) in at_once.iter().zip(stepwise) {
-                        assert!((a - b).abs() <= 1e-12 * size, "{a} {b}");
+                    for ((a, b), c) in at_once.iter().zip(stepwise).zip(windowed) {
+                        assert!((a - b).abs() <= 1e-12 * size && (a - c).abs() <= 1e-11 * size, "{a} {b} {c}");
                     }
                     assert!(code::harmonics(&samples[..2 * code::HIGHEST_HARMONIC]).is_err());
                     at_once.to_vec()
@@ -373,6 +380,131 @@ pattern!(silverbox_pattern, "silverbox.tpm", models::silverbox, observable: Some
 pattern!(two_carts_pattern, "two_carts.tpm", models::two_carts, observable: Some(true));
 pattern!(three_carts_pattern, "three_carts.tpm", models::three_carts, observable: None);
 pattern!(closed_loop_arm_pattern, "closed_loop_arm.tpm", models::closed_loop_arm, observable: Some(false), constants: constants);
+
+/// Reference, matrix and one sample of the harmonics in single precision, beside the double precision that was compared with
+/// exact values: at most 16 roundings of the largest entry, or of the largest value that a derivative has.
+macro_rules! pattern_single {
+    ($test:ident, $module:path $(, constants: $constants:ident)?) => {
+        #[test]
+        fn $test() {
+            use $module as code;
+            fn fixed<T: Real, const N: usize>(values: &[f64]) -> [T; N] {
+                std::array::from_fn(|i| T::from_f64(values[i]))
+            }
+            fn all<T: Real>(values: &[f64], _constants: &[f64], phase: f64) -> [Vec<f64>; 3] {
+                $(let $constants = &code::Constants::from_array(fixed::<T, _>(_constants));)?
+                let pattern = code::Pattern::from_array(fixed::<T, _>(values));
+                let motion = pattern.reference_at($($constants,)? T::from_f64(phase));
+                let matrix = pattern.estimator_matrix($($constants)?);
+                let mut sums = code::Accumulator::new();
+                sums.push_at(T::from_f64(phase.cos()), T::from_f64(phase.sin()), &code::known(&motion $(, $constants)?));
+                let mut forces = code::known(&motion $(, $constants)?).into_array();
+                forces.fill(T::ONE);
+                sums.push_at(T::from_f64(0.75), T::from_f64(0.625), &code::Forces::from_array(forces));
+                let sums = sums.harmonics().expect("samples were taken in").into_array();
+                [motion.into_array().to_vec(), matrix.as_flattened().to_vec(), sums.to_vec()]
+                    .map(|list| list.into_iter().map(T::to_f64).collect())
+            }
+            let result = runner(32).run(&(dyadic(8), dyadic(8), dyadic(1)), |(values, constants, phase)| {
+                let [single, double] =
+                    [all::<f32>(&values, &constants, phase[0]), all::<f64>(&values, &constants, phase[0])];
+                // A motion near its rest points is the difference of larger numbers, which it has elsewhere.
+                let elsewhere: Vec<Vec<f64>> =
+                    (0..16).map(|k| all::<f64>(&values, &constants, f64::from(k) * 0.4)[0].clone()).collect();
+                for (list, (single, double)) in single.iter().zip(&double).enumerate() {
+                    let largest = double.iter().fold(0.0_f64, |size, value| size.max(value.abs()));
+                    for (i, (a, b)) in single.iter().zip(double).enumerate() {
+                        let size = match list {
+                            0 => elsewhere.iter().fold(b.abs(), |size, motion| size.max(motion[i].abs())),
+                            _ => largest,
+                        };
+                        prop_assert!((a - b).abs() <= 16.0 * f64::from(f32::EPSILON) * size, "{} {} {}", list, a, b);
+                    }
+                }
+                Ok(())
+            });
+            result.expect("single precision agrees");
+        }
+    };
+}
+
+pattern_single!(brushless_motor_single, models::brushless_motor);
+pattern_single!(cart_pendulum_single, models::cart_pendulum);
+pattern_single!(closed_loop_arm_single, models::closed_loop_arm, constants: constants);
+pattern_single!(emps_single, models::emps);
+pattern_single!(mass_spring_drag_single, models::mass_spring_drag);
+pattern_single!(silverbox_single, models::silverbox);
+pattern_single!(three_carts_single, models::three_carts);
+pattern_single!(two_carts_single, models::two_carts);
+
+/// Harmonics with deviations: parameters, covariance and residual beside the normal equations by hand; and inputs with the
+/// regressor in one call.
+#[test]
+fn estimates_come_with_their_covariance() {
+    use models::mass_spring_drag::{Harmonics, Motion, Parameters, Pattern};
+    use models::mass_spring_drag::{feed_forward, feed_forward_with_regressor, regressor};
+    let pattern = Pattern { lambda: 0.5, w: 2.0 };
+    let (effort, deviations) = ([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [0.5, 1.0, 2.0, 1.0, 0.25, 4.0]);
+    let found = pattern.estimate(&Harmonics::from_array(effort), Some(&Harmonics::from_array(deviations)));
+    let found = found.expect("observable");
+    let matrix = pattern.estimator_matrix();
+    let (mut information, mut left) = ([[0.0_f64; 3]; 3], [0.0_f64; 3]);
+    for ((row, effort), deviation) in matrix.iter().zip(effort).zip(deviations) {
+        for i in 0..3 {
+            left[i] += row[i] * effort / (deviation * deviation);
+            for j in 0..3 {
+                information[i][j] += row[i] * row[j] / (deviation * deviation);
+            }
+        }
+    }
+    let theta = found.parameters.into_array();
+    for i in 0..3 {
+        let (mut right, size) = (0.0, information[i][i] * theta[i].abs());
+        for j in 0..3 {
+            right += information[i][j] * theta[j];
+            let product: f64 = (0..3).map(|k| information[i][k] * found.covariance[k][j]).sum();
+            let identity = if i == j { 1.0 } else { 0.0 };
+            assert!((product - identity).abs() < 1e-12 * information[i][i] / information[j][j] + 1e-12, "{product}");
+        }
+        assert!((right - left[i]).abs() <= 1e-12 * (1.0 + size), "{right} {}", left[i]);
+    }
+    let motion = Motion::from_array(&[0.25, -0.5, 3.0]);
+    let parameters = Parameters::from_array(theta);
+    let (inputs, phi) = feed_forward_with_regressor(&motion, &parameters);
+    assert_eq!((inputs, phi), (feed_forward(&motion, &parameters), regressor(&motion)));
+}
+
+/// Where every column of the matrix has one scale, the exact pseudo-inverse gives the parameters back from their harmonics, and
+/// from any harmonics those of least squares.
+#[test]
+fn the_exact_pseudo_inverse_is_folded_into_constants() {
+    use models::{emps, mass_spring_drag as slider};
+    let result = runner(128).run(&(dyadic(2), dyadic(4)), |(pattern, theta)| {
+        let excited = |value: f64| if value.abs() < 0.25 { 0.5 } else { value };
+        let pattern: [f64; 2] = [excited(pattern[0]), excited(pattern[1])];
+        let own = emps::Pattern::from_array(pattern);
+        let harmonics =
+            own.estimator_matrix().map(|row| row.iter().zip(&theta).map(|(entry, theta)| entry * theta).sum());
+        let found = own.parameters_direct(&emps::Harmonics::from_array(harmonics)).into_array();
+        for (found, theta) in found.iter().zip(&theta) {
+            prop_assert!((found - theta).abs() <= 1e-10, "{} is not {}", found, theta);
+        }
+        let own = slider::Pattern::from_array(pattern);
+        let harmonics = slider::Harmonics::from_array([theta[0], theta[1], theta[2], theta[3], 1.0, -0.5]);
+        let (direct, solved) = (own.parameters_direct(&harmonics), own.parameters(&harmonics).expect("observable"));
+        for (a, b) in direct.into_array().iter().zip(solved.into_array()) {
+            prop_assert!((a - b).abs() <= 1e-12 * (1.0 + b.abs()), "{} {}", a, b);
+        }
+        Ok(())
+    });
+    result.expect("the same parameters");
+    // Two joints on one pattern leave directions open: there is none for them.
+    let text = tpm_codegen::generate::generate(
+        &estimator("closed_loop_arm.tpm"),
+        &tpm_codegen::generate::Options::new(tpm_codegen::generate::Language::Rust, "test"),
+    );
+    assert!(!text.expect("whole")[0].text.contains("parameters_direct"));
+}
 
 /// Dry friction has infinitely many harmonics; the matrix has those that the pattern declares: Fc sign(x') is 4/(pi n).
 #[test]

@@ -48,7 +48,7 @@ pub struct Files {
 }
 
 /// What the functions and types of the dynamics are called behind the prefix: no name of a model may be one of them.
-const DYNAMICS: [&str; 22] = [
+const DYNAMICS: [&str; 23] = [
     "constants",
     "coordinate_labels",
     "constant_labels",
@@ -57,6 +57,7 @@ const DYNAMICS: [&str; 22] = [
     "feed_forward",
     "feed_forward_dependent",
     "feed_forward_independent",
+    "feed_forward_with_regressor",
     "forces",
     "identified",
     "input_labels",
@@ -74,15 +75,17 @@ const DYNAMICS: [&str; 22] = [
 ];
 
 /// The same of a pattern.
-const PATTERN: [&str; 17] = [
+const PATTERN: [&str; 19] = [
     "accumulate",
     "accumulate_at",
+    "accumulate_hann",
     "accumulated",
     "accumulator",
     "accumulator_clear",
     "estimator_matrix",
     "harmonics",
     "identify",
+    "identify_direct",
     "known_harmonics",
     "pattern",
     "period",

@@ -5,14 +5,18 @@
 use num_traits::Zero;
 use std::collections::BTreeSet;
 use tpm_symbolic::estimator::{Leaf, PatternPlan, TablePlan, entry_formula};
-use tpm_symbolic::expr::{Node, Symbol};
+use tpm_symbolic::expr::{ExprId, Function as Elementary, Graph, Node, Symbol};
+use tpm_symbolic::linalg;
+use tpm_symbolic::model::Kind;
 use tpm_symbolic::plan::{Merger, Op, Plan};
+use tpm_symbolic::rational::{self, Rational};
 use tpm_symbolic::regressor::canonical;
 use tpm_symbolic::table::Entry;
 
 use super::code::{Base, Expression, Place, Reader, Statement, Table, Term};
 use super::estimator::Estimator;
-use super::names::harmonic_function;
+use super::names::{harmonic_function, harmonic_name};
+use super::number::Rounded;
 use super::text;
 
 /// Entries of the estimator matrix up to which it is straight-line code; beyond, it is a table and a loop.
@@ -54,7 +58,7 @@ pub(super) struct Reads {
 impl Reads {
     fn of(estimator: &Estimator, plan: &Plan) -> Self {
         let mut reads = Self::default();
-        for node in &plan.inputs {
+        for node in plan.inputs.iter().filter(|node| harmonic_leaf(node).is_none()) {
             match estimator.plan.leaves.leaf(node) {
                 Leaf::Motion(..) => reads.motion = true,
                 Leaf::Column(_) => reads.parameters = true,
@@ -219,6 +223,43 @@ pub(super) fn feed_forward(estimator: &Estimator) -> Option<Function> {
     Some(Function::values(estimator, plan, about))
 }
 
+/// Inputs (as values) and regressor (as entries) together, each shared operation once.
+pub(super) fn feed_forward_with_regressor(estimator: &Estimator) -> Option<Function> {
+    let (inputs, phi) = (estimator.plan.feed_forward.as_ref()?, &estimator.plan.evaluation.regressor);
+    let columns = estimator.form.columns.len();
+    let mut merger = Merger::default();
+    let mut outputs = merger.append(phi);
+    outputs.extend(merger.append(inputs));
+    let plan = merger.finish(outputs);
+    let mut reader = Reader::new(&plan);
+    let mut statements = Vec::new();
+    for output in 0..plan.outputs.len() {
+        let zero = matches!(&plan.ops[plan.outputs[output].index()], Op::Constant(value) if value.is_zero());
+        let (needed, value) = reader.output(output);
+        match output.checked_sub(phi.outputs.len()) {
+            Some(input) => {
+                let symbol = estimator.plan.evaluation.inputs[input];
+                statements.push(Statement::Comment(estimator.model.quantity(symbol).name.to_string()));
+                statements.extend(needed);
+                statements.push(Statement::Store(Place::Value(input), value));
+            }
+            None if zero => statements.extend(needed),
+            None => {
+                let (row, column) = (output / columns, output % columns);
+                let names = (&estimator.form.rows[row].name, &estimator.form.columns[column].name);
+                statements.push(Statement::Comment(format!("{}, {}", names.0, names.1)));
+                statements.extend(needed);
+                statements.push(Statement::Store(Place::Entry(row, column), value));
+            }
+        }
+    }
+    let about = format!(
+        "[`feed_forward`] and [`regressor`] in one go: what they share is computed once.{}",
+        text::operations(&plan)
+    );
+    Some(Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) })
+}
+
 /// The motion-independent and the motion-dependent part of the feed-forward.
 pub(super) fn feed_forward_parts(estimator: &Estimator) -> Option<[Function; 2]> {
     let [independent, dependent] = estimator.plan.feed_forward_parts.as_ref()?;
@@ -321,6 +362,130 @@ pub(super) fn known_harmonics(estimator: &Estimator, table: &TablePlan) -> Optio
     Some(Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) })
 }
 
+/// The first of the virtual symbols that stand for given harmonics, behind all other symbols.
+const HARMONIC_SYMBOLS: u32 = 1 << 31;
+
+/// The row of the table whose harmonic a leaf stands for.
+pub(super) fn harmonic_leaf(node: &Node) -> Option<usize> {
+    match *node {
+        Node::Symbol(Symbol(index)) => index.checked_sub(HARMONIC_SYMBOLS).map(|row| row as usize),
+        _ => None,
+    }
+}
+
+/// The parameters from harmonics by the exact pseudo-inverse of the matrix of numbers: where every column of the estimator
+/// matrix has one scale, all of its entries are numbers times that, B Lambda = B diag(s), so that the pseudo-inverse
+/// diag(1/s) (B^T B)^-1 B^T has exact constants. `None` where it is not so, or the columns depend on each other.
+pub(super) fn direct(estimator: &Estimator, table: &TablePlan) -> Option<Function> {
+    type Scale = (Vec<(usize, i32)>, Vec<usize>, i32);
+    let (rows, columns) = (table.rows.len(), estimator.form.columns.len());
+    if table.places.iter().any(|(_, column)| column.is_none()) || table.places.len() > STRAIGHT_LINE_ENTRIES {
+        return None;
+    }
+    let mut matrix = vec![vec![rational::integer(0); columns]; rows];
+    let mut scales: Vec<Option<Scale>> = vec![None; columns];
+    for entry in table.table.entries() {
+        let (row, column) = (row_of(table, &entry), entry.column?);
+        let powers = entry.powers.factors().map(|(&symbol, power)| (symbol, power)).collect();
+        let signs = entry.sign.factors().filter(|(_, power)| power % 2 != 0).map(|(&symbol, _)| symbol).collect();
+        let scale: Scale = (powers, signs, entry.pi);
+        match &scales[column] {
+            Some(present) if *present != scale => return None,
+            _ => scales[column] = Some(scale),
+        }
+        matrix[row][column] += &entry.coefficient;
+    }
+    let product = |a: usize, b: usize| matrix.iter().map(|row| &row[a] * &row[b]).sum::<Rational>();
+    let mut normal: Vec<Vec<Rational>> = (0..columns)
+        .map(|a| (0..columns).map(|b| product(a, b)).chain(matrix.iter().map(|row| row[a].clone())).collect())
+        .collect();
+    // Reduced to the identity, what stands behind it is the pseudo-inverse.
+    if linalg::reduce(&mut normal) != (0..columns).collect::<Vec<usize>>() {
+        return None;
+    }
+    let symbol = |index: usize| Symbol(u32::try_from(index).expect("invariant: symbols are 32 bits"));
+    let mut graph = Graph::new();
+    let value = |graph: &mut Graph, index: usize| match &estimator.model.quantity(symbol(index)).kind {
+        Kind::Constant { value: Some(value) } => graph.number(value.clone()),
+        _ => graph.symbol(symbol(index)),
+    };
+    let mut roots: Vec<ExprId> = Vec::with_capacity(columns);
+    let mut formulas = Vec::with_capacity(columns);
+    for (column, (scale, inverse)) in scales.into_iter().zip(&normal).enumerate() {
+        let (powers, signs, pi) = scale?;
+        let mut terms = Vec::new();
+        let mut formula = Vec::new();
+        for (row, factor) in inverse[columns..].iter().enumerate().filter(|(_, factor)| !factor.is_zero()) {
+            let row_symbol = Symbol(HARMONIC_SYMBOLS + u32::try_from(row).expect("invariant: rows are few"));
+            let harmonic = graph.symbol(row_symbol);
+            terms.push(graph.scale(harmonic, factor.clone()));
+            let (equation, harmonic, function) = table.rows[row];
+            let name = harmonic_name(harmonic, function);
+            formula.push(format!("{}*{}.{name}", rational::display(factor), table.table.equations[equation]));
+        }
+        let mut factors = vec![graph.sum(&terms)];
+        let mut divisors = Vec::new();
+        for (index, power) in powers {
+            let base = value(&mut graph, index);
+            factors.push(graph.pow(base, -power));
+            let name = &table.table.symbols[index];
+            divisors.push(if power == 1 { name.to_string() } else { format!("{name}^{power}") });
+        }
+        for index in signs {
+            // A sign is its own inverse.
+            let base = value(&mut graph, index);
+            factors.push(graph.function(Elementary::Sign, base));
+            divisors.push(format!("sign({})", table.table.symbols[index]));
+        }
+        if pi != 0 {
+            let base = graph.pi();
+            factors.push(graph.pow(base, -pi));
+            divisors.push(format!("pi^{pi}"));
+        }
+        roots.push(graph.product(&factors));
+        let name = &estimator.form.columns[column].name;
+        let sum = formula.join(" + ").replace("+ -", "- ");
+        let sum = if sum.len() > 240 { "the exact sum".to_owned() } else { format!("({sum})") };
+        let divisors = divisors.join("*");
+        formulas.push(if divisors.is_empty() {
+            format!("{name} = {sum}")
+        } else {
+            format!("{name} = {sum}/({divisors})")
+        });
+    }
+    let plan = Plan::new(&graph, &roots);
+    let fits = |op: &Op| match op {
+        Op::Constant(value) => {
+            let single = Rounded::new(value).single;
+            single.is_finite() && (single.is_normal() || value.is_zero())
+        }
+        _ => true,
+    };
+    if !plan.ops.iter().all(fits) {
+        return None;
+    }
+    let mut reader = Reader::new(&plan);
+    let mut statements = Vec::new();
+    for (index, formula) in formulas.into_iter().enumerate() {
+        let (needed, value) = reader.output(index);
+        statements.push(Statement::Comment(formula));
+        statements.extend(needed);
+        statements.push(Statement::Store(Place::Value(index), value));
+    }
+    let about = format!(
+        "The parameters for which the harmonics of the pattern's own forces are `effort`, in the sense of least squares: the\n\
+         exact pseudo-inverse of the numbers in the estimator matrix, each rounded once, over the scales of its columns. No\n\
+         amplitude or frequency may be zero.{}",
+        text::operations(&plan)
+    );
+    Some(Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) })
+}
+
+fn row_of(table: &TablePlan, entry: &Entry) -> usize {
+    let found = table.rows.iter().position(|row| *row == (entry.equation, entry.harmonic, entry.function));
+    found.expect("invariant: every entry has its row")
+}
+
 /// cos or sin of every row's harmonic at a phase; `None` for a mean, whose factor is one.
 pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Statement>, Vec<Option<Expression>>) {
     let (statements, values) = Reader::new(&table.bank).outputs();
@@ -330,11 +495,7 @@ pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Stat
 
 /// The terms of a table that belong somewhere, with the bases of their powers.
 fn looped(table: &TablePlan, place: impl Fn(usize, &Entry) -> Option<Place>) -> Table {
-    let row = |entry: &Entry| {
-        let found = table.rows.iter().position(|row| *row == (entry.equation, entry.harmonic, entry.function));
-        found.expect("invariant: every entry has its row")
-    };
-    let entries = table.table.entries().filter_map(|entry| Some((place(row(&entry), &entry)?, entry)));
+    let entries = table.table.entries().filter_map(|entry| Some((place(row_of(table, &entry), &entry)?, entry)));
     let entries: Vec<(Place, Entry)> = entries.collect();
     let mut bases: BTreeSet<(bool, Option<usize>)> = BTreeSet::new();
     for (_, entry) in &entries {

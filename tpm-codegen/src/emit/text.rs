@@ -294,3 +294,27 @@ pub(super) fn row_unit(estimator: &Estimator, row: usize) -> Option<&Unit> {
 pub(super) fn remarks(estimator: &Estimator, pattern: &PatternPlan) -> Vec<String> {
     gaps(pattern).into_iter().chain(approximations(estimator, pattern)).collect()
 }
+
+/// A number that changes with the model: 64 bits of FNV-1a over its equations, quantities and patterns. Logs and results that
+/// carry it can be told to belong to this code.
+pub(super) fn fingerprint(estimator: &Estimator) -> u64 {
+    let model = &estimator.model;
+    let mut text = format!("{}\n{}", model.name, equations(estimator));
+    for coordinate in &model.coordinates {
+        text.push_str(&format!("{} {:?}\n", coordinate.name, coordinate.unit.as_ref().map(ToString::to_string)));
+    }
+    for quantity in &model.symbols {
+        let unit = quantity.unit.as_ref().map(ToString::to_string);
+        text.push_str(&format!("{} {unit:?} {:?}\n", quantity.name, quantity.kind));
+    }
+    for index in 0..estimator.form.columns.len() {
+        text.push_str(&column(estimator, index));
+    }
+    for (index, pattern) in estimator.plan.patterns.iter().enumerate() {
+        text.push_str(&motions(estimator, index));
+        if let Ok(table) = &pattern.table {
+            text.push_str(&format!("{:?}\n", table.rows));
+        }
+    }
+    text.bytes().fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}

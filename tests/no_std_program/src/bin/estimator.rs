@@ -28,7 +28,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
 
 /// One period of a campaign: play the reference, take in what was applied, solve for the parameters.
 fn slider<T: Real>() -> Result<T, SolveError> {
-    use mass_spring_drag::{Accumulator, Forces, Parameters, Pattern, feed_forward, harmonics, regressor};
+    use mass_spring_drag::{Accumulator, Forces, Parameters, Pattern, feed_forward_with_regressor, harmonics};
     let pattern = black_box(Pattern { lambda: T::from_f64(0.3), w: T::from_f64(3.0) });
     let parameters = black_box(Parameters { m: T::from_f64(2.0), k1: T::from_f64(40.0), k2: T::from_f64(1.5) });
     let mut samples = [Forces { u: T::ZERO }; 100];
@@ -37,13 +37,16 @@ fn slider<T: Real>() -> Result<T, SolveError> {
     for (i, sample) in samples.iter_mut().enumerate() {
         let time = pattern.period() * T::from_f64(i as f64 / 100.0);
         let motion = pattern.reference(time);
-        sample.u = feed_forward(&motion, &parameters).u;
+        let (inputs, [[a, b, c]]) = feed_forward_with_regressor(&motion, &parameters);
+        sample.u = inputs.u;
+        accumulator.push_hann(pattern.w * time, T::from_f64(4.0), sample);
         accumulator.push(pattern.w * time, sample);
-        let [[a, b, c]] = regressor(&motion);
         sum += a + b + c;
     }
     if let Some(found) = accumulator.harmonics() {
-        sum += pattern.parameters(&found)?.m;
+        sum += pattern.parameters(&found)?.m + pattern.parameters_direct(&found).k1;
+        let estimate = pattern.estimate(&found, Some(&found))?;
+        sum += estimate.condition + estimate.residual + estimate.covariance.as_flattened().iter().fold(T::ZERO, |a, &b| a + b);
     }
     if let Ok(found) = harmonics(black_box(&samples)) {
         sum += pattern.parameters(&found)?.k2;

@@ -21,7 +21,10 @@ pub(super) fn sizes(context: &Context<'_>) -> String {
         ("PARAMETERS", names.columns.len(), "Parameters that are estimated."),
         ("CONSTANTS", names.constants.len(), "Constants known at run time."),
     ];
-    list.into_iter().map(|(name, size, about)| size_macro(context, name, size, about)).collect()
+    let sizes: String = list.into_iter().map(|(name, size, about)| size_macro(context, name, size, about)).collect();
+    let hash = text::fingerprint(context.estimator);
+    let about = "A number that changes with the model, for logs and results to say what they belong to.";
+    format!("{sizes}{}#define {} UINT64_C(0x{hash:016x})\n", doc(0, about), context.constant("MODEL_HASH"))
 }
 
 /// One size, as a macro.
@@ -47,6 +50,9 @@ pub(super) fn write(context: &mut Context<'_>) {
     forces(context, "inverse_dynamics", &function::inverse_dynamics(estimator), true);
     if let Some(function) = function::feed_forward(estimator) {
         inputs(context, "feed_forward", &function);
+    }
+    if let Some(function) = function::feed_forward_with_regressor(estimator) {
+        both(context, &function);
     }
     if let Some([independent, dependent]) = function::feed_forward_parts(estimator) {
         inputs(context, "feed_forward_independent", &independent);
@@ -263,6 +269,36 @@ fn values(
         body.push_str(&statement(1, &format!("{result}->{field} = {};", writer.expression(value))));
     }
     context.function(&context.global(name), &context.linked(&function.about, None), "void", &parameters, &body);
+}
+
+/// Inputs and regressor.
+fn both(context: &mut Context<'_>, function: &Function) {
+    let Body::Stores(statements) = &function.body else {
+        unreachable!("invariant: matrices of the dynamics are written entry by entry")
+    };
+    let of = |name: &str| context.global(name);
+    let (rows, columns) = (context.names.rows.len(), context.names.columns.len());
+    let mut parameters = vec![
+        Parameter::read(format!("const {} *motion", of("motion")), "motion", function.reads.motion),
+        Parameter::read(format!("const {} *parameters", of("parameters")), "parameters", function.reads.parameters),
+    ];
+    push_constants(&mut parameters, context, function.reads);
+    let dims = format!("[{}][{}]", context.constant("EQUATIONS"), context.constant("PARAMETERS"));
+    parameters.push(Parameter::new(format!("{} *inputs", of("inputs"))));
+    parameters.push(Parameter::new(format!("{} matrix{dims}", context.scalar.name())));
+    let mut body = String::new();
+    if function.reads.motion {
+        body.push_str(&statement(1, &format!("const {} at = *motion;", of("motion"))));
+    }
+    let store = |place: Place| match place {
+        Place::Entry(..) => entry(place),
+        Place::Value(input) => format!("inputs->{}", context.names.inputs[input].1),
+    };
+    let writer = Writer::new(context.scalar, |node| context.leaf(node, "", &[], "at."));
+    body.push_str(&context.zeros(rows, Some(columns), &stored(statements), entry));
+    body.push_str(&context.statements(statements, &writer, store));
+    let (name, about) = (of("feed_forward_with_regressor"), context.linked(&function.about, None));
+    context.function(&name, &about, "void", &parameters, &body);
 }
 
 fn forces(context: &mut Context<'_>, name: &str, function: &Function, with_parameters: bool) {

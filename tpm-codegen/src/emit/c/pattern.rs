@@ -54,6 +54,7 @@ fn one(context: &mut Context<'_>, index: usize, pattern: &PatternPlan) {
         accumulator(context, index, table);
         transform(context, index);
         identify(context, index, table);
+        identify_direct(context, index, table);
     }
 }
 
@@ -211,7 +212,7 @@ fn known_harmonics(context: &mut Context<'_>, index: usize, table: &TablePlan) {
 
 fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let scalar = context.scalar;
-    let real = scalar.name();
+    let (real, one) = (scalar.name(), scalar.literal(1.0));
     let of = |context: &Context<'_>, name: &str| context.global(&context.of_pattern(index, name));
     let rows = context.constant(&context.of_pattern(index, "harmonics").to_uppercase());
     let fields = format!(
@@ -257,11 +258,30 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
         1,
         &format!("{at}(accumulator, {}(phase), {}(phase), sample);", scalar.function("cos"), scalar.function("sin")),
     );
-    let parameters = [Parameter::new(accumulator), Parameter::new(format!("{real} phase")), Parameter::new(sample)];
+    let accumulate = of(context, "accumulate");
+    let parameters =
+        [Parameter::new(accumulator.clone()), Parameter::new(format!("{real} phase")), Parameter::new(sample.clone())];
     let about = "Takes in one sample at a phase `w t` in radians: one sine and one cosine for all harmonics, so that no error adds up from sample to sample.";
-    context.function(&of(context, "accumulate"), about, "void", &parameters, &body);
+    context.function(&accumulate, about, "void", &parameters, &body);
 
-    let one = scalar.literal(1.0);
+    let mut body = statement(1, &format!("const {real} weight = {one} - {}(phase / periods);", scalar.function("cos")));
+    body.push_str(&statement(1, &format!("{} weighted;", context.global("forces"))));
+    body.push('\n');
+    for names in &context.names.rows {
+        let field = &names.field;
+        body.push_str(&statement(1, &format!("weighted.{field} = sample->{field} * weight;")));
+    }
+    body.push_str(&statement(1, &format!("{accumulate}(accumulator, phase, &weighted);")));
+    let parameters = [
+        Parameter::new(accumulator),
+        Parameter::new(format!("{real} phase")),
+        Parameter::new(format!("{real} periods")),
+        Parameter::new(sample),
+    ];
+    let about = "The same under a Hann window over so many whole periods, at least two: the sample counts `1 - cos(w t / periods)` times. \
+                 What is no harmonic leaks less into the harmonics, at the price of some of the data.";
+    context.function(&of(context, "accumulate_hann"), about, "void", &parameters, &body);
+
     let mut body = format!(
         "    if (accumulator->samples == 0) {{\n        return {};\n    }}\n    const {real} mean = {one} / ({real})accumulator->samples;\n",
         context.constant("TOO_FEW")
@@ -389,4 +409,27 @@ fn identify(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let about = "The parameters for which the harmonics of the pattern's own forces are `effort`, in the sense of least squares, \
                  every harmonic with its standard deviation, or all alike when `deviations` is null.";
     context.function(&identify, about, &status, &parameters, &body);
+}
+
+/// The parameters by the exact pseudo-inverse, where there is one.
+fn identify_direct(context: &mut Context<'_>, index: usize, table: &TablePlan) {
+    let Some(Function { about, reads, body: Body::Stores(statements) }) = function::direct(context.estimator, table)
+    else {
+        return;
+    };
+    let of = |name: &str| context.global(&context.of_pattern(index, name));
+    let mut parameters = vec![pattern_parameter(context, index, reads.own)];
+    push_constants(&mut parameters, context, reads);
+    parameters.push(Parameter::new(format!("const {} *effort", of("harmonics"))));
+    parameters.push(Parameter::new(format!("{} *parameters", context.global("parameters"))));
+    let paths = paths(context, table);
+    let writer = Writer::new(context.scalar, |node| match function::harmonic_leaf(node) {
+        Some(row) => format!("effort->{}", paths[row]),
+        None => context.leaf(node, "pattern->", &context.names.patterns[index].fields, ""),
+    });
+    let body = context.statements(&statements, &writer, |place| match place {
+        Place::Value(index) => format!("parameters->{}", context.names.columns[index]),
+        Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
+    });
+    context.function(&of("identify_direct"), &about, "void", &parameters, &body);
 }

@@ -5,7 +5,7 @@ use quote::quote;
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::unit::Unit;
 
-use super::super::code::Place;
+use super::super::code::{Place, Statement};
 use super::super::estimator::Estimator;
 use super::super::function::{self, Body, Function, Reads};
 use super::super::text;
@@ -22,7 +22,7 @@ pub(super) fn imports(context: &Context<'_>) -> TokenStream {
     let table_here = context.names.patterns.iter().zip(&context.estimator.plan.patterns);
     let table_here = table_here.filter(|(names, pattern)| names.module.is_none() && pattern.table.is_ok());
     let harmonics = if table_here.count() > 0 {
-        root.extend(["SolveError", "least_squares"]);
+        root.extend(["SolveError", "least_squares", "weighted_least_squares"]);
         quote!(use #runtime::harmonics::AccumulatorError;)
     } else {
         quote!()
@@ -52,6 +52,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
         input_map(context),
         inverse_dynamics(context),
         feed_forward(context),
+        feed_forward_with_regressor(context),
         feed_forward_parts(context),
         implementation(context),
     ];
@@ -108,8 +109,12 @@ fn labels(context: &Context<'_>) -> TokenStream {
         quote!(#about pub const #name: [Label<'static>; #length] = [#(#entries),*];)
     });
     let order = count(plan.evaluation.order() as usize);
+    let hash = proc_macro2::Literal::u64_unsuffixed(text::fingerprint(context.estimator));
     quote! {
         #(#lists)*
+        /// A number that changes with the model, for logs and results to say what they belong to.
+        pub const MODEL_HASH: u64 = #hash;
+
         /// The sizes of the model.
         pub const DIMS: Dims = Dims {
             coordinates: COORDINATES.len(),
@@ -358,7 +363,7 @@ fn matrix(
 /// Steps that fill `matrix`.
 pub(super) fn entries<L: Fn(&tpm_symbolic::expr::Node) -> TokenStream>(
     context: &Context<'_>,
-    statements: &[super::super::code::Statement],
+    statements: &[Statement],
     writer: &Writer<L>,
 ) -> TokenStream {
     writer.statements(context, statements, |place, value| match place {
@@ -417,6 +422,44 @@ fn inverse_dynamics(context: &Context<'_>) -> TokenStream {
 fn feed_forward(context: &Context<'_>) -> TokenStream {
     let Some(function) = function::feed_forward(context.estimator) else { return TokenStream::new() };
     structure(context, "feed_forward", &function, true, input_fields(context))
+}
+
+fn feed_forward_with_regressor(context: &Context<'_>) -> TokenStream {
+    let Some(Function { about, reads, body: Body::Stores(statements) }) =
+        function::feed_forward_with_regressor(context.estimator)
+    else {
+        return TokenStream::new();
+    };
+    let (about, arguments) = (doc(&about), arguments(context, reads, true));
+    let (rows, columns) = (count(context.names.rows.len()), count(context.names.columns.len()));
+    let (_, fields) = input_fields(context);
+    let values = locals(fields.len());
+    let owner = ident("self");
+    let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
+    let body = writer.statements(context, &statements, |place, expression| match place {
+        Place::Entry(row, column) => {
+            let (row, column) = (count(row), count(column));
+            quote!(matrix[#row][#column] = #expression;)
+        }
+        Place::Value(index) => {
+            let value = &values[index];
+            quote!(let #value = #expression;)
+        }
+    });
+    let changed = if statements.iter().any(|step| matches!(step, Statement::Store(Place::Entry(..), _))) {
+        quote!(mut)
+    } else {
+        quote!()
+    };
+    quote! {
+        #about
+        #[must_use]
+        pub fn feed_forward_with_regressor<T: Real>(#arguments) -> (Inputs<T>, [[T; #columns]; #rows]) {
+            let #changed matrix = [[T::ZERO; #columns]; #rows];
+            #body
+            (Inputs { #(#fields: #values),* }, matrix)
+        }
+    }
 }
 
 fn feed_forward_parts(context: &Context<'_>) -> TokenStream {

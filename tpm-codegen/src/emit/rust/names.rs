@@ -8,7 +8,7 @@ use super::super::name::{Language, Namer};
 use super::super::names::{self, Style, derivative_name, harmonic_name};
 
 /// Types of emitted modules and what they import: no name of a model may hide them.
-const TYPES: [&str; 27] = [
+const TYPES: [&str; 28] = [
     "Accumulator",
     "AccumulatorError",
     "Buffer",
@@ -19,6 +19,7 @@ const TYPES: [&str; 27] = [
     "Default",
     "Dims",
     "Err",
+    "Estimate",
     "EvalError",
     "Forces",
     "Harmonics",

@@ -56,7 +56,7 @@ fn imports(context: &Context<'_>, pattern: &PatternPlan) -> TokenStream {
     }
     if pattern.table.is_ok() {
         own.extend(["Forces", "PARAMETERS", "Parameters"].map(ident));
-        root.extend(["SolveError", "least_squares"]);
+        root.extend(["SolveError", "least_squares", "weighted_least_squares"]);
         harmonics = quote!(use #runtime::harmonics::AccumulatorError;);
     }
     if context.has_constants() && (pattern.reference.is_ok() || pattern.table.is_ok()) {
@@ -86,8 +86,10 @@ fn pattern_items(context: &Context<'_>, index: usize, pattern: &PatternPlan, nam
         methods.extend(estimator_matrix(context, table, names));
         methods.extend(known_harmonics(context, table, names));
         methods.extend(parameters(context, table));
+        methods.extend(direct(context, table, names));
         rest.extend(harmonics(context, table));
         rest.extend(solve(context, table));
+        rest.extend(estimate(context));
     }
     quote! {
         #structure
@@ -301,6 +303,89 @@ fn parameters(context: &Context<'_>, table: &TablePlan) -> TokenStream {
             #right
             solve(&self.estimator_matrix(#argument), effort)
         }
+
+        /// The same with every harmonic counted by its standard deviation, or all alike when there are none, and how well the
+        /// parameters are known.
+        ///
+        /// # Errors
+        /// When the pattern does not determine a parameter, or a number is not finite.
+        pub fn estimate(
+            &self,
+            #constants
+            effort: &Harmonics<T>,
+            deviations: Option<&Harmonics<T>>,
+        ) -> Result<Estimate<T>, SolveError> {
+            #right
+            let deviations = deviations.map(|deviations| deviations.into_array());
+            let found = weighted_least_squares(
+                &self.estimator_matrix(#argument),
+                &effort.into_array(),
+                deviations.as_ref(),
+                &PARAMETERS,
+            )?;
+            Ok(Estimate {
+                parameters: Parameters::from_array(found.solution),
+                covariance: found.covariance,
+                residual: found.residual,
+                condition: found.condition,
+            })
+        }
+    }
+}
+
+/// What an estimate is made of.
+fn estimate(context: &Context<'_>) -> TokenStream {
+    let columns = count(context.names.columns.len());
+    quote! {
+        /// What the harmonics say about the parameters.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct Estimate<T> {
+            /// The parameters.
+            pub parameters: Parameters<T>,
+            /// Their covariance in the order of the fields, when the harmonics' errors have the deviations that were given, or 1
+            /// where none were.
+            pub covariance: [[T; #columns]; #columns],
+            /// Euclidean length of what is left of the harmonics, in deviations.
+            pub residual: T,
+            /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
+            /// and at most the number of parameters times that.
+            pub condition: T,
+        }
+    }
+}
+
+/// The parameters by the exact pseudo-inverse, where there is one.
+fn direct(context: &Context<'_>, table: &TablePlan, names: &PatternNames) -> TokenStream {
+    let Some(Function { about, reads, body: Body::Stores(statements) }) = function::direct(context.estimator, table)
+    else {
+        return TokenStream::new();
+    };
+    let owner = ident("self");
+    let columns = &context.names.columns;
+    let values: Vec<Ident> = locals(columns.len());
+    let writer = Writer::new(|node| match function::harmonic_leaf(node) {
+        Some(row) => {
+            let (equation, harmonic, function) = table.rows[row];
+            let (field, harmonic) = (&context.names.rows[equation].field, harmonic_field(harmonic, function));
+            quote!(effort.#field.#harmonic)
+        }
+        None => context.leaf(node, &owner, &names.fields),
+    });
+    let body = writer.statements(context, &statements, |place, expression| match place {
+        Place::Value(index) => {
+            let value = &values[index];
+            quote!(let #value = #expression;)
+        }
+        Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
+    });
+    let (about, constants) = (doc(&about), context.constants_parameter(reads));
+    quote! {
+        #about
+        #[must_use]
+        pub fn parameters_direct(&self, #constants effort: &Harmonics<T>) -> Parameters<T> {
+            #body
+            Parameters { #(#columns: #values),* }
+        }
     }
 }
 
@@ -413,8 +498,9 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     });
     let only_mean = table.rows.iter().all(|(_, harmonic, _)| *harmonic == 0);
     let twice = if only_mean { quote!() } else { quote!(let twice = mean + mean;) };
-    let comment = "The phasor turns with every sample and is set anew now and then, before its rounding errors add up.";
+    let comment = "Measured from the nearer end of the period, so that the phase keeps its digits.";
     let comment = context.comment(comment.to_owned());
+    let fields: Vec<&Ident> = context.names.rows.iter().map(|names| &names.field).collect();
     quote! {
         /// Fourier sums of one signal per equation, sample by sample, over whole periods.
         ///
@@ -438,10 +524,18 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
                 Self { sums: [T::ZERO; HARMONICS], samples: 0 }
             }
 
-            /// Takes in one sample at a phase `w t` in radians.
+            /// Takes in one sample at a phase `w t` in radians: one sine and one cosine for all harmonics, so that no error adds
+            /// up from sample to sample.
             pub fn push(&mut self, phase: T, sample: &Forces<T>) {
                 let (sin, cos) = phase.sin_cos();
                 self.push_at(cos, sin, sample);
+            }
+
+            /// The same under a Hann window over so many whole periods, at least two: the sample counts `1 - cos(w t / periods)`
+            /// times. What is no harmonic leaks less into the harmonics, at the price of some of the data.
+            pub fn push_hann(&mut self, phase: T, periods: T, sample: &Forces<T>) {
+                let weight = T::ONE - (phase / periods).cos();
+                self.push(phase, &Forces { #(#fields: sample.#fields * weight),* });
             }
 
             /// Takes in one sample where cosine and sine of the phase are known.
@@ -481,19 +575,13 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
             if samples.len() <= 2 * HIGHEST_HARMONIC {
                 return Err(too_few);
             }
-            let angle = |index: usize| {
-                T::from_f64(2.0 * ::core::f64::consts::PI * (index as f64 / samples.len() as f64)).sin_cos()
-            };
-            let (step_sin, step_cos) = angle(1);
-            let (mut sin, mut cos) = (T::ZERO, T::ONE);
             let mut accumulator = Accumulator::new();
             for (index, sample) in samples.iter().enumerate() {
                 #comment
-                if index % 64 == 0 {
-                    (sin, cos) = angle(index);
-                }
-                accumulator.push_at(cos, sin, sample);
-                (sin, cos) = (sin * step_cos + cos * step_sin, cos * step_cos - sin * step_sin);
+                let left = samples.len() - index;
+                let place = if index <= left { index as f64 } else { -(left as f64) };
+                let turns = place / samples.len() as f64;
+                accumulator.push(T::from_f64(2.0 * ::core::f64::consts::PI * turns), sample);
             }
             accumulator.harmonics().ok_or(too_few)
         }
