@@ -37,7 +37,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             go_on()
         };
         let identify = |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| machine.identify(own, go_on);
-        (study_campaigns(machine.plant(), &experiment, seeds, &identify, &step), !go_on())
+        (study_campaigns(machine.plant(), machine.pattern(), &experiment, seeds, &identify, &step), !go_on())
     });
     drop(bar);
     let result = result.map_err(|error| Failure::Input(error.to_string()))?;
@@ -70,6 +70,7 @@ fn describe(study: &Study) -> String {
         ("+-", Align::Right),
         ("spread", Align::Right),
         ("stated", Align::Right),
+        ("bound", Align::Right),
         ("95 % interval", Align::Right),
         ("of", Align::Right),
     ]);
@@ -84,12 +85,13 @@ fn describe(study: &Study) -> String {
             optional(parameter.bias_std),
             optional(parameter.spread),
             optional(parameter.stated),
+            optional(parameter.bound),
             parameter.coverage.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)),
             parameter.values.to_string(),
         ]);
     }
     text.push_str(&table.finish());
-    text.push_str("\nspread: standard deviation of the results; stated: what the campaigns said it is;\n95 % interval: share of those stated that hold the true value\n");
+    text.push_str("\nspread: standard deviation of the results; stated: what the campaigns said it is;\nbound: Cramer-Rao bound after the runs of the first campaign; 95 % interval: share of those stated that hold the true value\n");
     for warning in &study.warnings {
         text.push_str(&format!("warning: {warning}\n"));
     }

@@ -9,11 +9,12 @@ use super::{Experiment, ExperimentError};
 use crate::estimate::Along;
 use crate::harmonics::Hold;
 use crate::model::Model;
-use crate::procedure::{LEAST_PERIODS, Stage, Trial, TrialSettings};
+use crate::procedure::{LEAST_PERIODS, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
 use crate::simulate::Bench;
 use crate::trajectory::{Pattern, Trajectory};
 use nalgebra::DMatrix;
 use serde::{Serialize, Serializer};
+use std::f64::consts::PI;
 use std::format;
 use std::string::{String, ToString};
 use std::vec;
@@ -133,24 +134,10 @@ pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment
                 // The fastest coordinate keeps to the frequency that the schedule allows it.
                 let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
                 let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
-                let stage = Stage { amplitudes: amplitudes.clone(), frequency, multiples: list.clone() };
-                let period = 2.0 * std::f64::consts::PI / frequency;
+                let stage = Stage { amplitudes, frequency, multiples: list.clone() };
+                let period = 2.0 * PI / frequency;
                 let periods = ((setup.procedure.measure_time / period).ceil() as usize).max(LEAST_PERIODS);
-                let trial = Trial::new(
-                    model,
-                    TrialSettings {
-                        run: 0,
-                        trajectory: stage.trajectory(pattern, 1.0),
-                        open: &pattern.open(),
-                        amplitudes,
-                        periods,
-                        control: &setup.control,
-                        parameters: &theta,
-                        constants: &setup.constants,
-                        tracking_bounds: &setup.procedure.tracking_bounds,
-                        input_limits: &setup.procedure.input_limits,
-                    },
-                );
+                let trial = trial(model, pattern, &setup, &stage, periods, &theta);
                 // A candidate that cannot be played is none.
                 let Ok(trial) = trial else { continue };
                 let noise = deviations(&bench, &trial.trajectory);
@@ -191,16 +178,21 @@ fn gcd(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-fn judge(
-    model: &dyn Model<f64>,
-    pattern: &Pattern,
-    stage: &Stage,
-    trial: &Trial,
-    theta: &[f64],
-    root: &DMatrix<f64>,
-    share: f64,
-) -> Candidate {
-    let p = theta.len();
+/// What rows of unit variance show of the parameters.
+struct Shown {
+    /// Norm of every column.
+    scale: Vec<f64>,
+    rank: usize,
+    /// Of the scaled columns over what is shown.
+    condition: f64,
+    /// Natural logarithm of the determinant of the scaled information over what is shown.
+    determinant: f64,
+    /// Standard deviation of every parameter; nothing when it stands in a direction that is not shown.
+    deviations: Vec<Option<f64>>,
+}
+
+fn shown(root: &DMatrix<f64>) -> Shown {
+    let p = root.ncols();
     let scale: Vec<f64> =
         root.column_iter().map(|column| column.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
     let scaled =
@@ -227,6 +219,87 @@ fn judge(
             }
         }
     }
+    Shown {
+        rank,
+        condition: if rank > 0 { largest / smallest } else { f64::INFINITY },
+        determinant,
+        deviations: (0..p).map(|j| (!hidden[j]).then(|| variance[j].sqrt())).collect(),
+        scale,
+    }
+}
+
+/// The Cramer-Rao bounds of the standard deviations after these runs of the simulated machine, near their references: every
+/// complete run with all its measured periods. `None` where a run cannot be predicted, or nothing ran.
+pub(super) fn bounds(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    experiment: &Experiment,
+    runs: &[RunReport],
+) -> Result<Option<Vec<Option<f64>>>, ExperimentError> {
+    let setup = experiment.setup(model, pattern, Hold::Zoh)?;
+    let bench = experiment.bench(model)?;
+    let mut rows: Vec<DMatrix<f64>> = Vec::new();
+    for run in runs.iter().filter(|run| run.ending == "complete" && run.periods > 0) {
+        let Some(asked) = setup.procedure.stages.get(run.stage.wrapping_sub(1)) else { return Ok(None) };
+        let stage = Stage {
+            amplitudes: run.amplitudes.iter().map(|(_, value)| *value).collect(),
+            frequency: run.frequency,
+            multiples: asked.multiples.clone(),
+        };
+        let Ok(trial) = trial(model, pattern, &setup, &stage, run.periods, &bench.parameters) else { return Ok(None) };
+        let noise = deviations(&bench, &trial.trajectory);
+        let samples = run.periods * trial.samples_per_period;
+        let reach = 4 * trial.trajectory.highest_harmonic() as usize;
+        let along = Along::new(model, &setup.constants, &trial.trajectory, reach)?;
+        let Some(root) = along.predicted(&bench.parameters, &noise, samples) else { return Ok(None) };
+        rows.push(root);
+    }
+    let Some(first) = rows.first() else { return Ok(None) };
+    let mut whole = DMatrix::zeros(rows.iter().map(DMatrix::nrows).sum(), first.ncols());
+    let mut at = 0;
+    for root in &rows {
+        whole.rows_mut(at, root.nrows()).copy_from(root);
+        at += root.nrows();
+    }
+    Ok(Some(shown(&whole).deviations))
+}
+
+/// One run of a stage, worked out.
+fn trial(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    setup: &Setup,
+    stage: &Stage,
+    periods: usize,
+    parameters: &[f64],
+) -> Result<Trial, TrialError> {
+    Trial::new(
+        model,
+        TrialSettings {
+            run: 0,
+            trajectory: stage.trajectory(pattern, 1.0),
+            open: &pattern.open(),
+            amplitudes: stage.amplitudes.clone(),
+            periods,
+            control: &setup.control,
+            parameters,
+            constants: &setup.constants,
+            tracking_bounds: &setup.procedure.tracking_bounds,
+            input_limits: &setup.procedure.input_limits,
+        },
+    )
+}
+
+fn judge(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    stage: &Stage,
+    trial: &Trial,
+    theta: &[f64],
+    root: &DMatrix<f64>,
+    share: f64,
+) -> Candidate {
+    let Shown { scale, rank, condition, mut determinant, deviations } = shown(root);
     for (s, value) in scale.iter().zip(theta) {
         determinant += 2.0 * (s * if *value == 0.0 { 1.0 } else { value.abs() }).ln();
     }
@@ -240,13 +313,12 @@ fn judge(
             .map(|c| (model.coordinate(c).name.to_string(), stage.multiples[c]))
             .collect(),
         rank,
-        condition: if rank > 0 { largest / smallest } else { f64::INFINITY },
+        condition,
         determinant,
-        parameters: (0..p)
-            .map(|j| Predicted {
-                name: model.parameter(j).name.to_string(),
-                std: (!hidden[j]).then(|| variance[j].sqrt()),
-            })
+        parameters: deviations
+            .into_iter()
+            .enumerate()
+            .map(|(j, std)| Predicted { name: model.parameter(j).name.to_string(), std })
             .collect(),
         effort_share: limited.then_some(most),
         input_harmonics: input_harmonics(trial, model.dims().inputs),
@@ -260,8 +332,7 @@ fn input_harmonics(trial: &Trial, inputs: usize) -> usize {
     let size = |input: usize, k: usize| {
         let (mut re, mut im) = (0.0, 0.0);
         for (n, sample) in trial.feed_forward.iter().skip(input).step_by(inputs.max(1)).enumerate() {
-            let phase = 2.0 * std::f64::consts::PI * ((k * n) % trial.samples_per_period) as f64
-                / trial.samples_per_period as f64;
+            let phase = 2.0 * PI * ((k * n) % trial.samples_per_period) as f64 / trial.samples_per_period as f64;
             re += sample * phase.cos();
             im += sample * phase.sin();
         }

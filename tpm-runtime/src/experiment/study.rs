@@ -3,6 +3,7 @@
 //! Invariant: the result depends on the experiment and the seeds alone, not on the number of threads or on which campaign
 //! ends first. Campaigns that did not identify a parameter are counted, never replaced.
 
+use super::design::bounds;
 use super::{CampaignIdentification, Experiment, ExperimentError, identify_simulated};
 use crate::estimate::Status;
 use crate::model::Model;
@@ -41,6 +42,9 @@ pub struct ParameterStudy {
     pub spread: Option<f64>,
     /// Root mean square of the stated standard deviations.
     pub stated: Option<f64>,
+    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, near their references; nothing when
+    /// it cannot be predicted.
+    pub bound: Option<f64>,
     /// Share of the 95 % intervals that hold the truth.
     pub coverage: Option<f64>,
 }
@@ -85,7 +89,7 @@ pub fn study(
 ) -> Result<Study, ExperimentError> {
     let identify =
         |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| identify_simulated(model, pattern, own, go_on);
-    study_campaigns(model, experiment, campaigns, &identify, progress)
+    study_campaigns(model, pattern, experiment, campaigns, &identify, progress)
 }
 
 /// The same with a campaign of the caller: it is handed the experiment with its seed, and what to ask after every run.
@@ -94,6 +98,7 @@ pub fn study(
 /// As [`study`].
 pub fn study_campaigns(
     model: &dyn Model<f64>,
+    pattern: &Pattern,
     experiment: &Experiment,
     campaigns: usize,
     identify: &Identify<'_>,
@@ -118,7 +123,11 @@ pub fn study_campaigns(
         (0..campaigns).into_par_iter().map(one).collect();
     let results: Vec<CampaignIdentification> =
         results.into_iter().map_while(|result| result).collect::<Result<_, _>>()?;
-    Ok(summarise(model, experiment, campaigns, &results))
+    let bounds = match results.first() {
+        Some(first) => bounds(model, pattern, experiment, &first.runs)?.unwrap_or_default(),
+        None => Vec::new(),
+    };
+    Ok(summarise(model, experiment, campaigns, &results, &bounds))
 }
 
 fn summarise(
@@ -126,6 +135,7 @@ fn summarise(
     experiment: &Experiment,
     asked: usize,
     results: &[CampaignIdentification],
+    bounds: &[Option<f64>],
 ) -> Study {
     let incomplete = results.iter().filter(|result| !result.is_complete());
     let incomplete_seeds: Vec<u64> = incomplete.map(|result| result.seed).collect();
@@ -142,7 +152,8 @@ fn summarise(
                 .filter(|parameter| parameter.status == Status::Identified.name())
                 .filter_map(|parameter| Some((parameter.value?, parameter.std?)))
                 .collect();
-            Some(one_parameter(label.name, label.unit, truth, &pairs))
+            let bound = bounds.get(j).copied().flatten();
+            Some(ParameterStudy { bound, ..one_parameter(label.name, label.unit, truth, &pairs) })
         })
         .collect();
     let mut warnings = Vec::new();
@@ -203,6 +214,7 @@ fn one_parameter(name: &str, unit: Option<&str>, truth: f64, pairs: &[(f64, f64)
         bias_std: spread.map(|spread| spread / count.sqrt()),
         spread,
         stated: mean_of(&|_, std| std * std).map(f64::sqrt),
+        bound: None,
         coverage: mean_of(&|value, std| f64::from(u8::from((value - truth).abs() <= NORMAL_95 * std))),
     }
 }
@@ -247,6 +259,22 @@ mod tests {
             one.parameters.iter().all(|p| p.values == 6 && (p.bias.expect("six") / p.truth).abs() < 1e-2),
             "{one:?}"
         );
+    }
+
+    #[test]
+    fn the_spread_is_near_the_bound() {
+        let mut experiment = short();
+        // White noise alone, and motions near their references: what the bound is of.
+        experiment.plant.sensors.entry("x".into()).or_default().counts = 0.0;
+        for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
+            experiment.prior.insert(name.into(), value);
+        }
+        let found = study(&MassSpringDrag, &rest_to_rest_3(), &experiment, 60, &|_| true).expect("runs");
+        for parameter in &found.parameters {
+            let ratio = parameter.spread.expect("sixty") / parameter.bound.expect("predicted");
+            // A spread of sixty is known to 9 %.
+            assert!((0.75..1.6).contains(&ratio), "{}: {ratio}", parameter.name);
+        }
     }
 
     #[test]
