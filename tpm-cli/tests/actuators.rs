@@ -143,3 +143,110 @@ fn with_motors_the_common_feed_forward_meets_the_current_limit() {
     assert!((current("common") - 0.06).abs() < 0.01, "{}", current("common"));
     assert!(current("split") < 0.005, "{}", current("split"));
 }
+
+const SLIDER: &str = "models/mass_spring_drag.tpm";
+const AMPLIFIER: &str = "{ delay = 0.0035, natural_frequency = 250.0, quality = 0.8 }";
+const QUIET: [&str; 4] = ["--set", "plant.sensors.x.noise=0", "--set", "counts=0"];
+
+#[test]
+fn experiments_take_motors_and_say_which_limit_ended_them() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let shipped = std::fs::read_to_string(support::root().join("models/mass_spring_drag.toml")).expect("shipped");
+    std::fs::write(path("experiment.toml"), format!("motors = \"motor.toml\"\n{shipped}")).expect("writable");
+    let motor = "[motors.u]\ntorque_constant = 0.115\nresistance = 4\ninductance = 7.7e-3\npinion_radius = 0.02\n\
+                 [motors.u.limits]\nvoltage = 40\n";
+    std::fs::write(path("motor.toml"), motor).expect("writable");
+    let experiment = path("experiment.toml");
+    let run = |more: &[&str]| tpm(&[&["identify", SLIDER, "--experiment", &experiment], &QUIET[..], more].concat());
+    let output = run(&[]);
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{text}{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        text.contains("stated share of its limit: the voltage of u takes") && text.contains("by harmonic"),
+        "{text}"
+    );
+    let found: Value = serde_json::from_slice(&run(&["--json"]).stdout).expect("JSON");
+    assert_eq!((&found["stop"]["limit"], &found["stop"]["unit"]), (&Value::from("voltage"), &Value::from("V")));
+    assert!(found["runs"][0]["limit"]["sample"].as_u64().is_some());
+    // A campaign's folder holds the motor itself, so that it stands alone.
+    let campaign = path("campaign");
+    let started = tpm(&["campaign", "start", SLIDER, &campaign, "--experiment", &experiment]);
+    assert_eq!(started.status.code(), Some(0), "{}", String::from_utf8_lossy(&started.stderr));
+    let kept = std::fs::read_to_string(folder.path().join("campaign/experiment.toml")).expect("kept");
+    assert!(kept.contains("[motors.u.limits]") && kept.contains("voltage = 40"), "{kept}");
+    std::fs::remove_file(path("motor.toml")).expect("there");
+    let next = tpm(&["campaign", "next", &campaign, "-o", &path("run.csv")]);
+    assert_eq!(next.status.code(), Some(0), "{}", String::from_utf8_lossy(&next.stderr));
+    // Faults have their place in the motor file, or in the experiment.
+    let identify = ["identify", SLIDER, "--experiment", &experiment];
+    fails(&identify, 2, &["motor.toml"]);
+    std::fs::write(path("motor.toml"), motor.replace("resistance = 4", "resistance = -4")).expect("writable");
+    fails(&identify, 2, &["motor.toml: line 3, column 14", "must be positive"]);
+    std::fs::write(path("motor.toml"), motor.replace("pinion_radius = 0.02", "gear = 20")).expect("writable");
+    fails(&identify, 2, &["motor.toml: line 5, column 8", "pinion_radius"]);
+    std::fs::write(path("motor.toml"), motor.replace("motors.u", "motors.v")).expect("writable");
+    fails(&identify, 2, &["motor.toml: line 1, column 9", "on no input"]);
+    std::fs::write(path("experiment.toml"), format!("{shipped}\n{}", motor.replace("inductance = 7.7e-3\n", "")))
+        .expect("writable");
+    fails(&identify, 2, &["experiment.toml: line", "[motors.u] lacks `inductance` (H): add"]);
+    std::fs::write(path("experiment.toml"), shipped.replace("sample_time = 1e-3", "")).expect("writable");
+    fails(&identify, 2, &["missing field `sample_time`", "add `sample_time = ...`"]);
+}
+
+#[test]
+fn known_dynamics_are_corrected_in_logs_too() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let log = folder.path().join("log.csv").display().to_string();
+    let plant = format!("plant.actuators.u={AMPLIFIER}");
+    let simulated = tpm(&[&["simulate", SLIDER, "-o", &log, "--set", &plant], &QUIET[..]].concat());
+    assert_eq!(simulated.status.code(), Some(0), "{}", String::from_utf8_lossy(&simulated.stderr));
+    let identified = |more: &[&str]| {
+        let found = json(&[&["identify", SLIDER, "--log", &log, "--hold", "zoh", "--json"], more].concat(), 0);
+        let worst = [2.0, 40.0, 1.5]
+            .iter()
+            .enumerate()
+            .map(|(i, truth)| (found["parameters"][i]["value"].as_f64().expect("identified") / truth - 1.0).abs());
+        (worst.fold(0.0, f64::max), found["residual"].as_f64().expect("a number"), found["log"]["actuators"].clone())
+    };
+    let (error, residual, known) = identified(&["--delay", "u=0.0035", "--low-pass", "u=250:0.8"]);
+    assert!(error < 1e-6 && residual < 1e-6, "{error:e} {residual:e}");
+    assert_eq!((known["u"]["delay"].as_f64(), known["u"]["low_pass"][1].as_f64()), (Some(0.0035), Some(0.8)));
+    let (error, residual, _) = identified(&[]);
+    assert!(error > 1e-4 && residual > 1e-2, "{error:e} {residual:e}");
+    let motor = folder.path().join("motor.toml").display().to_string();
+    let text = "[motors.u]\ntorque_constant = 0.1\nresistance = 1\ninductance = 1e-3\n[motors.u.amplifier]\n\
+                natural_frequency = 250\nquality = 0.8\n";
+    std::fs::write(&motor, text).expect("writable");
+    let (error, ..) = identified(&["--delay", "u=0.0035", "--motor", &motor]);
+    assert!(error < 1e-6, "{error:e}");
+    let text = tpm(&["identify", SLIDER, "--log", &log, "--hold", "zoh", "--delay", "u=0.0035", "--motor", &motor]);
+    let text = String::from_utf8_lossy(&text.stdout).into_owned();
+    assert!(text.contains("corrected behind u: a delay of 0.0035 s, a low pass of 250 rad/s"), "{text}");
+    let refused =
+        |more: &[&str], parts: &[&str]| fails(&[&["identify", SLIDER, "--log", &log], more].concat(), 2, parts);
+    refused(&["--delay", "v=1"], &["--delay v", "there are u"]);
+    refused(&["--delay", "u=-1"], &["must not be negative"]);
+    refused(&["--low-pass", "u=fast"], &["`fast` is not a positive number"]);
+}
+
+#[test]
+fn filters_are_generated_or_refused_with_a_reason() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().display().to_string();
+    fn generate<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+        [&["generate", MODEL, "--lang", "c", "-o", out], more].concat()
+    }
+    let output = tpm(&generate(&out, &["--low-pass", "100:1", "--sample-time", "1e-3"]));
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    let header = std::fs::read_to_string(folder.path().join("cart_pendulum.h")).expect("written");
+    assert!(
+        header.contains("--low-pass 100:1 --sample-time 1e-3") && header.contains("cart_pendulum_split_feed_forward(")
+    );
+    let check = tpm(&generate(&out, &["--low-pass", "100:1", "--sample-time", "1e-3", "--check"]));
+    assert_eq!(check.status.code(), Some(0));
+    fails(&generate(&out, &["--low-pass", "100"]), 2, &["--sample-time"]);
+    fails(&generate(&out, &["--low-pass", "4000", "--sample-time", "1e-3"]), 2, &["4000 rad/s", "two samples"]);
+    fails(&generate(&out, &["--low-pass=-100", "--sample-time", "1e-3"]), 2, &["natural frequency", "positive"]);
+    fails(&generate(&out, &["--low-pass", "100:fast", "--sample-time", "1e-3"]), 2, &["`fast` is not a number"]);
+}

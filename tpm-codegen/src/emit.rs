@@ -9,6 +9,7 @@
 pub mod c;
 mod code;
 pub mod estimator;
+pub mod filter;
 mod function;
 pub mod name;
 mod names;

@@ -4,6 +4,8 @@
 
 pub use crate::emit::c::Scalar;
 use crate::emit::estimator::{EmitError, Estimator, Identified};
+use crate::emit::filter::FilterError;
+pub use crate::emit::filter::{Filters, LowPass};
 use crate::emit::{c, rust};
 
 /// A target language.
@@ -36,6 +38,8 @@ pub struct Options<'a> {
     pub command: &'a str,
     /// Identified values to be baked in.
     pub identified: Option<&'a Identified>,
+    /// Low passes of the feed-forward, common and split; none when not given.
+    pub filters: Option<&'a Filters>,
     /// What names and files begin with, in C; the model's name when not given.
     pub prefix: Option<&'a str>,
     /// The scalar, in C. Rust is generic over both.
@@ -46,7 +50,7 @@ impl<'a> Options<'a> {
     /// What every generation needs: no identified values, the model's own prefix, double precision.
     #[must_use]
     pub fn new(language: Language, command: &'a str) -> Self {
-        Self { language, command, identified: None, prefix: None, scalar: Scalar::default() }
+        Self { language, command, identified: None, filters: None, prefix: None, scalar: Scalar::default() }
     }
 }
 
@@ -67,16 +71,26 @@ pub fn generate(estimator: &Estimator, options: &Options<'_>) -> Result<Vec<File
     if let Some(identified) = options.identified {
         identified.in_order(estimator)?;
     }
+    if let Some(filters) = options.filters {
+        filters.check()?;
+        if estimator.plan.feed_forward_parts.is_none() {
+            return Err(FilterError::NoParts.into());
+        }
+    }
     match options.language {
         Language::Rust => {
-            let rust_options =
-                rust::Options { command: options.command, identified: options.identified, ..rust::Options::default() };
+            let rust_options = rust::Options {
+                command: options.command,
+                identified: options.identified,
+                filters: options.filters,
+                ..rust::Options::default()
+            };
             let text = rust::file(estimator, &rust_options).map_err(|error| EmitError::Layout(error.to_string()))?;
             Ok(vec![File { name: format!("{}.rs", rust::module_name(estimator).trim_start_matches("r#")), text }])
         }
         Language::C => {
-            let Options { command, identified, prefix, scalar, .. } = *options;
-            let files = c::files(estimator, &c::Options { command, prefix, scalar, identified })?;
+            let Options { command, identified, filters, prefix, scalar, .. } = *options;
+            let files = c::files(estimator, &c::Options { command, prefix, scalar, identified, filters })?;
             Ok(vec![
                 File { name: format!("{}.h", files.name), text: files.header },
                 File { name: format!("{}.c", files.name), text: files.source },

@@ -42,7 +42,12 @@ pub fn model(input: TokenStream) -> TokenStream {
     };
     match Estimator::of(&parsed) {
         Ok(estimator) => {
-            let options = rust::Options { command: "tpm_runtime::model!", runtime: &runtime, identified: None };
+            let options = rust::Options {
+                command: "tpm_runtime::model!",
+                runtime: &runtime,
+                identified: None,
+                ..rust::Options::default()
+            };
             rust::items(&estimator, &options, &TokenStream::new())
         }
         Err(diagnostic) => tokens.compile_errors(&Diagnostics::from_iter([diagnostic])),
@@ -79,7 +84,12 @@ pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
     };
     match Estimator::of(&parsed) {
         Ok(estimator) => {
-            let options = rust::Options { command: "tpm_runtime::model_file!", runtime: &runtime, identified: None };
+            let options = rust::Options {
+                command: "tpm_runtime::model_file!",
+                runtime: &runtime,
+                identified: None,
+                ..rust::Options::default()
+            };
             // The compiler watches what is included, so that a change of the file rebuilds the crate.
             let watch = quote! {
                 const _: &[u8] = ::core::include_bytes!(::core::concat!(::core::env!("CARGO_MANIFEST_DIR"), "/", #path));

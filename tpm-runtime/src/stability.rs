@@ -2,7 +2,8 @@
 //!
 //! The rows are linearised at rest at given positions, `x' = A x + B u`, and closed by `u = -Kp e - Kd e'`. Invariant: a loop is
 //! called stable only where the poles of the continuous loop lie in the open left half plane and those of the sampled one
-//! (zero-order hold, measured or filtered rates) inside the unit circle. Over a box of parameters this is a sample:
+//! (zero-order hold, measured or filtered rates) inside the unit circle. Known lags of the actuators are states in both, their
+//! delays are there in the sampled one. Over a box of parameters this is a sample:
 //! vertices, edges and random points inside, and is reported as one.
 
 use crate::control::Differentiator;
@@ -196,7 +197,7 @@ fn at(
         values.collect::<Vec<_>>().join(", ")
     };
     let undetermined = |source| StabilityError::Undetermined { parameters: named(), source };
-    let plant = Linear::new(model, parameters, &wanted.constants, position).map_err(undetermined)?;
+    let plant = Linear::new(model, parameters, &wanted.constants, position).map_err(undetermined)?.behind(control);
     let closed = plant.close(control, (1.0, 1.0)).ok_or_else(|| undetermined(EvalError::Singular { coordinate: 0 }))?;
     let poles = eigenvalues(&closed);
     let largest = poles.iter().map(|pole| pole.norm()).fold(0.0, f64::max);
@@ -326,6 +327,23 @@ impl Linear {
         Ok(Linear { a, b, first, orders })
     }
 
+    /// The machine behind the lags of its actuators, whose states follow those of the machine.
+    fn behind(self, control: &Loop) -> Self {
+        let Linear { mut a, mut b, first, orders } = self;
+        for input in 0..b.ncols() {
+            let Some(lags) = control.actuator(input).lags() else { continue };
+            let (states, more, inputs) = (a.nrows(), lags.a.nrows(), b.ncols());
+            let force = b.column(input).into_owned();
+            a = a.resize(states + more, states + more, 0.0);
+            b = b.resize(states + more, inputs, 0.0);
+            a.view_mut((states, states), (more, more)).copy_from(&lags.a);
+            a.view_mut((0, states + lags.output), (states, 1)).copy_from(&force);
+            b.column_mut(input).fill(0.0);
+            b.view_mut((states, input), (more, 1)).copy_from(&lags.b);
+        }
+        Linear { a, b, first, orders }
+    }
+
     /// The loop with ideal rates and all gains times the given factors; nothing when it has no solution.
     fn close(&self, control: &Loop, gains: (f64, f64)) -> Option<DMatrix<f64>> {
         let states = self.a.nrows();
@@ -355,8 +373,12 @@ impl Linear {
         let (states, inputs) = (self.a.nrows(), self.b.ncols());
         let (ad, bd) = held(&self.a, &self.b, control.sample_time).ok()?;
         let coordinates = self.first.len();
-        // Behind the states stand, per coordinate, the last error and the filtered rate.
-        let size = states + 2 * coordinates;
+        // Behind the states stand, per coordinate, the last error and the filtered rate, then per input the commands that its
+        // delay holds back, the newest first.
+        let delays: Vec<(usize, f64)> =
+            (0..inputs).map(|input| control.actuator(input).samples(control.sample_time)).collect();
+        let kept = |&(whole, rest): &(usize, f64)| whole + usize::from(rest > 0.0);
+        let size = states + 2 * coordinates + delays.iter().map(kept).sum::<usize>();
         let mut rate = DMatrix::zeros(coordinates, size);
         for c in (0..coordinates).filter(|&c| self.orders[c] > 0) {
             match control.velocity {
@@ -379,11 +401,28 @@ impl Linear {
         }
         let mut next = DMatrix::zeros(size, size);
         next.view_mut((0, 0), (states, states)).copy_from(&ad);
-        let acted = bd * feedback;
-        for row in 0..states {
-            for column in 0..size {
-                next[(row, column)] += acted[(row, column)];
+        let mut place = states + 2 * coordinates;
+        for (input, delay) in delays.iter().enumerate() {
+            let &(whole, rest) = delay;
+            // The command that is n samples old, as a function of the state: the feedback itself, or one that was kept.
+            let command = |age: usize| match age.checked_sub(1) {
+                None => feedback.row(input).into_owned(),
+                Some(back) => nalgebra::RowDVector::from_fn(size, |_, c| if c == place + back { 1.0 } else { 0.0 }),
+            };
+            // A delay that is not whole samples leaves the older command at work for the rest of it.
+            let newer =
+                if rest > 0.0 { held(&self.a, &self.b, control.sample_time - rest).ok()?.1 } else { bd.clone() };
+            let acted = newer.column(input) * command(whole);
+            let mut rows = next.rows_mut(0, states);
+            rows += acted;
+            if rest > 0.0 {
+                let acted = (bd.column(input) - newer.column(input)) * command(whole + 1);
+                rows += acted;
             }
+            for age in 0..kept(delay) {
+                next.row_mut(place + age).copy_from(&command(age));
+            }
+            place += kept(delay);
         }
         for c in (0..coordinates).filter(|&c| self.orders[c] > 0) {
             if matches!(control.velocity, Velocity::Filtered(_)) {
@@ -411,11 +450,53 @@ mod tests {
 
     fn control(gains: &[(usize, f64, f64)], velocity: Velocity, sample_time: f64) -> Loop {
         let gain = |&(coordinate, proportional, derivative)| Gain { input: 0, coordinate, proportional, derivative };
-        Loop { sample_time, gains: gains.iter().map(gain).collect(), velocity, compensation: HoldCompensation::Exact }
+        Loop {
+            sample_time,
+            gains: gains.iter().map(gain).collect(),
+            velocity,
+            compensation: HoldCompensation::Exact,
+            actuators: vec![],
+        }
     }
 
     fn demand() -> Demand {
         Demand { nominal: CHAIN.to_vec(), positions: vec![vec![0.0; 2]], interior: 1000, seed: 1, ..Demand::default() }
+    }
+
+    #[test]
+    fn delays_and_lags_count_where_the_phase_says() {
+        use crate::actuator::{Dynamics, LowPass};
+        use crate::test_models::MassSpringDrag;
+        // A mass with PD: |L| = 1 where m w^2 = |kp + j kd w|, and the phase left there is atan(kd w / kp).
+        let (mass, kp, kd, sample_time) = (2.0_f64, 2000.0_f64, 120.0_f64, 1e-4);
+        let crossing = |w: f64| mass * w * w - kp.hypot(kd * w);
+        let (mut low, mut high) = (1.0, 1e3);
+        for _ in 0..100 {
+            let middle = 0.5 * (low + high);
+            if crossing(middle) < 0.0 { low = middle } else { high = middle }
+        }
+        let phase = (kd * low / kp).atan();
+        let demand = Demand { nominal: vec![mass, 0.0, 0.0], positions: vec![vec![0.0]], ..Demand::default() };
+        let stable = |dynamics: Dynamics| {
+            let control =
+                Loop { actuators: vec![dynamics], ..control(&[(0, kp, kd)], Velocity::Measured, sample_time) };
+            check(&MassSpringDrag, &control, &demand).map(|_| ())
+        };
+        // The hold is half a sample of delay.
+        let most = phase / low - 0.5 * sample_time;
+        for share in [0.0, 0.5, 0.99] {
+            assert_eq!(stable(Dynamics { delay: share * most, ..Dynamics::default() }), Ok(()), "{share}");
+        }
+        let late = stable(Dynamics { delay: 1.01 * most, ..Dynamics::default() });
+        assert!(matches!(late, Err(StabilityError::Sampled { .. })), "{late:?}");
+        // A lag alone is judged in continuous time too: of a slow filter the loop is not stable.
+        let filter = |natural_frequency| Dynamics {
+            filter: Some(LowPass { natural_frequency, quality: 1.0 }),
+            bandwidth: Some(500.0),
+            ..Dynamics::default()
+        };
+        assert_eq!(stable(filter(400.0)), Ok(()));
+        assert!(matches!(stable(filter(40.0)), Err(StabilityError::Unstable { .. })));
     }
 
     #[test]

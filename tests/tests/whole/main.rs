@@ -4,6 +4,7 @@ mod arm;
 mod campaign;
 mod chain;
 mod emitted;
+mod filtered;
 mod foundation;
 mod frequency;
 // As `tpm generate models/mass_spring_drag.tpm --lang rust -o tests/generated` wrote it; the command line's tests compare.

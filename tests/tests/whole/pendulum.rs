@@ -178,7 +178,7 @@ fn the_identified_machine_is_balanced_from_15_degrees() {
         parameters: plant.clone(),
         constants: (0..machine.dims().constants).map(|i| truth[machine.constant(i).name]).collect(),
         sensors: vec![Sensor { step: TAU / 2000.0, ..Sensor::default() }; 2],
-        actuators: vec![Actuator { limit: 2.4, step: 0.0 }],
+        actuators: vec![Actuator { limit: 2.4, ..Actuator::default() }],
         sub_steps: 1,
         seed,
     };

@@ -6,7 +6,11 @@ use crate::{Outcome, output};
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::{EmitError, Identified};
-use tpm_codegen::generate::{self, File, Options, Scalar, generate};
+use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
+use tpm_symbolic::rational::{self, Rational};
+
+/// 1/sqrt(2), the quality of a low pass that falls as late as it can without a peak.
+const FLATTEST: &str = "0.70710678118654752440084436210484903928";
 
 /// A target language.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -63,6 +67,17 @@ pub(crate) struct Args {
     /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED.
     #[arg(long, value_name = "RESULT.json")]
     params: Option<PathBuf>,
+    /// Add the feed-forward behind a second-order low pass of this natural frequency (rad/s) and quality (1/sqrt(2) when
+    /// not given):
+    /// of everything (common), and of the motion-dependent part alone (split).
+    #[arg(long, value_name = "W[:Q]", requires = "sample_time")]
+    low_pass: Option<String>,
+    /// A low pass of the motion-independent part in the split scheme; none when not given.
+    #[arg(long, value_name = "W[:Q]", requires = "low_pass")]
+    independent_low_pass: Option<String>,
+    /// Time between the samples of the filters, s.
+    #[arg(long, value_name = "SECONDS", requires = "low_pass")]
+    sample_time: Option<String>,
     /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
     #[arg(long, requires = "output")]
     check: bool,
@@ -78,16 +93,18 @@ pub(crate) fn run(args: &Args) -> Outcome {
             "--prefix and --real are for --lang c; Rust names its module by the model and is generic over f32 and f64";
         return Err(Failure::Input(what.to_owned()));
     }
+    let filters = filters(args)?;
     let command = command(args);
     let options = Options {
         identified: identified.as_ref(),
+        filters: filters.as_ref(),
         prefix: args.prefix.as_deref(),
         scalar: if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double },
         ..Options::new(args.lang.target(), &command)
     };
     let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
-        (EmitError::Prefix(_), _) => Failure::Input(error.to_string()),
+        (EmitError::Prefix(_) | EmitError::Filter(_), _) => Failure::Input(error.to_string()),
         _ => loaded.at_whole(&error.to_string(), None),
     })?;
     for gap in estimator.gaps() {
@@ -125,10 +142,40 @@ fn command(args: &Args) -> String {
     if args.real == Some(Real::Float) {
         command.push_str(" --real float");
     }
+    let filters = [
+        ("low-pass", &args.low_pass),
+        ("independent-low-pass", &args.independent_low_pass),
+        ("sample-time", &args.sample_time),
+    ];
+    for (name, value) in filters {
+        if let Some(value) = value {
+            command.push_str(&format!(" --{name} {value}"));
+        }
+    }
     if let Some(params) = &args.params {
         command.push_str(&format!(" --params {}", name(params)));
     }
     command
+}
+
+/// The filters that were asked for; their numbers are taken exactly as they are written.
+fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
+    let number = |option: &str, text: &str| -> Result<Rational, Failure> {
+        rational::parse(text.trim())
+            .ok_or_else(|| Failure::Input(format!("--{option} {text}: `{text}` is not a number such as 100 or 0.001")))
+    };
+    let low_pass = |option: &str, text: &str| -> Result<LowPass, Failure> {
+        let (frequency, quality) = text.split_once(':').unwrap_or((text, FLATTEST));
+        Ok(LowPass { natural_frequency: number(option, frequency)?, quality: number(option, quality)? })
+    };
+    let (Some(dependent), Some(sample_time)) = (&args.low_pass, &args.sample_time) else { return Ok(None) };
+    Ok(Some(Filters {
+        sample_time: number("sample-time", sample_time)?,
+        dependent: low_pass("low-pass", dependent)?,
+        independent: (args.independent_low_pass.as_deref())
+            .map(|text| low_pass("independent-low-pass", text))
+            .transpose()?,
+    }))
 }
 
 fn identified(path: &Path) -> Result<Identified, Failure> {

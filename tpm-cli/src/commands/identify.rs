@@ -204,7 +204,8 @@ pub(crate) fn describe_campaign(
     let condition = result.condition.map_or_else(|| "-".to_owned(), number);
     let outcome = result.outcome.map_or("not finished", |outcome| outcome.describe());
     text.push_str(&format!(
-        "\n{outcome}; rank {} of {}, condition number {condition}, residual {} % of the force\n",
+        "\n{outcome}{}; rank {} of {}, condition number {condition}, residual {} % of the force\n",
+        result.stop.as_ref().map(|stop| format!(": {stop}")).unwrap_or_default(),
         result.rank,
         result.parameters.len(),
         number(100.0 * result.residual),
@@ -355,6 +356,22 @@ fn describe(result: &Identification) -> String {
         log.window,
         result.harmonics,
     );
+    for (input, known) in &log.actuators {
+        let mut parts = Vec::new();
+        if known.delay > 0.0 {
+            parts.push(format!("a delay of {} s", number(known.delay)));
+        }
+        if let Some((frequency, quality)) = known.low_pass {
+            parts.push(format!("a low pass of {} rad/s and quality {}", number(frequency), number(quality)));
+        }
+        if let Some(bandwidth) = known.bandwidth {
+            parts.push(format!("a current loop of {} rad/s", number(bandwidth)));
+        }
+        text.push_str(&format!("corrected behind {input}: {}\n", parts.join(", ")));
+    }
+    if !log.actuators.is_empty() {
+        text.push('\n');
+    }
     text.push_str(&parameters(&result.parameters));
     if !result.physical.is_empty() {
         text.push_str("\nphysical parameters\n");

@@ -3,6 +3,8 @@
 use crate::assignments::{assignment, by_name, number_assignment};
 use crate::failure::Failure;
 use clap::ValueEnum;
+use std::path::PathBuf;
+use tpm_runtime::actuator::{Dynamics, LowPass, MotorFile};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::log::LogOptions;
@@ -47,6 +49,16 @@ pub(crate) struct LogArgs {
     /// What the inputs do between samples.
     #[arg(long, value_enum, requires = "log")]
     hold: Option<HoldChoice>,
+    /// Known time by which an input's force lags behind its recorded value, s; corrected.
+    #[arg(long, value_name = "INPUT=SECONDS", requires = "log", value_parser = number_assignment)]
+    delay: Vec<(String, f64)>,
+    /// Known second-order low pass behind an input's recorded value, natural frequency in rad/s and quality (1/sqrt(2) when not
+    /// given); corrected.
+    #[arg(long, value_name = "INPUT=W[:Q]", requires = "log", value_parser = low_pass)]
+    low_pass: Vec<(String, LowPass)>,
+    /// Motor file: what it states of the amplifiers is known, and corrected.
+    #[arg(long, value_name = "FILE", requires = "log")]
+    motor: Option<PathBuf>,
     /// Highest harmonic to use; chosen from the spectrum when not given.
     #[arg(long, value_name = "N", requires = "log")]
     harmonics: Option<usize>,
@@ -55,7 +67,46 @@ pub(crate) struct LogArgs {
     pub(crate) constants: Vec<(String, f64)>,
 }
 
+fn low_pass(text: &str) -> Result<(String, LowPass), String> {
+    let (name, value) = assignment(text)?;
+    let (frequency, quality) = value.split_once(':').unwrap_or((&value, ""));
+    let positive = |what: &str, text: &str| match text.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err(format!("the {what} `{text}` is not a positive number")),
+    };
+    let quality = if quality.is_empty() { std::f64::consts::FRAC_1_SQRT_2 } else { positive("quality", quality)? };
+    Ok((name, LowPass { natural_frequency: positive("natural frequency (rad/s)", frequency)?, quality }))
+}
+
 impl LogArgs {
+    /// What is known to lie between the recorded inputs and the forces.
+    fn actuators(&self, model: &Interpreted) -> Result<Vec<Dynamics>, Failure> {
+        let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_owned()).collect();
+        let mut known = match &self.motor {
+            None => vec![Dynamics::default(); inputs.len()],
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+                MotorFile::parse(&text)
+                    .and_then(|file| file.dynamics(model))
+                    .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?
+            }
+        };
+        let delays = by_name("--delay", &self.delay, &inputs)?;
+        let filters = by_name("--low-pass", &self.low_pass, &inputs)?;
+        for (name, known) in inputs.iter().zip(&mut known) {
+            if let Some(&delay) = delays.get(name) {
+                if !(delay.is_finite() && delay >= 0.0) {
+                    return Err(Failure::Input(format!("--delay {name}={delay}: the time must not be negative")));
+                }
+                known.delay = delay;
+            }
+            if let Some(&filter) = filters.get(name) {
+                known.filter = Some(filter);
+            }
+        }
+        Ok(known)
+    }
+
     /// The same for the library, with names checked against the model.
     pub(crate) fn options(&self, model: &Interpreted) -> Result<LogOptions, Failure> {
         let dims = model.dims();
@@ -83,6 +134,7 @@ impl LogArgs {
             from_sample: self.from_sample,
             period: self.period,
             hold: self.hold.map_or(Hold::None, Hold::from),
+            actuators: self.actuators(model)?,
             harmonics: self.harmonics,
             constants: constants.iter().map(|name| given[name]).collect(),
             ..LogOptions::default()

@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use crate::load::Loaded;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use tpm_runtime::actuator::MotorFile;
 use tpm_runtime::experiment::{Experiment, ExperimentError, Machine};
 use tpm_symbolic::prepare::Prepared;
 
@@ -62,17 +63,22 @@ impl SimulatedArgs {
     ) -> Result<Simulation, Failure> {
         let loaded = Loaded::from_file(file)?;
         let symbolic = loaded.prepared()?;
-        let mut written = self.experiment(file)?;
+        let (mut written, motors) = self.experiment(file)?;
         change(&mut written);
         let experiment = written.lumped(&symbolic);
         let name = self.pattern.as_deref().or(experiment.pattern.as_deref());
         let machine = Machine::new(&symbolic, loaded.pattern(name)?, &experiment, bounds)
             .map_err(|error| Failure::Input(error.to_string()))?;
+        if let Some((path, motors)) = motors {
+            experiment
+                .check_motors(machine.plant(), &motors)
+                .map_err(|fault| Failure::Input(format!("{}: {fault}", path.display())))?;
+        }
         Ok(Simulation { symbolic, machine, written, experiment })
     }
 
-    /// The experiment file that was named, or the one beside the model.
-    fn experiment(&self, file: &Path) -> Result<Experiment, Failure> {
+    /// The experiment file that was named, or the one beside the model, and the file in which its motors stand.
+    fn experiment(&self, file: &Path) -> Result<(Experiment, Option<(PathBuf, MotorFile)>), Failure> {
         let path = self.experiment.clone().unwrap_or_else(|| file.with_extension("toml"));
         if self.experiment.is_none() && !path.exists() {
             return Err(Failure::Input(format!(
@@ -86,6 +92,19 @@ impl SimulatedArgs {
         for (key, value) in &self.set {
             experiment.apply_override(key, value).map_err(|error| Failure::Input(error.to_string()))?;
         }
-        Ok(experiment)
+        let faulty = |path: &Path| {
+            let path = path.to_owned();
+            move |fault: tpm_runtime::actuator::FileFault| Failure::Input(format!("{}: {fault}", path.display()))
+        };
+        let motors = match (&experiment.motors, experiment.motor_file().map(|beside| path.with_file_name(beside))) {
+            (_, Some(beside)) => {
+                let text = std::fs::read_to_string(&beside).map_err(|error| Failure::read(&beside, error))?;
+                experiment.set_motors(&text).map_err(faulty(&beside))?;
+                Some((beside.clone(), MotorFile::parse(&text).map_err(faulty(&beside))?))
+            }
+            (Some(_), None) => Some((path.clone(), MotorFile::within(&text).map_err(faulty(&path))?)),
+            (None, None) => None,
+        };
+        Ok((experiment, motors))
     }
 }

@@ -6,6 +6,7 @@
 
 mod dynamics;
 mod expression;
+mod filter;
 mod layout;
 mod pattern;
 mod solve;
@@ -15,6 +16,7 @@ use tpm_symbolic::expr::{Node, Symbol};
 
 use super::code::{Expression, Place, Statement, Table};
 use super::estimator::{EmitError, Estimator, Identified};
+use super::filter::Filters;
 use super::function::{Reads, Role};
 use super::name::{Language, Namer, snake};
 use super::names::{Names, Style, derivative_name};
@@ -34,6 +36,8 @@ pub struct Options<'a> {
     pub scalar: Scalar,
     /// Identified values to be baked in.
     pub identified: Option<&'a Identified>,
+    /// Low passes of the feed-forward.
+    pub filters: Option<&'a Filters>,
 }
 
 /// Header and source.
@@ -48,10 +52,14 @@ pub struct Files {
 }
 
 /// What the functions and types of the dynamics are called behind the prefix: no name of a model may be one of them.
-const DYNAMICS: [&str; 23] = [
+const DYNAMICS: [&str; 33] = [
+    "common_feed_forward",
+    "common_feed_forward_settle",
+    "common_filters",
     "constants",
     "coordinate_labels",
     "constant_labels",
+    "dependent_low_pass",
     "equation_labels",
     "estimate",
     "feed_forward",
@@ -60,18 +68,24 @@ const DYNAMICS: [&str; 23] = [
     "feed_forward_with_regressor",
     "forces",
     "identified",
+    "independent_low_pass",
     "input_labels",
     "input_map",
     "inputs",
     "inverse_dynamics",
     "known",
     "label",
+    "low_pass",
+    "low_pass_settle",
     "lump",
     "motion",
     "parameter_labels",
     "parameters",
     "physical",
     "regressor",
+    "split_feed_forward",
+    "split_feed_forward_settle",
+    "split_filters",
 ];
 
 /// The same of a pattern.
@@ -104,6 +118,7 @@ struct Context<'a> {
     names: Names<String>,
     prefix: String,
     identified: Option<&'a Identified>,
+    filters: Option<&'a Filters>,
     /// Types, declarations and their documentation.
     header: String,
     /// Definitions.
@@ -170,6 +185,7 @@ impl<'a> Context<'a> {
             names,
             prefix,
             identified: options.identified,
+            filters: options.filters,
             header: String::new(),
             source: String::new(),
         })
@@ -428,6 +444,7 @@ pub fn files(estimator: &Estimator, options: &Options<'_>) -> Result<Files, Emit
         return Err(EmitError::Empty(what));
     }
     dynamics::write(&mut context);
+    filter::write(&mut context);
     pattern::write(&mut context);
     let about = text::header(estimator, options.command, &|role| context.function_name(role));
     let guard = context.constant("H_INCLUDED");

@@ -13,6 +13,7 @@ use tpm_symbolic::rational::{self, Rational};
 use tpm_symbolic::regressor::{Column, RegressorForm, canonical};
 use tpm_symbolic::table::HarmonicTable;
 
+use super::filter::FilterError;
 use super::number::{Rounded, resembles_constant};
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
@@ -53,6 +54,9 @@ pub enum EmitError {
     /// Identified values are of another model, or incomplete.
     #[error("{0}")]
     Identified(#[from] IdentifiedError),
+    /// A low pass that there is none of.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
     /// The text could not be laid out.
     #[error("the emitted code is not Rust as the formatter knows it: {0}")]
     Layout(String),

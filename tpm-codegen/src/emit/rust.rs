@@ -7,6 +7,7 @@
 
 mod dynamics;
 mod expression;
+mod filter;
 mod names;
 mod pattern;
 mod record;
@@ -19,6 +20,7 @@ use tpm_symbolic::estimator::Leaf;
 use tpm_symbolic::expr::Node;
 
 use super::estimator::{Estimator, Identified};
+use super::filter::Filters;
 use super::function::{Reads, Role};
 use super::text;
 use names::Names;
@@ -33,11 +35,13 @@ pub struct Options<'a> {
     pub runtime: &'a str,
     /// Identified values to be baked in.
     pub identified: Option<&'a Identified>,
+    /// Low passes of the feed-forward.
+    pub filters: Option<&'a Filters>,
 }
 
 impl Default for Options<'_> {
     fn default() -> Self {
-        Self { command: "tpm generate", runtime: "::tpm_runtime", identified: None }
+        Self { command: "tpm generate", runtime: "::tpm_runtime", identified: None, filters: None }
     }
 }
 
@@ -152,6 +156,7 @@ struct Module {
 fn module(context: &Context<'_>) -> Module {
     let imports = dynamics::imports(context);
     let dynamics = dynamics::items(context);
+    let filtered = filter::items(context);
     let patterns = pattern::items(context);
     let mut attributes = TokenStream::new();
     if context.names.unusual {
@@ -163,7 +168,7 @@ fn module(context: &Context<'_>) -> Module {
         attributes.extend(quote!(#[allow(clippy::approx_constant, reason = #reason)]));
     }
     let docs = text::header(context.estimator, context.options.command, &|role| context.function_name(role));
-    Module { docs, attributes, items: quote!(#imports #dynamics #patterns) }
+    Module { docs, attributes, items: quote!(#imports #dynamics #filtered #patterns) }
 }
 
 /// The module `model_name` and the model's type, as items for a macro to expand to. `extra` goes into the module.

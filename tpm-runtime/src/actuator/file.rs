@@ -24,6 +24,7 @@
 //! column. Nothing is converted: the driven coordinate must be in rad or 1 (gear or direct) or in m (pinion), and the input in
 //! N m or N, where the model says.
 
+use super::dynamics::Dynamics;
 use super::motor::{Amplifier, Limits, LowPass, Motor};
 use super::placed::{self, FileFault, Placed, Table};
 use crate::model::Model;
@@ -39,6 +40,8 @@ const BANDWIDTH: f64 = 2000.0;
 pub struct MotorFile {
     text: String,
     whole: Table,
+    /// Whether the motors are all that the file is about.
+    alone: bool,
 }
 
 /// Motors by input of a model.
@@ -50,7 +53,57 @@ impl MotorFile {
     /// # Errors
     /// [`FileFault`] when it is no TOML.
     pub fn parse(text: &str) -> Result<Self, FileFault> {
-        Ok(MotorFile { text: text.to_string(), whole: placed::parse(text)? })
+        Ok(MotorFile { text: text.to_string(), whole: placed::parse(text)?, alone: true })
+    }
+
+    /// The motors in the text of a file that has other tables besides.
+    ///
+    /// # Errors
+    /// As [`parse`](Self::parse).
+    pub fn within(text: &str) -> Result<Self, FileFault> {
+        Ok(MotorFile { alone: false, ..Self::parse(text)? })
+    }
+
+    /// What the file states of the dynamics of every input's amplifier; what it does not state is ideal here.
+    ///
+    /// # Errors
+    /// As [`motors`](Self::motors).
+    pub fn dynamics(&self, model: &dyn Model<f64>) -> Result<Vec<Dynamics>, FileFault> {
+        let text = &self.text;
+        let mut found = std::vec![Dynamics::default(); model.dims().inputs];
+        for (input, _, section) in self.sections(model)? {
+            if let Some(amplifier) = section.table(text, "amplifier")? {
+                found[input].filter = self.amplifier(Some(amplifier))?.filter;
+                found[input].bandwidth = amplifier.positive(text, "bandwidth")?.map(|found| found.value);
+            }
+        }
+        Ok(found)
+    }
+
+    /// The tables of the motors, each with the input that it is on and its place.
+    fn sections(&self, model: &dyn Model<f64>) -> Result<Vec<(usize, usize, &Table)>, FileFault> {
+        let text = &self.text;
+        if self.alone {
+            self.whole.only(text, &["motors"])?;
+        }
+        let found = self.whole.table(text, "motors")?;
+        let all = self.whole.required(text, "motors", ": add a table [motors.INPUT]", found)?;
+        let inputs: Vec<&str> = (0..model.dims().inputs).map(|i| model.input(i).name).collect();
+        let mut sections = Vec::new();
+        for Placed { value: name, offset } in all.keys() {
+            let Some(input) = inputs.iter().position(|known| *known == name) else {
+                let message = format!(
+                    "the motor `{name}` is on no input of model {}; its inputs are {}",
+                    model.name(),
+                    inputs.join(", ")
+                );
+                return Err(FileFault::at(text, offset, message));
+            };
+            if let Some(section) = all.table(text, name)? {
+                sections.push((input, offset, section));
+            }
+        }
+        Ok(sections)
     }
 
     /// The motors of a model's inputs. `driven` lists the coordinates that every input drives, as `tpm_symbolic::split` finds
@@ -60,31 +113,16 @@ impl MotorFile {
     /// [`FileFault`] at the first fault: an unknown or missing field, a motor on no input or on one that drives several
     /// coordinates, a constant that is not positive, a transmission that does not fit the units.
     pub fn motors(&self, model: &dyn Model<f64>, driven: &[Vec<usize>]) -> Result<Motors, FileFault> {
-        let text = &self.text;
-        self.whole.only(text, &["motors"])?;
-        let found = self.whole.table(text, "motors")?;
-        let all = self.whole.required(text, "motors", ": add a table [motors.INPUT]", found)?;
-        let dims = model.dims();
-        let inputs: Vec<&str> = (0..dims.inputs).map(|i| model.input(i).name).collect();
-        let mut motors: Motors = std::vec![None; dims.inputs];
-        for Placed { value: name, offset } in all.keys() {
-            let fault = |message: String| FileFault::at(text, offset, message);
-            let Some(input) = inputs.iter().position(|known| *known == name) else {
-                return Err(fault(format!(
-                    "the motor `{name}` is on no input of model {}; its inputs are {}",
-                    model.name(),
-                    inputs.join(", ")
-                )));
-            };
+        let mut motors: Motors = std::vec![None; model.dims().inputs];
+        for (input, offset, section) in self.sections(model)? {
             let [coordinate] = driven.get(input).map_or(&[][..], Vec::as_slice) else {
-                let count = driven.get(input).map_or(0, Vec::len);
-                return Err(fault(format!(
-                    "input `{name}` drives {count} coordinates; a motor needs the one that its rotor turns with: --motion {name}=COORDINATE"
-                )));
+                let (name, count) = (model.input(input).name, driven.get(input).map_or(0, Vec::len));
+                let message = format!(
+                    "input `{name}` drives {count} coordinates; a motor needs the one that its rotor turns with: --motion {name}=COORDINATE, or motion = {{ {name} = \"COORDINATE\" }} in an experiment"
+                );
+                return Err(FileFault::at(&self.text, offset, message));
             };
-            if let Some(section) = all.table(text, name)? {
-                motors[input] = Some(self.motor(section, offset, model, (input, *coordinate))?);
-            }
+            motors[input] = Some(self.motor(section, offset, model, (input, *coordinate))?);
         }
         Ok(motors)
     }
@@ -215,6 +253,14 @@ mod tests {
         assert_eq!((motor.back_emf, motor.ratio, motor.rotor_inertia), (0.115, 50.0, 0.0));
         assert_eq!((motor.limits.current, motor.limits.power), (12.3, f64::INFINITY));
         assert_eq!((motor.amplifier.bandwidth, motor.amplifier.filter), (2000.0, None));
+        // What is not stated is not known.
+        assert!(file.dynamics(&TwoCarts).expect("fits")[0].is_ideal());
+        let stated = std::format!("[other]\n{GOOD}[motors.F.amplifier]\nbandwidth = 900\nnatural_frequency = 300\n");
+        let stated = MotorFile::within(&stated).expect("motors").dynamics(&TwoCarts).expect("fits")[0];
+        assert_eq!(
+            (stated.bandwidth, stated.filter.map(|f| f.natural_frequency), stated.delay),
+            (Some(900.0), Some(300.0), 0.0)
+        );
     }
 
     #[test]
@@ -224,7 +270,10 @@ mod tests {
         assert_eq!(found, "line 3, column 14: resistance = -4: the value must be positive");
         let found = changed("inductance", "inductance_");
         assert!(found.starts_with("line 4, column 1: unknown field") && found.ends_with("inductance?"), "{found}");
-        assert_eq!(changed("inductance = 7.7e-3\n", ""), "line 1, column 9: [motors.F] lacks `inductance` (H)");
+        assert_eq!(
+            changed("inductance = 7.7e-3\n", ""),
+            "line 1, column 9: [motors.F] lacks `inductance` (H): add `inductance = ...` to it"
+        );
         let found = changed("motors.F]", "motors.G]");
         assert!(found.starts_with("line 1, column 9: the motor `G` is on no input") && found.contains("F"), "{found}");
         assert!(changed("pinion_radius = 0.02", "pinion_radius = 0.02\ngear = 3").starts_with("line 5"));

@@ -10,6 +10,7 @@
 mod bounds;
 mod demand;
 mod drive;
+mod dynamics;
 #[cfg(feature = "plot")]
 mod figure;
 mod file;
@@ -17,12 +18,14 @@ mod loop_file;
 #[cfg(feature = "interpret")]
 mod machine;
 mod motor;
+mod mounted;
 mod placed;
 mod requirement;
 
 pub use bounds::{Bound, bound, scaled};
 pub use demand::{Demand, Parts};
 pub use drive::{Drive, DriveError, Scheme, Stability, Tracking};
+pub use dynamics::{Dynamics, Lags};
 #[cfg(feature = "plot")]
 pub use figure::{torque_speed, tracking_errors};
 pub use file::{MotorFile, Motors};
@@ -30,6 +33,8 @@ pub use loop_file::LoopFile;
 #[cfg(feature = "interpret")]
 pub use machine::{Machine, MachineError};
 pub use motor::{Amplifier, Amplitudes, Limit, Limits, LowPass, Motor};
+pub(crate) use mounted::strongest;
+pub use mounted::{LimitUse, Mounted};
 pub use placed::FileFault;
 pub use requirement::{CutOff, Harmonic, Peak, Requirement, Sample, requirements};
 

@@ -193,11 +193,13 @@ impl Table {
         self.entries.iter().map(|entry| Placed { value: entry.key.as_str(), offset: entry.key_offset })
     }
 
-    /// Requires what a reader of this table has found.
+    /// Requires what a reader of this table has found; `unit` is what follows the key in the message: its unit in parentheses, or
+    /// a remedy of its own behind a colon.
     pub(super) fn required<T>(&self, text: &str, key: &str, unit: &str, found: Option<T>) -> Result<T, FileFault> {
         found.ok_or_else(|| {
             let place = if self.name.is_empty() { "the file".to_string() } else { format!("[{}]", self.name) };
-            FileFault::at(text, self.offset, format!("{place} lacks `{key}`{unit}"))
+            let remedy = if unit.starts_with(':') { String::new() } else { format!(": add `{key} = ...` to it") };
+            FileFault::at(text, self.offset, format!("{place} lacks `{key}`{unit}{remedy}"))
         })
     }
 }
@@ -234,7 +236,10 @@ mod tests {
             "{fault}"
         );
         let fault = limits.required::<f64>(text, "voltage", " (V)", None).expect_err("missing").to_string();
-        assert!(fault.ends_with("[limits] lacks `voltage` (V)") && fault.starts_with("line 3"), "{fault}");
+        assert!(
+            fault.ends_with("[limits] lacks `voltage` (V): add `voltage = ...` to it") && fault.starts_with("line 3"),
+            "{fault}"
+        );
         assert_eq!(file.tables(text, "list").expect("tables")[0].flag(text, "a"), Ok(Some(true)));
         assert!(
             file.tables(text, "gear").is_err() && file.flag(text, "gear").is_err() && file.text(text, "gear").is_err()

@@ -72,11 +72,10 @@ impl FirstOrder {
             };
             for k in 0..=highest {
                 let frequency = k as f64 * along.frequency;
-                let hold = trial.control.hold(frequency);
                 let mut right = -along.known[row][k];
                 let mut gain = vec![Complex::new(0.0, 0.0); coordinates];
                 for (i, lines) in forward.iter().enumerate() {
-                    let map = along.map[row * dims.inputs + i] * hold;
+                    let map = trial.control.drive(i, frequency) * along.map[row * dims.inputs + i];
                     right += map * lines[k];
                     for (c, gain) in gain.iter_mut().enumerate() {
                         *gain += map * trial.control.response(i, c, frequency);

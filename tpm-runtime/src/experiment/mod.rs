@@ -4,6 +4,7 @@
 //! amplitudes are checked against the model when the experiment meets it ([`Experiment::setup`], [`Experiment::bench`]).
 //! Values are in the units of the model; nothing is converted.
 
+mod actuators;
 mod design;
 #[cfg(feature = "interpret")]
 mod lumped;
@@ -49,6 +50,10 @@ pub struct Experiment {
     /// Seed of the sensors' noise: the same seed gives the same result.
     #[serde(default)]
     pub seed: u64,
+    /// The motors on the inputs: the path of a motor file beside the experiment, or its tables, `[motors.INPUT]`. Their limits
+    /// are limits of every run, and what they state of their amplifiers is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motors: Option<MotorsSection>,
     /// Values of the constants that are known at run time.
     #[serde(default)]
     pub constants: Named,
@@ -58,6 +63,13 @@ pub struct Experiment {
     /// Parameters held at a value.
     #[serde(default)]
     pub frozen: Named,
+    /// Known dynamics between the commanded input and the force, by input: corrected in the harmonics, undone in the
+    /// feed-forward, and part of the loop whose stability is checked. What a motor file states where not given.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub actuators: BTreeMap<String, ActuatorSection>,
+    /// The coordinate that a motor's rotor turns with, by input; the one that is fed back to it where not given.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub motion: BTreeMap<String, String>,
     /// The simulated machine.
     #[serde(default)]
     pub plant: PlantSection,
@@ -77,6 +89,33 @@ pub struct Experiment {
     pub schedule: ScheduleSection,
 }
 
+/// Where the motors stand.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum MotorsSection {
+    /// In a motor file, which whoever reads the experiment reads too ([`Experiment::set_motors`]).
+    File(String),
+    /// In the experiment, as in a motor file.
+    Tables(toml::Table),
+}
+
+/// Dynamics between a commanded input and the force.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ActuatorSection {
+    /// Time by which the command lags, s.
+    pub delay: f64,
+    /// Undamped natural frequency of a low pass of second order, rad/s; none when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub natural_frequency: Option<f64>,
+    /// Its quality factor; 1/sqrt(2) when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quality: Option<f64>,
+    /// Bandwidth of a current loop, a lag of first order, rad/s; none when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bandwidth: Option<f64>,
+}
+
 /// The simulated machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -90,6 +129,9 @@ pub struct PlantSection {
     pub sensors: BTreeMap<String, SensorSection>,
     /// Step of the commanded value by input, unit of the input; continuous where not given.
     pub input_steps: Named,
+    /// True dynamics of the actuators by input; the known ones where not given.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub actuators: BTreeMap<String, ActuatorSection>,
     /// The closed-loop arm of Feng, chapter 5, in place of a machine that obeys the model itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub closed_loop_arm: Option<ArmSection>,
@@ -118,6 +160,7 @@ impl Default for PlantSection {
             sub_steps: 1,
             sensors: BTreeMap::new(),
             input_steps: Named::new(),
+            actuators: BTreeMap::new(),
             closed_loop_arm: None,
         }
     }
@@ -266,8 +309,21 @@ impl Experiment {
     /// # Errors
     /// [`ExperimentError::Syntax`] with line and column.
     pub fn parse(text: &str) -> Result<Self, ExperimentError> {
-        toml::from_str(text)
-            .map_err(|fault| ExperimentError::Syntax { message: std::string::ToString::to_string(&fault) })
+        toml::from_str(text).map_err(|fault: toml::de::Error| {
+            let message = std::string::ToString::to_string(&fault);
+            let missing = fault.message().strip_prefix("missing field `").and_then(|rest| rest.split('`').next());
+            let remedy = match missing {
+                None => return ExperimentError::Syntax { message },
+                Some("control") => {
+                    "add [control] with sample_time = SECONDS and feedback = [{ input = \"..\", coordinate = \"..\", kp = .., kd = .. }]".into()
+                }
+                Some("schedule") => {
+                    "add [schedule] with measure_time = SECONDS and stages = [{ AMPLITUDE = .., FREQUENCY = .. }]".into()
+                }
+                Some(field) => std::format!("add `{field} = ...` to this table"),
+            };
+            ExperimentError::Syntax { message: std::format!("{}; {remedy}", message.trim_end()) }
+        })
     }
 
     /// The experiment as a file, with everything that was left to its default.

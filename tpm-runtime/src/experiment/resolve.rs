@@ -1,5 +1,6 @@
 //! An experiment meets a model: names become indices.
 
+use super::actuators::limited;
 use super::overrides::near;
 use super::{ArmSection, Experiment, Named, StoreError};
 use crate::control::Gain;
@@ -71,6 +72,12 @@ pub enum ExperimentError {
     /// Another machine than the model's is simulated, with other signals.
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
     Machine,
+    /// A motor of the experiment.
+    #[error("motors: {message}")]
+    Motors {
+        /// The fault, with what to do.
+        message: String,
+    },
     /// A campaign's folder cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -101,13 +108,13 @@ fn alternatives(near: &[String]) -> String {
 }
 
 /// Names of one kind in a model.
-struct Names {
+pub(super) struct Names {
     kind: &'static str,
-    names: Vec<String>,
+    pub(super) names: Vec<String>,
 }
 
 impl Names {
-    fn index(&self, place: &str, name: &str) -> Result<usize, ExperimentError> {
+    pub(super) fn index(&self, place: &str, name: &str) -> Result<usize, ExperimentError> {
         self.names.iter().position(|known| known == name).ok_or_else(|| ExperimentError::UnknownName {
             place: place.to_string(),
             kind: self.kind,
@@ -138,11 +145,11 @@ impl Names {
     }
 }
 
-fn require(holds: bool, key: String, value: f64, must: &'static str) -> Result<(), ExperimentError> {
+pub(super) fn require(holds: bool, key: String, value: f64, must: &'static str) -> Result<(), ExperimentError> {
     if holds { Ok(()) } else { Err(ExperimentError::Invalid { key, value, must }) }
 }
 
-fn positive(key: &str, value: f64) -> Result<(), ExperimentError> {
+pub(super) fn positive(key: &str, value: f64) -> Result<(), ExperimentError> {
     require(value.is_finite() && value > 0.0, key.to_string(), value, "the value must be positive")
 }
 
@@ -151,12 +158,12 @@ fn parameters(model: &dyn Model<f64>) -> Names {
     Names { kind: "parameter", names }
 }
 
-fn coordinates(model: &dyn Model<f64>) -> Names {
+pub(super) fn coordinates(model: &dyn Model<f64>) -> Names {
     let names = (0..model.dims().coordinates).map(|i| model.coordinate(i).name.to_string()).collect();
     Names { kind: "coordinate", names }
 }
 
-fn inputs(model: &dyn Model<f64>) -> Names {
+pub(super) fn inputs(model: &dyn Model<f64>) -> Names {
     let names = (0..model.dims().inputs).map(|i| model.input(i).name.to_string()).collect();
     Names { kind: "input", names }
 }
@@ -192,6 +199,8 @@ impl Experiment {
         let inputs = inputs(model);
         let limits = inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?;
         let steps = inputs.fill("plant.input_steps", &self.plant.input_steps, 0.0)?;
+        let dynamics = self.plant_actuators(model)?;
+        let limits = limited(limits, &self.mounted(model)?);
         require(
             self.plant.sub_steps > 0,
             "plant.sub_steps".into(),
@@ -208,7 +217,9 @@ impl Experiment {
                 None => self.constant_values(model)?,
             },
             sensors,
-            actuators: limits.into_iter().zip(steps).map(|(limit, step)| Actuator { limit, step }).collect(),
+            actuators: (limits.into_iter().zip(steps).zip(dynamics))
+                .map(|((limit, step), dynamics)| Actuator { limit, step, dynamics })
+                .collect(),
             sub_steps: self.plant.sub_steps,
             seed: self.seed,
         })
@@ -347,6 +358,8 @@ impl Experiment {
             frozen.push(Frozen { parameter: parameters.index("frozen", name)?, value });
         }
         let prior = parameters.fill("prior", &self.prior, 0.0)?;
+        let motors = self.mounted(model)?;
+        let input_limits = inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?;
         Ok(Setup {
             pattern: pattern.clone(),
             constants: self.constant_values(model)?,
@@ -355,6 +368,7 @@ impl Experiment {
                 gains,
                 velocity,
                 compensation: self.control.compensation,
+                actuators: self.known_actuators(model)?,
             },
             procedure: Procedure {
                 stages,
@@ -365,7 +379,8 @@ impl Experiment {
                 tolerance: schedule.tolerance,
                 error_limits: coordinates.fill("schedule.error", &schedule.error, 0.0)?,
                 tracking_bounds: coordinates.fill("limits.tracking", &self.limits.tracking, f64::INFINITY)?,
-                input_limits: inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?,
+                input_limits: limited(input_limits, &motors),
+                motors,
                 effort_share: share,
                 back_off,
                 max_aborts: self.limits.max_aborts,

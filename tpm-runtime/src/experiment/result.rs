@@ -1,6 +1,7 @@
 //! From an experiment on a simulated machine to the reported result.
 
 use super::{Experiment, ExperimentError, Store};
+use crate::actuator::LimitUse;
 use crate::estimate::{Estimate, Status};
 use crate::model::Model;
 use crate::procedure::{Campaign, Outcome, Record, RunReport, Trial};
@@ -25,6 +26,9 @@ pub struct CampaignIdentification {
     pub estimator: &'static str,
     /// Why the campaign ended.
     pub outcome: Option<Outcome>,
+    /// The limit that ended it, when one did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stop: Option<LimitUse>,
     /// Seed of the simulated noise.
     pub seed: u64,
     /// Hold of the inputs: none or zoh.
@@ -142,6 +146,7 @@ pub fn summary(model: &dyn Model<f64>, campaign: &Campaign<'_>, seed: u64) -> Ca
         model: model.name().into(),
         estimator: setup.method.name(),
         outcome: campaign.outcome(),
+        stop: campaign.stop().cloned(),
         seed,
         hold: setup.procedure.hold.to_string(),
         harmonics: campaign.runs().iter().rev().find_map(|run| run.harmonics).unwrap_or(0),
@@ -172,7 +177,18 @@ fn warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Camp
         }
     }
     if let Some(outcome) = campaign.outcome().filter(|outcome| !outcome.is_normal()) {
-        warnings.push(format!("the campaign ended early: {}", outcome.describe()));
+        let stop = campaign.stop().map(|stop| format!(": {stop}")).unwrap_or_default();
+        warnings.push(format!("the campaign ended early: {}{stop}", outcome.describe()));
+    }
+    let plant = campaign.model();
+    for (i, mounted) in campaign.setup().procedure.motors.iter().enumerate() {
+        if let Some(mounted) = mounted.filter(|mounted| mounted.motor.rotor_inertia > 0.0) {
+            let (input, moved) = (plant.input(i).name, plant.coordinate(mounted.coordinate).name);
+            warnings.push(format!(
+                "what is identified of {moved}'s inertia contains the rotor on {input}, {:.4e} in its unit: leave rotor_inertia out where these values meet this motor",
+                mounted.motor.rotor_inertia * mounted.motor.ratio.powi(2)
+            ));
+        }
     }
     match estimate {
         None => warnings.push("no run was accepted; nothing is identified".to_string()),

@@ -213,6 +213,28 @@ impl Spectra {
         })
     }
 
+    /// Passes a channel through a linear response to the angular frequency (rad/s), which is real at zero: its lines, its noise
+    /// with that of the other channels, and its transform.
+    ///
+    /// # Panics
+    /// When there is no such channel.
+    pub fn pass(&mut self, channel: usize, response: impl Fn(f64) -> Complex<f64>) {
+        for (k, line) in self.lines[channel].iter_mut().enumerate() {
+            *line *= response(k as f64 * self.fundamental);
+        }
+        for (k, noise) in self.noise.iter_mut().enumerate() {
+            let factor = response(k as f64 * self.fundamental);
+            noise.row_mut(channel).iter_mut().for_each(|z| *z *= factor);
+            noise.column_mut(channel).iter_mut().for_each(|z| *z *= factor.conj());
+        }
+        let step = self.fundamental / self.periods.max(1) as f64;
+        if let Some(bins) = self.bins.get_mut(channel) {
+            for (b, bin) in bins.iter_mut().enumerate() {
+                *bin *= response(b as f64 * step);
+            }
+        }
+    }
+
     /// Highest harmonic that the record resolves.
     #[must_use]
     pub fn highest(&self) -> usize {
@@ -373,6 +395,31 @@ mod tests {
             assert!(error < 1e-12, "period {period}, harmonic {k}: {error:e}");
         }
         assert!(s.variance(0, 3) < 1e-24);
+    }
+
+    #[test]
+    fn a_response_passes_lines_noise_and_transform_alike() {
+        // Two channels with a line and something between the lines; the second is then the first, half as large and late.
+        let (period, periods) = (40.0, 8);
+        let wave = |n: usize| {
+            let phase = 2.0 * PI * n as f64 / period;
+            phase.cos() + 0.3 * (2.3 * phase).sin()
+        };
+        let samples: Vec<f64> = (0..320).map(wave).collect();
+        let mut spectra = Spectra::analyse(&[&samples, &samples], 0.01, period, periods).expect("whole periods");
+        let before = spectra.clone();
+        let response = |w: f64| Complex::from_polar(0.5, -0.013 * w);
+        spectra.pass(1, response);
+        for k in 0..=spectra.highest() {
+            let factor = response(k as f64 * spectra.fundamental);
+            assert!((spectra.lines[1][k] - before.lines[1][k] * factor).norm() < 1e-14);
+            assert_eq!(spectra.lines[0][k], before.lines[0][k]);
+            assert!((spectra.noise[k][(0, 1)] - before.noise[k][(0, 1)] * factor.conj()).norm() < 1e-14);
+            assert!((spectra.variance(1, k) - 0.25 * before.variance(1, k)).abs() < 1e-14);
+        }
+        let bin = 19;
+        let factor = response(bin as f64 / periods as f64 * spectra.fundamental);
+        assert!((spectra.bins[1][bin] - before.bins[1][bin] * factor).norm() < 1e-14);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use super::{Log, LogError, LogOptions};
 use crate::estimate::{Estimate, EstimateError, MeasuredMotion, Settings, Status, estimate_measured_motion};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::Model;
+use crate::procedure::correct_actuators;
 use crate::report::{EstimateReport, ParameterReport};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -59,8 +60,22 @@ pub struct LogReport {
     pub motion_harmonics: usize,
     /// Residual per row, as a share of its force.
     pub row_residuals: Vec<f64>,
+    /// Known dynamics of the actuators, by input, that were corrected.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub actuators: BTreeMap<String, ActuatorReport>,
     /// Residual with either hold.
     pub hold_residuals: HoldResiduals,
+}
+
+/// What was known to lie between an input and its force.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ActuatorReport {
+    /// Delay, s.
+    pub delay: f64,
+    /// Natural frequency (rad/s) and quality factor of a low pass.
+    pub low_pass: Option<(f64, f64)>,
+    /// Bandwidth of the current loop, rad/s.
+    pub bandwidth: Option<f64>,
 }
 
 /// Identified parameters; serialises as `tpm.identification/1`.
@@ -156,6 +171,14 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
                 if force > 0.0 { residual / force } else { 0.0 }
             })
             .collect(),
+        actuators: (options.actuators.iter().take(dims.inputs).enumerate())
+            .filter(|(_, dynamics)| !dynamics.is_ideal())
+            .map(|(i, dynamics)| {
+                let low_pass = dynamics.filter.map(|filter| (filter.natural_frequency, filter.quality));
+                let report = ActuatorReport { delay: dynamics.delay, low_pass, bandwidth: dynamics.bandwidth };
+                (model.input(i).name.to_string(), report)
+            })
+            .collect(),
         hold_residuals,
     };
     let warnings = warnings(model, &record, &estimate, options, &log_report, other);
@@ -170,8 +193,9 @@ pub(super) fn periodic_spectra(
 ) -> Result<(Periodic, Spectra), LogError> {
     let periodic = periodic_part(log, coordinates, options)?;
     let used: Vec<&[f64]> = log.channels.iter().map(|c| &c[periodic.from..]).collect();
-    let spectra = Spectra::analyse(&used, log.sample_time, periodic.samples_per_period, periodic.periods)
+    let mut spectra = Spectra::analyse(&used, log.sample_time, periodic.samples_per_period, periodic.periods)
         .map_err(|source| LogError::Spectrum { path: log.path.clone(), source })?;
+    correct_actuators(&mut spectra, coordinates, &options.actuators);
     Ok((periodic, spectra))
 }
 

@@ -4,6 +4,7 @@
 //! knows its line in the file.
 
 use super::LogError;
+use crate::actuator::Dynamics;
 use crate::estimate::Frozen;
 use crate::harmonics::Hold;
 use crate::model::{Label, Model};
@@ -38,6 +39,8 @@ pub struct LogOptions {
     pub period: Option<f64>,
     /// What happens to the inputs between samples.
     pub hold: Hold,
+    /// Known dynamics between the recorded inputs and the forces, by input; inputs beyond the last one have none.
+    pub actuators: Vec<Dynamics>,
     /// Highest harmonic; chosen from the spectrum when not given.
     pub harmonics: Option<usize>,
     /// Values of the model's run-time constants, in its order.

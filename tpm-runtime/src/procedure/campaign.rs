@@ -9,9 +9,10 @@
 
 use super::record::{Ending, Record};
 use super::settle::settled_from;
-use super::trial::{Loop, Trial, TrialError, TrialSettings};
+use super::trial::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
+use crate::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
 use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
-use crate::harmonics::{Hold, Spectra, SpectrumError};
+use crate::harmonics::{Hold, Spectra, SpectrumError, hold_factor};
 use crate::model::Model;
 use crate::trajectory::{Pattern, Trajectory};
 use serde::Serialize;
@@ -23,6 +24,10 @@ use std::vec::Vec;
 pub const LEAST_PERIODS: usize = 4;
 /// A change within so many standard deviations is no change.
 const INSIGNIFICANT: f64 = 3.0;
+/// Samples of a period, at least, from which the demand on motors is worked out.
+const PLANNED_SAMPLES: usize = 256;
+/// A run's demand on motors is read up to so many times the highest harmonic of the reference.
+const MOTOR_REACH: usize = 4;
 /// How often the settling time of a trial is doubled.
 const EXTENSIONS: usize = 3;
 
@@ -73,6 +78,8 @@ pub struct Procedure {
     pub tracking_bounds: Vec<f64>,
     /// Largest magnitude of each input; infinite where there is none.
     pub input_limits: Vec<f64>,
+    /// Motors by input, whose limits count as those of the inputs do; empty when there is none.
+    pub motors: Vec<Option<Mounted>>,
     /// Share of an input's limit at which the campaign ends.
     pub effort_share: f64,
     /// Factor on the amplitudes after an aborted run.
@@ -174,8 +181,11 @@ pub struct RunReport {
     pub played: Vec<f64>,
     /// Root-mean-square tracking error per coordinate over these (or over an aborted run).
     pub tracking_rms: Vec<f64>,
-    /// Largest share of its limit that an input took; nothing without limits.
+    /// Largest share of its limit that an input, or its motor, took; nothing without limits.
     pub effort_share: Option<f64>,
+    /// The limit of which that was, and where.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit: Option<LimitUse>,
     /// complete, tracking_bound, diverged or unsettled.
     pub ending: &'static str,
     /// Whether the run belongs to an update (a perturbed run of `numerical` does so with later ones).
@@ -267,6 +277,7 @@ pub struct Campaign<'m> {
     extensions: usize,
     pending: Option<Trial>,
     outcome: Option<Outcome>,
+    stop: Option<LimitUse>,
 }
 
 impl std::fmt::Debug for Campaign<'_> {
@@ -324,6 +335,7 @@ impl<'m> Campaign<'m> {
             extensions: 0,
             pending: None,
             outcome: None,
+            stop: None,
         };
         campaign.prepare()?;
         Ok(campaign)
@@ -339,6 +351,12 @@ impl<'m> Campaign<'m> {
     #[must_use]
     pub const fn outcome(&self) -> Option<Outcome> {
         self.outcome
+    }
+
+    /// The limit that ended the campaign; nothing when something else did.
+    #[must_use]
+    pub const fn stop(&self) -> Option<&LimitUse> {
+        self.stop.as_ref()
     }
 
     /// The estimates that the next run's feed-forward starts from.
@@ -357,6 +375,12 @@ impl<'m> Campaign<'m> {
     #[must_use]
     pub fn estimator(&self) -> &dyn Estimator {
         self.estimator.as_ref()
+    }
+
+    /// The machine.
+    #[must_use]
+    pub fn model(&self) -> &dyn Model<f64> {
+        self.model
     }
 
     /// The runs so far.
@@ -416,8 +440,9 @@ impl<'m> Campaign<'m> {
         let channels: Vec<&[f64]> =
             record.coordinates.iter().chain(&record.inputs).map(|c| &c[from * samples..trial.samples()]).collect();
         let periods = trial.periods - from;
-        let spectra = Spectra::analyse(&channels, trial.control.sample_time, samples as f64, periods)
+        let mut spectra = Spectra::analyse(&channels, trial.control.sample_time, samples as f64, periods)
             .map_err(|source| CampaignError::Spectrum { run, source })?;
+        correct_actuators(&mut spectra, dims.coordinates, &trial.control.actuators);
         let seen = Run { trial: &trial, spectra: &spectra, hold: self.setup.procedure.hold };
         let update =
             self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
@@ -426,6 +451,10 @@ impl<'m> Campaign<'m> {
         report.periods = periods;
         report.tracking_rms = tracking_rms(&trial, record, from * samples);
         report.harmonics = Some(self.estimator.harmonics());
+        if let Some(used) = self.motor_use(&trial, &spectra) {
+            report.limit = most_used(report.limit.take(), used);
+            report.effort_share = report.limit.as_ref().map(|limit| limit.share);
+        }
         if let Some(estimate) = update {
             let converged = self.converged(&estimate) || self.tracks_well(&trial, &spectra);
             self.current.clone_from(&estimate.values);
@@ -443,10 +472,13 @@ impl<'m> Campaign<'m> {
     /// After an update: repeat, grow or end.
     fn decide(&mut self, trial: &Trial, record: &Record, report: &RunReport, converged: bool) {
         let procedure = &self.setup.procedure;
-        if record.saturated > 0 && trial.input_limits.iter().any(|limit| limit.is_finite()) {
+        let share = report.effort_share.unwrap_or(0.0);
+        if record.saturated > 0 && trial.input_limits.iter().any(|limit| limit.is_finite()) || share > 1.0 {
             self.outcome = Some(Outcome::InputLimit);
-        } else if report.effort_share.is_some_and(|share| share >= procedure.effort_share) {
+            self.stop.clone_from(&report.limit);
+        } else if report.effort_share.is_some() && share >= procedure.effort_share {
             self.outcome = Some(Outcome::EffortShare);
+            self.stop.clone_from(&report.limit);
         } else if converged || self.updates_in_stage >= procedure.updates_per_stage {
             let last = self.stage + 1 == procedure.stages.len();
             if last && converged {
@@ -501,13 +533,106 @@ impl<'m> Campaign<'m> {
         };
         let run = self.reports.len() + 1;
         let trial = Trial::new(self.model, settings).map_err(|source| CampaignError::Trial { run, source })?;
-        if self.estimate.is_some() && trial.feed_forward_share().0 >= procedure.effort_share {
+        let share = procedure.effort_share;
+        let planned = if self.estimate.is_some() {
+            let motor = self.motor_plan(&trial).map_err(|source| CampaignError::Trial { run, source })?;
+            let inputs = trial.input_limits.len();
+            let column = |i: usize| trial.feed_forward.iter().skip(i).step_by(inputs).copied().collect();
+            let command = self.command_use(&trial, &(0..inputs).map(column).collect::<Vec<Vec<f64>>>());
+            motor.into_iter().fold(command, most_used)
+        } else {
+            None
+        };
+        if planned.as_ref().is_some_and(|planned| planned.share >= share) {
             // The demand alone would pass the share: it is not played.
             self.outcome = Some(Outcome::EffortShare);
+            self.stop = planned;
         } else {
             self.pending = Some(trial);
         }
         Ok(())
+    }
+
+    /// What values of the inputs, from the start of a period, take of the limits on them.
+    fn command_use(&self, trial: &Trial, columns: &[Vec<f64>]) -> Option<LimitUse> {
+        let samples = trial.samples_per_period;
+        let mut most = None;
+        for (i, (column, &limit)) in columns.iter().zip(&trial.input_limits).enumerate() {
+            if !limit.is_finite() {
+                continue;
+            }
+            let sizes = column.iter().map(|value| value.abs()).enumerate();
+            let (at, value) = sizes.fold((0, 0.0), |most, now| if now.1 > most.1 { now } else { most });
+            let label = self.model.input(i);
+            // Where the current of a motor is what limits the input, that is what is said.
+            let motor = self.setup.procedure.motors.get(i).copied().flatten().map(|mounted| mounted.motor);
+            let by_current = motor.filter(|motor| motor.force(motor.limits.current) <= limit);
+            let per_unit = by_current.map_or(1.0, |motor| 1.0 / motor.force(1.0));
+            let (name, unit) = match by_current {
+                Some(_) => ("current", Some("A".into())),
+                None => ("command", label.unit.map(Into::into)),
+            };
+            let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+            let harmonic = strongest(last_period(column, samples, reach).into_iter().enumerate());
+            let used = LimitUse {
+                input: label.name.into(),
+                limit: name,
+                unit,
+                value: value * per_unit,
+                available: limit * per_unit,
+                share: value / limit,
+                sample: at % samples,
+                time: (at % samples) as f64 * trial.control.sample_time,
+                harmonic: harmonic.map(|(k, size)| (k, size * per_unit)),
+            };
+            most = most_used(most, used);
+        }
+        most
+    }
+
+    /// What the feed-forward of a trial asks of the motors.
+    fn motor_plan(&self, trial: &Trial) -> Result<Option<LimitUse>, TrialError> {
+        let mounted = &self.setup.procedure.motors;
+        if mounted.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let driven: Vec<Vec<usize>> =
+            mounted.iter().map(|mounted| mounted.iter().map(|mounted| mounted.coordinate).collect()).collect();
+        let motors: Vec<_> = mounted.iter().map(|mounted| mounted.map(|mounted| mounted.bare())).collect();
+        let demand = Demand::new(self.model, &trial.parameters, &trial.constants, &driven);
+        let least = 8 * trial.trajectory.highest_harmonic() as usize;
+        let samples = least.next_power_of_two().max(PLANNED_SAMPLES);
+        let found = requirements(&demand, &motors, &trial.trajectory, samples)?;
+        let uses = found.iter().filter_map(|requirement| {
+            let mounted = mounted.get(requirement.input).copied().flatten()?;
+            Some(mounted.planned(self.model, requirement, trial.samples_per_period))
+        });
+        Ok(uses.fold(None, most_used))
+    }
+
+    /// What a run took of the motors.
+    fn motor_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
+        let coordinates = self.model.dims().coordinates;
+        let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+        let reach = reach.min(spectra.highest());
+        let mut most = None;
+        for (i, mounted) in self.setup.procedure.motors.iter().enumerate() {
+            let Some(mounted) = mounted else { continue };
+            let force: Vec<_> = (0..=reach)
+                .map(|k| {
+                    let (re, im) = match self.setup.procedure.hold {
+                        Hold::None => (1.0, 0.0),
+                        Hold::Zoh => hold_factor(k as f64 * spectra.fundamental * spectra.sample_time),
+                    };
+                    spectra.lines[coordinates + i][k] * nalgebra::Complex::new(re, im)
+                })
+                .collect();
+            let motion = &spectra.lines[mounted.coordinate][..=reach];
+            let name = self.model.input(i).name;
+            let used = mounted.measured(name, &force, motion, spectra.fundamental, trial.samples_per_period);
+            most = most_used(most, used);
+        }
+        most
     }
 
     fn converged(&self, estimate: &Estimate) -> bool {
@@ -536,10 +661,7 @@ impl<'m> Campaign<'m> {
     }
 
     fn report(&self, trial: &Trial, record: &Record) -> RunReport {
-        let shares = record.inputs.iter().zip(&trial.input_limits).filter(|(_, limit)| limit.is_finite());
-        let share = shares
-            .map(|(channel, limit)| channel.iter().fold(0.0, |most: f64, u| most.max(u.abs())) / limit)
-            .fold(None, |most: Option<f64>, share| Some(most.map_or(share, |m| m.max(share))));
+        let limit = self.command_use(trial, &record.inputs);
         RunReport {
             run: self.reports.len() + 1,
             stage: self.stage + 1,
@@ -550,7 +672,8 @@ impl<'m> Campaign<'m> {
             periods: 0,
             played: trial.parameters.clone(),
             tracking_rms: tracking_rms(trial, record, 0),
-            effort_share: share,
+            effort_share: limit.as_ref().map(|limit| limit.share),
+            limit,
             ending: match record.ending {
                 Ending::Complete => "complete",
                 Ending::TrackingBound { .. } => "tracking_bound",
@@ -580,6 +703,31 @@ impl<'m> Campaign<'m> {
             })
             .collect()
     }
+}
+
+/// The one that takes the larger share of what there is.
+fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
+    if !used.available.is_finite() || most.as_ref().is_some_and(|most| most.share >= used.share) {
+        return most;
+    }
+    Some(used)
+}
+
+/// Amplitudes of the harmonics of the last whole period of a signal, from the mean on; none when there is no such period.
+fn last_period(column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
+    let Some(from) = (column.len() / samples.max(1)).checked_sub(1).map(|period| period * samples) else {
+        return Vec::new();
+    };
+    let amplitude = |k: usize| {
+        let turn = 2.0 * std::f64::consts::PI * k as f64 / samples as f64;
+        let line: nalgebra::Complex<f64> = column[from..from + samples]
+            .iter()
+            .enumerate()
+            .map(|(n, value)| nalgebra::Complex::from_polar(*value, -turn * n as f64))
+            .sum();
+        line.norm() * if k == 0 { 1.0 } else { 2.0 } / samples as f64
+    };
+    (0..=reach.min(samples / 2)).map(amplitude).collect()
 }
 
 /// Root mean square of the measured tracking error of every coordinate from a sample on.

@@ -16,5 +16,5 @@ pub use campaign::{Campaign, CampaignError, LEAST_PERIODS, Outcome, Procedure, R
 pub use completion::OpenReason;
 pub use record::{Ending, Record};
 pub use settle::settled_from;
-pub(crate) use trial::demand;
 pub use trial::{HoldCompensation, Loop, Trial, TrialError, TrialSettings, Velocity};
+pub(crate) use trial::{correct_actuators, demand};

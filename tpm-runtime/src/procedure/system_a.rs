@@ -28,6 +28,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             gains: vec![Gain { input: 0, coordinate: 0, proportional: 2000.0, derivative: 120.0 }],
             velocity: Velocity::Measured,
             compensation: HoldCompensation::Exact,
+            actuators: vec![],
         },
         procedure: Procedure {
             stages: stages
@@ -42,6 +43,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             error_limits: vec![0.0],
             tracking_bounds: vec![10.0],
             input_limits: vec![f64::INFINITY],
+            motors: vec![],
             effort_share: 0.7,
             back_off: 0.5,
             max_aborts: 3,

@@ -5,8 +5,9 @@
 //! `u = Phi(q_r) theta + known` solved for the inputs, with the estimates theta at the start of the run.
 
 use super::completion::{OpenReason, complete};
+use crate::actuator::Dynamics;
 use crate::control::{Differentiator, Gain};
-use crate::harmonics::hold_factor;
+use crate::harmonics::{Spectra, hold_factor};
 use crate::linear;
 use crate::model::{EvalError, Model};
 use crate::trajectory::Trajectory;
@@ -25,7 +26,8 @@ pub enum HoldCompensation {
     None,
     /// Each sample is the demand half a sample later; a loss of `(W T)^2 / 24` remains at the frequency W.
     Advance,
-    /// Every harmonic is divided by what the hold does to it; only the images beyond the sampling frequency remain.
+    /// Every harmonic is divided by what the hold and the known dynamics of the actuator do to it (where these pass less than
+    /// a tenth, amplified tenfold); only the images beyond the sampling frequency remain.
     #[default]
     Exact,
 }
@@ -50,6 +52,9 @@ impl Velocity {
     }
 }
 
+/// A harmonic that the actuator passes weakly is amplified so much at most.
+const MOST_AMPLIFIED: f64 = 10.0;
+
 /// Feedback in sampled time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Loop {
@@ -61,6 +66,8 @@ pub struct Loop {
     pub velocity: Velocity,
     /// What the feed-forward does about the hold.
     pub compensation: HoldCompensation,
+    /// Known dynamics between command and force, by input; inputs beyond the last one have none.
+    pub actuators: Vec<Dynamics>,
 }
 
 impl Loop {
@@ -83,11 +90,17 @@ impl Loop {
             .sum()
     }
 
-    /// What the hold does to an input's phasor at the frequency W (rad/s).
+    /// Known dynamics of an input's actuator.
     #[must_use]
-    pub fn hold(&self, frequency: f64) -> Complex<f64> {
+    pub fn actuator(&self, input: usize) -> Dynamics {
+        self.actuators.get(input).copied().unwrap_or_default()
+    }
+
+    /// What the hold and the actuator do to an input's phasor at the frequency W (rad/s).
+    #[must_use]
+    pub fn drive(&self, input: usize, frequency: f64) -> Complex<f64> {
         let (re, im) = hold_factor(frequency * self.sample_time);
-        Complex::new(re, im)
+        Complex::new(re, im) * self.actuator(input).response(frequency)
     }
 }
 
@@ -242,7 +255,7 @@ impl Trial {
         };
         let mut feed_forward = demand(model, demanded, parameters, constants)?;
         if control.compensation == HoldCompensation::Exact {
-            undo_hold(&mut feed_forward, dims.inputs);
+            undo_drive(&mut feed_forward, dims.inputs, control);
         }
         Ok(Trial {
             run,
@@ -313,8 +326,16 @@ pub(crate) fn demand(
     Ok(out)
 }
 
-/// Divides every harmonic of one period (all inputs interleaved) by what a zero-order hold does to it.
-fn undo_hold(samples: &mut [f64], inputs: usize) {
+/// Puts the known dynamics of the actuators between the recorded inputs (the channels behind the coordinates) and the model,
+/// so that the spectra are those of forces, up to the hold.
+pub(crate) fn correct_actuators(spectra: &mut Spectra, coordinates: usize, actuators: &[Dynamics]) {
+    for (i, dynamics) in actuators.iter().enumerate().filter(|(_, dynamics)| !dynamics.is_ideal()) {
+        spectra.pass(coordinates + i, |frequency| dynamics.response(frequency));
+    }
+}
+
+/// Divides every harmonic of one period (all inputs interleaved) by what hold and actuator do to it.
+fn undo_drive(samples: &mut [f64], inputs: usize, control: &Loop) {
     let count = samples.len() / inputs.max(1);
     let mut planner = RealFftPlanner::<f64>::new();
     let forward = planner.plan_fft_forward(count);
@@ -329,8 +350,14 @@ fn undo_hold(samples: &mut [f64], inputs: usize) {
         for (k, line) in spectrum.iter_mut().enumerate() {
             // The mean passes unchanged, and a line at half the sampling frequency has no phase that could be advanced.
             if k > 0 && 2 * k < count {
-                let (re, im) = hold_factor(2.0 * std::f64::consts::PI * k as f64 / count as f64);
+                let angle = 2.0 * std::f64::consts::PI * k as f64 / count as f64;
+                let (re, im) = hold_factor(angle);
                 *line /= Complex::new(re, im);
+                let actuator = control.actuator(i);
+                if !actuator.is_ideal() {
+                    let response = actuator.response(angle / control.sample_time);
+                    *line *= response.conj() / response.norm_sqr().max(MOST_AMPLIFIED.powi(-2));
+                }
             }
             *line /= count as f64;
         }
@@ -360,6 +387,7 @@ mod tests {
             gains: vec![Gain { input: 0, coordinate: 0, proportional: 2000.0, derivative: 120.0 }],
             velocity: Velocity::Measured,
             compensation,
+            actuators: vec![],
         };
         let settings = TrialSettings {
             run: 0,

@@ -3,6 +3,7 @@
 use super::Bench;
 use super::plant::Plant;
 use super::sensor::{Measurement, apply};
+use super::transmission::Transmission;
 use crate::model::{Buffer, EvalError, Model, require_len};
 use crate::procedure::{Ending, Record};
 use std::vec;
@@ -27,6 +28,7 @@ pub fn drive(
     let samples = inputs.iter().map(Vec::len).min().unwrap_or(0);
     let mut plant = Plant::new(model, &bench.parameters, &bench.constants)?;
     let mut measurement = Measurement::new(&bench.sensors, bench.seed, 0);
+    let mut transmission = Transmission::new(&bench.actuators, sample_time, bench.sub_steps);
     let (mut measured, mut applied) = (vec![0.0; n], vec![0.0; dims.inputs]);
     let mut record = Record {
         sample_time,
@@ -44,7 +46,7 @@ pub fn drive(
             *value = column[sample];
         }
         record.saturated += usize::from(apply(&bench.actuators, &mut applied, &mut record.inputs));
-        if plant.advance_or_diverge(&applied, sample_time, bench.sub_steps)? {
+        if transmission.advance(&mut plant, &applied)? {
             record.ending = Ending::Diverged { sample };
             break;
         }
@@ -66,7 +68,7 @@ mod tests {
             parameters: vec![2.0, 8.0, 0.0],
             constants: vec![],
             sensors: vec![Sensor::default()],
-            actuators: vec![Actuator { limit: 3.0, step: 0.0 }],
+            actuators: vec![Actuator { limit: 3.0, ..Actuator::default() }],
             sub_steps: 4,
             seed: 1,
         };

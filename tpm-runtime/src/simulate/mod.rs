@@ -8,6 +8,7 @@ mod drive;
 mod plant;
 mod regulate;
 mod sensor;
+mod transmission;
 
 pub use closed_loop_arm::{ArmGeometry, ClosedLoopArm};
 pub use drive::drive;
@@ -21,6 +22,7 @@ use crate::procedure::{Ending, Record, Trial, Velocity};
 use sensor::{Measurement, apply};
 use std::vec;
 use std::vec::Vec;
+use transmission::Transmission;
 
 /// The simulated machine around a plant.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +48,7 @@ pub struct Session<'a> {
     bench: &'a Bench,
     plant: Plant<'a>,
     measurement: Measurement,
+    transmission: Transmission,
     filters: Vec<Differentiator<f64>>,
     measured: Vec<f64>,
     errors: Vec<f64>,
@@ -84,6 +87,7 @@ impl<'a> Session<'a> {
             bench,
             plant,
             measurement: Measurement::new(&bench.sensors, bench.seed, trial.run),
+            transmission: Transmission::new(&bench.actuators, trial.control.sample_time, bench.sub_steps),
             filters: vec![Differentiator::new(trial.control.sample_time, time_constant); n],
             measured: vec![0.0; n],
             errors: vec![0.0; n],
@@ -139,8 +143,7 @@ impl<'a> Session<'a> {
                 return Ok(Some(Ending::TrackingBound { coordinate, sample, error }));
             }
         }
-        let diverged =
-            self.plant.advance_or_diverge(&self.wanted, self.trial.control.sample_time, self.bench.sub_steps)?;
+        let diverged = self.transmission.advance(&mut self.plant, &self.wanted)?;
         Ok(diverged.then_some(Ending::Diverged { sample }))
     }
 

@@ -116,31 +116,24 @@ impl<'m> Plant<'m> {
         self.time
     }
 
-    /// As [`advance`](Self::advance); whether the motion diverged.
-    ///
-    /// # Errors
-    /// [`EvalError`] when the rows cannot be evaluated although the motion is finite.
-    pub(super) fn advance_or_diverge(
-        &mut self,
-        inputs: &[f64],
-        duration: f64,
-        steps: usize,
-    ) -> Result<bool, EvalError> {
-        match self.advance(inputs, duration, steps) {
-            Ok(()) => Ok(false),
-            Err(PlantError::Diverged { .. }) => Ok(true),
-            Err(PlantError::Evaluation(fault)) => Err(fault),
-        }
-    }
-
     /// Advances by `steps` steps of `duration / steps` seconds under constant inputs.
     ///
     /// # Errors
     /// [`PlantError`]; the motion is then the one at fault.
     pub fn advance(&mut self, inputs: &[f64], duration: f64, steps: usize) -> Result<(), PlantError> {
+        self.advance_by(duration, steps, &mut |plant, step| plant.step([inputs; 3], step))
+    }
+
+    /// The same with steps of the caller, which knows the inputs.
+    pub(super) fn advance_by(
+        &mut self,
+        duration: f64,
+        steps: usize,
+        one: &mut dyn FnMut(&mut Self, f64) -> Result<(), EvalError>,
+    ) -> Result<(), PlantError> {
         let step = duration / steps.max(1) as f64;
         for _ in 0..steps.max(1) {
-            if let Err(fault) = self.step(inputs, step) {
+            if let Err(fault) = one(self, step) {
                 // A motion that overflows in a product shows first as a mass matrix that is not finite.
                 return Err(
                     match self.state.iter().position(|value| !value.is_finite() || value.abs() > OVERFLOWING) {
@@ -164,11 +157,12 @@ impl<'m> Plant<'m> {
         Ok(())
     }
 
-    fn step(&mut self, inputs: &[f64], h: f64) -> Result<(), EvalError> {
+    /// One step of length `h` under inputs given at its start, middle and end.
+    pub(super) fn step(&mut self, [first, middle, last]: [&[f64]; 3], h: f64) -> Result<(), EvalError> {
         self.start.copy_from_slice(&self.state);
-        self.evaluate(inputs)?;
+        self.evaluate(first)?;
         self.sum.copy_from_slice(&self.rate);
-        for (shift, weight) in [(0.5 * h, 2.0), (0.5 * h, 2.0), (h, 1.0)] {
+        for (shift, weight, inputs) in [(0.5 * h, 2.0, middle), (0.5 * h, 2.0, middle), (h, 1.0, last)] {
             for ((value, start), rate) in self.state.iter_mut().zip(&self.start).zip(&self.rate) {
                 *value = start + shift * rate;
             }

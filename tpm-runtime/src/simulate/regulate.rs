@@ -6,6 +6,7 @@
 use super::Bench;
 use super::plant::Plant;
 use super::sensor::{Measurement, apply};
+use super::transmission::Transmission;
 use crate::control::Differentiator;
 use crate::model::{Buffer, EvalError, Model, require_len};
 use crate::procedure::{Ending, Record};
@@ -62,6 +63,7 @@ pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'
     start[..n].copy_from_slice(&regulation.start);
     plant.reset(&start)?;
     let mut measurement = Measurement::new(&bench.sensors, bench.seed, 0);
+    let mut transmission = Transmission::new(&bench.actuators, sample_time, bench.sub_steps);
     let mut filters = vec![Differentiator::new(sample_time, regulation.derivative_filter); n];
     let (mut state, mut inputs) = (vec![0.0; 2 * n], vec![0.0; dims.inputs]);
     let mut found = Regulated {
@@ -91,7 +93,7 @@ pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'
             column.push(*value);
         }
         found.cost += sample_time * regulation.weights.cost(&plant.motion()[..2 * n], &inputs);
-        if plant.advance_or_diverge(&inputs, sample_time, bench.sub_steps)? {
+        if transmission.advance(&mut plant, &inputs)? {
             found.record.ending = Ending::Diverged { sample };
             break;
         }
@@ -127,7 +129,7 @@ mod tests {
             parameters: vec![2.0, -8.0, 0.0],
             constants: vec![],
             sensors: vec![Sensor { step, ..Sensor::default() }],
-            actuators: vec![Actuator { limit: 40.0, step: 0.0 }],
+            actuators: vec![Actuator { limit: 40.0, ..Actuator::default() }],
             sub_steps: 4,
             seed: 1,
         }

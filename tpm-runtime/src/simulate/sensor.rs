@@ -4,6 +4,7 @@
 //! and comes from one seeded stream per run, drawn coordinate by coordinate, so that a run depends on its seed and number
 //! alone.
 
+use crate::actuator::Dynamics;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -28,11 +29,13 @@ pub struct Actuator {
     pub limit: f64,
     /// Step of the commanded value, unit of the input; zero for none.
     pub step: f64,
+    /// What lies between this value and the force.
+    pub dynamics: Dynamics,
 }
 
 impl Default for Actuator {
     fn default() -> Self {
-        Actuator { limit: f64::INFINITY, step: 0.0 }
+        Actuator { limit: f64::INFINITY, step: 0.0, dynamics: Dynamics::default() }
     }
 }
 
@@ -147,7 +150,7 @@ mod tests {
 
     #[test]
     fn the_drive_cuts_at_its_limit() {
-        let drive = Actuator { limit: 2.0, step: 0.25 };
+        let drive = Actuator { limit: 2.0, step: 0.25, ..Actuator::default() };
         assert_eq!(drive.apply(1.1), (1.0, false));
         assert_eq!(drive.apply(-7.0), (-2.0, true));
         assert_eq!(Actuator::default().apply(1e9), (1e9, false));

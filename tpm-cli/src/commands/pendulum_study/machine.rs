@@ -112,7 +112,7 @@ impl Machine {
             parameters: (0..dims.parameters).map(|j| lumped[self.interpreted.parameter(j).name]).collect(),
             constants: (0..dims.constants).map(|j| self.named(self.interpreted.constant(j).name)).collect(),
             sensors,
-            actuators: vec![Actuator { limit, step: 0.0 }],
+            actuators: vec![Actuator { limit, ..Actuator::default() }],
             sub_steps: 1,
             seed,
         }

@@ -1,0 +1,318 @@
+//! Motors and actuator dynamics of an experiment, met with a model.
+//!
+//! Invariant: what is known (`actuators`, else what a motor's amplifier states) is what is corrected; what the simulated machine
+//! has (`plant.actuators`) is that, unless said otherwise.
+
+use super::resolve::{coordinates, inputs, positive, require};
+use super::{ActuatorSection, Experiment, ExperimentError, MotorsSection};
+use crate::actuator::{Dynamics, FileFault, LowPass, MotorFile, Mounted};
+use crate::model::Model;
+use std::collections::BTreeMap;
+use std::format;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+
+/// Limits on inputs, or what the motors' largest currents give where that is less.
+pub(super) fn limited(mut limits: Vec<f64>, motors: &[Option<Mounted>]) -> Vec<f64> {
+    for (limit, mounted) in limits.iter_mut().zip(motors) {
+        if let Some(Mounted { motor, .. }) = mounted {
+            *limit = limit.min(motor.force(motor.limits.current));
+        }
+    }
+    limits
+}
+
+fn refused(fault: FileFault) -> ExperimentError {
+    ExperimentError::Motors { message: fault.message }
+}
+
+impl Experiment {
+    /// The path of the motor file that this experiment names, when it does.
+    #[must_use]
+    pub fn motor_file(&self) -> Option<&str> {
+        match &self.motors {
+            Some(MotorsSection::File(path)) => Some(path),
+            Some(MotorsSection::Tables(_)) | None => None,
+        }
+    }
+
+    /// Puts the tables of a motor file in the place of its path, so that the experiment stands alone.
+    ///
+    /// # Errors
+    /// [`FileFault`] when the text is no motor file.
+    pub fn set_motors(&mut self, text: &str) -> Result<(), FileFault> {
+        MotorFile::parse(text)?;
+        let mut whole: toml::Table = toml::from_str(text).map_err(|fault| {
+            FileFault::at(text, fault.span().map_or(0, |span| span.start), fault.message().to_string())
+        })?;
+        let motors = match whole.remove("motors") {
+            Some(toml::Value::Table(motors)) => motors,
+            _ => return Err(FileFault::at(text, 0, "the file lacks `motors`: add a table [motors.INPUT]".to_string())),
+        };
+        self.motors = Some(MotorsSection::Tables(motors));
+        Ok(())
+    }
+
+    /// Checks the motors in a text, that of the motor file or of the experiment itself, so that a fault has its place there.
+    ///
+    /// # Errors
+    /// [`FileFault`].
+    pub fn check_motors(&self, model: &dyn Model<f64>, file: &MotorFile) -> Result<(), FileFault> {
+        let turned = self.turned(model).unwrap_or_else(|_| vec![Vec::new(); model.dims().inputs]);
+        file.motors(model, &turned).map(|_| ())
+    }
+
+    /// The coordinates that the motors could turn with, by input: the one that is stated, else all that are fed back to it.
+    fn turned(&self, model: &dyn Model<f64>) -> Result<Vec<Vec<usize>>, ExperimentError> {
+        let (coordinates, inputs) = (coordinates(model), inputs(model));
+        let mut turned = vec![Vec::new(); inputs.names.len()];
+        for (input, coordinate) in &self.motion {
+            turned[inputs.index("motion", input)?] = vec![coordinates.index("motion", coordinate)?];
+        }
+        for path in &self.control.feedback {
+            let input = inputs.index("control.feedback", &path.input)?;
+            let coordinate = coordinates.index("control.feedback", &path.coordinate)?;
+            if !self.motion.contains_key(&path.input) && !turned[input].contains(&coordinate) {
+                turned[input].push(coordinate);
+            }
+        }
+        Ok(turned)
+    }
+
+    fn motor_tables(&self) -> Result<Option<MotorFile>, ExperimentError> {
+        match &self.motors {
+            None => Ok(None),
+            Some(MotorsSection::File(path)) => Err(ExperimentError::Motors {
+                message: format!("the file {path} was not read; put its tables in its place (Experiment::set_motors)"),
+            }),
+            Some(MotorsSection::Tables(tables)) => {
+                let whole = toml::Table::from_iter([("motors".to_string(), toml::Value::Table(tables.clone()))]);
+                MotorFile::parse(&whole.to_string()).map(Some).map_err(refused)
+            }
+        }
+    }
+
+    /// The motors by input, each on the coordinate that its rotor turns with; empty when there is none.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Motors`], [`ExperimentError::UnknownName`].
+    pub fn mounted(&self, model: &dyn Model<f64>) -> Result<Vec<Option<Mounted>>, ExperimentError> {
+        let Some(file) = self.motor_tables()? else { return Ok(Vec::new()) };
+        let turned = self.turned(model)?;
+        for (i, coordinates) in turned.iter().enumerate() {
+            let name = model.input(i).name;
+            let carries = matches!(&self.motors, Some(MotorsSection::Tables(tables)) if tables.contains_key(name));
+            if carries && coordinates.len() != 1 {
+                return Err(ExperimentError::Motors {
+                    message: format!(
+                        "{} coordinates are fed back to `{name}`; say which one its rotor turns with: motion = {{ {name} = \"COORDINATE\" }}",
+                        coordinates.len()
+                    ),
+                });
+            }
+        }
+        let motors = file.motors(model, &turned).map_err(refused)?;
+        let mounted = motors.into_iter().zip(turned).map(|(motor, turned)| {
+            let (motor, coordinate) = (motor?, *turned.first()?);
+            Some(Mounted { motor, coordinate })
+        });
+        Ok(mounted.collect())
+    }
+
+    /// Known dynamics by input.
+    ///
+    /// # Errors
+    /// [`ExperimentError::UnknownName`], [`ExperimentError::Invalid`], [`ExperimentError::Motors`].
+    pub fn known_actuators(&self, model: &dyn Model<f64>) -> Result<Vec<Dynamics>, ExperimentError> {
+        let stated = match self.motor_tables()? {
+            Some(file) => file.dynamics(model).map_err(refused)?,
+            None => vec![Dynamics::default(); model.dims().inputs],
+        };
+        overlaid(stated, "actuators", &self.actuators, model)
+    }
+
+    /// Dynamics of the simulated machine by input.
+    ///
+    /// # Errors
+    /// As [`known_actuators`](Self::known_actuators).
+    pub fn plant_actuators(&self, model: &dyn Model<f64>) -> Result<Vec<Dynamics>, ExperimentError> {
+        overlaid(self.known_actuators(model)?, "plant.actuators", &self.plant.actuators, model)
+    }
+}
+
+/// Dynamics where they are given, others where not.
+fn overlaid(
+    mut dynamics: Vec<Dynamics>,
+    place: &str,
+    sections: &BTreeMap<String, ActuatorSection>,
+    model: &dyn Model<f64>,
+) -> Result<Vec<Dynamics>, ExperimentError> {
+    let inputs = inputs(model);
+    for (name, section) in sections {
+        let at = inputs.index(place, name)?;
+        let key = |field: &str| format!("{place}.{name}.{field}");
+        let delay = section.delay;
+        require(delay.is_finite() && delay >= 0.0, key("delay"), delay, "the value must not be negative")?;
+        let given = [
+            ("natural_frequency", section.natural_frequency),
+            ("quality", section.quality),
+            ("bandwidth", section.bandwidth),
+        ];
+        for (field, value) in given {
+            if let Some(value) = value {
+                positive(&key(field), value)?;
+            }
+        }
+        if let (None, Some(quality)) = (section.natural_frequency, section.quality) {
+            require(false, key("quality"), quality, "it belongs to a low pass; give its natural_frequency too")?;
+        }
+        dynamics[at] = Dynamics {
+            delay,
+            filter: section.natural_frequency.map(|natural_frequency| LowPass {
+                natural_frequency,
+                quality: section.quality.unwrap_or(std::f64::consts::FRAC_1_SQRT_2),
+            }),
+            bandwidth: section.bandwidth,
+        };
+    }
+    Ok(dynamics)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::actuator::{Dynamics, LowPass};
+    use crate::experiment::{CampaignIdentification, Experiment, ExperimentError, identify_simulated};
+    use crate::harmonics::Hold;
+    use crate::log::{Log, LogOptions, identify_log};
+    use crate::procedure::{Campaign, Outcome};
+    use crate::simulate::simulate;
+    use crate::test_models::MassSpringDrag;
+    use crate::trajectory::tests::rest_to_rest_3;
+    use std::string::ToString;
+
+    const FILE: &str = include_str!("../../../models/mass_spring_drag.toml");
+    const MOTOR: &str =
+        "[motors.u]\ntorque_constant = 0.115\nresistance = 4\ninductance = 7.7e-3\npinion_radius = 0.02\n";
+    const TRUTH: [f64; 3] = [2.0, 40.0, 1.5];
+
+    /// The shipped experiment without noise.
+    fn experiment(sets: &[(&str, &str)]) -> Experiment {
+        let mut experiment = Experiment::parse(FILE).expect("the shipped file is right");
+        for (key, value) in [("plant.sensors.x.noise", "0"), ("counts", "0")].iter().chain(sets) {
+            experiment.apply_override(key, value).expect("known");
+        }
+        experiment
+    }
+
+    fn identified(experiment: &Experiment) -> CampaignIdentification {
+        identify_simulated(&MassSpringDrag, &rest_to_rest_3(), experiment, &mut |_| true).expect("runs")
+    }
+
+    fn worst(values: impl Iterator<Item = f64>) -> f64 {
+        values.zip(TRUTH).map(|(value, truth)| (value / truth - 1.0).abs()).fold(0.0, f64::max)
+    }
+
+    const AMPLIFIER: &str = "{ delay = 0.0035, natural_frequency = 250.0, quality = 0.8 }";
+
+    #[test]
+    fn known_dynamics_are_corrected_and_unknown_ones_are_seen() {
+        for (method, sharp) in [("measured-motion", 1e-6), ("error", 1e-4), ("hill", 1e-4), ("effort", 1e-4)] {
+            let run = |sets: &[(&str, &str)]| {
+                let all = [&[("estimator", method), ("updates_per_stage", "8"), ("max_runs", "40")], sets].concat();
+                let found = identified(&experiment(&all));
+                worst(found.current.iter().copied())
+            };
+            let ideal = run(&[]);
+            let known = run(&[("actuators.u", AMPLIFIER)]);
+            let unknown = run(&[("plant.actuators.u", AMPLIFIER)]);
+            std::eprintln!("{method}: ideal {ideal:.2e}, corrected {known:.2e}, not corrected {unknown:.2e}");
+            assert!(ideal < sharp && known < sharp, "{method}: {ideal:e} {known:e}");
+            assert!(unknown > 1e-3, "{method}: {unknown:e}");
+        }
+    }
+
+    #[test]
+    fn a_log_takes_the_same_correction() {
+        let experiment = experiment(&[("actuators.u", AMPLIFIER)]);
+        let model = &MassSpringDrag;
+        let setup = experiment.setup(model, &rest_to_rest_3(), Hold::Zoh).expect("fits");
+        let bench = experiment.bench(model).expect("fits");
+        let campaign = Campaign::new(model, setup).expect("playable");
+        let trial = campaign.next().expect("first");
+        let record = simulate(model, &bench, trial).expect("regular");
+        let channels = [record.coordinates, record.inputs].concat();
+        let log = Log::from_samples("memory", record.sample_time, channels).expect("long enough");
+        let error = |actuators: &[Dynamics], hold: Hold| {
+            let options = LogOptions { hold, actuators: actuators.to_vec(), ..LogOptions::default() };
+            let found = identify_log(model, &log, &options).expect("periodic");
+            (worst(found.estimate.values.iter().copied()), found.residual, found.log.actuators.len())
+        };
+        let filter = Some(LowPass { natural_frequency: 250.0, quality: 0.8 });
+        let known = Dynamics { delay: 0.0035, filter, bandwidth: None };
+        let (corrected, left, reported) = error(&[known], Hold::Zoh);
+        assert!(corrected < 1e-5 && left < 1e-5 && reported == 1, "{corrected:e} {left:e}");
+        let (plain, residual, reported) = error(&[], Hold::Zoh);
+        assert!(plain > 1e-3 && residual > 1e-2 && reported == 0, "{plain:e} {residual:e}");
+        // Half a sample more of delay is what a hold is, nearly.
+        let (instead, ..) = error(&[Dynamics { delay: 0.004, ..known }], Hold::None);
+        assert!(instead > corrected && instead < 1e-3, "{instead:e}");
+        std::eprintln!("log: corrected {corrected:.2e}, not corrected {plain:.2e}, hold as a delay {instead:.2e}");
+    }
+
+    #[test]
+    fn limits_of_a_motor_end_a_campaign_by_name() {
+        for (limit, name, unit) in
+            [("current = 8", "current", "A"), ("voltage = 40", "voltage", "V"), ("power = 200", "power", "W")]
+        {
+            let mut experiment = experiment(&[]);
+            experiment.set_motors(&std::format!("{MOTOR}[motors.u.limits]\n{limit}\n")).expect("a motor file");
+            let found = identified(&experiment);
+            assert_eq!(found.outcome, Some(Outcome::EffortShare), "{:?}", found.warnings);
+            let stop = found.stop.clone().expect("named");
+            assert_eq!((stop.limit, stop.unit.as_deref(), stop.input.as_str()), (name, Some(unit), "u"));
+            assert!(stop.share >= 0.7 && (limit.starts_with("power") || stop.harmonic.is_some()), "{stop}");
+            assert!(found.is_complete() && found.runs.len() < 8);
+            let text = stop.to_string();
+            assert!(text.contains("sample") && text.contains(unit), "{text}");
+            // The last stage alone, from the start: the run itself passes the limit.
+            experiment.schedule.stages.drain(..3);
+            let passed = identified(&experiment);
+            let stop = passed.stop.clone().expect("named");
+            assert!(stop.limit == name && stop.share >= 0.7, "{stop}");
+            std::eprintln!("{limit}: {text}; at once: {:?} {stop}", passed.outcome);
+        }
+    }
+
+    #[test]
+    fn faults_name_their_place() {
+        let fault = |sets: &[(&str, &str)]| {
+            let experiment = experiment(sets);
+            let found = experiment.setup(&MassSpringDrag, &rest_to_rest_3(), Hold::Zoh);
+            found
+                .map(|_| ())
+                .and_then(|()| experiment.bench(&MassSpringDrag).map(|_| ()))
+                .expect_err("a fault")
+                .to_string()
+        };
+        assert!(fault(&[("actuators.v", "{ delay = 1e-3 }")]).contains("actuators: the model has no input `v`"));
+        assert!(fault(&[("actuators.u", "{ delay = -1e-3 }")]).starts_with("actuators.u.delay = -0.001"));
+        assert!(fault(&[("plant.actuators.u", "{ quality = 2.0 }")]).contains("natural_frequency"));
+        assert!(fault(&[("plant.actuators.u", "{ bandwidth = 0.0 }")]).starts_with("plant.actuators.u.bandwidth"));
+        assert!(fault(&[("motors", "none.toml")]).contains("none.toml was not read"));
+        assert!(fault(&[("motors", "{ u = { resistance = 4.0 } }")]).contains("[motors.u] lacks `torque_constant`"));
+        assert!(fault(&[("motion", "{ u = \"y\" }"), ("motors", "{ u = {} }")]).contains("no coordinate `y`"));
+        let mut ambiguous = experiment(&[]);
+        ambiguous.set_motors(MOTOR).expect("a motor file");
+        ambiguous.control.feedback.clear();
+        let found = ambiguous.mounted(&MassSpringDrag).expect_err("nothing is fed back");
+        assert!(
+            matches!(found, ExperimentError::Motors { .. }) && found.to_string().contains("motion = { u"),
+            "{found}"
+        );
+        ambiguous.motion.insert("u".into(), "x".into());
+        assert_eq!(ambiguous.mounted(&MassSpringDrag).expect("stated").len(), 1);
+        let missing = Experiment::parse("seed = 1\n").expect_err("no control").to_string();
+        assert!(missing.contains("add [control] with sample_time"), "{missing}");
+    }
+}
