@@ -7,7 +7,6 @@
 
 mod support;
 
-use num_rational::BigRational;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,6 +18,7 @@ use tpm_symbolic::estimator::{PatternPlan, TablePlan};
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::rational;
+use tpm_symbolic::rational::Rational;
 
 /// Roundings that any value of these models may gather.
 const ROUNDINGS: f64 = 16.0;
@@ -289,7 +289,7 @@ fn epsilon(scalar: Scalar) -> f64 {
     }
 }
 
-fn rounded(scalar: Scalar, value: &BigRational) -> f64 {
+fn rounded(scalar: Scalar, value: &Rational) -> f64 {
     match scalar {
         Scalar::Float => f64::from(rational::to_f32(value)),
         Scalar::Double => rational::to_f64(value),
@@ -562,7 +562,7 @@ fn check_pattern(estimator: &Estimator, index: usize, case: &Case, scalar: Scala
 /// Parameters and covariance of a solution, and the parameters by the exact pseudo-inverse where there are any, with the
 /// condition number that comes with them in the bound.
 fn check_solution(
-    matrix: &[Vec<BigRational>],
+    matrix: &[Vec<Rational>],
     weight: &dyn Fn(usize) -> f64,
     (case, own): (&Case, &PatternCase),
     direct: &[f64],

@@ -125,13 +125,13 @@ fn ten_megabytes_of_garbage_are_refused_on_one_page() {
 
 /// Models as a program would build them, with spans that mean nothing.
 mod built {
-    use num_rational::BigRational;
     use proptest::prelude::*;
     use tpm_codegen::language::ast::{
         Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, ExprKind, Force, Ident, Item,
         Model, Motion, Operation, Pattern, PatternItem, Quantity, Role, Series, Sign, Taylor, UnitExpr,
     };
     use tpm_codegen::source::Span;
+    use tpm_symbolic::rational::Rational;
 
     const NOWHERE: Span = Span { start: 0, end: 0 };
 
@@ -150,9 +150,9 @@ mod built {
         Expr { kind, span: NOWHERE }
     }
 
-    fn number() -> impl Strategy<Value = BigRational> {
+    fn number() -> impl Strategy<Value = Rational> {
         (0_u64.., 0_u32..60)
-            .prop_map(|(digits, places)| BigRational::new(digits.into(), num_traits::pow(10.into(), places as usize)))
+            .prop_map(|(digits, places)| Rational::new(digits.into(), num_traits::pow(10.into(), places as usize)))
     }
 
     pub(super) fn expression() -> impl Strategy<Value = Expr> {

@@ -50,8 +50,7 @@ pub fn bessel_j(n: u32, x: f64) -> Option<f64> {
             let above = sum * half.numer().pow(n);
             let below = (half.denom().pow(n) * factorial) << bits;
             // Not in lowest terms: a common divisor would cost more than the division that rounds.
-            let value = Rational::new_raw(above, below);
-            return Some(rational::to_f64(&value));
+            return Some(rational::quotient_to_f64(&above, &below));
         }
         bits *= 2;
     }

@@ -30,7 +30,6 @@ use crate::regressor::{RegressorForm, Term};
 use crate::spectrum::{Base, Spectrum, Whole};
 use crate::table::{HarmonicTable, Series};
 use num_integer::Integer;
-use num_traits::One;
 use smallvec::{SmallVec, smallvec};
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -386,7 +385,7 @@ impl<'a> Atoms<'a> {
             // A whole number is kept out of the shapes, so that offsets cancel before anything is multiplied out.
             let [value, _] = if constant { fourier.pair(0) } else { [None; 2] };
             let part = match value.filter(|value| rational::is_integer(value)) {
-                Some(value) => Part { factor: Scalar::from_big(value.numer()), powers, degree, shape: None },
+                Some(value) => Part { factor: numerator_of(value), powers, degree, shape: None },
                 None => Part { factor: Scalar::ONE, powers, degree, shape: Some(self.shape(fourier, order)) },
             };
             self.parts.push(part);
@@ -1007,11 +1006,10 @@ fn merge<K: Key>(products: &mut Vec<Product<K>>) {
 fn common_denominator(terms: &[Term]) -> Option<Scalar> {
     let mut common: Option<Scalar> = None;
     for term in terms {
-        let denominator = term.coefficient.denom();
-        if denominator.is_one() {
+        if term.coefficient.is_integer() {
             continue;
         }
-        let denominator = Scalar::from_big(denominator);
+        let denominator = denominator_of(&term.coefficient);
         common = Some(match common {
             None => denominator,
             Some(common) if common == denominator => common,
@@ -1027,11 +1025,19 @@ fn common_denominator(terms: &[Term]) -> Option<Scalar> {
     common
 }
 
+fn numerator_of(value: &Rational) -> Scalar {
+    value.as_words().map_or_else(|| Scalar::from_big(&value.numer()), |(numerator, _)| Scalar::Small(numerator))
+}
+
+fn denominator_of(value: &Rational) -> Scalar {
+    value.as_words().map_or_else(|| Scalar::from_big(&value.denom()), |(_, denominator)| Scalar::Small(denominator))
+}
+
 /// The numerator of a coefficient over a multiple of its denominator.
 fn numerator_over(coefficient: &Rational, common: Option<&Scalar>) -> Scalar {
-    let numerator = Scalar::from_big(coefficient.numer());
+    let numerator = numerator_of(coefficient);
     let Some(common) = common else { return numerator };
-    let denominator = Scalar::from_big(coefficient.denom());
+    let denominator = denominator_of(coefficient);
     if let (Scalar::Small(common), Scalar::Small(denominator)) = (common, &denominator) {
         return numerator.times(&Scalar::Small(common / denominator));
     }

@@ -850,7 +850,7 @@ impl Graph {
                     if value.is_negative() {
                         out.push('-');
                     }
-                    let (numerator, denominator) = (value.numer().magnitude(), value.denom());
+                    let (numerator, denominator) = (value.numer().into_parts().1, value.denom());
                     if !numerator.is_one() {
                         above.push(numerator.to_string());
                     }

@@ -425,8 +425,8 @@ pub fn primitive_vector<V: Ord + Clone>(vector: Vec<Fraction<V>>) -> Vec<Polynom
     let mut least: Option<BTreeMap<V, i32>> = None;
     let (mut numerator, mut denominator) = (BigInt::zero(), BigInt::one());
     for (monomial, coefficient) in polynomials.iter().flat_map(Polynomial::terms) {
-        numerator = numerator.gcd(coefficient.numer());
-        denominator = denominator.lcm(coefficient.denom());
+        numerator = numerator.gcd(&coefficient.numer());
+        denominator = denominator.lcm(&coefficient.denom());
         let own: BTreeMap<V, i32> = monomial.factors().map(|(v, e)| (v.clone(), e)).collect();
         least = Some(match least {
             None => own,

@@ -55,6 +55,7 @@ pub mod linearize;
 pub mod model;
 pub mod motion;
 pub mod nonsmooth;
+mod number;
 mod numerator;
 mod packed;
 pub mod parameter_map;

@@ -1,14 +1,12 @@
 //! Exact rational numbers and their one rounding.
 //!
-//! Invariant: a [`Rational`] is in lowest terms with a positive denominator (num-rational keeps it so), and it
-//! becomes a float in exactly one place, [`to_f64`] or [`to_f32`], rounded to nearest, ties to even.
+//! Invariant: a [`Rational`] is in lowest terms with a positive denominator, and it becomes a float in exactly one
+//! place, [`to_f64`] or [`to_f32`], rounded to nearest, ties to even.
 
 use num_bigint::{BigInt, BigUint, Sign};
-use num_rational::BigRational;
 use num_traits::{One, Signed, Zero};
 
-/// An exact rational number of any size.
-pub type Rational = BigRational;
+pub use crate::number::Rational;
 
 /// The rational `numerator / denominator`.
 ///
@@ -28,26 +26,36 @@ pub fn integer(value: i64) -> Rational {
 /// The `f64` nearest to `value`, ties to even; infinite when the magnitude is beyond the largest finite `f64`.
 #[must_use]
 pub fn to_f64(value: &Rational) -> f64 {
-    let (bits, exponent, negative) = round_to(value, 53, -1074);
+    // Division of two numbers that a double holds is rounded once.
+    if let Some((numerator, denominator)) = value.as_words()
+        && numerator.abs().max(denominator) <= 1 << 53
+    {
+        return numerator as f64 / denominator as f64;
+    }
+    quotient_to_f64(&value.numer(), &value.denom())
+}
+
+/// The `f64` nearest to a quotient that need not be in lowest terms, the denominator positive.
+pub(crate) fn quotient_to_f64(numerator: &BigInt, denominator: &BigInt) -> f64 {
+    let (bits, exponent, negative) = round_to(numerator, denominator, 53, -1074);
     scale_by_power_of_two(bits, exponent, negative, 971)
 }
 
 /// The `f32` nearest to `value`, ties to even, rounded once from the exact value (not by way of `f64`).
 #[must_use]
 pub fn to_f32(value: &Rational) -> f32 {
-    let (bits, exponent, negative) = round_to(value, 24, -149);
+    let (bits, exponent, negative) = round_to(&value.numer(), &value.denom(), 24, -149);
     // Every f32 is an f64, so this second conversion is exact unless the value overflows f32.
     scale_by_power_of_two(bits, exponent, negative, 104) as f32
 }
 
 /// Rounds to `precision` bits with the least exponent `least`: value = bits * 2^exponent, bits < 2^precision.
-fn round_to(value: &Rational, precision: u64, least: i64) -> (u64, i64, bool) {
-    if value.is_zero() {
+fn round_to(numerator: &BigInt, denominator: &BigInt, precision: u64, least: i64) -> (u64, i64, bool) {
+    if numerator.is_zero() {
         return (0, 0, false);
     }
-    let negative = value.numer().sign() == Sign::Minus;
-    let numerator = value.numer().magnitude();
-    let denominator = value.denom().magnitude();
+    let negative = numerator.sign() == Sign::Minus;
+    let (numerator, denominator) = (numerator.magnitude(), denominator.magnitude());
     // The quotient of the shifted numerator has `precision` or `precision + 1` bits above the last place.
     let mut exponent = i64::try_from(numerator.bits()).expect("invariant: bit length fits")
         - i64::try_from(denominator.bits()).expect("invariant: bit length fits")
@@ -160,7 +168,7 @@ pub fn power(base: &Rational, exponent: i32) -> Rational {
 /// Whether `value` is a whole number.
 #[must_use]
 pub fn is_integer(value: &Rational) -> bool {
-    value.denom().is_one()
+    value.is_integer()
 }
 
 /// The absolute value.

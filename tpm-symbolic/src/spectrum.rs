@@ -64,7 +64,7 @@ where
 {
     let mut denominator = T::one();
     for value in fourier.coefficients() {
-        let below = exact(value.denom())?;
+        let below = exact(&value.denom())?;
         if denominator.is_one() {
             denominator = below;
         } else if denominator != below && !denominator.is_multiple_of(&below) {
@@ -74,7 +74,7 @@ where
     }
     let over = |value: Option<&Rational>| {
         let Some(value) = value else { return Some(T::zero()) };
-        let (above, below) = (exact(value.numer())?, exact(value.denom())?);
+        let (above, below) = (exact(&value.numer())?, exact(&value.denom())?);
         if below == denominator { Some(above) } else { checked(&above, &(denominator.clone() / below)) }
     };
     let mut list = Terms::new();

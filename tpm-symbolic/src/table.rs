@@ -283,7 +283,7 @@ impl HarmonicTable {
             harmonic,
             function,
             column: series.column,
-            coefficient: Rational::new_raw(big_from_words(numerator), denominator.into()),
+            coefficient: Rational::from_lowest_terms(big_from_words(numerator), denominator.into()),
             pi: series.pi,
             powers: series.powers.clone(),
             sign: series.sign.as_deref().cloned().unwrap_or_default(),

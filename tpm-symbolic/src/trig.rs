@@ -146,7 +146,7 @@ fn angle_denominators(graph: &Graph, needed: &[ExprId]) -> BTreeMap<Monomial<Exp
         if let Node::Function(Function::Sin | Function::Cos | Function::Tan, argument) = graph.node(id) {
             for (monomial, coefficient) in graph.polynomial(*argument).terms() {
                 let slot = denominators.entry(monomial.clone()).or_insert_with(BigInt::one);
-                *slot = slot.lcm(coefficient.denom());
+                *slot = slot.lcm(&coefficient.denom());
             }
         }
     }
@@ -186,9 +186,9 @@ fn sine_cosine(
 ) -> Pair {
     let mut total = (Polynomial::zero(), Polynomial::one());
     for (monomial, coefficient) in argument.terms() {
-        let own = coefficient.denom().clone();
-        let denominator = denominators.get(monomial).map_or(own.clone(), |common| common.lcm(&own));
-        let multiple = coefficient.numer() * (&denominator / coefficient.denom());
+        let own = coefficient.denom();
+        let denominator = denominators.get(monomial).map_or_else(|| own.clone(), |common| common.lcm(&own));
+        let multiple = coefficient.numer() * (&denominator / own);
         let part = multiple_angle(graph, monomial, &denominator, &multiple);
         total = add_angles(graph, &total, &part);
     }

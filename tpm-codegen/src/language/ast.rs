@@ -4,7 +4,7 @@
 //! million terms is one node. The first member of a sum is added and the first of a product multiplied (a leading minus is
 //! [`ExprKind::Negative`]). Printing a model ([`std::fmt::Display`]) and parsing it again gives the same model but for its spans.
 
-use num_rational::BigRational;
+use tpm_symbolic::rational::Rational;
 
 use crate::source::Span;
 
@@ -266,7 +266,7 @@ pub struct Expr {
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub enum ExprKind {
     /// A non-negative decimal number, exact.
-    Number(BigRational),
+    Number(Rational),
     /// A quantity, a `let`, `pi` or `t`.
     Name(String),
     /// A function of arguments.

@@ -11,10 +11,10 @@ mod motion;
 
 use std::collections::HashMap;
 
-use num_rational::BigRational;
 use tpm_symbolic::expr::{Coordinate, ExprId, Symbol};
 use tpm_symbolic::lagrange::Lagrangian;
 use tpm_symbolic::model::{Elimination, Kind, Lump, Model, TermId};
+use tpm_symbolic::rational::Rational;
 use tpm_symbolic::unit::Unit as FormalUnit;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
@@ -106,7 +106,7 @@ struct Lowering<'a, 'c, 'd> {
     /// How large the expressions so far are when they are multiplied out.
     sizes: expression::Sizes,
     /// The constants that are known exactly.
-    values: HashMap<&'a str, BigRational>,
+    values: HashMap<&'a str, Rational>,
     lagrangian: Option<Lagrangian>,
     taylor: Vec<Taylor>,
     harmonics: Vec<Option<u32>>,
@@ -236,11 +236,11 @@ impl<'a> Lowering<'a, '_, '_> {
             Some(definition) => {
                 let mut derivative = self.expression(definition)?;
                 let at_point = HashMap::from([(coordinate, point)]);
-                let mut factorial = BigRational::from_integer(1.into());
+                let mut factorial = Rational::from_integer(1.into());
                 for k in 0..=order {
                     if k > 0 {
                         derivative = self.model.graph.differentiate(derivative, coordinate);
-                        factorial *= BigRational::from_integer(k.into());
+                        factorial *= Rational::from_integer(k.into());
                     }
                     let value = self.model.graph.substitute(derivative, &at_point);
                     expression::regular(&self.model, value, definition.span).map_err(|error| {

@@ -6,8 +6,8 @@ use std::fmt::{self, Display, Formatter, Write as _};
 
 use num_bigint::BigInt;
 use num_integer::Integer;
-use num_rational::BigRational;
 use num_traits::One;
+use tpm_symbolic::rational::Rational;
 
 use crate::language::ast::{
     Declaration, Definition, Eliminate, Energy, Equation, Expr, ExprKind, Force, Item, Model, Motion, Operation,
@@ -93,13 +93,13 @@ impl Display for Expr {
 }
 
 /// A number whose denominator divides a power of ten, as an integer or a decimal fraction.
-fn number(f: &mut Formatter<'_>, value: &BigRational) -> fmt::Result {
+fn number(f: &mut Formatter<'_>, value: &Rational) -> fmt::Result {
     if value.is_integer() {
         return value.numer().fmt(f);
     }
     let mut places = 0_usize;
-    let (mut numerator, ten) = (value.clone(), BigInt::from(10));
-    let mut denominator = value.denom().clone();
+    let (mut power, ten) = (BigInt::one(), BigInt::from(10));
+    let mut denominator = value.denom();
     while !denominator.is_one() {
         let shared = denominator.gcd(&ten);
         if shared.is_one() {
@@ -107,10 +107,10 @@ fn number(f: &mut Formatter<'_>, value: &BigRational) -> fmt::Result {
             return write!(f, "({}/{})", value.numer(), value.denom());
         }
         denominator /= shared;
-        numerator *= &ten;
+        power *= &ten;
         places += 1;
     }
-    let digits = numerator.to_integer().to_string();
+    let digits = (value.numer() * power / value.denom()).to_string();
     if places > 40 {
         return write!(f, "{digits}e-{places}");
     }

@@ -1,12 +1,12 @@
 //! Exact values of a model's terms at a point, with the sum of their magnitudes.
 
-use num_rational::BigRational as Rational;
 use tpm_codegen::emit::estimator::Estimator;
 use tpm_symbolic::expr::{ExprId, Node, Symbol};
 use tpm_symbolic::fourier::Trig;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::polynomial::Monomial;
 use tpm_symbolic::rational;
+use tpm_symbolic::rational::Rational;
 use tpm_symbolic::regressor::{Column, Row};
 
 /// A double as it is.

@@ -1,26 +1,26 @@
 //! The expansion once more, as plainly as possible: one `BigRational` a coefficient, product-to-sum formulas, every term
 //! on its own. It shares nothing with the product but the model's data types.
 
-use num_traits::Zero;
+use num_rational::BigRational;
+use num_traits::{One, Zero};
 use std::collections::BTreeMap;
 use tpm_symbolic::expr::{Node, Symbol};
 use tpm_symbolic::fourier::{Fourier, Trig};
 use tpm_symbolic::model::Model;
 use tpm_symbolic::pattern::{Motion, Pattern};
-use tpm_symbolic::rational::{Rational, integer, ratio};
 use tpm_symbolic::regressor::RegressorForm;
 
 /// Coefficients of cos (false) and sin (true) by harmonic.
-pub(crate) type Series = BTreeMap<(usize, bool), Rational>;
+pub(crate) type Series = BTreeMap<(usize, bool), BigRational>;
 /// Powers of symbols, by model symbol; the key `u32::MAX` is pi.
 pub(crate) type Powers = BTreeMap<u32, i32>;
 /// A series for every product of symbols.
 pub(crate) type Sum = BTreeMap<Vec<(u32, i32)>, Series>;
 
-fn put(series: &mut Series, harmonic: i64, sine: bool, value: Rational) {
+fn put(series: &mut Series, harmonic: i64, sine: bool, value: BigRational) {
     let value = if sine && harmonic < 0 { -value } else { value };
     if !(sine && harmonic == 0) {
-        *series.entry((harmonic.unsigned_abs() as usize, sine)).or_insert_with(Rational::zero) += value;
+        *series.entry((harmonic.unsigned_abs() as usize, sine)).or_insert_with(BigRational::zero) += value;
     }
 }
 
@@ -30,7 +30,7 @@ pub(crate) fn series_product(a: &Series, b: &Series) -> Series {
     for (&(i, left), x) in a {
         for (&(k, right), y) in b {
             let (i, k) = (i as i64, k as i64);
-            let half = x * y * ratio(1, 2);
+            let half = x * y * BigRational::new(1.into(), 2.into());
             match (left, right) {
                 (false, false) => {
                     put(&mut result, i - k, false, half.clone());
@@ -56,12 +56,12 @@ pub(crate) fn series_product(a: &Series, b: &Series) -> Series {
 }
 
 pub(crate) fn series_of(fourier: &Fourier) -> Series {
-    fourier.terms().map(|(k, function, value)| ((k, function == Trig::Sin), value.clone())).collect()
+    fourier.terms().map(|(k, function, value)| ((k, function == Trig::Sin), value.clone().into())).collect()
 }
 
 fn series_derivative(series: &Series) -> Series {
-    let turn = |(&(k, sine), value): (&(usize, bool), &Rational)| {
-        let factor = integer(if sine { k as i64 } else { -(k as i64) });
+    let turn = |(&(k, sine), value): (&(usize, bool), &BigRational)| {
+        let factor = BigRational::from_integer(if sine { k.into() } else { -num_bigint::BigInt::from(k) });
         ((k, !sine), value * factor)
     };
     series.iter().filter(|((k, _), _)| *k > 0).map(turn).collect()
@@ -78,7 +78,7 @@ fn multiply_powers(a: &[(u32, i32)], b: &[(u32, i32)]) -> Vec<(u32, i32)> {
 fn add(into: &mut Sum, powers: Vec<(u32, i32)>, series: &Series) {
     let slot = into.entry(powers).or_default();
     for (key, value) in series {
-        *slot.entry(*key).or_insert_with(Rational::zero) += value;
+        *slot.entry(*key).or_insert_with(BigRational::zero) += value;
     }
     slot.retain(|_, value| !value.is_zero());
 }
@@ -105,7 +105,7 @@ fn motion_sum(motion: &Motion, order: u32, frequency: Symbol) -> Sum {
 }
 
 /// One entry: equation, harmonic, sine, column, powers, coefficient.
-pub(crate) type Row = (usize, usize, bool, Option<usize>, Vec<(u32, i32)>, Rational);
+pub(crate) type Row = (usize, usize, bool, Option<usize>, Vec<(u32, i32)>, BigRational);
 
 /// Every non-zero coefficient, sorted.
 pub(crate) fn expand(model: &Model, form: &RegressorForm, pattern: &Pattern) -> Vec<Row> {
@@ -113,10 +113,10 @@ pub(crate) fn expand(model: &Model, form: &RegressorForm, pattern: &Pattern) -> 
     for (equation, row) in form.rows.iter().enumerate() {
         let mut columns: BTreeMap<Option<usize>, Sum> = BTreeMap::new();
         for term in &row.terms {
-            let one: Series = [((0, false), term.coefficient.clone())].into();
+            let one: Series = [((0, false), term.coefficient.clone().into())].into();
             let mut value: Sum = [(Vec::new(), one)].into();
             for (&atom, exponent) in term.atoms.factors() {
-                let unit: Series = [((0, false), integer(1))].into();
+                let unit: Series = [((0, false), BigRational::one())].into();
                 match *model.graph.node(atom) {
                     Node::Derivative(coordinate, order) => {
                         let motion = pattern.motions[coordinate.0 as usize].as_ref().expect("has a motion");

@@ -2,11 +2,10 @@
 
 use std::collections::HashMap;
 
-use num_bigint::BigInt;
-use num_rational::BigRational;
 use num_traits::{One, Signed, Zero};
 use tpm_symbolic::expr::{self, ExprId, Graph, Node};
 use tpm_symbolic::model::{Kind, Model};
+use tpm_symbolic::rational::Rational;
 
 use super::{HIGHEST_ORDER, Lower};
 use crate::diagnostic::Diagnostic;
@@ -178,7 +177,7 @@ impl Environment<'_, '_> {
         if let Some(value) = self.model.graph.as_number(argument) {
             let outside = match simple {
                 expr::Function::Sqrt => value.is_negative(),
-                expr::Function::Asin | expr::Function::Acos => value.abs() > BigRational::one(),
+                expr::Function::Asin | expr::Function::Acos => value.abs() > Rational::one(),
                 _ => false,
             };
             if outside {
@@ -240,7 +239,7 @@ pub(super) fn regular(model: &Model, id: ExprId, span: Span) -> Lower<()> {
             Node::Power(base, exponent) => *exponent < 0 && number(*base).is_some_and(Zero::is_zero),
             Node::Function(expr::Function::Sqrt, argument) => number(*argument).is_some_and(Signed::is_negative),
             Node::Function(expr::Function::Asin | expr::Function::Acos, argument) => {
-                number(*argument).is_some_and(|value| value.abs() > BigRational::one())
+                number(*argument).is_some_and(|value| value.abs() > Rational::one())
             }
             Node::Atan2(y, x) => [y, x].into_iter().all(|&id| number(id).is_some_and(Zero::is_zero)),
             _ => false,
@@ -256,7 +255,7 @@ pub(super) fn regular(model: &Model, id: ExprId, span: Span) -> Lower<()> {
     Ok(())
 }
 
-fn length(value: &BigRational) -> u64 {
+fn length(value: &Rational) -> u64 {
     value.numer().bits().max(value.denom().bits())
 }
 
@@ -269,7 +268,7 @@ fn too_large(span: Span) -> Diagnostic {
 }
 
 /// The value of an expression of numbers and constants with a value.
-pub(super) fn exact(expr: &Expr, values: &HashMap<&str, BigRational>) -> Lower<BigRational> {
+pub(super) fn exact(expr: &Expr, values: &HashMap<&str, Rational>) -> Lower<Rational> {
     let value = match &expr.kind {
         ExprKind::Number(value) => value.clone(),
         ExprKind::Name(name) => match values.get(name.as_str()) {
@@ -281,7 +280,7 @@ pub(super) fn exact(expr: &Expr, values: &HashMap<&str, BigRational>) -> Lower<B
         },
         ExprKind::Negative(inner) => -exact(inner, values)?,
         ExprKind::Sum(terms) => {
-            let mut sum = BigRational::zero();
+            let mut sum = Rational::zero();
             for (sign, term) in terms {
                 let value = exact(term, values)?;
                 sum = if *sign == Sign::Minus { sum - value } else { sum + value };
@@ -290,7 +289,7 @@ pub(super) fn exact(expr: &Expr, values: &HashMap<&str, BigRational>) -> Lower<B
             sum
         }
         ExprKind::Product(factors) => {
-            let mut product = BigRational::one();
+            let mut product = Rational::one();
             for (operation, factor) in factors {
                 let value = exact(factor, values)?;
                 if *operation == Operation::Times {
@@ -307,8 +306,7 @@ pub(super) fn exact(expr: &Expr, values: &HashMap<&str, BigRational>) -> Lower<B
         ExprKind::Power(base, exponent) => {
             let base = exact(base, values)?;
             within(length(&base).saturating_mul(u64::from(*exponent)), expr.span)?;
-            let power = |number: &BigInt| number.pow(*exponent);
-            BigRational::new(power(base.numer()), power(base.denom()))
+            num_traits::Pow::pow(&base, *exponent)
         }
         ExprKind::Call(name, _) => {
             return Err(Diagnostic::error(expr.span, format!("`{}` cannot stand in a constant's value", name.name))

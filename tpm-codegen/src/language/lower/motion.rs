@@ -5,12 +5,12 @@
 
 use std::collections::HashMap;
 
-use num_rational::BigRational;
 use num_traits::{One, ToPrimitive, Zero};
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::fourier::Fourier;
 use tpm_symbolic::pattern::{self, Motion};
 use tpm_symbolic::polynomial::Monomial;
+use tpm_symbolic::rational::Rational;
 
 use super::{Lower, expression};
 use crate::diagnostic::Diagnostic;
@@ -27,14 +27,14 @@ pub(super) struct Scope<'a> {
     /// Amplitudes, the frequency, and constants that are known at run time.
     pub(super) symbols: HashMap<String, Symbol>,
     /// Constants with their values.
-    pub(super) values: HashMap<&'a str, BigRational>,
+    pub(super) values: HashMap<&'a str, Rational>,
     /// The frequency's name.
     pub(super) frequency: Option<String>,
 }
 
 /// c w^a t^b
 struct Phase {
-    factor: BigRational,
+    factor: Rational,
     frequency: i64,
     time: i64,
 }
@@ -44,18 +44,18 @@ impl Scope<'_> {
         match &expr.kind {
             ExprKind::Number(value) => Ok(constant(value.clone())),
             ExprKind::Name(name) => self.name(name, expr.span),
-            ExprKind::Negative(inner) => Ok(self.motion(inner)?.mul(&constant(-BigRational::one()))),
+            ExprKind::Negative(inner) => Ok(self.motion(inner)?.mul(&constant(-Rational::one()))),
             ExprKind::Sum(terms) => {
                 let mut sum = Motion::zero();
                 for (sign, term) in terms {
                     let motion = self.motion(term)?;
-                    let motion = if *sign == Sign::Minus { motion.mul(&constant(-BigRational::one())) } else { motion };
+                    let motion = if *sign == Sign::Minus { motion.mul(&constant(-Rational::one())) } else { motion };
                     sum = sum.add(&motion);
                 }
                 Ok(sum)
             }
             ExprKind::Product(factors) => {
-                let mut product = constant(BigRational::one());
+                let mut product = constant(Rational::one());
                 for (operation, factor) in factors {
                     let motion = self.motion(factor)?;
                     let motion = if *operation == Operation::Over { inverse(&motion, factor.span)? } else { motion };
@@ -65,7 +65,7 @@ impl Scope<'_> {
             }
             ExprKind::Power(base, exponent) => {
                 let base = self.motion(base)?;
-                let mut power = constant(BigRational::one());
+                let mut power = constant(Rational::one());
                 if *exponent as usize > HIGHEST_HARMONIC {
                     return Err(too_high(expr.span));
                 }
@@ -87,9 +87,9 @@ impl Scope<'_> {
                     let shape = self.shape(frequency, order)?;
                     let unit = shape.scale(&shape.at_zero().recip());
                     let (from, to) = (self.steady(from)?, self.steady(to)?);
-                    let half = constant(BigRational::new(1.into(), 2.into()));
+                    let half = constant(Rational::new(1.into(), 2.into()));
                     let centre = from.add(&to).mul(&half);
-                    let travel = from.add(&to.mul(&constant(-BigRational::one()))).mul(&half);
+                    let travel = from.add(&to.mul(&constant(-Rational::one()))).mul(&half);
                     Ok(centre.add(&travel.mul(&Motion::term(Monomial::one(), unit))))
                 }
                 _ => Err(Diagnostic::error(expr.span, format!("`{}` does not make a finite Fourier series", function.name))
@@ -107,7 +107,7 @@ impl Scope<'_> {
             )),
             (_, Some(value), _) => Ok(constant(value.clone())),
             (_, _, Some(&symbol)) => {
-                Ok(Motion::term(Monomial::power_of(symbol, 1), Fourier::constant(BigRational::one())))
+                Ok(Motion::term(Monomial::power_of(symbol, 1), Fourier::constant(Rational::one())))
             }
             // The checks have reported it.
             _ => Err(Diagnostic::error(span, format!("`{name}` cannot stand in a motion"))
@@ -130,12 +130,12 @@ impl Scope<'_> {
         if !phase.factor.is_integer() {
             return Err(wrong("a fraction of it"));
         }
-        let negative = phase.factor < BigRational::zero();
+        let negative = phase.factor < Rational::zero();
         let Some(harmonic) = num_traits::abs(phase.factor.to_integer()).to_usize().filter(|&n| n <= HIGHEST_HARMONIC)
         else {
             return Err(too_high(argument.span));
         };
-        let one = BigRational::one();
+        let one = Rational::one();
         let series = match (sine, harmonic) {
             (false, 0) => Fourier::constant(one),
             (true, 0) => Fourier::zero(),
@@ -147,11 +147,11 @@ impl Scope<'_> {
 
     /// The value of an expression as c w^a t^b; none when it is not of this form.
     fn phase(&self, expr: &Expr) -> Lower<Option<Phase>> {
-        let pure = |factor: BigRational| Phase { factor, frequency: 0, time: 0 };
+        let pure = |factor: Rational| Phase { factor, frequency: 0, time: 0 };
         Ok(match &expr.kind {
-            ExprKind::Name(name) if name == "t" => Some(Phase { time: 1, ..pure(BigRational::one()) }),
+            ExprKind::Name(name) if name == "t" => Some(Phase { time: 1, ..pure(Rational::one()) }),
             ExprKind::Name(name) if Some(name) == self.frequency.as_ref() => {
-                Some(Phase { frequency: 1, ..pure(BigRational::one()) })
+                Some(Phase { frequency: 1, ..pure(Rational::one()) })
             }
             ExprKind::Number(_) => Some(pure(expression::exact(expr, &self.values)?)),
             ExprKind::Name(name) => self.values.get(name.as_str()).cloned().map(pure),
@@ -174,7 +174,7 @@ impl Scope<'_> {
                 sum
             }
             ExprKind::Product(factors) => {
-                let mut product = pure(BigRational::one());
+                let mut product = pure(Rational::one());
                 for (operation, factor) in factors {
                     let Some(phase) = self.phase(factor)? else { return Ok(None) };
                     if *operation == Operation::Times {
@@ -201,9 +201,7 @@ impl Scope<'_> {
         let multiple = self
             .phase(frequency)?
             .filter(|phase| {
-                (phase.frequency, phase.time) == (1, 0)
-                    && phase.factor.is_integer()
-                    && phase.factor > BigRational::zero()
+                (phase.frequency, phase.time) == (1, 0) && phase.factor.is_integer() && phase.factor > Rational::zero()
             })
             .and_then(|phase| phase.factor.to_integer().to_usize())
             .ok_or_else(|| {
@@ -234,7 +232,7 @@ impl Scope<'_> {
     }
 }
 
-fn constant(value: BigRational) -> Motion {
+fn constant(value: Rational) -> Motion {
     Motion::term(Monomial::one(), Fourier::constant(value))
 }
 

@@ -1,7 +1,7 @@
 //! Expressions: `^` binds tighter than unary minus, that tighter than `*` and `/`, those tighter than `+` and `-`.
 
 use num_bigint::BigInt;
-use num_rational::BigRational;
+use tpm_symbolic::rational::Rational;
 
 use super::{DEEPEST, Parse, Parser, Reported};
 use crate::diagnostic::Diagnostic;
@@ -195,7 +195,7 @@ impl Parser<'_, '_> {
     }
 
     /// The exact value of a literal.
-    fn number(&mut self, text: &str, span: Span) -> Parse<BigRational> {
+    fn number(&mut self, text: &str, span: Span) -> Parse<Rational> {
         let (mantissa, exponent) = match text.find(['e', 'E']) {
             Some(at) => (&text[..at], &text[at + 1..]),
             None => (text, ""),
@@ -216,7 +216,7 @@ impl Parser<'_, '_> {
         // At most MOST_DIGITS digits of fraction, so both exponents fit.
         let shift = fraction.len() as i64 + if negative { i64::from(magnitude) } else { -i64::from(magnitude) };
         let power = num_traits::pow(BigInt::from(10), shift.unsigned_abs() as usize);
-        Ok(if shift > 0 { BigRational::new(digits, power) } else { BigRational::from_integer(digits * power) })
+        Ok(if shift > 0 { Rational::new(digits, power) } else { Rational::from_integer(digits * power) })
     }
 
     fn too_long(&mut self, span: Span) -> Reported {
