@@ -486,17 +486,17 @@ impl Substitution {
 
     fn apply(&mut self, model: &mut Model, value: &Fraction<ExprId>) -> Fraction<ExprId> {
         // Terms that share their factors of the eliminated coordinate are multiplied out together.
-        let mut groups: BTreeMap<Monomial<ExprId>, Polynomial<ExprId>> = BTreeMap::new();
+        let mut groups: BTreeMap<Monomial<ExprId>, Vec<(Monomial<ExprId>, Rational)>> = BTreeMap::new();
         for (monomial, coefficient) in value.numerator().terms() {
             let (own, rest) = monomial.partition(|&atom| involves(&model.graph, atom, self.coordinate));
-            groups.entry(own).or_default().add_term(rest, coefficient.clone());
+            groups.entry(own).or_default().push((rest, coefficient.clone()));
         }
         if groups.keys().all(Monomial::is_one) {
             return value.clone();
         }
         let mut sum = Fraction::zero();
         for (own, rest) in groups {
-            let mut product = Fraction::polynomial(rest);
+            let mut product = Fraction::polynomial(rest.into_iter().collect());
             for (&atom, exponent) in own.factors() {
                 product = product.mul(&self.power(model, atom, exponent));
             }

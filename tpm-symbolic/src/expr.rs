@@ -699,6 +699,9 @@ impl Graph {
     /// powers with negative exponent of sums. Sums under a positive power are multiplied out.
     #[must_use]
     pub fn polynomial(&self, expr: ExprId) -> Polynomial<ExprId> {
+        if let Some((monomial, coefficient)) = self.single_term(expr) {
+            return Polynomial::term(monomial, coefficient);
+        }
         let mut memo: HashMap<ExprId, Polynomial<ExprId>> = HashMap::new();
         let mut stack = vec![expr];
         while let Some(&id) = stack.last() {
@@ -706,28 +709,41 @@ impl Graph {
                 stack.pop();
                 continue;
             }
-            let inner: Vec<ExprId> = match self.node(id) {
-                Node::Sum(_) | Node::Product(_) | Node::Power(..) => {
-                    self.operands(id).filter(|operand| !memo.contains_key(operand)).collect()
-                }
-                _ => Vec::new(),
-            };
-            if !inner.is_empty() {
-                stack.extend(inner);
+            let waiting = stack.len();
+            if matches!(self.node(id), Node::Sum(_) | Node::Product(_) | Node::Power(..)) {
+                let open = |operand: &ExprId| self.single_term(*operand).is_none() && !memo.contains_key(operand);
+                stack.extend(self.operands(id).filter(open));
+            }
+            if stack.len() > waiting {
                 continue;
             }
             stack.pop();
             let value = match self.node(id) {
-                Node::Number(value) => Polynomial::constant(value.clone()),
-                Node::Sum(terms) => terms.iter().fold(Polynomial::zero(), |mut sum, term| {
-                    sum.add_assign(&memo[term]);
-                    sum
-                }),
+                Node::Sum(terms) => {
+                    let (single, others): (Vec<_>, Vec<_>) =
+                        terms.iter().map(|term| self.single_term(*term).ok_or(term)).partition(Result::is_ok);
+                    let sum: Polynomial<ExprId> = single.into_iter().flatten().collect();
+                    others.into_iter().filter_map(Result::err).fold(sum, |mut sum, term| {
+                        sum.add_assign(&memo[term]);
+                        sum
+                    })
+                }
                 Node::Product(factors) => {
-                    factors.iter().fold(Polynomial::one(), |product, factor| product.mul(&memo[factor]))
+                    let mut single = (Monomial::one(), Rational::one());
+                    let mut others = Vec::new();
+                    for factor in factors {
+                        match self.single_term(*factor) {
+                            Some((monomial, coefficient)) => {
+                                single = (single.0.mul(&monomial), single.1 * coefficient);
+                            }
+                            None => others.push(&memo[factor]),
+                        }
+                    }
+                    let single = Polynomial::term(single.0, single.1);
+                    others.into_iter().fold(single, |product, factor| product.mul(factor))
                 }
                 Node::Power(base, exponent) => {
-                    let polynomial = &memo[base];
+                    let polynomial = memo.get(base).cloned().unwrap_or_else(|| self.polynomial(*base));
                     if *exponent > 0 {
                         polynomial.pow(exponent.unsigned_abs())
                     } else if let Some((monomial, coefficient)) = polynomial.as_term() {
@@ -742,6 +758,33 @@ impl Graph {
             memo.insert(id, value);
         }
         memo.remove(&expr).expect("invariant: the root is converted last")
+    }
+
+    /// A number, an atom, a power of an atom, or a product of these, as a term; `None` for anything else.
+    fn single_term(&self, expr: ExprId) -> Option<(Monomial<ExprId>, Rational)> {
+        let factor = |id: ExprId| match self.node(id) {
+            Node::Number(_) | Node::Sum(_) | Node::Product(_) => None,
+            Node::Power(base, exponent) => match self.node(*base) {
+                Node::Number(_) | Node::Sum(_) | Node::Product(_) | Node::Power(..) => None,
+                _ => Some((*base, *exponent)),
+            },
+            _ => Some((id, 1)),
+        };
+        match self.node(expr) {
+            Node::Number(value) => Some((Monomial::one(), value.clone())),
+            Node::Product(factors) => {
+                let mut coefficient = Rational::one();
+                let mut list = Vec::with_capacity(factors.len());
+                for &id in factors {
+                    match self.node(id) {
+                        Node::Number(value) => coefficient *= value,
+                        _ => list.push(factor(id)?),
+                    }
+                }
+                Some((list.into_iter().collect(), coefficient))
+            }
+            _ => factor(expr).map(|(atom, exponent)| (Monomial::power_of(atom, exponent), Rational::one())),
+        }
     }
 
     /// The expression of a polynomial over atoms of this graph.

@@ -421,7 +421,7 @@ pub fn exact_quotient<V: Ord + Clone>(dividend: &Polynomial<V>, divisor: &Polyno
     let divisor = plain(divisor, &shift_down);
     let (lead, lead_coefficient) = divisor.last_key_value()?;
     let (lead_inverse, lead_reciprocal) = (lead.0.pow(-1), lead_coefficient.recip());
-    let mut quotient = Polynomial::zero();
+    let mut quotient = Vec::new();
     while let Some((Lexicographic(monomial), coefficient)) = rest.pop_last() {
         let factor = monomial.mul(&lead_inverse);
         if factor.factors().any(|(_, exponent)| exponent < 0) {
@@ -435,9 +435,9 @@ pub fn exact_quotient<V: Ord + Clone>(dividend: &Polynomial<V>, divisor: &Polyno
                 rest.insert(key, sum);
             }
         }
-        quotient.add_term(factor.mul(&back), scale);
+        quotient.push((factor.mul(&back), scale));
     }
-    Some(quotient)
+    Some(quotient.into_iter().collect())
 }
 
 #[cfg(test)]

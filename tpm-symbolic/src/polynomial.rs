@@ -1,13 +1,13 @@
 //! Sparse multivariate Laurent polynomials with exact rational coefficients.
 //!
-//! Invariant: a [`Monomial`] lists its variables in increasing order with non-zero exponents; a [`Polynomial`] holds
-//! no zero coefficient. Two equal polynomials are therefore equal as data, and iteration order is deterministic.
+//! Invariant: a [`Monomial`] lists its variables in increasing order with non-zero exponents; a [`Polynomial`] lists its
+//! terms in increasing order of the monomials, each once and with a coefficient that is not zero. Two equal polynomials are therefore equal as data, and iteration order is deterministic.
 
 use crate::rational::{self, Rational};
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
-use std::collections::BTreeMap;
+use std::cmp::Ordering;
 
 /// The factors of a monomial.
 pub(crate) type Factorisation<V> = SmallVec<[(V, i32); 4]>;
@@ -76,9 +76,9 @@ impl<V: Ord + Clone> Monomial<V> {
         loop {
             match (left.peek(), right.peek()) {
                 (Some(a), Some(b)) => match a.0.cmp(&b.0) {
-                    std::cmp::Ordering::Less => factors.extend(left.next().cloned()),
-                    std::cmp::Ordering::Greater => factors.extend(right.next().cloned()),
-                    std::cmp::Ordering::Equal => {
+                    Ordering::Less => factors.extend(left.next().cloned()),
+                    Ordering::Greater => factors.extend(right.next().cloned()),
+                    Ordering::Equal => {
                         if a.1 + b.1 != 0 {
                             factors.push((a.0.clone(), a.1 + b.1));
                         }
@@ -112,17 +112,72 @@ impl<V: Ord + Clone> Monomial<V> {
 
 impl<V: Ord + Clone> FromIterator<(V, i32)> for Monomial<V> {
     fn from_iter<I: IntoIterator<Item = (V, i32)>>(factors: I) -> Self {
-        factors.into_iter().fold(Self::one(), |product, (v, e)| product.mul(&Self::power_of(v, e)))
+        let list: Factorisation<V> = factors.into_iter().filter(|factor| factor.1 != 0).collect();
+        if list.is_sorted_by(|a, b| a.0 < b.0) {
+            return Self(list);
+        }
+        list.into_iter().fold(Self::one(), |product, (v, e)| product.mul(&Self::power_of(v, e)))
     }
 }
 
 /// A finite sum of rational multiples of monomials.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Polynomial<V: Ord>(BTreeMap<Monomial<V>, Rational>);
+pub struct Polynomial<V: Ord>(Terms<V>);
+
+/// One term lies in place: most polynomials of a model are single terms.
+type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
+
+/// How many products are collected before they are sorted and added up.
+const BATCH: usize = 1 << 16;
 
 impl<V: Ord> Default for Polynomial<V> {
     fn default() -> Self {
-        Self(BTreeMap::new())
+        Self(SmallVec::new())
+    }
+}
+
+/// Sorts terms and adds up those of one monomial.
+fn collected<V: Ord>(mut terms: Terms<V>) -> Terms<V> {
+    if !terms.is_sorted_by(|a, b| a.0 < b.0) {
+        terms.sort_unstable_by(|a, b| a.0.cmp(&b.0));
+        terms.dedup_by(|next, kept| {
+            let same = next.0 == kept.0;
+            if same {
+                kept.1 += &next.1;
+            }
+            same
+        });
+    }
+    terms.retain(|(_, coefficient)| !coefficient.is_zero());
+    terms
+}
+
+/// The sum of two sorted lists, the second times `factor`.
+fn merged<V: Ord + Clone>(left: &Terms<V>, right: &Terms<V>, factor: &Rational) -> Terms<V> {
+    let mut sum = Terms::with_capacity(left.len() + right.len());
+    let (mut left, mut right) = (left.iter().peekable(), right.iter().peekable());
+    loop {
+        let order = match (left.peek(), right.peek()) {
+            (Some(a), Some(b)) => a.0.cmp(&b.0),
+            (Some(_), None) => Ordering::Less,
+            (None, Some(_)) => Ordering::Greater,
+            (None, None) => return sum,
+        };
+        let (a, b) = (
+            (order != Ordering::Greater).then(|| left.next()).flatten(),
+            (order != Ordering::Less).then(|| right.next()).flatten(),
+        );
+        match (a, b) {
+            (Some((monomial, a)), Some((_, b))) => {
+                let coefficient = a + b * factor;
+                if !coefficient.is_zero() {
+                    sum.push((monomial.clone(), coefficient));
+                }
+            }
+            (Some(term), None) => sum.push(term.clone()),
+            (None, Some((monomial, b))) => sum.push((monomial.clone(), b * factor)),
+            (None, None) => {}
+        }
     }
 }
 
@@ -154,9 +209,11 @@ impl<V: Ord + Clone> Polynomial<V> {
     /// `coefficient * monomial`.
     #[must_use]
     pub fn term(monomial: Monomial<V>, coefficient: Rational) -> Self {
-        let mut result = Self::zero();
-        result.add_term(monomial, coefficient);
-        result
+        let mut terms = Terms::new();
+        if !coefficient.is_zero() {
+            terms.push((monomial, coefficient));
+        }
+        Self(terms)
     }
 
     /// Whether this is 0.
@@ -180,9 +237,9 @@ impl<V: Ord + Clone> Polynomial<V> {
     /// The value when the polynomial is constant.
     #[must_use]
     pub fn as_constant(&self) -> Option<Rational> {
-        match self.0.len() {
-            0 => Some(Rational::zero()),
-            1 => self.0.get(&Monomial::one()).cloned(),
+        match self.0.as_slice() {
+            [] => Some(Rational::zero()),
+            [(monomial, value)] if monomial.is_one() => Some(value.clone()),
             _ => None,
         }
     }
@@ -190,33 +247,38 @@ impl<V: Ord + Clone> Polynomial<V> {
     /// The single term when there is exactly one.
     #[must_use]
     pub fn as_term(&self) -> Option<(&Monomial<V>, &Rational)> {
-        if self.0.len() == 1 { self.0.iter().next() } else { None }
+        match self.0.as_slice() {
+            [(monomial, coefficient)] => Some((monomial, coefficient)),
+            _ => None,
+        }
     }
 
     /// Terms in increasing order of the monomials.
     pub fn terms(&self) -> impl DoubleEndedIterator<Item = (&Monomial<V>, &Rational)> + ExactSizeIterator {
-        self.0.iter()
+        self.0.iter().map(|(monomial, coefficient)| (monomial, coefficient))
+    }
+
+    fn position(&self, monomial: &Monomial<V>) -> Result<usize, usize> {
+        self.0.binary_search_by(|term| term.0.cmp(monomial))
     }
 
     /// The coefficient of `monomial`, zero when absent.
     #[must_use]
     pub fn coefficient(&self, monomial: &Monomial<V>) -> Rational {
-        self.0.get(monomial).cloned().unwrap_or_else(Rational::zero)
+        self.position(monomial).map_or_else(|_| Rational::zero(), |at| self.0[at].1.clone())
     }
 
-    /// Adds `coefficient * monomial` in place.
+    /// Adds `coefficient * monomial` in place; many terms at once are better collected from an iterator.
     pub fn add_term(&mut self, monomial: Monomial<V>, coefficient: Rational) {
         if coefficient.is_zero() {
             return;
         }
-        match self.0.entry(monomial) {
-            std::collections::btree_map::Entry::Vacant(slot) => {
-                slot.insert(coefficient);
-            }
-            std::collections::btree_map::Entry::Occupied(mut slot) => {
-                *slot.get_mut() += coefficient;
-                if slot.get().is_zero() {
-                    slot.remove();
+        match self.position(&monomial) {
+            Err(at) => self.0.insert(at, (monomial, coefficient)),
+            Ok(at) => {
+                self.0[at].1 += coefficient;
+                if self.0[at].1.is_zero() {
+                    self.0.remove(at);
                 }
             }
         }
@@ -225,26 +287,22 @@ impl<V: Ord + Clone> Polynomial<V> {
     /// The sum.
     #[must_use]
     pub fn add(&self, other: &Self) -> Self {
-        let mut result = self.clone();
-        result.add_assign(other);
-        result
+        Self(merged(&self.0, &other.0, &Rational::one()))
     }
 
     /// Adds in place.
     pub fn add_assign(&mut self, other: &Self) {
-        for (monomial, coefficient) in &other.0 {
-            self.add_term(monomial.clone(), coefficient.clone());
+        match other.0.as_slice() {
+            [] => {}
+            [(monomial, coefficient)] => self.add_term(monomial.clone(), coefficient.clone()),
+            _ => *self = self.add(other),
         }
     }
 
     /// The difference.
     #[must_use]
     pub fn sub(&self, other: &Self) -> Self {
-        let mut result = self.clone();
-        for (monomial, coefficient) in &other.0 {
-            result.add_term(monomial.clone(), -coefficient);
-        }
-        result
+        Self(merged(&self.0, &other.0, &-Rational::one()))
     }
 
     /// Every coefficient multiplied by `factor`.
@@ -260,18 +318,21 @@ impl<V: Ord + Clone> Polynomial<V> {
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
         let mut result = Self::zero();
+        let mut products = Terms::with_capacity((self.len() * other.len()).min(BATCH + other.len()));
         for (left, a) in &self.0 {
-            for (right, b) in &other.0 {
-                result.add_term(left.mul(right), a * b);
+            products.extend(other.0.iter().map(|(right, b)| (left.mul(right), a * b)));
+            if products.len() >= BATCH {
+                result = result.add(&Self(collected(std::mem::take(&mut products))));
             }
         }
-        result
+        let last = Self(collected(products));
+        if result.is_zero() { last } else { result.add(&last) }
     }
 
     /// Every monomial multiplied by `monomial`.
     #[must_use]
     pub fn mul_monomial(&self, monomial: &Monomial<V>) -> Self {
-        Self(self.0.iter().map(|(m, c)| (m.mul(monomial), c.clone())).collect())
+        Self(collected(self.0.iter().map(|(m, c)| (m.mul(monomial), c.clone())).collect()))
     }
 
     /// A non-negative power.
@@ -287,15 +348,12 @@ impl<V: Ord + Clone> Polynomial<V> {
     /// The partial derivative with respect to `variable`.
     #[must_use]
     pub fn derivative(&self, variable: &V) -> Self {
-        let mut result = Self::zero();
-        for (monomial, coefficient) in &self.0 {
+        let lower = Monomial::power_of(variable.clone(), -1);
+        let rate = |(monomial, coefficient): &(Monomial<V>, Rational)| {
             let exponent = monomial.exponent(variable);
-            if exponent != 0 {
-                let lowered = monomial.mul(&Monomial::power_of(variable.clone(), -1));
-                result.add_term(lowered, coefficient * rational::integer(i64::from(exponent)));
-            }
-        }
-        result
+            (exponent != 0).then(|| (monomial.mul(&lower), coefficient * rational::integer(i64::from(exponent))))
+        };
+        Self(collected(self.0.iter().filter_map(rate).collect()))
     }
 
     /// Replaces every variable by a polynomial; `None` when a negative power of a replacement of more than one term
@@ -343,11 +401,7 @@ impl<V: Ord + Clone> Polynomial<V> {
 
 impl<V: Ord + Clone> FromIterator<(Monomial<V>, Rational)> for Polynomial<V> {
     fn from_iter<I: IntoIterator<Item = (Monomial<V>, Rational)>>(terms: I) -> Self {
-        let mut result = Self::zero();
-        for (monomial, coefficient) in terms {
-            result.add_term(monomial, coefficient);
-        }
-        result
+        Self(collected(terms.into_iter().collect()))
     }
 }
 

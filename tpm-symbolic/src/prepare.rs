@@ -147,13 +147,13 @@ fn written_terms(graph: &mut Graph, row: &RemainingRow) -> Vec<WrittenTerm> {
     }
     let mut coefficients: BTreeMap<Monomial<ExprId>, (TermId, ExprId, Fraction<ExprId>)> = BTreeMap::new();
     for term in &row.terms {
-        let mut parts: BTreeMap<Monomial<ExprId>, Polynomial<ExprId>> = BTreeMap::new();
+        let mut parts: BTreeMap<Monomial<ExprId>, Vec<(Monomial<ExprId>, Rational)>> = BTreeMap::new();
         for (monomial, coefficient) in term.value.numerator().terms() {
             let (motion, rest) = monomial.partition(|&atom| moves(graph, atom));
-            parts.entry(motion).or_default().add_term(rest, coefficient.clone());
+            parts.entry(motion).or_default().push((rest, coefficient.clone()));
         }
         for (motion, part) in parts {
-            let part = term.value.with_numerator(part);
+            let part = term.value.with_numerator(part.into_iter().collect());
             let slot = coefficients.entry(motion).or_insert_with(|| (term.id, term.source, Fraction::zero()));
             slot.2 = slot.2.add(&part);
         }

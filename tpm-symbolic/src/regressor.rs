@@ -12,7 +12,7 @@
 use crate::expr::{ExprId, Names, Node, Symbol};
 use crate::fraction::display_polynomial;
 use crate::model::{Kind, Model, TermId};
-use crate::polynomial::{Monomial, Polynomial};
+use crate::polynomial::{Factorisation, Monomial, Polynomial};
 use crate::rational::{self, Rational};
 use crate::unit::Unit;
 use ecow::EcoString;
@@ -231,7 +231,8 @@ pub(crate) fn collect_terms(
     for source in written {
         for (monomial, coefficient) in source.polynomial.terms() {
             let mut coefficient = coefficient.clone();
-            let (mut parameters, mut motion) = (Vec::new(), Vec::new());
+            // Both are parts of a sorted list and stay sorted.
+            let (mut parameters, mut motion) = (Factorisation::new(), Factorisation::new());
             let mut input = None;
             let mut moves = false;
             for (&atom, exponent) in monomial.factors() {
@@ -259,8 +260,8 @@ pub(crate) fn collect_terms(
                     }
                 }
             }
-            let parameters: ParameterMonomial = parameters.into_iter().collect();
-            let motion: Monomial<ExprId> = motion.into_iter().collect();
+            let parameters: ParameterMonomial = Monomial::from_sorted(parameters);
+            let motion: Monomial<ExprId> = Monomial::from_sorted(motion);
             if let Some(symbol) = input {
                 if moves {
                     return Err(input_not_linear(model, source.id, symbol, source.source));
