@@ -7,7 +7,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from workloads import program
+from workloads import chain_cube, chain_lines, chain_symbols, program
 
 
 def flint_expand(p):
@@ -102,6 +102,53 @@ def symengine_expand(p):
     return work
 
 
+def flint_cube(carts):
+    from flint import Ordering, fmpz_mpoly_ctx
+    context = fmpz_mpoly_ctx.get(chain_symbols(carts), Ordering.degrevlex)
+    symbols, one = context.gens(), context.constant(1)
+    return lambda: chain_cube(carts, symbols, one, lambda x: x ** 3), lambda cube: cube.to_dict().items()
+
+
+def sympy_cube(carts):
+    from sympy import ZZ, ring
+    domain, *symbols = ring(chain_symbols(carts), ZZ)
+    return lambda: chain_cube(carts, symbols, domain.one, lambda x: x ** 3), lambda cube: cube.terms()
+
+
+def symengine_cube(carts):
+    import symengine
+    names = chain_symbols(carts)
+    symbols = [symengine.Symbol(name) for name in names]
+    expand = symengine.expand
+
+    def terms(cube):
+        for monomial, c in cube.as_coefficients_dict().items():
+            powers = {str(base): e for base, e in monomial.as_powers_dict().items()}
+            yield [int(powers.get(name, 0)) for name in names], c
+    return lambda: expand(chain_cube(carts, symbols, symengine.Integer(1), lambda x: expand(expand(x) ** 3))), terms
+
+
+def outside_cube(carts, text):
+    """Lines `coefficient symbol^power ...` and, last, the time."""
+    symbols = chain_symbols(carts)
+    *lines, last = [line for line in text.split('\n') if line.strip()]
+    terms = []
+    for line in lines:
+        c, *powers = line.split()
+        exponents = dict(power.split('^') for power in powers)
+        terms.append(([int(exponents.get(s, 0)) for s in symbols], c))
+    return chain_lines(carts, terms), float(last)
+
+
+def gp_cube(carts, seconds, gp):
+    script = f'l={carts};seconds={seconds};\n' + Path(__file__).with_name('cube.gp').read_text()
+    return outside_cube(carts, subprocess.run([gp, '-q', '-f'], input=script, check=True, capture_output=True, text=True).stdout)
+
+
+def c_cube(carts, seconds, binary):
+    return outside_cube(carts, subprocess.run([binary, str(carts), str(seconds)], check=True, capture_output=True, text=True).stdout)
+
+
 def median_of(work, seconds):
     batch, elapsed = 1, 0
     while True:
@@ -181,12 +228,15 @@ def main():
             available[name] = make
         except ImportError:
             print(f'{name}: not installed, left out', file=sys.stderr)
+    cubes = {'python-flint': flint_cube, 'SymPy': sympy_cube, 'SymEngine': symengine_cube}
     scripting = list(available) + (['PARI/GP'] if options['gp'] else [])
     peers = scripting + (['FLINT from C'] if options['c'] else [])
     print('| workload | entries | tpm, us | ' + ' | '.join(peers) + ' | best scripting |')
     print('|---|---|---|' + '---|' * len(peers) + '---|')
     for name in options['workloads']:
-        p = program(name)
+        kind, _, size = name.partition(':')
+        carts = int(size) if kind == 'w5a' else None
+        p = None if carts else program(name)
         tpm = [options['tpm'], name]
         expected = sorted(subprocess.run(tpm + ['list'], check=True, capture_output=True, text=True).stdout.splitlines())
         own, ratios = [], {peer: [] for peer in peers}
@@ -194,15 +244,25 @@ def main():
         for repetition in range(options['repetitions']):
             own.append(float(subprocess.run(tpm + ['time', str(seconds)], check=True, capture_output=True, text=True).stdout))
             for peer in peers:
-                if peer == 'FLINT from C':
+                if carts:
+                    if peer in available:
+                        work, terms = cubes[peer](carts)
+                        lines, median = chain_lines(carts, terms(work())), median_of(work, seconds)
+                    elif peer == 'PARI/GP':
+                        lines, median = gp_cube(carts, seconds, options['gp'])
+                    else:
+                        lines, median = c_cube(carts, seconds, options['c_cube'])
+                elif peer == 'FLINT from C':
                     table, median = run_c(p, seconds, options['c'])
                 elif peer == 'PARI/GP':
                     table, median = run_gp(p, seconds, options['gp'])
                 else:
                     work = available[peer](p)
                     table, median = [entries for _, entries in work()], median_of(work, seconds)
-                if repetition == 0 and p.lines(table) != expected:
-                    different = set(p.lines(table)) ^ set(expected)
+                if not carts:
+                    lines = p.lines(table)
+                if repetition == 0 and lines != expected:
+                    different = set(lines) ^ set(expected)
                     raise SystemExit(f'{peer} disagrees on {name}: {sorted(different)[:6]}')
                 ratios[peer].append(median / own[-1])
         middle = {peer: statistics.median(values) for peer, values in ratios.items()}

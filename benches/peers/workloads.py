@@ -8,7 +8,9 @@ reducing alone.
 A cosine series is symmetric and a sine series i times antisymmetric in z, so all coefficients stay rational: a product of
 n sine factors carries 1/i^n, that is a sign and, for odd n, sines.
 """
+from collections import Counter
 from fractions import Fraction
+from itertools import combinations_with_replacement
 from math import comb, factorial
 
 
@@ -96,6 +98,47 @@ class Program:
         return sorted(out)
 
 
+def numbering(regressor):
+    """Lumped parameters: highest derivative, descending; its exponent; the total degree; then the same for the rest."""
+    if not regressor:
+        return []
+    highest = max(regressor)
+    rest = {n: e for n, e in regressor.items() if n != highest}
+    return [(-highest, regressor[highest], sum(regressor.values()))] + numbering(rest)
+
+
+def chain_symbols(carts):
+    """Symbols of k2 x1^3; h1, h2, ... are 1/g1, 1/g2, ..., so that everything is a polynomial."""
+    return ['k2'] + [f'm{i}' for i in range(2, carts + 1)] + [f'h{i}' for i in range(1, carts)] + [f'x{2 * k}' for k in range(carts)]
+
+
+def chain_cube(carts, symbols, one, power):
+    """k2 x1^3 in any arithmetic, x_{i-1} = x_i + (m_i x_i'' + ... + m_l x_l'') h_{i-1}, each x_i as coefficients of x_l^(2k)."""
+    s = dict(zip(chain_symbols(carts), symbols))
+    x, forces = [one], []
+    for cart in range(carts, 1, -1):
+        forces += [0] * (len(x) + 1 - len(forces))
+        for k, coefficient in enumerate(x):
+            forces[k + 1] = forces[k + 1] + coefficient * s[f'm{cart}']
+        x.append(0)
+        for k in range(1, len(x)):
+            x[k] = x[k] + forces[k] * s[f'h{cart - 1}']
+    total = 0
+    for k, coefficient in enumerate(x):
+        total = total + coefficient * s[f'x{2 * k}']
+    return power(total) * s['k2']
+
+
+def chain_lines(carts, terms):
+    """terms: pairs of exponents in the order of the symbols, and a coefficient."""
+    symbols = chain_symbols(carts)
+    lines = []
+    for exponents, c in terms:
+        powers = [f' g{s[1:]}^{-e}' if s[0] == 'h' else f' {s}^{e}' for s, e in zip(symbols, exponents) if e]
+        lines.append(f'{c}' + ''.join(sorted(powers)))
+    return sorted(lines)
+
+
 def program(name):
     kind, _, size = name.partition(':')
     l1, l2 = rest_to_rest(1), rest_to_rest(2)
@@ -106,6 +149,14 @@ def program(name):
         regressors = [{4: 1}, {2: 1}, {0: 2, 2: 1}, {0: 1, 2: 2}, {2: 3}, {0: 1}, {0: 3}]
         terms = [('F', f'c{i + 1}', 1, {('x', n): e for n, e in r.items()}) for i, r in enumerate(regressors)]
         return Program(name, {'x': ('lambda', l2)}, terms)
+    if kind == 'w5b':
+        carts = int(size)
+        regressors = [{2 * i: 1} for i in range(carts + 1)]
+        for orders in combinations_with_replacement(range(0, 2 * carts, 2), 3):
+            regressors.append(dict(Counter(orders)))
+        regressors.sort(key=numbering)
+        terms = [('F', f'c{i + 1}', 1, {('x', n): e for n, e in r.items()}) for i, r in enumerate(regressors)]
+        return Program(name, {'x': ('lambda', rest_to_rest(carts))}, terms)
     if kind == 'w3':
         shape = {**l1, 0: Fraction(-8, 9)}
         terms = []

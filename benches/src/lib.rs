@@ -1,4 +1,5 @@
 //! Workloads for the benchmarks, the same written by hand, and the comparison with other tools.
 
 pub mod by_hand;
+pub mod chain;
 pub mod workloads;

@@ -1,5 +1,6 @@
 //! The expansion workloads, as models in memory: built once, expanded many times.
 
+use crate::chain::chain;
 use tpm_symbolic::expr::{ExprId, Graph};
 use tpm_symbolic::fourier::{Fourier, Trig};
 use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
@@ -39,6 +40,7 @@ pub fn by_name(name: &str) -> Option<Workload> {
         ("w2", _) => Some(two_carts()),
         ("w3", _) => Some(closed_loop_arm()),
         ("w4", Ok(degree)) => Some(monomials(degree)),
+        ("w5b", Ok(carts @ 2..)) => Some(chain(carts)),
         ("w6", Ok(order)) => Some(serial_arm(order)),
         _ => None,
     }
@@ -67,42 +69,64 @@ pub fn listing(table: &HarmonicTable) -> Vec<String> {
         .collect()
 }
 
-struct Builder {
-    model: Model,
+pub(crate) struct Builder {
+    pub(crate) model: Model,
     next: u32,
 }
 
 impl Builder {
-    fn new(name: &str) -> Self {
+    pub(crate) fn new(name: &str) -> Self {
         Self { model: Model { name: name.to_owned(), ..Model::default() }, next: 0 }
     }
 
-    fn quantity(&mut self, name: &str, kind: Kind) -> ExprId {
+    pub(crate) fn quantity(&mut self, name: &str, kind: Kind) -> ExprId {
         let symbol = self.model.declare(name, None, kind);
         self.model.graph.symbol(symbol)
     }
 
-    fn parameters<const N: usize>(&mut self, names: [&str; N]) -> [ExprId; N] {
+    pub(crate) fn parameters<const N: usize>(&mut self, names: [&str; N]) -> [ExprId; N] {
         names.map(|name| self.quantity(name, Kind::Parameter))
     }
 
     /// sum of terms = input.
-    fn equation(&mut self, input: &str, mut terms: Vec<ExprId>) {
+    pub(crate) fn equation(&mut self, input: &str, mut terms: Vec<ExprId>) {
         let input_expr = self.quantity(input, Kind::Input);
         terms.push(self.model.graph.neg(input_expr));
+        self.free_equation(input, terms);
+    }
+
+    /// sum of terms = 0.
+    pub(crate) fn free_equation(&mut self, name: &str, terms: Vec<ExprId>) {
         let terms = terms.into_iter().map(|expr| {
             self.next += 1;
             SourceTerm { id: TermId(self.next), expr }
         });
-        let equation = Equation { name: input.to_owned(), terms: terms.collect() };
+        let equation = Equation { name: name.to_owned(), terms: terms.collect() };
         self.model.equations.push(equation);
     }
 
-    fn finish(mut self, motions: Vec<(&str, Option<&str>, Fourier)>) -> Workload {
-        let amplitudes: Vec<_> =
-            motions.iter().map(|(name, ..)| self.model.declare(name, None, Kind::Amplitude)).collect();
+    fn finish(self, motions: Vec<(&str, Option<&str>, Fourier)>) -> Workload {
+        self.finish_with(motions.into_iter().map(Some).collect(), |model| {
+            let form = regressor_form(&model).expect("invariant: workloads are linear in their parameters");
+            (model, form)
+        })
+    }
+
+    /// `sort` gives the model its regressor form; eliminated coordinates have no motion.
+    pub(crate) fn finish_with(
+        mut self,
+        motions: Vec<Option<(&str, Option<&str>, Fourier)>>,
+        sort: impl FnOnce(Model) -> (Model, RegressorForm),
+    ) -> Workload {
+        let mut amplitudes = Vec::new();
+        for (name, ..) in motions.iter().flatten() {
+            amplitudes.push(self.model.declare(name, None, Kind::Amplitude));
+        }
         let frequency = self.model.declare("w", None, Kind::Frequency);
-        let parts = motions.iter().zip(&amplitudes).map(|((_, offset, shape), &amplitude)| {
+        let mut next = amplitudes.iter();
+        let parts = motions.iter().map(|motion| {
+            let (_, offset, shape) = motion.as_ref()?;
+            let &amplitude = next.next()?;
             let motion = Motion::term(Monomial::power_of(amplitude, 1), shape.clone());
             let offset = offset.and_then(|name| self.model.find_symbol(name));
             Some(match offset {
@@ -110,13 +134,13 @@ impl Builder {
                 None => motion,
             })
         });
-        let pattern = Pattern { name: None, amplitudes: amplitudes.clone(), frequency, motions: parts.collect() };
-        let form = regressor_form(&self.model).expect("invariant: workloads are linear in their parameters");
-        Workload { model: self.model, form, pattern }
+        let pattern = Pattern { name: None, motions: parts.collect(), amplitudes: amplitudes.clone(), frequency };
+        let (model, form) = sort(self.model);
+        Workload { model, form, pattern }
     }
 }
 
-fn shape(order: u32) -> Fourier {
+pub(crate) fn shape(order: u32) -> Fourier {
     rest_to_rest(order).expect("invariant: odd orders")
 }
 
@@ -255,6 +279,8 @@ fn taylor(g: &mut Graph, argument: ExprId, order: u32, odd: u32) -> ExprId {
 #[cfg(test)]
 mod tests {
     use super::{by_name, listing};
+    use crate::chain::Cube;
+    use tpm_symbolic::rational::integer;
 
     #[test]
     fn workloads_have_the_expected_tables() {
@@ -264,6 +290,23 @@ mod tests {
         assert_eq!(table("w4:4").len(), 69);
         assert!(listing(&table("w3")).contains(&"tau1 a12 cos 9 1/54 lambda1^1 lambda2^2 w^2".to_owned()));
         assert!(!table("w6:4").is_empty());
+        // The chain of two carts is W2, derived; its names come in the order of Feng, Eqn 4.34.
+        assert_eq!(listing(&table("w5b:2")), listing(&table("w2")));
         assert!(by_name("w9").is_none());
+    }
+
+    #[test]
+    fn cube_of_the_first_cart() {
+        // (x + m2/g1 x'')^3.
+        let mut lines = Cube::new(2).listing();
+        lines.sort();
+        let expected =
+            ["1 g1^-3 k2^1 m2^3 x2^3", "1 k2^1 x0^3", "3 g1^-1 k2^1 m2^1 x0^2 x2^1", "3 g1^-2 k2^1 m2^2 x0^1 x2^2"];
+        assert_eq!(lines, expected);
+        // At 1 for every symbol x1 is a Fibonacci number of carts: 1, 2, 5, 13, 34.
+        for (carts, first) in [(2, 2), (3, 5), (4, 13), (5, 34)] {
+            let value = Cube::new(carts).expand().evaluate(|_| integer(1));
+            assert_eq!(value, Some(integer(first * first * first)), "{carts} carts");
+        }
     }
 }

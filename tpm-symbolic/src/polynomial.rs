@@ -3,11 +3,13 @@
 //! Invariant: a [`Monomial`] lists its variables in increasing order with non-zero exponents; a [`Polynomial`] lists its
 //! terms in increasing order of the monomials, each once and with a coefficient that is not zero. Two equal polynomials are therefore equal as data, and iteration order is deterministic.
 
+use crate::packed::{Key, Layout};
 use crate::rational::{self, Rational};
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 use std::cmp::Ordering;
+use std::collections::HashMap;
 
 /// The factors of a monomial.
 pub(crate) type Factorisation<V> = SmallVec<[(V, i32); 4]>;
@@ -126,6 +128,9 @@ pub struct Polynomial<V: Ord>(Terms<V>);
 
 /// One term lies in place: most polynomials of a model are single terms.
 type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
+
+/// From how many products on packing the exponents pays.
+const PACKED: usize = 128;
 
 /// How many products are collected before they are sorted and added up.
 const BATCH: usize = 1 << 16;
@@ -317,6 +322,11 @@ impl<V: Ord + Clone> Polynomial<V> {
     /// The product.
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
+        if self.len() * other.len() >= PACKED
+            && let Some(product) = self.mul_packed(other)
+        {
+            return product;
+        }
         let mut result = Self::zero();
         let mut products = Terms::with_capacity((self.len() * other.len()).min(BATCH + other.len()));
         for (left, a) in &self.0 {
@@ -327,6 +337,49 @@ impl<V: Ord + Clone> Polynomial<V> {
         }
         let last = Self(collected(products));
         if result.is_zero() { last } else { result.add(&last) }
+    }
+
+    /// The product by way of exponents packed into one word; `None` when they do not fit.
+    fn mul_packed(&self, other: &Self) -> Option<Self> {
+        let factors = || self.0.iter().chain(&other.0).flat_map(|(monomial, _)| monomial.factors());
+        let mut variables: Vec<&V> = factors().map(|(variable, _)| variable).collect();
+        variables.sort_unstable();
+        variables.dedup();
+        let largest = factors().map(|(_, exponent)| exponent.unsigned_abs()).max().unwrap_or(0);
+        let layout = Layout::new(variables.len(), 2 * u64::from(largest));
+        if layout.key_bits() > u64::from(u128::BITS) {
+            return None;
+        }
+        let packed = |terms: &Terms<V>| -> Vec<u128> {
+            let key = |(monomial, _): &(Monomial<V>, Rational)| {
+                monomial.factors().fold(<u128 as Key>::one(layout), |mut key, (variable, exponent)| {
+                    let at = variables.binary_search(&variable).expect("invariant: every variable was collected");
+                    key.add(&<u128 as Key>::variable(layout, at), i64::from(exponent));
+                    key
+                })
+            };
+            terms.iter().map(key).collect()
+        };
+        let (left, right) = (packed(&self.0), packed(&other.0));
+        let mut sums: HashMap<u128, Rational> = HashMap::with_capacity(self.len() + other.len());
+        for (left, (_, a)) in left.iter().zip(&self.0) {
+            for (right, (_, b)) in right.iter().zip(&other.0) {
+                let mut key = *left;
+                key.add(right, 1);
+                *sums.entry(key).or_insert_with(Rational::zero) += a * b;
+            }
+        }
+        let unpacked = |(key, coefficient): (u128, Rational)| {
+            let mut factors = Factorisation::new();
+            key.exponents(layout, |at, exponent| {
+                if exponent != 0 {
+                    let exponent = i32::try_from(exponent).expect("invariant: exponents are small");
+                    factors.push((variables[at].clone(), exponent));
+                }
+            });
+            (Monomial::from_sorted(factors), coefficient)
+        };
+        Some(Self(collected(sums.into_iter().filter(|(_, sum)| !sum.is_zero()).map(unpacked).collect())))
     }
 
     /// Every monomial multiplied by `monomial`.
@@ -436,6 +489,27 @@ mod tests {
         )
     }
 
+    /// Negative exponents, and enough terms for packing.
+    fn laurent() -> impl Strategy<Value = P> {
+        prop::collection::vec((prop::collection::vec((0u8..6, -40i32..40), 0..5), -9i64..10, 1i64..6), 0..20).prop_map(
+            |terms| {
+                terms
+                    .into_iter()
+                    .map(|(factors, n, d)| (factors.into_iter().collect::<Monomial<u8>>(), ratio(n, d)))
+                    .collect()
+            },
+        )
+    }
+
+    #[test]
+    fn exponents_that_no_word_holds_are_multiplied_all_the_same() {
+        let wide: P = (0..40).map(|v| (Monomial::power_of(v, 1_000_000), integer(1))).collect();
+        assert_eq!(wide.mul_packed(&wide), None);
+        let square = wide.mul(&wide);
+        assert_eq!(square.len(), 40 * 41 / 2);
+        assert_eq!(square.evaluate(|_| integer(1)), Some(integer(1600)));
+    }
+
     proptest! {
         #[test]
         fn ring_axioms(a in polynomial(), b in polynomial(), c in polynomial()) {
@@ -445,6 +519,16 @@ mod tests {
             prop_assert_eq!(a.mul(&b.add(&c)), a.mul(&b).add(&a.mul(&c)));
             prop_assert_eq!(a.mul(&P::one()), a.clone());
             prop_assert!(a.sub(&a).is_zero());
+        }
+
+        #[test]
+        fn packed_products_are_products(a in laurent(), b in laurent()) {
+            let plain: P = a
+                .terms()
+                .flat_map(|(m, x)| b.terms().map(move |(n, y)| (m.mul(n), x * y)))
+                .collect();
+            prop_assert_eq!(a.mul_packed(&b), Some(plain.clone()));
+            prop_assert_eq!(a.mul(&b), plain);
         }
 
         #[test]

@@ -1,4 +1,4 @@
-//! One expansion workload: its table as lines, how long it takes, or as many runs as asked for under an instruction
+//! One expansion workload: its table (or, for w5a, its polynomial) as lines, how long it takes, or as many runs as asked for under an instruction
 //! counter.
 //!
 //! ```text
@@ -12,32 +12,56 @@
 use std::hint::black_box;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
-use tpm_benches::workloads::{by_name, listing};
+use tpm_benches::chain::Cube;
+use tpm_benches::workloads::{Workload, by_name, listing};
+
+enum Work {
+    Table(Box<Workload>),
+    Cube(Cube),
+}
+
+impl Work {
+    fn by_name(name: &str) -> Option<Self> {
+        match name.strip_prefix("w5a:") {
+            Some(carts) => carts.parse().ok().filter(|&carts| carts > 1).map(|carts| Self::Cube(Cube::new(carts))),
+            None => by_name(name).map(Box::new).map(Self::Table),
+        }
+    }
+
+    fn list(&self) -> Vec<String> {
+        match self {
+            Self::Table(workload) => listing(&workload.expand()),
+            Self::Cube(cube) => cube.listing(),
+        }
+    }
+
+    fn run(&self) {
+        match self {
+            Self::Table(workload) => drop(black_box(black_box(workload).expand())),
+            Self::Cube(cube) => drop(black_box(black_box(cube).expand())),
+        }
+    }
+}
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let usage = || {
-        eprintln!("usage: expansion w1|w2|w3|w4:DEGREE|w6:ORDER list|time SECONDS|run COUNT");
+        eprintln!("usage: expansion w1|w2|w3|w4:DEGREE|w5a:CARTS|w5b:CARTS|w6:ORDER list|time SECONDS|run COUNT");
         ExitCode::from(2)
     };
-    let Some(workload) = arguments.first().and_then(|name| by_name(name)) else { return usage() };
+    let Some(work) = arguments.first().and_then(|name| Work::by_name(name)) else { return usage() };
     match arguments[1..] {
-        ["list"] => listing(&workload.expand()).iter().for_each(|line| println!("{line}")),
+        ["list"] => work.list().iter().for_each(|line| println!("{line}")),
         ["run", count] => {
             let Ok(count) = count.parse::<u32>() else { return usage() };
             for _ in 0..count {
-                black_box(black_box(&workload).expand());
+                work.run();
             }
         }
         ["time", seconds] => {
             let Ok(seconds) = seconds.parse::<f64>() else { return usage() };
-            println!(
-                "{:.3}",
-                median_microseconds(Duration::from_secs_f64(seconds), || {
-                    black_box(black_box(&workload).expand());
-                })
-            );
+            println!("{:.3}", median_microseconds(Duration::from_secs_f64(seconds), || work.run()));
         }
         _ => return usage(),
     }

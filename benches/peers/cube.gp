@@ -1,0 +1,19 @@
+m=vector(l,i,eval(Str("m",i)));h=vector(l,i,eval(Str("h",i)));X=vector(l,k,eval(Str("x",2*k-2)));
+work()={
+  my(x=vector(l),f=vector(l+1),n=1,total=0);
+  x[1]=1;
+  forstep(c=l,2,-1,for(k=1,n,f[k+1]+=x[k]*m[c]);n++;for(k=2,n,x[k]+=f[k]*h[c-1]));
+  for(k=1,n,total+=x[k]*X[k]);
+  total^3*k2;
+}
+leaf(p,s)={if(type(p)=="t_INT",if(p,print(p,s)),my(v=variable(p));for(d=0,poldegree(p),leaf(polcoef(p,d),if(d,Str(s," ",v,"^",d),s))));}
+{
+  my(batch=1,times=List(),t,start);
+  leaf(work(),"");
+  while(1,t=getabstime();for(i=1,batch,work());if(getabstime()-t>=20,break);batch*=2);
+  start=getabstime();
+  while(getabstime()-start<1000*seconds||#times<5,t=getabstime();for(i=1,batch,work());listput(times,(getabstime()-t)/batch));
+  times=vecsort(Vec(times));
+  printf("%.3f\n",1000.*times[#times\2+1]);
+}
+quit
