@@ -30,7 +30,22 @@ fn files_alone_give_the_result_of_identify() {
     for n in 1..=3 {
         run(at, &["campaign", "next", "c", "-o", "run.csv"]);
         run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &SHORT[..]].concat());
-        let said = run(at, &["campaign", "submit", "c", "log.csv"]);
+        let said = if n == 2 {
+            // A controller that counts, and calls the force otherwise.
+            let (text, mut counts) = (std::fs::read_to_string(at.join("log.csv")).expect("a log"), String::new());
+            for (i, line) in text.lines().enumerate() {
+                let fields: Vec<&str> = line.split(',').collect();
+                let doubled =
+                    |x: &str| x.parse::<f64>().map_or_else(|_| "counts".to_owned(), |x| (2.0 * x).to_string());
+                let force = if i == 0 { "command" } else { fields[2] };
+                counts.push_str(&format!("{},{},{force}\n", fields[0], doubled(fields[1])));
+            }
+            std::fs::write(at.join("log.csv"), counts).expect("written");
+            let columns = ["--map", "x=counts", "--scale", "x=0.5", "--map", "u=command"];
+            run(at, &[&["campaign", "submit", "c", "log.csv"], &columns[..]].concat())
+        } else {
+            run(at, &["campaign", "submit", "c", "log.csv"])
+        };
         assert!(said.contains(&format!("run {n}: complete")), "{said}");
         assert_eq!(said.contains("ended"), n == 3, "{said}");
     }
@@ -154,4 +169,35 @@ fn a_design_is_judged_before_anything_moves() {
     let zero = zero.iter().flat_map(|value| ["--set", value]);
     let arguments: Vec<&str> = ["design", arm.to_str().expect("plain")].into_iter().chain(zero).collect();
     support::fails(&arguments, 2, &["a10 = 0", "give prior values"]);
+}
+
+/// A disk that is full when the second run is written: what is there stays, and the campaign goes on when there is room.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_keeps_the_finished_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    let model = root().join("models/mass_spring_drag.tpm");
+    let model = model.to_str().expect("plain");
+    let identify = |runs: &str| tpm_in(at, &[&["identify", model, "--json", "--runs", runs], &SHORT[..]].concat());
+    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
+    // Every write to this device fails as on a full disk.
+    std::os::unix::fs::symlink("/dev/full", at.join("c/run-002.partial")).expect("linked");
+    let full = identify("c");
+    assert_eq!(full.status.code(), Some(2));
+    let error = String::from_utf8_lossy(&full.stderr).into_owned();
+    assert!(error.contains("run-002") && error.contains("No space left") && error.contains("finished runs"), "{error}");
+    let kept = names(&at.join("c"));
+    assert!(kept.contains(&"run-001.json".to_owned()) && !kept.iter().any(|name| name.contains("run-002")), "{kept:?}");
+    assert_eq!(json(&identify("c")), json(&identify("whole")));
+    // A campaign by files says the same, and takes the log in when there is room.
+    let other = tempfile::tempdir().expect("a folder");
+    let at = other.path();
+    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
+    run(at, &["campaign", "next", "c", "-o", "run.csv"]);
+    run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &SHORT[..]].concat());
+    std::os::unix::fs::symlink("/dev/full", at.join("c/run-001.partial")).expect("linked");
+    let full = tpm_in(at, &["campaign", "submit", "c", "log.csv"]);
+    assert!(String::from_utf8_lossy(&full.stderr).contains("No space left"), "{full:?}");
+    assert!(run(at, &["campaign", "submit", "c", "log.csv"]).contains("run 1: complete"));
 }

@@ -9,6 +9,7 @@
 //! the others. Directions that the data do not show have no row.
 
 use crate::estimate::{Estimate, Information, Status, complement};
+use crate::model::Model;
 use crate::report::ParameterReport;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
@@ -189,6 +190,37 @@ impl PhysicalFit {
         let ones = || self.fixed.minimise(&self.map, weighted, vec![1.0; self.map.parameters().len()]);
         self.fixed.report(&self.units, &self.map, weighted, &best.unwrap_or_else(ones))
     }
+}
+
+/// Whether the matrix of accelerations is that of some machine, symmetric and positive definite, with given parameters at rest at
+/// a position. A coupling of inertias may then be negative.
+#[must_use]
+pub fn has_inertia(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64], position: &[f64]) -> bool {
+    let dims = model.dims();
+    let n = dims.coordinates;
+    if dims.rows != n || position.len() < n || (0..n).any(|c| model.coordinate_order(c) != 2) {
+        return false;
+    }
+    let mut motion = vec![0.0; dims.motion_len()];
+    motion[..n].copy_from_slice(&position[..n]);
+    let mut scratch = vec![0.0; model.inverse_workspace_len()];
+    let mut force = |motion: &[f64]| {
+        let mut force = vec![0.0; n];
+        let done = model.inverse_dynamics(motion, parameters, constants, &mut scratch, &mut force);
+        done.is_ok().then_some(force)
+    };
+    let Some(rest) = force(&motion) else { return false };
+    let mut matrix = DMatrix::zeros(n, n);
+    for c in 0..n {
+        motion[2 * n + c] = 1.0;
+        let Some(moved) = force(&motion) else { return false };
+        motion[2 * n + c] = 0.0;
+        for r in 0..n {
+            matrix[(r, c)] = moved[r] - rest[r];
+        }
+    }
+    let symmetric = (&matrix - matrix.transpose()).amax() <= 1e-9 * matrix.amax();
+    symmetric && matrix.iter().all(|x| x.is_finite()) && matrix.symmetric_eigenvalues().iter().all(|m| *m > 0.0)
 }
 
 /// Masses and moments of inertia among parameters that came out negative: a fit that no machine has.

@@ -28,6 +28,8 @@ const ABSENT: f64 = 1e-9;
 const EDGE_POINTS: usize = 3;
 /// A box of more sides has too many vertices and edges: it is sampled inside only.
 const MOST_SIDES: usize = 10;
+/// Largest damping ratio of a mode that a harmonic must not come near.
+const HARDLY_DAMPED: f64 = 0.1;
 /// Step of the difference quotients; five points, so exact up to the fourth degree.
 const DIFFERENCE: f64 = 1e-3;
 
@@ -181,6 +183,26 @@ pub fn check(model: &dyn Model<f64>, control: &Loop, demand: &Demand) -> Result<
         }
     }
     Ok(Stability { poles, sampled: Some(checked) })
+}
+
+/// Natural frequencies of the machine without its feedback, linearised at rest, of the modes that are hardly damped, rad/s.
+///
+/// # Errors
+/// [`EvalError`] where the rows cannot be linearised.
+pub fn natural_modes(
+    model: &dyn Model<f64>,
+    parameters: &[f64],
+    constants: &[f64],
+    position: &[f64],
+) -> Result<Vec<f64>, EvalError> {
+    let poles = eigenvalues(&Linear::new(model, parameters, constants, position)?.a);
+    let mut modes: Vec<f64> = poles
+        .into_iter()
+        .filter(|pole| pole.im > 0.0 && pole.re.abs() < HARDLY_DAMPED * pole.norm())
+        .map(|pole| pole.norm())
+        .collect();
+    modes.sort_by(f64::total_cmp);
+    Ok(modes)
 }
 
 /// Poles of the continuous loop at one point, when continuous and sampled loop are stable there.
@@ -438,7 +460,7 @@ impl Linear {
 
 #[cfg(test)]
 mod tests {
-    use super::{Demand, Range, StabilityError, characteristic, check};
+    use super::{Demand, Range, StabilityError, characteristic, check, natural_modes};
     use crate::control::Gain;
     use crate::procedure::{HoldCompensation, Loop, Velocity};
     use crate::test_models::TwoCarts;
@@ -505,6 +527,18 @@ mod tests {
         for (found, expected) in characteristic(&companion, 1.0).iter().zip([6.0, 11.0, 5.0, 1.0]) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
         }
+    }
+
+    #[test]
+    fn natural_modes_are_those_of_the_machine_alone() {
+        // Plants, B: 3.61 and 17.5 rad/s, the roots of det(K - w^2 M).
+        let modes = natural_modes(&TwoCarts, &CHAIN, &[], &[0.0, 0.0]).expect("regular");
+        assert_eq!(modes.len(), 2);
+        for mode in modes {
+            let square = mode * mode;
+            assert!(((240.0 - 2.0 * square) * (200.0 - square) - 40_000.0).abs() < 1e-4, "{mode}");
+        }
+        assert!(natural_modes(&TwoCarts, &[0.0; 5], &[], &[0.0, 0.0]).is_err());
     }
 
     #[test]

@@ -113,6 +113,23 @@ fn five_parameters_within_two_percent_under_noise() {
     }
 }
 
+/// A run that tracks well says little: three of the lumped parameters are then no numbers to trust, and are said not to be.
+#[test]
+fn poorly_determined_lumped_parameters_are_said_to_be() {
+    let mut experiment = two();
+    experiment.prior = truth().into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+    experiment.schedule.max_runs = 1;
+    experiment.stability.points = 10;
+    let result = machine("two_carts", &experiment).identify(&experiment, &mut |_| true).expect("runs");
+    let json = serde_json::to_value(&result).expect("serialises");
+    for c in ["c3", "c4", "c5"] {
+        let parameter = result.parameters.iter().position(|p| p.name == c).expect("lumped");
+        assert_eq!(json["parameters"][parameter]["status"], "poorly_determined", "{:?}", result.parameters[parameter]);
+        assert!(result.warnings.iter().any(|warning| warning.contains(&format!("{c} is poorly determined"))));
+    }
+    assert!(!result.is_complete());
+}
+
 #[test]
 fn both_equations_as_rows() {
     let mut experiment = two();

@@ -1,6 +1,7 @@
 //! `tpm campaign`: a campaign on a real machine, by files.
 
 use super::identify::{Runs, describe_campaign};
+use super::log_args::ColumnArgs;
 use super::simulated::{SimulatedArgs, Simulation};
 use crate::failure::Failure;
 use crate::{Outcome, output};
@@ -9,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use tpm_runtime::experiment::{Experiment, GainManifest, Machine, Manifest, Store, summary};
-use tpm_runtime::log::{Log, LogOptions};
+use tpm_runtime::log::Log;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::procedure::{Campaign, Record, Trial, Velocity};
 use tpm_runtime::stability::Stability;
@@ -51,6 +52,8 @@ enum Step {
         folder: PathBuf,
         /// The log: CSV with t_s, coordinates and applied inputs by name.
         log: PathBuf,
+        #[command(flatten)]
+        columns: ColumnArgs,
     },
     /// Print what is known so far.
     Result {
@@ -70,7 +73,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     match &args.step {
         Step::Start { file, folder, simulated } => start(file, folder, simulated),
         Step::Next { folder, output } => next(folder, output.as_deref()),
-        Step::Submit { folder, log } => submit(folder, log),
+        Step::Submit { folder, log, columns } => submit(folder, log, columns),
         Step::Result { folder, json, output } => result(folder, *json, output.as_deref()),
     }
 }
@@ -293,14 +296,14 @@ pub(crate) fn read_trial(path: &Path, machine: &Machine, template: &Trial) -> Re
     Ok(trial)
 }
 
-fn submit(folder: &Path, log: &Path) -> Outcome {
+fn submit(folder: &Path, log: &Path, columns: &ColumnArgs) -> Outcome {
     let opened = Folder::open(folder)?;
     let (mut campaign, _) = opened.campaign()?;
     let plant = opened.simulation.machine.plant();
     let Some(trial) = campaign.next().cloned() else {
         return Err(Failure::Input("the campaign has ended; no log is expected".to_owned()));
     };
-    let measured = Log::open(log, plant, &LogOptions::default()).map_err(|error| input(&error))?;
+    let measured = Log::open(log, plant, &columns.options(plant)?).map_err(|error| input(&error))?;
     let mut coordinates = measured.channels;
     let inputs = coordinates.split_off(plant.dims().coordinates);
     let at = |error: &dyn std::fmt::Display| Failure::Input(format!("{}: {error}", log.display()));

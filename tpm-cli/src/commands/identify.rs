@@ -17,7 +17,7 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::log::{Identification, Log, LogOptions, identify_log};
 use tpm_runtime::model::Model as _;
-use tpm_runtime::physical::{PhysicalSettings, is_lumped, negative_masses, physical};
+use tpm_runtime::physical::{PhysicalSettings, has_inertia, is_lumped, negative_masses, physical};
 use tpm_runtime::procedure::{Record, RunReport, Trial};
 use tpm_runtime::report::ParameterReport;
 use tpm_runtime::stability::Stability;
@@ -255,7 +255,12 @@ fn from_log(args: &Args, prepared: &Prepared, model: &Interpreted, path: &Path) 
     let mut result = identify_log(model, &log, &options).map_err(|error| Failure::Input(error.to_string()))?;
     let map = |list: &[(String, f64)]| list.iter().cloned().collect();
     let settings = settings(args, &map(&args.prior), &map(&args.freeze), &map(&args.reading.constants), &own);
-    let negative = negative_masses(&result.parameters);
+    let coordinates = &log.channels[..model.dims().coordinates];
+    let mean = |channel: &Vec<f64>| channel.iter().sum::<f64>() / channel.len().max(1) as f64;
+    let position: Vec<f64> = coordinates.iter().map(mean).collect();
+    // As above: the whole matrix counts, not a coupling in it.
+    let sound = has_inertia(model, &result.estimate.values, &options.constants, &position);
+    let negative = if sound { Vec::new() } else { negative_masses(&result.parameters) };
     result.warnings.extend(negative.iter().cloned());
     result.physical = physical_part(prepared, &result.estimate, &settings, &mut result.warnings)?;
     let text = if args.json { output::json(&result)? } else { describe(&result) };

@@ -28,9 +28,9 @@ impl From<HoldChoice> for Hold {
     }
 }
 
-/// Options of the verbs that read a log, which all have an argument `log`.
+/// Options about the columns of a log, of verbs which all have an argument `log`.
 #[derive(clap::Args)]
-pub(crate) struct LogArgs {
+pub(crate) struct ColumnArgs {
     /// Column of a coordinate or input (or of t_s) that is named otherwise in the log.
     #[arg(long, value_name = "NAME=COLUMN", requires = "log", value_parser = assignment)]
     map: Vec<(String, String)>,
@@ -40,6 +40,30 @@ pub(crate) struct LogArgs {
     /// Added to a column after its factor.
     #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     offset: Vec<(String, f64)>,
+}
+
+impl ColumnArgs {
+    /// The same for the library, with names checked against the model.
+    pub(crate) fn options(&self, model: &Interpreted) -> Result<LogOptions, Failure> {
+        let dims = model.dims();
+        let coordinates = (0..dims.coordinates).map(|i| model.coordinate(i).name.to_owned());
+        let inputs = (0..dims.inputs).map(|i| model.input(i).name.to_owned());
+        let mut signals: Vec<String> = coordinates.chain(inputs).collect();
+        signals.push("t_s".to_owned());
+        Ok(LogOptions {
+            map: by_name("--map", &self.map, &signals)?,
+            scale: by_name("--scale", &self.scale, &signals)?,
+            offset: by_name("--offset", &self.offset, &signals)?,
+            ..LogOptions::default()
+        })
+    }
+}
+
+/// Options of the verbs that read a log, which all have an argument `log`.
+#[derive(clap::Args)]
+pub(crate) struct LogArgs {
+    #[command(flatten)]
+    columns: ColumnArgs,
     /// First sample to use, from 0; found when not given.
     #[arg(long, value_name = "N", requires = "log")]
     from_sample: Option<usize>,
@@ -110,10 +134,6 @@ impl LogArgs {
     /// The same for the library, with names checked against the model.
     pub(crate) fn options(&self, model: &Interpreted) -> Result<LogOptions, Failure> {
         let dims = model.dims();
-        let coordinates = (0..dims.coordinates).map(|i| model.coordinate(i).name.to_owned());
-        let inputs = (0..dims.inputs).map(|i| model.input(i).name.to_owned());
-        let mut signals: Vec<String> = coordinates.chain(inputs).collect();
-        signals.push("t_s".to_owned());
         let constants: Vec<String> = (0..dims.constants).map(|i| model.constant(i).name.to_owned()).collect();
         let given = by_name("--constant", &self.constants, &constants)?;
         let missing: Vec<String> = constants
@@ -128,16 +148,13 @@ impl LogArgs {
             )));
         }
         Ok(LogOptions {
-            map: by_name("--map", &self.map, &signals)?,
-            scale: by_name("--scale", &self.scale, &signals)?,
-            offset: by_name("--offset", &self.offset, &signals)?,
             from_sample: self.from_sample,
             period: self.period,
             hold: self.hold.map_or(Hold::None, Hold::from),
             actuators: self.actuators(model)?,
             harmonics: self.harmonics,
             constants: constants.iter().map(|name| given[name]).collect(),
-            ..LogOptions::default()
+            ..self.columns.options(model)?
         })
     }
 }

@@ -39,7 +39,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Some(path) => read_trial(path, &machine, first)?,
         None => first.clone(),
     };
-    let bench = experiment.bench(plant).map_err(|error| input(&error))?;
+    let bench = experiment.bench_in_run(plant, trial.run).map_err(|error| input(&error))?;
     let other = experiment.other_plant(plant).map_err(|error| input(&error))?;
     let simulated = other.as_ref().map_or(plant as &dyn Model<f64>, |arm| arm as &dyn Model<f64>);
     let record = simulate(simulated, &bench, &trial).map_err(|error| input(&error))?;

@@ -1,12 +1,16 @@
-//! `tpm study`: many campaigns on the simulated plant, and how their results spread about the truth.
+//! `tpm study`: many campaigns on the simulated plant and how their results spread about the truth, or how many updates every
+//! estimator needs without noise.
 
 use super::simulated::{SimulatedArgs, Simulation};
 use crate::failure::Failure;
 use crate::text_table::{Align, TextTable, number};
 use crate::{Outcome, interrupt, output, progress};
 use std::path::PathBuf;
-use tpm_runtime::experiment::{Experiment, Study, study_campaigns};
+use tpm_runtime::experiment::{Experiment, LIMITS, Study, Updates, study_campaigns, updates};
 use tpm_runtime::procedure::RunReport;
+
+/// Updates that are played at most.
+const MOST: usize = 10;
 
 /// Options of `tpm study`.
 #[derive(clap::Args)]
@@ -18,7 +22,10 @@ pub(crate) struct Args {
     /// How many seeds, from the experiment's own on.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..))]
     seeds: u32,
-    /// Print JSON (tpm.study/1).
+    /// Without noise, count the updates of every estimator at every stage of the schedule instead.
+    #[arg(long, conflicts_with = "seeds")]
+    updates: bool,
+    /// Print JSON (tpm.study/1, tpm.updates/1).
     #[arg(long)]
     json: bool,
     /// Write to this file instead of standard output.
@@ -29,6 +36,12 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
+    if args.updates {
+        let found = updates(machine.plant(), machine.pattern(), &experiment, MOST)
+            .map_err(|error| Failure::Input(error.to_string()))?;
+        let text = if args.json { output::json(&found)? } else { describe_updates(&found) };
+        return output::emit(args.output.as_deref(), &text);
+    }
     let bar = progress::Bar::new("studying");
     let seeds = args.seeds as usize;
     let (result, interrupted) = interrupt::watched(|go_on| {
@@ -54,6 +67,33 @@ pub(crate) fn run(args: &Args) -> Outcome {
         )));
     }
     Ok(())
+}
+
+fn describe_updates(found: &Updates) -> String {
+    let mut text =
+        format!("model {} on an exact simulated plant: updates until every parameter is within\n\n", found.model);
+    let limits: Vec<String> = LIMITS.iter().map(|limit| format!("{limit:e}")).collect();
+    let mut head = vec![("estimator", Align::Left)];
+    if let Some(first) = found.estimators.first() {
+        head.extend(first.amplitudes.iter().map(|(name, _)| (name.as_str(), Align::Right)));
+    }
+    head.push(("frequency", Align::Right));
+    head.extend(limits.iter().map(|limit| (limit.as_str(), Align::Right)));
+    head.push(("runs each", Align::Right));
+    let mut table = TextTable::new(&head);
+    for convergence in &found.estimators {
+        let mut row = vec![convergence.estimator.to_owned()];
+        row.extend(convergence.amplitudes.iter().map(|(_, value)| number(*value)));
+        row.push(number(convergence.frequency));
+        let count = |updates: &Option<usize>| {
+            updates.map_or_else(|| format!("> {}", convergence.errors.len()), |updates| updates.to_string())
+        };
+        row.extend(convergence.updates.iter().map(count));
+        row.push(convergence.runs_per_update.to_string());
+        table.row(&row);
+    }
+    text.push_str(&table.finish());
+    text
 }
 
 fn describe(study: &Study) -> String {

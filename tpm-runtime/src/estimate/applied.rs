@@ -24,12 +24,23 @@ const POINTS: usize = 128;
 /// Step of second differences as a share of a slot's amplitude.
 const STEP: f64 = 1e-2;
 /// Bins that one level of noise averages, at least.
-const BINS: usize = 24;
+const BINS: usize = 96;
+/// Bins that show what a line has besides the sensors' white noise.
+const NEAREST: usize = 16;
+/// Periods in a record from which on so many bins lie beside a line, and not beside the next ones.
+const CLOSE: isize = 8;
+/// The same for counts, whose errors are not white: both at once, from the bins nearest to a line.
+const COUNTED: usize = 24;
+/// Rounding to counts that makes up this share of a sensor's noise repeats with the motion: the noise is not white.
+const REPEATING: f64 = 0.2;
 /// The motion between the lines is summed up to where so many lines add less than a share of it.
 const BLOCK: usize = 16;
 const NEGLIGIBLE: f64 = 1e-4;
-/// Standard deviation of a shift of a mean as a share of it.
-const SHIFT_UNCERTAINTY: f64 = 0.25;
+/// Neighbouring bins of a windowed spectrum hang together: the sum of their powers varies as that of so many times fewer
+/// (Hann: 1 + 2 (2/3)^2 + 2 (1/6)^2).
+const TOGETHER: f64 = 1.94;
+/// Least standard deviation of a shift of a mean as a share of it.
+const SHIFT_UNCERTAINTY: f64 = 0.02;
 
 /// The estimates from all records before the last one is refined.
 pub(super) type First<'a> = dyn FnMut(&mut [MeasuredMotion]) -> Result<Vec<f64>, EstimateError> + 'a;
@@ -61,15 +72,21 @@ pub(super) fn refine_last(
     if !noisy {
         return Ok(());
     }
-    let mut variance = Vec::with_capacity(dims.rows);
-    for (row, gain) in gains.iter().enumerate() {
-        variance.push(row_variance(&bins, record, &slots, row, gain, dims.coordinates));
-    }
-    record.set_variance(variance);
+    let white: Vec<f64> = (0..dims.coordinates).map(|c| bins.white(c)).collect();
+    // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
+    let samples = spectra.samples_per_period * spectra.periods as f64;
+    let counted = white
+        .iter()
+        .zip(&spectra.steps)
+        .any(|(power, step)| step * step / 12.0 > REPEATING * power * samples / spectra.window.bandwidth());
+    let of_row =
+        |(row, gain): (usize, &Vec<Vec<Complex<f64>>>)| row_variance(&bins, record, &slots, row, gain, &white, counted);
+    let (variance, apart) = gains.iter().enumerate().map(of_row).unzip();
+    record.set_variance(variance, apart, (!counted).then_some(white));
     let motion = true_motion(&bins, record, &slots, &gains, dims.coordinates);
-    if let Some(motion) = motion {
+    if let Some((motion, uncertainty)) = motion {
         let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;
-        record.admit_means(&shift, &theta, SHIFT_UNCERTAINTY);
+        record.admit_means(&shift, &theta, uncertainty);
     }
     Ok(())
 }
@@ -125,6 +142,17 @@ impl Bins<'_> {
         }
     }
 
+    /// Power of a channel's noise in a bin: what stands between the highest lines, where no motion is.
+    ///
+    /// The median is deaf to what little motion there is; a median of |n|^2 is ln 2 of its mean.
+    fn white(&self, channel: usize) -> f64 {
+        let highest = self.spectra.highest() as isize * self.periods;
+        let free = (highest - highest / 4..highest).filter(|bin| self.free(*bin));
+        let mut power: Vec<f64> = free.map(|bin| self.at(channel, bin).norm_sqr()).collect();
+        power.sort_by(f64::total_cmp);
+        power.get(power.len() / 2).map_or(0.0, |median| median / std::f64::consts::LN_2)
+    }
+
     /// Power of a channel in the bins between lines `from` and `to`.
     fn level(&self, channel: usize, from: usize, to: usize) -> f64 {
         (from..=to).flat_map(|k| self.around(k, 1)).map(|b| self.at(channel, b).norm_sqr()).sum()
@@ -148,15 +176,18 @@ fn response(
     response
 }
 
-/// E|n|^2 of the row's phasors, from harmonic 0 to the highest used one.
+/// E|n|^2 of the row's phasors, from harmonic 0 to the highest used one: the part that the sensors' white noise has, and what the
+/// nearest bins show beside it (motion that leaks where the rows hardly feel it, errors of counts).
 fn row_variance(
     bins: &Bins<'_>,
     record: &MeasuredMotion,
     slots: &[(usize, usize)],
     row: usize,
     gain: &[Vec<Complex<f64>>],
-    coordinates: usize,
-) -> Vec<f64> {
+    white: &[f64],
+    counted: bool,
+) -> (Vec<f64>, Vec<f64>) {
+    let coordinates = white.len();
     let strongest: Vec<f64> =
         gain.iter().map(|lines| lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max)).collect();
     let reach = gain.first().map_or(0, Vec::len) as isize;
@@ -169,19 +200,15 @@ fn row_variance(
     let highest = record.used(row).last().copied().unwrap_or(0);
     (0..=highest)
         .map(|k| {
-            let near = bins.around(k, BINS);
-            let sizes: Vec<f64> =
-                (0..coordinates).map(|c| near.iter().map(|&b| bins.at(c, b).norm_sqr()).sum::<f64>()).collect();
             let shape = |bin: isize| -> f64 {
                 mixing
                     .iter()
                     .flat_map(|&m| response(slots, gain, m, bins.frequency(bin - m * bins.periods), coordinates))
-                    .zip(sizes.iter().cycle())
+                    .zip(white.iter().cycle())
                     .map(|(z, size)| z.norm_sqr() * size)
                     .sum()
             };
-            let (mut found, mut expected) = (0.0, 0.0);
-            for &bin in &near {
+            let pair = |bin: isize| -> (f64, f64) {
                 let mut residual = Complex::new(0.0, 0.0);
                 for &m in &mixing {
                     let source = bin - m * bins.periods;
@@ -193,24 +220,35 @@ fn row_variance(
                 for (i, &b) in record.input_map(row).iter().enumerate() {
                     residual -= bins.applied(coordinates, i, bin) * b;
                 }
-                found += residual.norm_sqr();
-                expected += shape(bin);
+                (residual.norm_sqr(), shape(bin))
+            };
+            let sum = |near: &[isize]| {
+                near.iter().map(|&bin| pair(bin)).fold((0.0, 0.0), |sum, of| (sum.0 + of.0, sum.1 + of.1))
+            };
+            let (found, expected) = sum(&bins.around(k, if counted { COUNTED } else { BINS }));
+            let level = if expected > 0.0 { found / expected } else { 0.0 };
+            let mut apart = 0.0;
+            if !counted && bins.periods >= CLOSE {
+                let near = bins.around(k, NEAREST);
+                let (found, expected) = sum(&near);
+                apart = ((found - level * expected) / near.len().max(1) as f64).max(0.0);
             }
             let scale = if k == 0 { 1.0 } else { 4.0 };
-            if expected > 0.0 { scale * found / expected * shape(k as isize * bins.periods) } else { 0.0 }
+            (scale * level * shape(k as isize * bins.periods), scale * apart)
         })
         .collect()
 }
 
 /// Covariance of the motion between the lines, per pair of slots: what the inputs between the lines explain, or what was
-/// measured where that is less (near a resonance of the plant inputs say little).
+/// measured where that is less (near a resonance of the plant inputs say little). Beside it the standard deviation of its
+/// largest share: the mean over a record weighs this motion otherwise than the bins do, and some bins are hidden by the lines.
 fn true_motion(
     bins: &Bins<'_>,
     record: &MeasuredMotion,
     slots: &[(usize, usize)],
     gains: &[Vec<Vec<Complex<f64>>>],
     coordinates: usize,
-) -> Option<DMatrix<f64>> {
+) -> Option<(DMatrix<f64>, f64)> {
     let spectra = bins.spectra;
     // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
     let bandwidth = spectra.window.bandwidth();
@@ -219,6 +257,7 @@ fn true_motion(
     let order = |c: usize| slots.iter().filter(|slot| slot.0 == c).map(|slot| slot.1).max().unwrap_or(0);
     let states: Vec<usize> = (0..slots.len()).filter(|&s| slots[s].1 < order(slots[s].0)).collect();
     let mut checked = vec![0.0; states.len()];
+    let mut squares = vec![0.0; states.len()];
     for k in 0..=spectra.highest() {
         if k > 0 && k.is_multiple_of(BLOCK) {
             let now: Vec<f64> = states.iter().map(|&s| covariance[(s, s)]).collect();
@@ -263,6 +302,9 @@ fn true_motion(
                     Complex::new(0.0, frequency).powu(d as u32) * value
                 })
                 .collect();
+            for (square, &s) in squares.iter_mut().zip(&states) {
+                *square += (weight * parts[s].norm_sqr()).powi(2);
+            }
             for (a, x) in parts.iter().enumerate() {
                 for (b, y) in parts.iter().enumerate() {
                     covariance[(a, b)] += weight * (x * y.conj()).re;
@@ -270,7 +312,12 @@ fn true_motion(
             }
         }
     }
-    covariance.iter().all(|x: &f64| x.is_finite()).then_some(covariance)
+    let share = |(square, &s): (&f64, &usize)| {
+        let mean: f64 = covariance[(s, s)];
+        if mean > 0.0 { (TOGETHER * square).sqrt() / mean } else { 0.0 }
+    };
+    let uncertainty = squares.iter().zip(&states).map(share).fold(SHIFT_UNCERTAINTY, f64::max);
+    covariance.iter().all(|x: &f64| x.is_finite()).then_some((covariance, uncertainty))
 }
 
 /// Shift of the mean of every regressor, then of the known term, per row: half the mean second derivative times the covariance.

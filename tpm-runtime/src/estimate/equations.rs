@@ -83,6 +83,38 @@ impl Equations {
         if self.harmonic[equation] == 0 { 1.0 / variance } else { 2.0 / variance }
     }
 
+    /// As many real equations as there are parameters, those that determine them best: real or imaginary parts of rows, each
+    /// as a row of harmonic 0.
+    ///
+    /// They are the first columns that pivoting picks in the weighted, scaled and transposed matrix (after Feng, Eqn 3.29).
+    #[must_use]
+    pub fn reduced(&self) -> Self {
+        let all: Vec<usize> = (0..self.parameters).collect();
+        let (mut matrix, _) = self.weighted(&all);
+        for mut column in matrix.column_iter_mut() {
+            let norm = column.norm();
+            if norm > 0.0 {
+                column /= norm;
+            }
+        }
+        // Where every real equation comes from: the row, and whether its imaginary part.
+        let parts = (0..self.len()).flat_map(|e| {
+            let imaginary: &[bool] = if self.harmonic[e] == 0 { &[false] } else { &[false, true] };
+            imaginary.iter().map(move |part| (e, *part))
+        });
+        let mut order: DMatrix<usize> = DMatrix::from_fn(1, matrix.nrows(), |_, c| c);
+        matrix.transpose().col_piv_qr().p().permute_columns(&mut order);
+        let parts: Vec<(usize, bool)> = parts.collect();
+        let mut reduced = Equations::new(self.parameters);
+        for &at in order.iter().take(self.parameters) {
+            let (e, imaginary) = parts[at];
+            let part = |z: &Complex<f64>| Complex::new(if imaginary { z.im } else { z.re }, 0.0);
+            let regressor: Vec<Complex<f64>> = self.regressor(e).iter().map(part).collect();
+            reduced.push(self.row[e], 0, &regressor, part(&self.right[e]), 1.0 / self.weight(e));
+        }
+        reduced
+    }
+
     /// The real equations, each divided by its standard deviation, with the columns `free` only.
     #[must_use]
     pub fn weighted(&self, free: &[usize]) -> (DMatrix<f64>, DVector<f64>) {

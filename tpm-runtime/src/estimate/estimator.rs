@@ -7,7 +7,8 @@
 
 use super::along::Along;
 use super::applied::refine_last;
-use super::first_order::{FirstOrder, error_lines};
+use super::first_order::FirstOrder;
+use super::numerical::Numerical;
 use super::{
     Equations, Estimate, EstimateError, Information, MeasuredMotion, Settings, Status, estimate_measured_motion,
 };
@@ -28,8 +29,6 @@ const POOR: f64 = 0.25;
 const INSIGNIFICANT: f64 = 3.0;
 /// A measured line belongs to the motion when its power is this many times that of its noise.
 const CERTAIN: f64 = 100.0;
-/// Change of a parameter in a perturbed run of [`Numerical`], as a share of the value, or of the whole force.
-const PERTURBATION: f64 = 0.5;
 
 /// One run as an estimator sees it.
 #[derive(Clone, Copy, Debug)]
@@ -120,6 +119,10 @@ pub enum Method {
 }
 
 impl Method {
+    /// All of them.
+    pub const ALL: [Method; 5] =
+        [Method::MeasuredMotion, Method::Error, Method::Hill, Method::Effort, Method::Numerical];
+
     /// The name in experiment files and reports.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -143,13 +146,7 @@ impl Method {
             Method::Error => first_order(FirstOrder::Error),
             Method::Hill => first_order(FirstOrder::Hill),
             Method::Effort => first_order(FirstOrder::Effort),
-            Method::Numerical => Box::new(Numerical {
-                settings: settings.clone(),
-                pool: None,
-                base: None,
-                columns: Vec::new(),
-                harmonics: 0,
-            }),
+            Method::Numerical => Box::new(Numerical::new(settings)),
         }
     }
 }
@@ -244,120 +241,14 @@ impl Estimator for Linearised {
     }
 }
 
-/// `numerical`: the matrix from runs with one parameter changed at a time.
-struct Numerical {
-    settings: Settings,
-    pool: Option<Pool>,
-    base: Option<Base>,
-    /// Per parameter so far: change of every coordinate's error lines per change of the parameter.
-    columns: Vec<Vec<Vec<Complex<f64>>>>,
-    harmonics: usize,
-}
-
-/// The run that the changed ones are compared with.
-struct Base {
-    parameters: Vec<f64>,
-    error: Vec<Vec<Complex<f64>>>,
-    variance: Vec<Vec<f64>>,
-    steps: Vec<f64>,
-}
-
-impl Estimator for Numerical {
-    fn name(&self) -> &'static str {
-        "numerical"
-    }
-
-    fn play(&self, current: &[f64]) -> Vec<f64> {
-        let Some(base) = &self.base else { return current.to_vec() };
-        let mut changed = base.parameters.clone();
-        if let (Some(value), Some(step)) = (changed.get_mut(self.columns.len()), base.steps.get(self.columns.len())) {
-            *value += step;
-        }
-        changed
-    }
-
-    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
-        let dims = model.dims();
-        if run.spectra.lines.len() < dims.coordinates {
-            return Err(EstimateError::Channels {
-                needed: dims.coordinates + dims.inputs,
-                given: run.spectra.lines.len(),
-            });
-        }
-        let highest = highest_harmonic(&self.settings, run);
-        let error = error_lines(run.trial, run.spectra, dims.coordinates, highest);
-        self.harmonics = highest;
-        let same_motion = self.columns.iter().flatten().all(|lines| lines.len() == highest + 1);
-        let Some(base) = self.base.as_ref().filter(|base| same_motion && base.error[0].len() == highest + 1) else {
-            self.columns.clear();
-            self.base = Some(Base {
-                parameters: run.trial.parameters.clone(),
-                variance: (0..dims.coordinates)
-                    .map(|c| (0..=highest).map(|k| run.spectra.variance(c, k)).collect())
-                    .collect(),
-                steps: steps(model, run)?,
-                error,
-            });
-            return Ok(None);
-        };
-        let step = base.steps[self.columns.len()];
-        let column = error
-            .iter()
-            .zip(&base.error)
-            .map(|(changed, before)| changed.iter().zip(before).map(|(a, b)| (a - b) / step).collect())
-            .collect();
-        self.columns.push(column);
-        if self.columns.len() < dims.parameters {
-            return Ok(None);
-        }
-        let peak = base.error.iter().flatten().map(|line| line.norm()).fold(0.0, f64::max);
-        let mut equations = Equations::new(dims.parameters);
-        for c in 0..dims.coordinates {
-            for k in 0..=highest {
-                // E = M (theta' - theta).
-                let phi: Vec<Complex<f64>> = self.columns.iter().map(|column| column[c][k]).collect();
-                let at: Complex<f64> = phi.iter().zip(&base.parameters).map(|(m, value)| m * *value).sum();
-                let variance = base.variance[c][k] + (1e-9 * peak).powi(2) + f64::MIN_POSITIVE;
-                equations.push(c, k, &phi, at - base.error[c][k], variance);
-            }
-        }
-        let prior = base.parameters.clone();
-        self.base = None;
-        self.columns.clear();
-        pool_run(&mut self.pool, &equations, &self.settings, &prior).map(Some)
-    }
-
-    fn harmonics(&self) -> usize {
-        self.harmonics
-    }
-}
-
-/// Steps of the parameters for the changed runs: half of the value, or what makes half of the applied force when the
-/// value is nearly nothing.
-fn steps(model: &dyn Model<f64>, run: &Run<'_>) -> Result<Vec<f64>, EstimateError> {
-    let dims = model.dims();
-    let along =
-        Along::new(model, &run.trial.constants, &run.trial.trajectory, highest_harmonic(&Settings::default(), run))?;
-    let power = |lines: &[Complex<f64>]| lines.iter().map(|z| z.norm_sqr()).sum::<f64>();
-    let force = run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
-    Ok((0..dims.parameters)
-        .map(|j| {
-            let felt = (0..dims.rows).map(|r| power(along.regressor(r, j))).fold(0.0, f64::max).sqrt();
-            let whole = if felt > 0.0 { force / felt } else { 1.0 };
-            let value = run.trial.parameters[j].abs();
-            PERTURBATION * if value > 0.1 * whole { value } else { whole }
-        })
-        .collect())
-}
-
 /// Harmonics to use: as asked, or four times the highest of the reference, as far as the record resolves them.
-fn highest_harmonic(settings: &Settings, run: &Run<'_>) -> usize {
+pub(super) fn highest_harmonic(settings: &Settings, run: &Run<'_>) -> usize {
     let reach = 4 * run.trial.trajectory.highest_harmonic() as usize;
     settings.harmonics.unwrap_or(reach).min(run.spectra.highest()).max(1)
 }
 
 /// What linearised runs have taught.
-struct Pool {
+pub(super) struct Pool {
     information: Information,
     /// Relative distance from the parameters of the last run's feed-forward to its estimate.
     distance: f64,
@@ -378,7 +269,7 @@ fn distance(start: &[f64], found: &[f64], covariance: &nalgebra::DMatrix<f64>) -
 }
 
 /// Adds a run's equations to the pool and solves it.
-fn pool_run(
+pub(super) fn pool_run(
     pool: &mut Option<Pool>,
     equations: &Equations,
     settings: &Settings,
@@ -418,7 +309,7 @@ fn pool_run(
         Some(before) => {
             let trust = (distance / before.distance).powi(2);
             let trust = if trust.is_finite() { trust.min(1.0) } else { 1.0 };
-            before.information.forget(trust).pool(&scaled)
+            before.information.forget(trust * settings.memory(1)).pool(&scaled)
         }
         None => scaled,
     };

@@ -14,6 +14,7 @@ mod estimator;
 mod first_order;
 mod information;
 mod measured_motion;
+mod numerical;
 mod select;
 
 pub use along::Along;
@@ -25,7 +26,9 @@ pub use first_order::FirstOrder;
 pub(crate) use first_order::error_lines;
 pub(crate) use information::complement;
 pub use information::{Information, Solution};
+pub(crate) use measured_motion::analyse;
 pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, estimate_measured_motion};
+pub use numerical::NumericalSettings;
 
 use nalgebra::DMatrix;
 use std::vec::Vec;

@@ -6,13 +6,14 @@
 //! it does.
 
 use super::{Experiment, ExperimentError};
-use crate::estimate::Along;
+use crate::estimate::{Along, analyse};
 use crate::harmonics::Hold;
 use crate::model::Model;
-use crate::procedure::{LEAST_PERIODS, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
-use crate::simulate::Bench;
-use crate::trajectory::{Pattern, Trajectory};
+use crate::procedure::{LEAST_PERIODS, Record, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
+use crate::simulate::{Bench, Sensor, simulate};
+use crate::trajectory::{Line, Pattern, Series, Trajectory};
 use nalgebra::DMatrix;
+use realfft::RealFftPlanner;
 use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
 use std::format;
@@ -28,6 +29,8 @@ const MULTIPLES: [u32; 3] = [1, 2, 3];
 const VARIED: usize = 3;
 /// Singular values of the scaled information's root below this share of the largest show nothing.
 const RANK: f64 = 1e-9;
+/// Harmonics to which the motion's derivatives are followed, times the highest one of the motion.
+const REACH: usize = 2;
 /// Relative noise that is assumed of a sensor without any.
 const LEAST_NOISE: f64 = 1e-6;
 
@@ -134,7 +137,7 @@ pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment
                 // The fastest coordinate keeps to the frequency that the schedule allows it.
                 let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
                 let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
-                let stage = Stage { amplitudes, frequency, multiples: list.clone() };
+                let stage = Stage { amplitudes, frequency, multiples: list.clone(), gain: last.gain };
                 let period = 2.0 * PI / frequency;
                 let periods = ((setup.procedure.measure_time / period).ceil() as usize).max(LEAST_PERIODS);
                 let trial = trial(model, pattern, &setup, &stage, periods, &theta);
@@ -228,8 +231,9 @@ fn shown(root: &DMatrix<f64>) -> Shown {
     }
 }
 
-/// The Cramer-Rao bounds of the standard deviations after these runs of the simulated machine, near their references: every
-/// complete run with all its measured periods. `None` where a run cannot be predicted, or nothing ran.
+/// The Cramer-Rao bounds of the standard deviations after these runs of the simulated machine: every complete run with all its
+/// measured periods, along the motion that it has without noise. A run from wrong estimates moves otherwise than its reference,
+/// and may show much more. `None` where a run cannot be predicted, or nothing ran.
 pub(super) fn bounds(
     model: &dyn Model<f64>,
     pattern: &Pattern,
@@ -237,7 +241,13 @@ pub(super) fn bounds(
     runs: &[RunReport],
 ) -> Result<Option<Vec<Option<f64>>>, ExperimentError> {
     let setup = experiment.setup(model, pattern, Hold::Zoh)?;
-    let bench = experiment.bench(model)?;
+    let noisy = experiment.bench(model)?;
+    if noisy.parameters.len() != model.dims().parameters {
+        // Another machine is simulated in place of the model's.
+        return Ok(None);
+    }
+    let mut bench = noisy.clone();
+    bench.sensors.fill(Sensor::default());
     let mut rows: Vec<DMatrix<f64>> = Vec::new();
     for run in runs.iter().filter(|run| run.ending == "complete" && run.periods > 0) {
         let Some(asked) = setup.procedure.stages.get(run.stage.wrapping_sub(1)) else { return Ok(None) };
@@ -245,12 +255,20 @@ pub(super) fn bounds(
             amplitudes: run.amplitudes.iter().map(|(_, value)| *value).collect(),
             frequency: run.frequency,
             multiples: asked.multiples.clone(),
+            gain: asked.gain,
         };
-        let Ok(trial) = trial(model, pattern, &setup, &stage, run.periods, &bench.parameters) else { return Ok(None) };
-        let noise = deviations(&bench, &trial.trajectory);
+        let settled = run.settled_after.unwrap_or(setup.procedure.settle_periods);
+        let played = trial(model, pattern, &setup, &stage, settled + run.periods, &run.played);
+        let Ok(trial) = played else { return Ok(None) };
+        let noise = deviations(&noisy, &trial.trajectory);
         let samples = run.periods * trial.samples_per_period;
-        let reach = 4 * trial.trajectory.highest_harmonic() as usize;
-        let along = Along::new(model, &setup.constants, &trial.trajectory, reach)?;
+        let record = simulate(model, &bench, &trial)?;
+        if record.len() < trial.samples() {
+            return Ok(None);
+        }
+        let motion = motion(&trial, &record);
+        let reach = REACH * motion.highest_harmonic() as usize;
+        let along = Along::new(model, &setup.constants, &motion, reach)?;
         let Some(root) = along.predicted(&bench.parameters, &noise, samples) else { return Ok(None) };
         rows.push(root);
     }
@@ -262,6 +280,24 @@ pub(super) fn bounds(
         at += root.nrows();
     }
     Ok(Some(shown(&whole).deviations))
+}
+
+/// The motion in the last period of a run: every harmonic that is more than rounding, or than what of the start has not died away.
+fn motion(trial: &Trial, record: &Record) -> Trajectory {
+    let samples = trial.samples_per_period;
+    let most = 8 * trial.trajectory.highest_harmonic().max(1) as usize;
+    let series = |channel: &Vec<f64>| {
+        let last = &channel[record.len() - samples..];
+        let lines = analyse(&mut RealFftPlanner::new(), last, 0, 1, most.min(samples / 2));
+        let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+        let strong = lines.iter().enumerate().skip(1).filter(|(_, line)| line.norm() > LEAST_NOISE * largest);
+        Series {
+            mean: lines[0].re,
+            lines: strong.map(|(k, line)| Line { harmonic: k as u32, cos: line.re, sin: -line.im }).collect(),
+        }
+    };
+    let coordinates = record.coordinates.iter().map(series).collect();
+    Trajectory { frequency: trial.trajectory.frequency, coordinates }
 }
 
 /// One run of a stage, worked out.
@@ -281,7 +317,7 @@ fn trial(
             open: &pattern.open(),
             amplitudes: stage.amplitudes.clone(),
             periods,
-            control: &setup.control,
+            control: &setup.control.scaled(stage.gain),
             parameters,
             constants: &setup.constants,
             tracking_bounds: &setup.procedure.tracking_bounds,

@@ -7,10 +7,9 @@ use super::{CampaignIdentification, Equations, Experiment, ExperimentError, Stor
 use crate::estimate::{Eliminated, EliminatedError, Method};
 use crate::interpret::Interpreted;
 use crate::model::Model as _;
-use crate::physical::PhysicalSettings;
+use crate::physical::{PhysicalSettings, has_inertia};
 use crate::procedure::{Campaign, RunReport, Setup};
 use crate::trajectory::{Pattern, PatternError};
-use nalgebra::DMatrix;
 use std::collections::BTreeMap;
 use std::string::String;
 use std::sync::Arc;
@@ -99,34 +98,11 @@ impl Machine {
     /// of the plant at rest where the pattern of the first stage begins. A coupling may then be negative.
     #[must_use]
     pub fn has_inertia(&self, parameters: &[f64], setup: &Setup) -> bool {
-        let dims = self.plant.dims();
-        let n = dims.coordinates;
-        if dims.rows != n || (0..n).any(|c| self.plant.coordinate_order(c) != 2) {
-            return false;
-        }
-        let mut motion = vec![0.0; dims.motion_len()];
+        let mut motion = vec![0.0; self.plant.dims().motion_len()];
         if let Some(stage) = setup.procedure.stages.first() {
             stage.trajectory(&self.pattern, 1.0).motion(0.0, &mut motion);
-            motion[n..].fill(0.0);
         }
-        let mut scratch = vec![0.0; self.plant.inverse_workspace_len()];
-        let mut force = |motion: &[f64]| {
-            let mut force = vec![0.0; n];
-            let done = self.plant.inverse_dynamics(motion, parameters, &setup.constants, &mut scratch, &mut force);
-            done.is_ok().then_some(force)
-        };
-        let Some(rest) = force(&motion) else { return false };
-        let mut matrix = DMatrix::zeros(n, n);
-        for c in 0..n {
-            motion[2 * n + c] = 1.0;
-            let Some(moved) = force(&motion) else { return false };
-            motion[2 * n + c] = 0.0;
-            for r in 0..n {
-                matrix[(r, c)] = moved[r] - rest[r];
-            }
-        }
-        let symmetric = (&matrix - matrix.transpose()).amax() <= 1e-9 * matrix.amax();
-        symmetric && matrix.iter().all(|x| x.is_finite()) && matrix.symmetric_eigenvalues().iter().all(|m| *m > 0.0)
+        has_inertia(&self.plant, parameters, &setup.constants, &motion[..self.plant.dims().coordinates])
     }
 
     /// A campaign on this machine.

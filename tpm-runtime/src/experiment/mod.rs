@@ -15,6 +15,7 @@ mod resolve;
 mod result;
 mod store;
 mod study;
+mod updates;
 
 pub use design::{Candidate, Design, Passed, Predicted, design};
 #[cfg(feature = "interpret")]
@@ -23,8 +24,9 @@ pub use resolve::ExperimentError;
 pub use result::{CampaignIdentification, Watch, identify_simulated, play_campaign, summary};
 pub use store::{GainManifest, Manifest, RunManifest, Store, StoreError, samples_text};
 pub use study::{Identify, ParameterStudy, Study, study, study_campaigns};
+pub use updates::{Convergence, LIMITS, Updates, convergence, updates};
 
-use crate::estimate::Method;
+use crate::estimate::{Method, NumericalSettings};
 use crate::procedure::HoldCompensation;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -44,6 +46,9 @@ pub struct Experiment {
     /// measured-motion (default), error, hill, effort or numerical.
     #[serde(default)]
     pub estimator: Method,
+    /// How the estimator numerical uses its matrix.
+    #[serde(default)]
+    pub numerical: NumericalSettings,
     /// Highest harmonic to use; chosen from the spectrum (measured-motion) or the pattern when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub harmonics: Option<usize>,
@@ -123,6 +128,8 @@ pub struct PlantSection {
     /// True values of all parameters; of a model whose parameters are lumped, the physical ones do
     /// (`Experiment::lumped`).
     pub parameters: Named,
+    /// Share by which a parameter changes from every run to the next, by name.
+    pub drift: Named,
     /// Integration steps per sample.
     pub sub_steps: usize,
     /// Sensors by coordinate; exact where not given.
@@ -157,6 +164,7 @@ impl Default for PlantSection {
     fn default() -> Self {
         PlantSection {
             parameters: Named::new(),
+            drift: Named::new(),
             sub_steps: 1,
             sensors: BTreeMap::new(),
             input_steps: Named::new(),
@@ -178,6 +186,23 @@ pub struct SensorSection {
     pub step: f64,
     /// Samples by which the measured value lags.
     pub delay: usize,
+    /// Standard deviation of the instant of sampling, s.
+    pub jitter: f64,
+    /// Largest magnitude that is read; zero for no end.
+    pub range: f64,
+    /// Where the sensor drops out; nowhere when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dropout: Option<DropoutSection>,
+}
+
+/// Where a sensor drops out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DropoutSection {
+    /// Number of the run, from 1.
+    pub run: usize,
+    /// Time in it from which nothing is read, s.
+    pub time: f64,
 }
 
 /// Feedback and sampling.
@@ -268,6 +293,14 @@ pub struct ScheduleSection {
     pub multiples: BTreeMap<String, u32>,
     /// Stages, growing: a value for every amplitude of the pattern and for its frequency (rad/s), by name.
     pub stages: Vec<Named>,
+    /// Factor on all gains of the feedback, stage by stage; one where not given. Lower gains make the tracking error larger,
+    /// and with it what it shows (Feng, 3.2.2); every one of them must be stable.
+    #[serde(default)]
+    pub gains: Vec<f64>,
+    /// Factor on the weight of all earlier runs with every new one, for parameters that drift slowly. Below one the campaign does
+    /// not end when its last stage has converged, but follows the parameters until its runs are used.
+    #[serde(default = "forgetting")]
+    pub forgetting: f64,
     /// Periods that are let pass at least before anything is measured; settling is tested besides.
     #[serde(default = "settle_periods")]
     pub settle_periods: usize,
@@ -285,6 +318,10 @@ pub struct ScheduleSection {
     /// A stage is also done when no harmonic of the tracking error exceeds this, by coordinate.
     #[serde(default)]
     pub error: Named,
+}
+
+const fn forgetting() -> f64 {
+    1.0
 }
 
 const fn settle_periods() -> usize {

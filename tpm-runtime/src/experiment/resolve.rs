@@ -2,7 +2,7 @@
 
 use super::actuators::limited;
 use super::overrides::near;
-use super::{ArmSection, Experiment, Named, StoreError};
+use super::{ArmSection, DropoutSection, Experiment, Named, StoreError};
 use crate::control::Gain;
 use crate::estimate::{EstimateError, Frozen, Settings};
 use crate::harmonics::Hold;
@@ -188,13 +188,32 @@ impl Experiment {
         for (name, section) in &self.plant.sensors {
             let at = coordinates.index("plant.sensors", name)?;
             let key = |field: &str| std::format!("plant.sensors.{name}.{field}");
-            for (field, value) in [("noise", section.noise), ("counts", section.counts), ("step", section.step)] {
+            for (field, value) in [
+                ("noise", section.noise),
+                ("counts", section.counts),
+                ("step", section.step),
+                ("jitter", section.jitter),
+                ("range", section.range),
+            ] {
                 require(value.is_finite() && value >= 0.0, key(field), value, "the value must not be negative")?;
             }
             let both = section.counts > 0.0 && section.step > 0.0;
             require(!both, key("step"), section.step, "give either counts or step, not both")?;
             let step = if section.counts > 0.0 { 2.0 * std::f64::consts::PI / section.counts } else { section.step };
-            sensors[at] = Sensor { noise: section.noise, step, delay: section.delay };
+            let mut dropout = None;
+            if let Some(DropoutSection { run, time }) = section.dropout {
+                require(run > 0, key("dropout.run"), run as f64, "runs are counted from 1")?;
+                require(time.is_finite() && time >= 0.0, key("dropout.time"), time, "the value must not be negative")?;
+                dropout = Some((run - 1, (time / self.control.sample_time) as usize));
+            }
+            sensors[at] = Sensor {
+                noise: section.noise,
+                step,
+                delay: section.delay,
+                jitter: section.jitter,
+                range: section.range,
+                dropout,
+            };
         }
         let inputs = inputs(model);
         let limits = inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?;
@@ -247,6 +266,19 @@ impl Experiment {
         if fits { Ok(Some(arm)) } else { Err(ExperimentError::Machine) }
     }
 
+    /// The simulated machine in a run (from 0), when its parameters drift.
+    ///
+    /// # Errors
+    /// [`ExperimentError`].
+    pub fn bench_in_run(&self, model: &dyn Model<f64>, run: usize) -> Result<Bench, ExperimentError> {
+        let mut bench = self.bench(model)?;
+        let drift = parameters(model).fill("plant.drift", &self.plant.drift, 0.0)?;
+        for (value, drift) in bench.parameters.iter_mut().zip(&drift) {
+            *value *= (1.0 + drift).powi(run as i32);
+        }
+        Ok(bench)
+    }
+
     /// Whether the loop is stable, with the prior and over the stated box, at rest at the mean and at the start of the
     /// first stage's reference.
     ///
@@ -279,7 +311,22 @@ impl Experiment {
             interior: self.stability.points,
             seed: self.seed,
         };
-        Ok(stability::check(model, &setup.control, &demand)?)
+        // Every gain that will be played; the loop that is reported is that of the first stage.
+        let mut gains: Vec<f64> = Vec::new();
+        for stage in &setup.procedure.stages {
+            if !gains.contains(&stage.gain) {
+                gains.push(stage.gain);
+            }
+        }
+        let mut found = None;
+        for gain in gains {
+            let own = stability::check(model, &setup.control.scaled(gain), &demand)?;
+            found.get_or_insert(own);
+        }
+        match found {
+            Some(found) => Ok(found),
+            None => Ok(stability::check(model, &setup.control, &demand)?),
+        }
     }
 
     /// The campaign on a machine whose inputs are held between samples, with what its loop was found to be.
@@ -351,8 +398,15 @@ impl Experiment {
             let mut amplitudes = open.all(&place, stage)?;
             let frequency = amplitudes.pop().unwrap_or(f64::NAN);
             positive(&std::format!("{place}.{}", pattern.frequency), frequency)?;
-            stages.push(Stage { amplitudes, frequency, multiples: multiples.clone() });
+            let gain = schedule.gains.get(i).copied().unwrap_or(1.0);
+            positive(&std::format!("schedule.gains.{i}"), gain)?;
+            stages.push(Stage { amplitudes, frequency, multiples: multiples.clone(), gain });
         }
+        let (given, needed) = (schedule.gains.len(), stages.len());
+        require(given <= needed, "schedule.gains".into(), given as f64, "there must be no more factors than stages")?;
+        let forgetting = schedule.forgetting;
+        let usable = forgetting > 0.0 && forgetting <= 1.0;
+        require(usable, "schedule.forgetting".into(), forgetting, "the value must lie in (0, 1]")?;
         let mut frozen = Vec::with_capacity(self.frozen.len());
         for (name, &value) in &self.frozen {
             frozen.push(Frozen { parameter: parameters.index("frozen", name)?, value });
@@ -387,7 +441,14 @@ impl Experiment {
                 hold,
             },
             method: self.estimator,
-            estimation: Settings { harmonics: self.harmonics, prior: prior.clone(), frozen, ..Settings::default() },
+            estimation: Settings {
+                harmonics: self.harmonics,
+                prior: prior.clone(),
+                frozen,
+                numerical: self.numerical,
+                forgetting,
+                ..Settings::default()
+            },
             prior,
         })
     }

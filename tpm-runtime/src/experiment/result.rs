@@ -108,7 +108,6 @@ pub fn play_campaign(
     store: Option<&Store>,
     watch: &mut Watch<'_>,
 ) -> Result<CampaignIdentification, ExperimentError> {
-    let bench = experiment.bench(model)?;
     let other = experiment.other_plant(model)?;
     let plant = other.as_ref().map_or(model, |arm| arm as &dyn Model<f64>);
     let finished = store.map_or_else(|| Ok(Vec::new()), |store| store.records(model))?;
@@ -116,10 +115,13 @@ pub fn play_campaign(
     while let Some(trial) = campaign.next().cloned() {
         let (record, is_new) = match finished.next() {
             Some(record) => (record, false),
-            None => (simulate(plant, &bench, &trial)?, true),
+            None => (simulate(plant, &experiment.bench_in_run(model, trial.run)?, &trial)?, true),
         };
-        let go_on = watch(&trial, &record, campaign.submit(&record)?);
-        if let Some(store) = store.filter(|_| is_new) {
+        let report = campaign.submit(&record)?;
+        // A run in which a sensor dropped out is no finished run: it is played again when the campaign goes on.
+        let whole = report.ending != "sensor_lost";
+        let go_on = watch(&trial, &record, report);
+        if let Some(store) = store.filter(|_| is_new && whole) {
             store.append(model, &trial, &record, Some(experiment.seed))?;
         }
         if !go_on {
@@ -173,7 +175,22 @@ fn warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Camp
             "unsettled" => {
                 warnings.push(format!("run {}: the motion had not settled; it was played again for longer", run.run))
             }
+            "sensor_lost" => {
+                warnings.push(format!("run {}: a sensor gave no value; the run is not used", run.run));
+            }
             _ => warnings.push(format!("run {}: aborted ({}), amplitudes reduced", run.run, run.ending)),
+        }
+    }
+    for run in campaign.runs() {
+        if let Some(mode) = &run.near_mode {
+            warnings.push(format!(
+                "run {}: harmonic {} of {} ({:.4} rad/s) lies near a natural mode of the machine ({:.4} rad/s): choose another frequency, or its vibration is measured",
+                run.run,
+                mode.harmonic,
+                mode.signal,
+                f64::from(mode.harmonic) * run.frequency,
+                mode.frequency
+            ));
         }
     }
     if let Some(outcome) = campaign.outcome().filter(|outcome| !outcome.is_normal()) {

@@ -97,3 +97,88 @@ fn unknown_fields_and_names_are_refused() {
     let error = share.setup(&MassSpringDrag, &rest_to_rest_3(), hold).expect_err("share above one").to_string();
     assert!(error.contains("limits.effort_share"), "{error}");
 }
+
+#[test]
+fn parameters_that_drift_are_followed() {
+    let run = |forgetting: &str| {
+        let mut experiment = experiment();
+        let sets = [
+            ("plant.drift.k1", "0.01"),
+            ("schedule.forgetting", forgetting),
+            ("schedule.measure_time", "8"),
+            ("schedule.max_runs", "12"),
+            ("schedule.stages", "[{ lambda = 0.3, w = 3.2 }]"),
+            ("schedule.tolerance", "1e-9"),
+            ("schedule.updates_per_stage", "12"),
+        ];
+        for (key, value) in sets {
+            experiment.apply_override(key, value).expect("known");
+        }
+        identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs")
+    };
+    let error = |result: &super::CampaignIdentification| {
+        let truth = 40.0 * 1.01_f64.powi(result.runs.len() as i32 - 1);
+        (result.parameters[1].value.expect("identified") / truth - 1.0).abs()
+    };
+    let (following, remembering) = (run("0.3"), run("1"));
+    assert_eq!(following.outcome, Some(crate::procedure::Outcome::Followed));
+    assert_eq!(following.runs.len(), 12);
+    // An old run has little weight: about half a run's change is what is left.
+    assert!(error(&following) < 0.008, "{:e}", error(&following));
+    assert!(error(&remembering) > 2.0 * error(&following), "{:e} {:e}", error(&remembering), error(&following));
+}
+
+#[test]
+fn lower_gains_show_more_and_are_checked() {
+    let mut experiment = experiment();
+    for (key, value) in [("schedule.gains", "[1.0, 0.25, 0.25, 0.25]"), ("schedule.updates_per_stage", "1")] {
+        experiment.apply_override(key, value).expect("known");
+    }
+    let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
+    assert!(result.is_complete(), "{:?}", result.warnings);
+    // 800 N per rad on a machine that is known by then: the rate of the noise is fed back less, too.
+    let error = |run: usize| result.runs[run].tracking_rms[0];
+    assert!(error(1).is_finite() && result.parameters.iter().all(|p| p.std.is_some()));
+    // A spring that pushes away and a factor at which the loop no longer holds it.
+    experiment.apply_override("prior", "{ m = 2.0, k1 = -900.0, k2 = 1.5 }").expect("known");
+    experiment.schedule.gains.clear();
+    assert!(identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false).is_ok());
+    experiment.schedule.gains = std::vec![1.0, 0.25];
+    let refused = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false);
+    assert!(matches!(refused, Err(ExperimentError::Stability(_))), "{refused:?}");
+    experiment.schedule.gains = std::vec![1.0; 9];
+    let refused = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false);
+    assert!(matches!(refused, Err(ExperimentError::Invalid { .. })), "{refused:?}");
+}
+
+#[test]
+fn a_sensor_that_drops_out_ends_the_campaign_and_what_was_known_stays() {
+    let mut experiment = experiment();
+    experiment.apply_override("plant.sensors.x.dropout", "{ run = 2, time = 7.5 }").expect("known");
+    let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
+    assert_eq!(result.outcome, Some(crate::procedure::Outcome::SensorLost));
+    assert_eq!((result.runs.len(), result.runs[1].ending), (2, "sensor_lost"));
+    for (parameter, truth) in result.parameters.iter().zip([2.0, 40.0, 1.5]) {
+        assert!((parameter.value.expect("of the first run") / truth - 1.0).abs() < 2e-2, "{parameter:?}");
+    }
+    assert!(!result.is_complete() && result.warnings.iter().any(|w| w.contains("sensor")), "{:?}", result.warnings);
+}
+
+#[test]
+fn harmonics_near_a_natural_mode_are_said() {
+    let mut experiment = experiment();
+    // sqrt(k1/m) = 4.472 rad/s.
+    experiment.apply_override("schedule.stages", "[{ lambda = 0.2, w = 4.4 }]").expect("known");
+    let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
+    // With estimates of zero nothing is known of a mode, with those of the first run it is.
+    assert!(result.runs[0].near_mode.is_none());
+    let near = result.runs[1].near_mode.as_ref().expect("seen");
+    assert_eq!((near.signal.as_str(), near.harmonic), ("x", 1));
+    assert!((near.frequency - 20.0_f64.sqrt()).abs() < 0.1);
+    assert!(result.warnings.iter().any(|w| w.contains("natural mode")), "{:?}", result.warnings);
+    // The second harmonic is only in the force, from the square of the velocity.
+    experiment.apply_override("schedule.stages", "[{ lambda = 0.2, w = 2.25 }]").expect("known");
+    let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
+    let near = result.runs[1].near_mode.as_ref().expect("seen");
+    assert_eq!((near.signal.as_str(), near.harmonic), ("u", 2));
+}

@@ -13,6 +13,8 @@ use std::vec::Vec;
 
 /// Highest harmonic of a fit whose period is not a whole number of samples; it bounds the size of the linear system.
 const MAX_FITTED: usize = 256;
+/// Values lie on a grid when no difference is farther than this share of a step from whole steps.
+const GRID: f64 = 1e-3;
 /// Bins between the lines that one noise estimate averages, at least.
 const NOISE_BINS: usize = 16;
 
@@ -111,6 +113,8 @@ pub struct Spectra {
     pub noise: Vec<DMatrix<Complex<f64>>>,
     /// Bins that each noise estimate averages; 0 when the record has one period only.
     pub noise_bins: usize,
+    /// Per channel: the step of the values when all of them are whole multiples of one apart (counts); zero otherwise.
+    pub(crate) steps: Vec<f64>,
     /// Per channel: the windowed transform, its weights summing to one (of the residual of the fit for broken periods).
     pub(crate) bins: Vec<Vec<Complex<f64>>>,
 }
@@ -130,6 +134,7 @@ impl Spectra {
                 .iter()
                 .map(|noise| DMatrix::from_fn(n, n, |r, c| noise[(channels[r], channels[c])]))
                 .collect(),
+            steps: channels.iter().map(|&c| self.steps[c]).collect(),
             bins: if self.bins.is_empty() {
                 Vec::new()
             } else {
@@ -209,6 +214,7 @@ impl Spectra {
             lines,
             noise,
             noise_bins,
+            steps: channels.iter().map(|channel| step(&channel[..used])).collect(),
             bins,
         })
     }
@@ -263,6 +269,19 @@ impl Spectra {
     pub fn variance(&self, channel: usize, harmonic: usize) -> f64 {
         self.noise.get(harmonic).map_or(0.0, |m| m[(channel, channel)].re)
     }
+}
+
+/// The step of values that lie on a grid, more than once on every point of it on average; zero when they do not.
+fn step(values: &[f64]) -> f64 {
+    let apart = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|difference| *difference > 0.0);
+    let least = apart().fold(f64::INFINITY, f64::min);
+    let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let fits = |difference: f64| {
+        let steps = difference / least;
+        (steps - steps.round()).abs() < GRID
+    };
+    let counted = least.is_finite() && (high - low) / least < values.len() as f64 && apart().all(fits);
+    if counted { least } else { 0.0 }
 }
 
 /// Covariance of the lines' noise, from the bins between them, and the number of bins averaged.
@@ -429,6 +448,15 @@ mod tests {
         check(101.37, 2, 250);
         check(101.37, 6, 700);
         check(40.5, 3, 130);
+    }
+
+    #[test]
+    fn counts_are_told_from_values() {
+        let smooth = series(100.0, 400);
+        let counted: Vec<f64> = smooth.iter().map(|x| (x / 0.03).round() * 0.03).collect();
+        let s = Spectra::analyse(&[&smooth, &counted], 1e-3, 100.0, 4).expect("long enough");
+        assert!(s.steps[0].abs() < 1e-15 && (s.steps[1] - 0.03).abs() < 1e-9, "{:?}", s.steps);
+        assert_eq!(s.select(&[1]).steps.len(), 1);
     }
 
     #[test]

@@ -130,10 +130,9 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
     let (periodic, spectra) = periodic_spectra(log, dims.coordinates, options)?;
     let settings = Settings {
         harmonics: options.harmonics,
-        grid: None,
         prior: options.prior.clone(),
         frozen: options.frozen.clone(),
-        hidden: Vec::new(),
+        ..Settings::default()
     };
     let run = |hold: Hold, settings: &Settings| -> Result<(MeasuredMotion, Estimate), EstimateError> {
         let record = MeasuredMotion::new(model, &options.constants, &spectra, hold, settings)?;

@@ -11,10 +11,13 @@ use super::record::{Ending, Record};
 use super::settle::settled_from;
 use super::trial::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
 use crate::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
-use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
+use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status, analyse};
 use crate::harmonics::{Hold, Spectra, SpectrumError, hold_factor};
 use crate::model::Model;
+use crate::stability::natural_modes;
 use crate::trajectory::{Pattern, Trajectory};
+use nalgebra::Complex;
+use realfft::RealFftPlanner;
 use serde::Serialize;
 use std::boxed::Box;
 use std::string::String;
@@ -22,6 +25,10 @@ use std::vec::Vec;
 
 /// Fewest whole periods that are measured: a window needs them, and so does the noise between the lines.
 pub const LEAST_PERIODS: usize = 4;
+/// A harmonic is near a natural mode within this share of its frequency.
+const NEAR: f64 = 0.05;
+/// A harmonic of an input counts from this share of its largest one on.
+const SUBSTANTIAL: f64 = 1e-3;
 /// A change within so many standard deviations is no change.
 const INSIGNIFICANT: f64 = 3.0;
 /// Samples of a period, at least, from which the demand on motors is worked out.
@@ -40,6 +47,8 @@ pub struct Stage {
     pub frequency: f64,
     /// Multiple of the frequency on which a coordinate's pattern is played, per coordinate; one for all when empty.
     pub multiples: Vec<u32>,
+    /// Factor on all gains of the feedback.
+    pub gain: f64,
 }
 
 impl Stage {
@@ -125,13 +134,17 @@ pub enum Outcome {
     Aborted,
     /// The motion did not settle.
     NotSettled,
+    /// A sensor gave no value.
+    SensorLost,
+    /// All runs were used to follow parameters that drift.
+    Followed,
 }
 
 impl Outcome {
     /// Ended as planned.
     #[must_use]
     pub const fn is_normal(self) -> bool {
-        matches!(self, Outcome::Converged | Outcome::EffortShare)
+        matches!(self, Outcome::Converged | Outcome::EffortShare | Outcome::Followed)
     }
 
     /// What a report says of it.
@@ -144,6 +157,10 @@ impl Outcome {
             Outcome::InputLimit => "an input was cut at its limit",
             Outcome::Aborted => "the tracking error passed its bound again and again",
             Outcome::NotSettled => "the motion did not settle",
+            Outcome::SensorLost => {
+                "a sensor gave no value in the middle of a run; mend it, and go on from the runs that are finished"
+            }
+            Outcome::Followed => "all runs were used to follow the parameters",
         }
     }
 }
@@ -186,8 +203,11 @@ pub struct RunReport {
     /// The limit of which that was, and where.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit: Option<LimitUse>,
-    /// complete, tracking_bound, diverged or unsettled.
+    /// complete, tracking_bound, diverged, sensor_lost or unsettled.
     pub ending: &'static str,
+    /// A harmonic of the reference or of an input that lies near a natural mode, with the parameters behind the feed-forward.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_mode: Option<NearMode>,
     /// Whether the run belongs to an update (a perturbed run of `numerical` does so with later ones).
     pub updated: bool,
     /// Estimates after the run.
@@ -200,6 +220,17 @@ pub struct RunReport {
     pub residual: Option<f64>,
     /// Highest harmonic used.
     pub harmonics: Option<usize>,
+}
+
+/// A harmonic near a natural mode of the machine (Feng, 2.1, 4.2).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NearMode {
+    /// Coordinate or input that has the harmonic.
+    pub signal: String,
+    /// The harmonic.
+    pub harmonic: u32,
+    /// Natural frequency of the mode, rad/s.
+    pub frequency: f64,
 }
 
 /// Why a campaign cannot go on.
@@ -410,6 +441,11 @@ impl<'m> Campaign<'m> {
             }
         }
         let mut report = self.report(&trial, record);
+        if matches!(record.ending, Ending::TrackingBound { error, .. } if error.is_nan()) {
+            report.ending = "sensor_lost";
+            self.outcome = Some(Outcome::SensorLost);
+            return self.finish(report);
+        }
         if record.ending != Ending::Complete {
             self.aborts += 1;
             self.scale *= self.setup.procedure.back_off;
@@ -463,9 +499,6 @@ impl<'m> Campaign<'m> {
             self.updates_in_stage += 1;
             self.decide(&trial, record, &report, converged);
         }
-        if self.outcome.is_none() && run >= self.setup.procedure.max_runs {
-            self.outcome = Some(Outcome::RunsUsed);
-        }
         self.finish(report)
     }
 
@@ -481,7 +514,9 @@ impl<'m> Campaign<'m> {
             self.stop.clone_from(&report.limit);
         } else if converged || self.updates_in_stage >= procedure.updates_per_stage {
             let last = self.stage + 1 == procedure.stages.len();
-            if last && converged {
+            if last && self.setup.estimation.forgetting < 1.0 && self.setup.estimation.forgetting > 0.0 {
+                self.updates_in_stage = 0;
+            } else if last && converged {
                 self.outcome = Some(Outcome::Converged);
             } else if last {
                 self.outcome = Some(Outcome::RunsUsed);
@@ -503,7 +538,9 @@ impl<'m> Campaign<'m> {
         self.reports.push(report);
         self.pending = None;
         if self.outcome.is_none() && self.reports.len() >= self.setup.procedure.max_runs {
-            self.outcome = Some(Outcome::RunsUsed);
+            let follows = self.setup.estimation.forgetting < 1.0 && self.setup.estimation.forgetting > 0.0;
+            let there = self.stage + 1 == self.setup.procedure.stages.len() && self.estimate.is_some();
+            self.outcome = Some(if follows && there { Outcome::Followed } else { Outcome::RunsUsed });
         }
         if self.outcome.is_none() {
             self.prepare()?;
@@ -525,7 +562,7 @@ impl<'m> Campaign<'m> {
             open: &self.setup.pattern.open(),
             amplitudes,
             periods: settle + measured,
-            control: &self.setup.control,
+            control: &self.setup.control.scaled(stage.gain),
             parameters: &self.estimator.play(&self.current),
             constants: &self.setup.constants,
             tracking_bounds: &procedure.tracking_bounds,
@@ -679,6 +716,7 @@ impl<'m> Campaign<'m> {
                 Ending::TrackingBound { .. } => "tracking_bound",
                 Ending::Diverged { .. } => "diverged",
             },
+            near_mode: self.near_mode(trial),
             updated: false,
             parameters: Vec::new(),
             rank: None,
@@ -686,6 +724,37 @@ impl<'m> Campaign<'m> {
             residual: None,
             harmonics: None,
         }
+    }
+
+    /// The first harmonic of the reference, or of the feed-forward, near a natural mode of the machine as it was thought to be.
+    fn near_mode(&self, trial: &Trial) -> Option<NearMode> {
+        let position: Vec<f64> = trial.trajectory.coordinates.iter().map(|series| series.mean).collect();
+        let modes = natural_modes(self.model, &trial.parameters, &trial.constants, &position).unwrap_or_default();
+        let near = |harmonic: u32| {
+            let frequency = f64::from(harmonic) * trial.trajectory.frequency;
+            modes.iter().copied().find(|mode| (frequency / mode - 1.0).abs() < NEAR)
+        };
+        let found = |signal: &str, harmonic: u32| {
+            near(harmonic).map(|frequency| NearMode { signal: signal.into(), harmonic, frequency })
+        };
+        let moved = trial.trajectory.coordinates.iter().enumerate().find_map(|(c, series)| {
+            series.lines.iter().find_map(|line| found(self.model.coordinate(c).name, line.harmonic))
+        });
+        moved.or_else(|| {
+            if modes.is_empty() {
+                return None;
+            }
+            let inputs = self.model.dims().inputs;
+            let reach = 8 * trial.trajectory.highest_harmonic() as usize;
+            let mut planner = RealFftPlanner::<f64>::new();
+            (0..inputs).find_map(|i| {
+                let lines = analyse(&mut planner, &trial.feed_forward, i, inputs, reach);
+                let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+                let strong = |&(_, line): &(usize, &Complex<f64>)| line.norm() > SUBSTANTIAL * largest;
+                let mut strong = lines.iter().enumerate().skip(1).filter(strong);
+                strong.find_map(|(k, _)| found(self.model.input(i).name, k as u32))
+            })
+        })
     }
 
     fn run_parameters(&self) -> Vec<RunParameter> {

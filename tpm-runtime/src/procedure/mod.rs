@@ -12,7 +12,9 @@ mod settle;
 mod system_a;
 mod trial;
 
-pub use campaign::{Campaign, CampaignError, LEAST_PERIODS, Outcome, Procedure, RunParameter, RunReport, Setup, Stage};
+pub use campaign::{
+    Campaign, CampaignError, LEAST_PERIODS, NearMode, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
+};
 pub use completion::OpenReason;
 pub use record::{Ending, Record};
 pub use settle::settled_from;

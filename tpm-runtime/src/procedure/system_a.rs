@@ -33,7 +33,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
         procedure: Procedure {
             stages: stages
                 .iter()
-                .map(|&(a, w)| Stage { amplitudes: vec![a], frequency: w, multiples: vec![] })
+                .map(|&(a, w)| Stage { amplitudes: vec![a], frequency: w, multiples: vec![], gain: 1.0 })
                 .collect(),
             settle_periods: 3,
             measure_time: 0.0,
@@ -59,7 +59,7 @@ fn bench(noise: f64, counts: f64, seed: u64) -> Bench {
     Bench {
         parameters: TRUE.to_vec(),
         constants: vec![],
-        sensors: vec![Sensor { noise, step, delay: 0 }],
+        sensors: vec![Sensor { noise, step, ..Sensor::default() }],
         actuators: vec![Actuator::default()],
         sub_steps: 1,
         seed,

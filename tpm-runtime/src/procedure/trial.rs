@@ -90,6 +90,17 @@ impl Loop {
             .sum()
     }
 
+    /// The same loop with all gains times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let mut scaled = self.clone();
+        for gain in &mut scaled.gains {
+            gain.proportional *= factor;
+            gain.derivative *= factor;
+        }
+        scaled
+    }
+
     /// Known dynamics of an input's actuator.
     #[must_use]
     pub fn actuator(&self, input: usize) -> Dynamics {

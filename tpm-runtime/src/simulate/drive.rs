@@ -38,7 +38,7 @@ pub fn drive(
         saturated: 0,
     };
     for sample in 0..samples {
-        measurement.sample(&plant.motion()[..n], &mut measured);
+        measurement.sample(plant.motion(), &mut measured);
         for (column, value) in record.coordinates.iter_mut().zip(&measured) {
             column.push(*value);
         }

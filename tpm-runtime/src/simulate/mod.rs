@@ -113,7 +113,7 @@ impl<'a> Session<'a> {
         let width = n * (self.order + 1);
         let at = self.sample % self.trial.samples_per_period;
         let reference = &self.trial.reference[at * width..(at + 1) * width];
-        self.measurement.sample(&self.plant.motion()[..n], &mut self.measured);
+        self.measurement.sample(self.plant.motion(), &mut self.measured);
         for ((error, measured), wanted) in self.errors.iter_mut().zip(&self.measured).zip(reference) {
             *error = measured - wanted;
         }

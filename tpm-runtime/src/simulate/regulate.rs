@@ -81,7 +81,7 @@ pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'
     let settled = regulation.samples - regulation.samples / 5;
     for sample in 0..regulation.samples {
         let (measured, rates) = state.split_at_mut(n);
-        measurement.sample(&plant.motion()[..n], measured);
+        measurement.sample(plant.motion(), measured);
         for ((rate, filter), value) in rates.iter_mut().zip(&mut filters).zip(measured.iter()) {
             *rate = filter.push(*value);
         }

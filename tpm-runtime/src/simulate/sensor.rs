@@ -1,6 +1,7 @@
 //! What a machine's electronics make of positions and forces.
 //!
-//! Invariant: a position becomes `round((q + noise) / step) step`, then waits `delay` samples; noise is white and Gaussian
+//! Invariant: a position, read at an instant that jitters, becomes `round((q + noise) / step) step`, stops at the end of the
+//! sensor's range, then waits `delay` samples; noise and jitter are white and Gaussian
 //! and comes from one seeded stream per run, drawn coordinate by coordinate, so that a run depends on its seed and number
 //! alone.
 
@@ -20,6 +21,12 @@ pub struct Sensor {
     pub step: f64,
     /// Samples by which the measured value lags.
     pub delay: usize,
+    /// Standard deviation of the instant of sampling, s.
+    pub jitter: f64,
+    /// Largest magnitude that is read; zero for no end.
+    pub range: f64,
+    /// Number of the run, from 0, and sample in it from which nothing is read any more.
+    pub dropout: Option<(usize, usize)>,
 }
 
 /// The drive of one input.
@@ -73,6 +80,7 @@ pub(crate) struct Measurement {
     /// Per coordinate, the last `delay + 1` values, as a ring.
     past: Vec<Vec<f64>>,
     count: usize,
+    run: usize,
 }
 
 impl Measurement {
@@ -85,21 +93,31 @@ impl Measurement {
             random,
             past: sensors.iter().map(|sensor| vec![0.0; sensor.delay + 1]).collect(),
             count: 0,
+            run,
         }
     }
 
-    /// Measures the coordinates at one sample.
-    pub(crate) fn sample(&mut self, positions: &[f64], out: &mut [f64]) {
-        for (((sensor, past), &position), slot) in
-            self.sensors.iter().zip(&mut self.past).zip(positions).zip(out.iter_mut())
-        {
-            let noise = if sensor.noise > 0.0 {
-                let normal: f64 = StandardNormal.sample(&mut self.random);
-                sensor.noise * normal
-            } else {
-                0.0
+    /// Measures the coordinates at one sample of a motion: positions, then their rates (none counts as rest).
+    pub(crate) fn sample(&mut self, motion: &[f64], out: &mut [f64]) {
+        let coordinates = self.sensors.len();
+        for (c, ((sensor, past), slot)) in self.sensors.iter().zip(&mut self.past).zip(out.iter_mut()).enumerate() {
+            let random = &mut self.random;
+            let mut draw = |deviation: f64| {
+                if deviation > 0.0 {
+                    let normal: f64 = StandardNormal.sample(random);
+                    deviation * normal
+                } else {
+                    0.0
+                }
             };
-            let value = quantise(position + noise, sensor.step);
+            let late = draw(sensor.jitter) * motion.get(coordinates + c).copied().unwrap_or(0.0);
+            let mut value = quantise(motion[c] + late + draw(sensor.noise), sensor.step);
+            if sensor.range > 0.0 {
+                value = value.clamp(-sensor.range, sensor.range);
+            }
+            if sensor.dropout.is_some_and(|(run, sample)| run == self.run && sample <= self.count) {
+                value = f64::NAN;
+            }
             if self.count == 0 {
                 // Before the start the machine stood at its first reading.
                 past.fill(value);
@@ -118,7 +136,7 @@ mod tests {
 
     #[test]
     fn positions_are_rounded_and_delayed() {
-        let sensors = [Sensor { noise: 0.0, step: 0.5, delay: 2 }, Sensor::default()];
+        let sensors = [Sensor { step: 0.5, delay: 2, ..Sensor::default() }, Sensor::default()];
         let mut measurement = Measurement::new(&sensors, 1, 0);
         let mut seen = [0.0; 2];
         let mut delayed = std::vec::Vec::new();
@@ -146,6 +164,31 @@ mod tests {
         assert_ne!(draw(3, 1).0, draw(3, 2).0);
         assert_ne!(draw(3, 1).0, draw(4, 1).0);
         assert!((draw(3, 1).1 - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn sensors_end_jitter_and_drop_out() {
+        let range = Sensor { range: 0.7, dropout: Some((2, 3)), ..Sensor::default() };
+        let mut measurement = Measurement::new(&[range], 1, 2);
+        let mut seen = [0.0];
+        let read: std::vec::Vec<f64> = [0.5, 0.9, -3.0, 0.1]
+            .iter()
+            .map(|q| {
+                measurement.sample(&[*q, 0.0], &mut seen);
+                seen[0]
+            })
+            .collect();
+        assert_eq!(read[..3], [0.5, 0.7, -0.7]);
+        assert!(read[3].is_nan());
+        // A thousandth of a second late or early at three units a second.
+        let mut measurement = Measurement::new(&[Sensor { jitter: 1e-3, ..Sensor::default() }], 1, 0);
+        let power: f64 = (0..20_000)
+            .map(|_| {
+                measurement.sample(&[0.2, 3.0], &mut seen);
+                (seen[0] - 0.2).powi(2)
+            })
+            .sum();
+        assert!(((power / 20_000.0).sqrt() / 3e-3 - 1.0).abs() < 0.02);
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub(super) fn chapter(
     let ideal = regulator(&BTreeMap::new())?;
     let noise = simulation.experiment.plant.sensors.values().map(|sensor| sensor.noise).fold(0.0, f64::max);
     let play = |regulator: &Regulator, seed: u64| {
-        let sensors = vec![Sensor { noise, step: TAU / COUNTS, delay: 0 }; 2];
+        let sensors = vec![Sensor { noise, step: TAU / COUNTS, ..Sensor::default() }; 2];
         let regulation = Regulation {
             regulator,
             derivative_filter: DERIVATIVE_FILTER,

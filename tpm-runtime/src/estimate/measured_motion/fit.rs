@@ -3,6 +3,7 @@
 //! Invariant: the weights are those of the noise at the present estimate plus a flat error of the model, both found anew
 //! until the estimate stands still; what noise in the regressors adds to the normal equations is taken out.
 
+use super::coupled::{Coupled, Weighed};
 use super::noise::excess;
 use super::{EstimateError, MeasuredMotion, Settings};
 use crate::estimate::{Estimate, Information, Status};
@@ -124,6 +125,8 @@ fn solve_records(
                 .collect()
         })
         .collect();
+    let coupled: Vec<Option<Coupled>> = records.iter().map(Coupled::new).collect();
+    let mut weighed: Vec<Option<Weighed>> = records.iter().map(|_| None).collect();
     let mut gradient = vec![0.0; free.len()];
     let mut information = Information::empty(free.len());
     let mut solution = information.solve_beside(&prior_free, None, &hidden);
@@ -131,7 +134,7 @@ fn solve_records(
     for pass in 0..12 {
         information = Information::empty(free.len());
         equations_total = 0;
-        for (record, variance) in records.iter().zip(&weights) {
+        for (i, ((record, variance), weighed)) in records.iter().zip(&weights).zip(&weighed).enumerate() {
             let mut equations = record.equations(variance);
             for e in 0..equations.len() {
                 for frozen in &settings.frozen {
@@ -140,8 +143,12 @@ fn solve_records(
                 }
             }
             equations_total += equations.real_len();
-            let (matrix, right) = equations.weighted(&free);
-            information = information.pool(&Information::of(&matrix, &right));
+            let (mut matrix, mut right) = equations.weighted(&free);
+            if let Some(weighed) = weighed {
+                weighed.whiten(&mut matrix, &mut right);
+            }
+            let memory = settings.memory(records.len() - 1 - i);
+            information = information.pool(&Information::of(&matrix, &right).forget(memory));
         }
         let correction = (pass > 0).then_some(gradient.as_slice());
         solution = information.solve_beside(&prior_free, correction, &hidden);
@@ -165,6 +172,11 @@ fn solve_records(
         let share = 1.0 - (solution.rank as f64 / equations_total.max(1) as f64).min(1.0);
         for (i, record) in records.iter().enumerate() {
             let (mut variance, bias) = record.row_noise(&theta);
+            let memory = settings.memory(records.len() - 1 - i);
+            let noise = record.used.iter().zip(&variance).enumerate().flat_map(|(row, (used, variance))| {
+                used.iter().zip(variance).map(move |(&k, v)| v - record.error_apart(row, k))
+            });
+            let noise: Vec<f64> = noise.collect();
             for row in 0..dims.rows {
                 let residual = record.residuals(row, &theta);
                 let error = excess(&residual, &variance[row], &record.used[row], share);
@@ -172,10 +184,20 @@ fn solve_records(
                 for (v, &k) in variance[row].iter_mut().zip(&record.used[row]) {
                     *v += if k == 0 { error / 4.0 } else { error };
                 }
-                for ((v, &k), parts) in variance[row].iter().zip(&record.used[row]).zip(&bias[row]) {
-                    let weight = if k == 0 { 1.0 } else { 2.0 } / v;
-                    for (g, &j) in gradient.iter_mut().zip(&free) {
-                        *g -= weight * parts[j];
+            }
+            let whole: Vec<f64> = variance.iter().flatten().copied().collect();
+            weighed[i] = coupled[i].as_ref().and_then(|coupled| coupled.weigh(&theta, &noise, &whole));
+            if let Some(weighed) = &weighed[i] {
+                for (g, &j) in gradient.iter_mut().zip(&free) {
+                    *g += memory * weighed.gradient[j];
+                }
+            } else {
+                for (row, bias) in bias.iter().enumerate() {
+                    for ((v, &k), parts) in variance[row].iter().zip(&record.used[row]).zip(bias) {
+                        let weight = memory * if k == 0 { 1.0 } else { 2.0 } / v;
+                        for (g, &j) in gradient.iter_mut().zip(&free) {
+                            *g -= weight * parts[j];
+                        }
                     }
                 }
             }

@@ -8,16 +8,18 @@
 //! the rows along the motion, which gives each harmonic equation its variance, and the bias it would leave in the normal
 //! equations (errors in variables) is subtracted.
 
+mod coupled;
 mod fit;
 mod noise;
 mod sampling;
 
 pub use fit::estimate_measured_motion;
 pub(in crate::estimate) use fit::{Fitted, Structure, estimate_structured};
-pub(in crate::estimate) use sampling::{analyse, synthesise};
+pub(crate) use sampling::analyse;
+pub(in crate::estimate) use sampling::synthesise;
 
 use super::select::{highest_visible, strongest, unexplained_tail, visible, without_stragglers};
-use super::{Equations, Information};
+use super::{Equations, Information, NumericalSettings};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, EvalError, Model};
 use nalgebra::{Complex, DMatrix};
@@ -97,6 +99,18 @@ pub struct Settings {
     /// Directions that the experiments cannot show, known beforehand: the estimate keeps its prior along them although
     /// noise and errors of the tracking seem to show them.
     pub hidden: Vec<Vec<f64>>,
+    /// How `numerical` uses its matrix.
+    pub numerical: NumericalSettings,
+    /// Factor on the weight of all earlier runs when a run is taken in, for parameters that drift; one, or zero, forgets nothing.
+    pub forgetting: f64,
+}
+
+impl Settings {
+    /// Share of its weight that a run has after `age` later ones.
+    #[must_use]
+    pub(super) fn memory(&self, age: usize) -> f64 {
+        if self.forgetting > 0.0 { self.forgetting.min(1.0).powi(age as i32) } else { 1.0 }
+    }
 }
 
 /// The harmonic equations of one record.
@@ -124,6 +138,10 @@ pub struct MeasuredMotion {
     tail: Option<Tail>,
     /// Noise variance of the rows' phasors by harmonic, where more is known than the channels' covariance says.
     refined: Option<Vec<Vec<f64>>>,
+    /// Variance of the rows' phasors by harmonic that has nothing to do with the sensors' noise.
+    apart: Vec<Vec<f64>>,
+    /// Relative level of the white noise of every coordinate's sensor, where the noise is known to be that alone.
+    white: Option<Vec<f64>>,
 }
 
 /// Harmonics that the model does not explain and that were therefore left out.
@@ -193,6 +211,8 @@ impl MeasuredMotion {
             used: Vec::new(),
             tail: None,
             refined: None,
+            apart: vec![Vec::new(); dims.rows],
+            white: None,
         };
         this.used = (0..dims.rows).map(|r| this.excited(r, wanted, false)).collect();
         let rank = this.rank();
@@ -231,9 +251,22 @@ impl MeasuredMotion {
         series
     }
 
-    /// Sets the noise variance of the rows' phasors, from harmonic 0 on.
-    pub(in crate::estimate) fn set_variance(&mut self, variance: Vec<Vec<f64>>) {
+    /// Variance of an equation that none of the others has a part in.
+    fn error_apart(&self, row: usize, k: usize) -> f64 {
+        self.apart[row].get(k).copied().unwrap_or(0.0)
+    }
+
+    /// Sets the noise variance of the rows' phasors, from harmonic 0 on, when it is that of the coordinates' sensors alone,
+    /// whose levels relative to each other are given where it is white, and what every phasor has of its own besides.
+    pub(in crate::estimate) fn set_variance(
+        &mut self,
+        variance: Vec<Vec<f64>>,
+        apart: Vec<Vec<f64>>,
+        white: Option<Vec<f64>>,
+    ) {
         self.refined = Some(variance);
+        self.apart = apart;
+        self.white = white;
     }
 
     /// Takes the means of the driven rows in, with what noise adds to the mean of every regressor (and, last, of the known
@@ -249,7 +282,7 @@ impl MeasuredMotion {
                 }
             }
             let whole: f64 = shift.iter().zip(theta.iter().chain(&[1.0])).map(|(s, t)| s * t).sum();
-            if let Some(mean) = self.refined.as_mut().and_then(|rows| rows[row].first_mut()) {
+            if let Some(mean) = self.apart[row].first_mut() {
                 *mean += (uncertainty * whole).powi(2);
             }
             if self.driven[row] && !self.used[row].contains(&0) {

@@ -130,7 +130,8 @@ impl MeasuredMotion {
                     + (0..p).map(|j| (self.phi[row * p + j][k] * theta[j]).norm()).sum::<f64>();
                 // Never below the rounding of the transforms, so that an exact record has finite weights.
                 let refined = self.refined.as_ref().and_then(|rows| rows[row].get(k));
-                row_variance.push(refined.copied().unwrap_or(total) + (1e-14 * scale).powi(2) + f64::MIN_POSITIVE);
+                let noise = refined.copied().unwrap_or(total) + self.error_apart(row, k);
+                row_variance.push(noise + (1e-14 * scale).powi(2) + f64::MIN_POSITIVE);
                 row_bias.push(
                     columns
                         .iter()

@@ -117,7 +117,7 @@ pub(in crate::estimate) fn synthesise(
 }
 
 /// One-sided phasors 0 to `harmonics` of a period sampled evenly, every `stride`-th value from `offset`.
-pub(in crate::estimate) fn analyse(
+pub(crate) fn analyse(
     planner: &mut RealFftPlanner<f64>,
     values: &[f64],
     offset: usize,

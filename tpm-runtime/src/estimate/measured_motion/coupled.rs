@@ -1,0 +1,171 @@
+//! Noise that harmonic equations of one record have in common.
+//!
+//! With `d(row)/d(slot) = sum_m g_m e^{j m w t}` along the motion, the equation of harmonic k holds the sensors' noise of all
+//! lines k - m, each of which stands in other equations too. Invariant: the noise of the real equations is `F(theta) n`, where
+//! n are real and imaginary parts of the coordinates' white noise, line by line and independent; F is linear in theta, so
+//! that its parts are formed once. How strong an equation's noise is was measured; F says how the equations hang
+//! together. Weighing each for itself instead loses information and states deviations that are too small.
+
+use super::{MeasuredMotion, analyse};
+use nalgebra::{Cholesky, Complex, DMatrix, DVector, Dyn};
+use realfft::RealFftPlanner;
+use std::vec;
+use std::vec::Vec;
+
+/// Most numbers in the parts of one record: beyond it every equation is weighed for itself.
+const LARGEST: usize = 8_000_000;
+/// Derivatives' harmonics below this share of the strongest one mix nothing.
+const MIXING: f64 = 1e-9;
+/// Correlations are taken for that much smaller than the model gives them, so that no combination of equations is free of noise.
+const LOOSENED: f64 = 0.9999;
+
+/// The noise of one record's real equations, in the order of [`Equations::weighted`](crate::estimate::Equations::weighted).
+pub(super) struct Coupled {
+    /// Equations x sources, per parameter and, last, of the known term.
+    parts: Vec<DMatrix<f64>>,
+    /// First real equation of every complex one, and its harmonic.
+    places: Vec<(usize, usize)>,
+}
+
+/// Weights of one record's equations at a parameter vector.
+pub(super) struct Weighed {
+    factor: Cholesky<f64, Dyn>,
+    /// What noise in the regressors takes from the normal equations, per parameter.
+    pub(super) gradient: Vec<f64>,
+}
+
+impl Weighed {
+    /// Equations that were divided by their standard deviations become uncorrelated.
+    pub(super) fn whiten(&self, matrix: &mut DMatrix<f64>, right: &mut DVector<f64>) {
+        let lower = self.factor.l_dirty();
+        let regular = lower.solve_lower_triangular_mut(matrix) && lower.solve_lower_triangular_mut(right);
+        debug_assert!(regular, "a Cholesky factor has no zero on its diagonal");
+    }
+}
+
+impl Coupled {
+    /// Nothing for a record whose noise is not known to be that of its sensors alone, or that is too large.
+    pub(super) fn new(record: &MeasuredMotion) -> Option<Self> {
+        let white = record.white.as_ref()?;
+        let p = record.dims.parameters;
+        let c = record.dims.coordinates;
+        let highest = record.motion_harmonics;
+        let width = 2 * highest + 1;
+        let mut places = Vec::new();
+        let mut count = 0;
+        for used in &record.used {
+            for &k in used {
+                places.push((count, k));
+                count += if k == 0 { 1 } else { 2 };
+            }
+        }
+        if count * width * c * (p + 1) > LARGEST || count == 0 {
+            return None;
+        }
+        let mut planner = RealFftPlanner::new();
+        let mut parts = vec![DMatrix::zeros(count, width * c); p + 1];
+        for (j, part) in parts.iter_mut().enumerate() {
+            let mut place = places.iter();
+            for (row, used) in record.used.iter().enumerate() {
+                let column = row * (p + 1) + j;
+                let gains: Vec<Vec<Complex<f64>>> = (0..record.jacobian.slots.len())
+                    .map(|s| two_sided(&mut planner, record.jacobian.series(s, column)))
+                    .collect();
+                for &k in used {
+                    let Some(&(at, _)) = place.next() else { break };
+                    for (&(coordinate, derivative), gain) in record.jacobian.slots.iter().zip(&gains) {
+                        let deviation = white[coordinate].sqrt();
+                        let turn =
+                            |line: isize| Complex::new(0.0, line as f64 * record.fundamental).powu(derivative as u32);
+                        let through = |line: isize| gain_at(gain, k as isize - line) * turn(line) * deviation;
+                        for line in 0..=highest {
+                            let (plus, minus) = (through(line as isize), through(-(line as isize)));
+                            // A one-sided phasor is twice the coefficient; either part of a line has half of its variance.
+                            let twice = if k == 0 { 1.0 } else { 2.0 };
+                            let (re, im) = if line == 0 {
+                                (plus * twice, Complex::new(0.0, 0.0))
+                            } else {
+                                let half = twice * std::f64::consts::FRAC_1_SQRT_2;
+                                ((plus + minus) * half, (plus - minus) * Complex::new(0.0, half))
+                            };
+                            let source = coordinate * width + line;
+                            part[(at, source)] += re.re;
+                            if k > 0 {
+                                part[(at + 1, source)] += re.im;
+                            }
+                            if line > 0 {
+                                part[(at, source + highest)] += im.re;
+                                if k > 0 {
+                                    part[(at + 1, source + highest)] += im.im;
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Some(Coupled { parts, places })
+    }
+
+    /// Weights at theta, given every complex equation's variance by noise and, with the model's own error, as a whole.
+    pub(super) fn weigh(&self, theta: &[f64], noise: &[f64], whole: &[f64]) -> Option<Weighed> {
+        let known = self.parts.last()?;
+        let mut factor = known.clone();
+        for (part, value) in self.parts.iter().zip(theta) {
+            factor += part * *value;
+        }
+        // What was measured scales every equation; both of its parts keep their ratio.
+        let count = factor.nrows();
+        let mut scale = vec![0.0; count];
+        let mut apart = vec![0.0; count];
+        for (&(at, k), (noise, whole)) in self.places.iter().zip(noise.iter().zip(whole)) {
+            let real = if k == 0 { 1 } else { 2 };
+            let own: f64 = (at..at + real).map(|i| factor.row(i).norm_squared()).sum();
+            let own_scale = if own > 0.0 { (real as f64 * noise / (own * whole)).sqrt() } else { 0.0 };
+            let own_part = if own > 0.0 { (1.0 - noise / whole).max(0.0) } else { 1.0 };
+            scale[at..at + real].fill(own_scale);
+            apart[at..at + real].fill(own_part);
+        }
+        for (mut row, s) in factor.row_iter_mut().zip(&scale) {
+            row *= *s;
+        }
+        let mut covariance = &factor * factor.transpose();
+        let own = covariance.diagonal();
+        covariance *= LOOSENED;
+        for (r, (own, apart)) in own.iter().zip(&apart).enumerate() {
+            covariance[(r, r)] = own + apart;
+        }
+        if covariance.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let cholesky = covariance.cholesky()?;
+        let solved = cholesky.solve(&factor);
+        let gradient = self
+            .parts
+            .iter()
+            .take(theta.len())
+            .map(|part| {
+                let rows = solved.row_iter().zip(part.row_iter()).zip(&scale);
+                rows.map(|((a, b), s)| a.dot(&b) * s).sum()
+            })
+            .collect();
+        Some(Weighed { factor: cholesky, gradient })
+    }
+}
+
+/// Two-sided Fourier coefficients of a derivative along the period, those that mix anything.
+fn two_sided(planner: &mut RealFftPlanner<f64>, series: &[f64]) -> Vec<Complex<f64>> {
+    let mut lines = analyse(planner, series, 0, 1, (series.len() / 2).saturating_sub(1));
+    for line in lines.iter_mut().skip(1) {
+        *line *= 0.5;
+    }
+    let strongest = lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max);
+    let last = lines.iter().rposition(|line| line.norm_sqr() > MIXING * MIXING * strongest);
+    lines.truncate(last.map_or(0, |last| last + 1));
+    lines
+}
+
+fn gain_at(gain: &[Complex<f64>], m: isize) -> Complex<f64> {
+    let value = gain.get(m.unsigned_abs()).copied().unwrap_or_default();
+    if m < 0 { value.conj() } else { value }
+}
