@@ -114,7 +114,7 @@ void brushless_motor_feed_forward_independent(const brushless_motor_motion *moti
 void brushless_motor_feed_forward_dependent(const brushless_motor_motion *motion,
         const brushless_motor_parameters *parameters, brushless_motor_inputs *inputs)
 {
-    inputs->tau_m = -(motion->phi.ddot * parameters->J);
+    inputs->tau_m = -motion->phi.ddot * parameters->J;
     inputs->u = motion->phi.dot * parameters->kv;
 }
 
@@ -299,13 +299,14 @@ void brushless_motor_estimator_matrix(const brushless_motor_pattern *pattern,
     /* tau_m, cos 1, kt: current */
     matrix[0][0] = own.current;
     /* tau_m, cos 1, J: lambda*w^2 */
-    matrix[0][1] = own.lambda * (own.w * own.w);
+    const double t0 = own.lambda * own.w;
+    matrix[0][1] = t0 * own.w;
     /* u, cos 1, R: current */
     matrix[1][2] = own.current;
     /* u, sin 1, L: -current*w */
     matrix[2][3] = -(own.current * own.w);
     /* u, sin 1, kv: -lambda*w */
-    matrix[2][4] = -(own.lambda * own.w);
+    matrix[2][4] = -t0;
 }
 
 void brushless_motor_accumulator_clear(brushless_motor_accumulator *accumulator)

@@ -20,7 +20,7 @@
  * | `brushless_motor_feed_forward_independent` | 1 | 3 | 0 | 0 |
  * | `brushless_motor_feed_forward_dependent` | 1 | 2 | 0 | 0 |
  * | `brushless_motor_reference_at` | 3 | 7 | 0 | 0 |
- * | `brushless_motor_estimator_matrix` | 2 | 4 | 0 | 0 |
+ * | `brushless_motor_estimator_matrix` | 2 | 3 | 0 | 0 |
  * | `brushless_motor_accumulate_at` | 0 | 0 | 0 | 0 |
  */
 #ifndef BRUSHLESS_MOTOR_H_INCLUDED
@@ -304,7 +304,7 @@ typedef struct brushless_motor_harmonics {
  * Rows are in the order of `brushless_motor_harmonics`, columns in the order of
  * `brushless_motor_parameters`.
  *
- * Operations: 2 additions, 4 multiplications.
+ * Operations: 2 additions, 3 multiplications.
  */
 void brushless_motor_estimator_matrix(const brushless_motor_pattern *pattern,
         double matrix[BRUSHLESS_MOTOR_HARMONICS][BRUSHLESS_MOTOR_PARAMETERS]);

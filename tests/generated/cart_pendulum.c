@@ -34,9 +34,10 @@ void cart_pendulum_lump(const cart_pendulum_physical *physical,
     /* M_plus_m = M + m */
     parameters->M_plus_m = physical->M + physical->m;
     /* m_L = m*L */
-    parameters->m_L = physical->m * physical->L;
+    const double t0 = physical->m * physical->L;
+    parameters->m_L = t0;
     /* m_L_2 = m*L^2 */
-    parameters->m_L_2 = physical->m * (physical->L * physical->L);
+    parameters->m_L_2 = t0 * physical->L;
 }
 
 void cart_pendulum_regressor(const cart_pendulum_motion *motion,
@@ -285,25 +286,25 @@ void cart_pendulum_reference_at(const cart_pendulum_pattern *pattern, double pha
 {
     const double cosine = cos(phase);
     const double sine = sin(phase);
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2;
-    const double t4 = 2.0 * (cosine * t1);
-    const double t5 = t3 - t4;
-    const double t6 = sine * t2 + 2.0 * (sine * t0);
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = cosine * t0;
+    const double t2 = cosine * sine;
+    const double t3 = 2.0 * t2;
+    const double t4 = t3 * sine;
+    const double t5 = t1 - t4;
+    const double t6 = sine * t0 + t3 * cosine;
     const double t7 = pattern->w * pattern->w;
     const double t8 = t5 * t5;
     const double t9 = t6 * t6;
     const double t10 = t8 - t9;
-    const double t11 = t10 * t10 - 4.0 * (t8 * t9);
-    const double t12 = t2 * t2 - 4.0 * (t0 * t1);
+    const double t11 = t10 * t10 - 2.0 * 2.0 * t8 * t9;
+    const double t12 = t0 * t0 - t3 * t3;
     motion->x.value = (cosine - 0.1111111111111111 * t5) * pattern->lambda1;
     motion->x.dot = pattern->w * pattern->lambda1 * (0.3333333333333333 * t6 - sine);
-    motion->x.ddot = pattern->lambda1 * (t3 - cosine - t4) * t7;
+    motion->x.ddot = pattern->lambda1 * (t1 - cosine - t4) * t7;
     motion->theta.value = (t12 - 0.1111111111111111 * t11) * pattern->lambda2;
     motion->theta.dot = pattern->w * pattern->lambda2 * (5.333333333333333 * (t5 * t6 * t10) - 16.0
-            * (cosine * sine * t2));
+            * (t2 * t0));
     motion->theta.ddot = t7 * pattern->lambda2 * (16.0 * t11 - 16.0 * t12);
 }
 
@@ -393,51 +394,51 @@ void cart_pendulum_estimator_matrix(const cart_pendulum_pattern *pattern,
     matrix[1][0] = t1;
     /* F, cos 4, m_L: -16*lambda2*w^2 + 148/81*lambda2^3*w^2 - 3467/52488*lambda2^5*w^2 +
        445721/382637520*lambda2^7*w^2 - 84346501/6942575162880*lambda2^9*w^2 */
-    const double t2 = 16.0 * (t0 * own.lambda2);
-    const double t3 = own.lambda2 * own.lambda2;
-    const double t4 = own.lambda2 * t3;
-    const double t5 = t0 * t4;
-    const double t6 = t3 * t3;
-    const double t7 = t0 * (own.lambda2 * t6);
-    const double t8 = t0 * (t4 * t6);
-    const double t9 = t6 * t6;
-    const double t10 = t0 * (own.lambda2 * t9);
-    matrix[2][1] = 1.8271604938271604 * t5 + 0.001164864856953913 * t8 - t2 - 0.06605319311080628 *
+    const double t2 = t0 * own.lambda2;
+    const double t3 = 16.0 * t2;
+    const double t4 = own.lambda2 * own.lambda2;
+    const double t5 = t2 * t4;
+    const double t6 = t4 * t4;
+    const double t7 = t2 * t6;
+    const double t8 = t6 * t4;
+    const double t9 = t2 * t8;
+    const double t10 = t0 * (own.lambda2 * (t6 * t6));
+    matrix[2][1] = 1.8271604938271604 * t5 + 0.001164864856953913 * t9 - t3 - 0.06605319311080628 *
             t7 - 1.2149166414643525e-5 * t10;
     /* F, cos 12, m_L: 16*lambda2*w^2 + 160/81*lambda2^3*w^2 - 23083/157464*lambda2^5*w^2 +
        2643473/765275040*lambda2^7*w^2 - 295544899/6942575162880*lambda2^9*w^2 */
-    matrix[3][1] = t2 + 1.9753086419753085 * t5 + 0.0034542783467758206 * t8 - 0.1465922369557486 *
+    matrix[3][1] = t3 + 1.9753086419753085 * t5 + 0.0034542783467758206 * t9 - 0.1465922369557486 *
             t7 - 4.2569924281150834e-5 * t10;
     /* F, cos 20, m_L: -400/81*lambda2^3*w^2 + 29195/157464*lambda2^5*w^2 -
        134065/51018336*lambda2^7*w^2 + 14706005/793437161472*lambda2^9*w^2 */
     matrix[4][1] = 0.18540745821267082 * t7 + 1.8534555367582145e-5 * t10 - 4.938271604938271 * t5 -
-            0.0026277807257375075 * t8;
+            0.0026277807257375075 * t9;
     /* F, cos 28, m_L: 98/81*lambda2^3*w^2 + 12593/157464*lambda2^5*w^2 -
        208901/63772920*lambda2^7*w^2 + 188419567/3967185807360*lambda2^9*w^2 */
     matrix[5][1] = 1.2098765432098766 * t5 + 0.07997383528933598 * t7 + 4.749451529354646e-5 * t10 -
-            0.0032757007206193475 * t8;
+            0.0032757007206193475 * t9;
     /* F, cos 36, m_L: -2/27*lambda2^3*w^2 - 1133/17496*lambda2^5*w^2 + 7219/7085880*lambda2^7*w^2 -
        1885919/1322395269120*lambda2^9*w^2 */
-    matrix[6][1] = 0.0010187866574088186 * t8 - 0.07407407407407407 * t5 - 0.06475765889346136 * t7
+    matrix[6][1] = 0.0010187866574088186 * t9 - 0.07407407407407407 * t5 - 0.06475765889346136 * t7
             - 1.4261386470741098e-6 * t10;
     /* F, cos 44, m_L: 2057/157464*lambda2^5*w^2 + 249623/510183360*lambda2^7*w^2 -
        352718509/27770300651520*lambda2^9*w^2 */
-    matrix[7][1] = 0.013063303358227913 * t7 + 0.0004892809518522909 * t8 - 1.2701285212074003e-5 *
+    matrix[7][1] = 0.013063303358227913 * t7 + 0.0004892809518522909 * t9 - 1.2701285212074003e-5 *
             t10;
     /* F, cos 52, m_L: -169/157464*lambda2^5*w^2 - 138073/510183360*lambda2^7*w^2 +
        5761379/2777030065152*lambda2^9*w^2 */
     matrix[8][1] = 2.0746548884355173e-6 * t10 - 0.0010732611898592694 * t7 - 0.00027063407164043925
-            * t8;
+            * t9;
     /* F, cos 60, m_L: 5/157464*lambda2^5*w^2 + 7895/153055008*lambda2^7*w^2 +
        3336805/2777030065152*lambda2^9*w^2 */
-    matrix[9][1] = 3.175328964080679e-5 * t7 + 5.158276166958222e-5 * t8 + 1.2015732353323877e-6 *
+    matrix[9][1] = 3.175328964080679e-5 * t7 + 5.158276166958222e-5 * t9 + 1.2015732353323877e-6 *
             t10;
     /* F, cos 68, m_L: -3757/765275040*lambda2^7*w^2 - 7666303/13885150325760*lambda2^9*w^2 */
-    matrix[10][1] = -(4.909346056811157e-6 * t8) - 5.521224344094659e-7 * t10;
+    matrix[10][1] = -(4.909346056811157e-6 * t9) - 5.521224344094659e-7 * t10;
     /* F, cos 76, m_L: 361/1530550080*lambda2^7*w^2 + 205409/1983592903680*lambda2^9*w^2 */
-    matrix[11][1] = 2.358629127640175e-7 * t8 + 1.0355401031074534e-7 * t10;
+    matrix[11][1] = 2.358629127640175e-7 * t9 + 1.0355401031074534e-7 * t10;
     /* F, cos 84, m_L: -7/1530550080*lambda2^7*w^2 - 8617/793437161472*lambda2^9*w^2 */
-    matrix[12][1] = -(4.573519084066821e-9 * t8) - 1.0860343349703428e-8 * t10;
+    matrix[12][1] = -(4.573519084066821e-9 * t9) - 1.0860343349703428e-8 * t10;
     /* F, cos 92, m_L: 529/793437161472*lambda2^9*w^2 */
     matrix[13][1] = 6.667194652423249e-10 * t10;
     /* F, cos 100, m_L: -125/5554060130304*lambda2^9*w^2 */
@@ -447,13 +448,13 @@ void cart_pendulum_estimator_matrix(const cart_pendulum_pattern *pattern,
     /* tau, cos 1, m_L: 41/162*lambda1*lambda2^2*w^2 - 2957/209952*lambda1*lambda2^4*w^2 +
        409699/1224440064*lambda1*lambda2^6*w^2 - 69563329/15868743229440*lambda1*lambda2^8*w^2 -
        lambda1*w^2 */
-    const double t11 = t1 * t3;
+    const double t11 = t1 * t4;
     const double t12 = 0.25308641975308643 * t11;
     const double t13 = t1 * t6;
     const double t14 = 0.014084171620179851 * t13;
-    const double t15 = t1 * (t3 * t6);
+    const double t15 = t1 * t8;
     const double t16 = 0.00033460110628983795 * t15;
-    const double t17 = t1 * t9;
+    const double t17 = t13 * t6;
     const double t18 = 4.383669708067666e-6 * t17;
     matrix[16][1] = t12 + t16 - t1 - t14 - t18;
     /* tau, cos 3, m_L: -41/162*lambda1*lambda2^2*w^2 + 2957/209952*lambda1*lambda2^4*w^2 -
@@ -461,7 +462,7 @@ void cart_pendulum_estimator_matrix(const cart_pendulum_pattern *pattern,
        lambda1*w^2 */
     matrix[17][1] = t1 + t14 + t18 - t12 - t16;
     /* tau, cos 4, m_L_2: -16*lambda2*w^2 */
-    matrix[18][2] = -t2;
+    matrix[18][2] = -t3;
     /* tau, cos 5, m_L: -7/72*lambda1*lambda2^2*w^2 + 85/11664*lambda1*lambda2^4*w^2 -
        89549/453496320*lambda1*lambda2^6*w^2 + 1231931/440798423040*lambda1*lambda2^8*w^2 */
     const double t19 = 0.09722222222222222 * t11;
@@ -481,7 +482,7 @@ void cart_pendulum_estimator_matrix(const cart_pendulum_pattern *pattern,
        89549/453496320*lambda1*lambda2^6*w^2 + 1231931/440798423040*lambda1*lambda2^8*w^2 */
     matrix[22][1] = t23;
     /* tau, cos 12, m_L_2: 16*lambda2*w^2 */
-    matrix[23][2] = t2;
+    matrix[23][2] = t3;
     /* tau, cos 13, m_L: 1/36*lambda1*lambda2^2*w^2 - 67/93312*lambda1*lambda2^4*w^2 -
        253/56687040*lambda1*lambda2^6*w^2 + 1888669/6171177922560*lambda1*lambda2^8*w^2 */
     const double t25 = 0.027777777777777776 * t11;
@@ -663,212 +664,198 @@ void cart_pendulum_accumulate_at(cart_pendulum_accumulator *accumulator, double 
         const cart_pendulum_forces *sample)
 {
     const cart_pendulum_forces now = *sample;
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = t2 * t2;
-    const double t5 = t0 * t1;
-    const double t6 = t4 - 4.0 * t5;
-    const double t7 = t3 * t3;
-    const double t8 = sine * t2 + 2.0 * (sine * t0);
-    const double t9 = t8 * t8;
-    const double t10 = t7 - t9;
-    const double t11 = t10 * t10;
-    const double t12 = t7 * t9;
-    const double t13 = t11 - 4.0 * t12;
-    const double t14 = cosine * sine;
-    const double t15 = t2 * t3 - 2.0 * (t14 * t8);
-    const double t16 = t15 * t15;
-    const double t17 = t2 * t8 + 2.0 * (t14 * t3);
-    const double t18 = t17 * t17;
-    const double t19 = t16 - t18;
-    const double t20 = t19 * t19;
-    const double t21 = t16 * t18;
-    const double t22 = t20 - 4.0 * t21;
-    const double t23 = t14 * t2;
-    const double t24 = t3 * t6 - 4.0 * (t23 * t8);
-    const double t25 = t24 * t24;
-    const double t26 = t8 * t6 + 4.0 * (t23 * t3);
-    const double t27 = t26 * t26;
-    const double t28 = t25 - t27;
-    const double t29 = t28 * t28 - 4.0 * (t25 * t27);
-    const double t30 = t6 * t15 - 4.0 * (t23 * t17);
-    const double t31 = t30 * t30;
-    const double t32 = t6 * t17 + 4.0 * (t23 * t15);
-    const double t33 = t32 * t32;
-    const double t34 = t31 - t33;
-    const double t35 = t34 * t34 - 4.0 * (t31 * t33);
-    const double t36 = t3 * t8;
-    const double t37 = t10 * t15 - 2.0 * (t36 * t17);
-    const double t38 = t37 * t37;
-    const double t39 = t10 * t17 + 2.0 * (t36 * t15);
-    const double t40 = t39 * t39;
-    const double t41 = t38 - t40;
-    const double t42 = t41 * t41 - 4.0 * (t38 * t40);
-    const double t43 = t10 * t24 - 2.0 * (t36 * t26);
-    const double t44 = t43 * t43;
-    const double t45 = t10 * t26 + 2.0 * (t36 * t24);
-    const double t46 = t45 * t45;
-    const double t47 = t44 - t46;
-    const double t48 = t6 * t6;
-    const double t49 = t5 * t4;
-    const double t50 = t48 - 16.0 * t49;
-    const double t51 = t23 * t6;
-    const double t52 = t24 * t50 - 8.0 * (t51 * t26);
-    const double t53 = t52 * t52;
-    const double t54 = t26 * t50 + 8.0 * (t51 * t24);
-    const double t55 = t54 * t54;
-    const double t56 = t53 - t55;
-    const double t57 = t30 * t50 - 8.0 * (t51 * t32);
-    const double t58 = t57 * t57;
-    const double t59 = t32 * t50 + 8.0 * (t51 * t30);
-    const double t60 = t59 * t59;
-    const double t61 = t58 - t60;
-    const double t62 = t15 * t17;
-    const double t63 = t19 * t30 - 2.0 * (t62 * t32);
-    const double t64 = t63 * t63;
-    const double t65 = t19 * t32 + 2.0 * (t62 * t30);
-    const double t66 = t65 * t65;
-    const double t67 = t64 - t66;
-    const double t68 = t19 * t37 - 2.0 * (t62 * t39);
-    const double t69 = t68 * t68;
-    const double t70 = t19 * t39 + 2.0 * (t62 * t37);
-    const double t71 = t70 * t70;
-    const double t72 = t69 - t71;
-    const double t73 = t36 * t10;
-    const double t74 = t13 * t37 - 4.0 * (t73 * t39);
-    const double t75 = t74 * t74;
-    const double t76 = t13 * t39 + 4.0 * (t73 * t37);
-    const double t77 = t76 * t76;
-    const double t78 = t75 - t77;
-    const double t79 = t13 * t43 - 4.0 * (t73 * t45);
-    const double t80 = t79 * t79;
-    const double t81 = t13 * t45 + 4.0 * (t73 * t43);
-    const double t82 = t81 * t81;
-    const double t83 = t80 - t82;
-    const double t84 = t24 * t26;
-    const double t85 = t28 * t43 - 2.0 * (t84 * t45);
-    const double t86 = t85 * t85;
-    const double t87 = t28 * t45 + 2.0 * (t84 * t43);
-    const double t88 = t87 * t87;
-    const double t89 = t86 - t88;
-    const double t90 = t28 * t52 - 2.0 * (t84 * t54);
-    const double t91 = t50 * t50;
-    const double t92 = t49 * t48;
-    const double t93 = t91 - 64.0 * t92;
-    const double t94 = t51 * t50;
-    const double t95 = t52 * t93 - 16.0 * (t94 * t54);
-    const double t96 = t57 * t93 - 16.0 * (t94 * t59);
-    const double t97 = t30 * t32;
-    const double t98 = t34 * t57 - 2.0 * (t97 * t59);
-    const double t99 = t34 * t63 - 2.0 * (t97 * t65);
-    const double t100 = t62 * t19;
-    const double t101 = t22 * t63 - 4.0 * (t100 * t65);
-    const double t102 = t22 * t68 - 4.0 * (t100 * t70);
-    const double t103 = t37 * t39;
-    const double t104 = t41 * t68 - 2.0 * (t103 * t70);
-    const double t105 = t41 * t74 - 2.0 * (t103 * t76);
-    const double t106 = t13 * t13;
-    const double t107 = t12 * t11;
-    const double t108 = t106 - 16.0 * t107;
-    const double t109 = t73 * t13;
-    const double t110 = t74 * t108 - 8.0 * (t109 * t76);
-    const double t111 = t79 * t108 - 8.0 * (t109 * t81);
-    const double t112 = t43 * t45;
-    const double t113 = t84 * t28;
-    const double t114 = t28 * t54 + 2.0 * (t84 * t52);
-    const double t115 = t52 * t54;
-    const double t116 = t54 * t93 + 16.0 * (t94 * t52);
-    const double t117 = t93 * t93 - 256.0 * (t92 * t91);
-    const double t118 = t94 * t93;
-    const double t119 = t59 * t93 + 16.0 * (t94 * t57);
-    const double t120 = t57 * t59;
-    const double t121 = t34 * t59 + 2.0 * (t97 * t57);
-    const double t122 = t97 * t34;
-    const double t123 = t34 * t65 + 2.0 * (t97 * t63);
-    const double t124 = t63 * t65;
-    const double t125 = t22 * t65 + 4.0 * (t100 * t63);
-    const double t126 = t22 * t22 - 16.0 * (t21 * t20);
-    const double t127 = t100 * t22;
-    const double t128 = t22 * t70 + 4.0 * (t100 * t68);
-    const double t129 = t68 * t70;
-    const double t130 = t41 * t70 + 2.0 * (t103 * t68);
-    const double t131 = t103 * t41;
-    const double t132 = t41 * t76 + 2.0 * (t103 * t74);
-    const double t133 = t74 * t76;
-    const double t134 = t76 * t108 + 8.0 * (t109 * t74);
-    const double t135 = t108 * t108 - 64.0 * (t107 * t106);
-    const double t136 = t109 * t108;
-    const double t137 = t81 * t108 + 8.0 * (t109 * t79);
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = cosine * sine;
+    const double t2 = 2.0 * t1;
+    const double t3 = cosine * t0 - t2 * sine;
+    const double t4 = 2.0 * 2.0;
+    const double t5 = t0 * t0 - t4 * t1 * t1;
+    const double t6 = sine * t0 + t2 * cosine;
+    const double t7 = t3 * t3 - t6 * t6;
+    const double t8 = t3 * t6;
+    const double t9 = t7 * t7 - t4 * t8 * t8;
+    const double t10 = t0 * t3 - t2 * t6;
+    const double t11 = t0 * t6 + t2 * t3;
+    const double t12 = t10 * t10 - t11 * t11;
+    const double t13 = t10 * t11;
+    const double t14 = t12 * t12 - t4 * t13 * t13;
+    const double t15 = t1 * t0;
+    const double t16 = t4 * t15;
+    const double t17 = t3 * t5 - t16 * t6;
+    const double t18 = t6 * t5 + t16 * t3;
+    const double t19 = t17 * t17 - t18 * t18;
+    const double t20 = t17 * t18;
+    const double t21 = t4 * t20;
+    const double t22 = t19 * t19 - t21 * t20;
+    const double t23 = t5 * t10 - t16 * t11;
+    const double t24 = t5 * t11 + t16 * t10;
+    const double t25 = t23 * t23 - t24 * t24;
+    const double t26 = t23 * t24;
+    const double t27 = t4 * t26;
+    const double t28 = t25 * t25 - t27 * t26;
+    const double t29 = 2.0 * t8;
+    const double t30 = t7 * t10 - t29 * t11;
+    const double t31 = t7 * t11 + t29 * t10;
+    const double t32 = t30 * t30 - t31 * t31;
+    const double t33 = t30 * t31;
+    const double t34 = t4 * t33;
+    const double t35 = t32 * t32 - t34 * t33;
+    const double t36 = t7 * t17 - t29 * t18;
+    const double t37 = t7 * t18 + t29 * t17;
+    const double t38 = t36 * t36 - t37 * t37;
+    const double t39 = t36 * t37;
+    const double t40 = t5 * t5 - 16.0 * (t15 * t15);
+    const double t41 = 2.0 * t4;
+    const double t42 = t15 * t5;
+    const double t43 = t41 * t42;
+    const double t44 = t17 * t40 - t43 * t18;
+    const double t45 = t18 * t40 + t43 * t17;
+    const double t46 = t44 * t44 - t45 * t45;
+    const double t47 = t44 * t45;
+    const double t48 = t23 * t40 - t43 * t24;
+    const double t49 = t24 * t40 + t43 * t23;
+    const double t50 = t48 * t48 - t49 * t49;
+    const double t51 = t48 * t49;
+    const double t52 = 2.0 * t13;
+    const double t53 = t12 * t23 - t52 * t24;
+    const double t54 = t12 * t24 + t52 * t23;
+    const double t55 = t53 * t53 - t54 * t54;
+    const double t56 = t53 * t54;
+    const double t57 = t12 * t30 - t52 * t31;
+    const double t58 = t12 * t31 + t52 * t30;
+    const double t59 = t57 * t57 - t58 * t58;
+    const double t60 = t57 * t58;
+    const double t61 = t8 * t7;
+    const double t62 = t4 * t61;
+    const double t63 = t9 * t30 - t62 * t31;
+    const double t64 = t9 * t31 + t62 * t30;
+    const double t65 = t63 * t63 - t64 * t64;
+    const double t66 = t63 * t64;
+    const double t67 = t9 * t36 - t62 * t37;
+    const double t68 = t67 * t67;
+    const double t69 = t9 * t37 + t62 * t36;
+    const double t70 = t69 * t69;
+    const double t71 = t68 - t70;
+    const double t72 = 2.0 * t20;
+    const double t73 = t19 * t36 - t72 * t37;
+    const double t74 = t73 * t73;
+    const double t75 = t19 * t37 + t72 * t36;
+    const double t76 = t75 * t75;
+    const double t77 = t74 - t76;
+    const double t78 = t19 * t44 - t72 * t45;
+    const double t79 = t40 * t40 - 64.0 * (t42 * t42);
+    const double t80 = t42 * t40;
+    const double t81 = t44 * t79 - 16.0 * (t80 * t45);
+    const double t82 = t48 * t79 - 16.0 * (t80 * t49);
+    const double t83 = 2.0 * t26;
+    const double t84 = t25 * t48 - t83 * t49;
+    const double t85 = t25 * t53 - t83 * t54;
+    const double t86 = t13 * t12;
+    const double t87 = t4 * t86;
+    const double t88 = t14 * t53 - t87 * t54;
+    const double t89 = t14 * t57 - t87 * t58;
+    const double t90 = 2.0 * t33;
+    const double t91 = t32 * t57 - t90 * t58;
+    const double t92 = t32 * t63 - t90 * t64;
+    const double t93 = t9 * t9 - 16.0 * (t61 * t61);
+    const double t94 = t61 * t9;
+    const double t95 = t41 * t94;
+    const double t96 = t63 * t93 - t95 * t64;
+    const double t97 = t67 * t93 - t95 * t69;
+    const double t98 = 2.0 * t39;
+    const double t99 = t21 * t19;
+    const double t100 = t19 * t45 + t72 * t44;
+    const double t101 = 2.0 * t47;
+    const double t102 = t45 * t79 + 16.0 * (t80 * t44);
+    const double t103 = t79 * t79 - 256.0 * (t80 * t80);
+    const double t104 = t80 * t79;
+    const double t105 = t49 * t79 + 16.0 * (t80 * t48);
+    const double t106 = 2.0 * t51;
+    const double t107 = t25 * t49 + t83 * t48;
+    const double t108 = t27 * t25;
+    const double t109 = t25 * t54 + t83 * t53;
+    const double t110 = 2.0 * t56;
+    const double t111 = t14 * t54 + t87 * t53;
+    const double t112 = t14 * t14 - 16.0 * (t86 * t86);
+    const double t113 = t41 * t86 * t14;
+    const double t114 = t14 * t58 + t87 * t57;
+    const double t115 = 2.0 * t60;
+    const double t116 = t32 * t58 + t90 * t57;
+    const double t117 = t34 * t32;
+    const double t118 = t32 * t64 + t90 * t63;
+    const double t119 = 2.0 * t66;
+    const double t120 = t64 * t93 + t95 * t63;
+    const double t121 = t93 * t93 - 64.0 * (t94 * t94);
+    const double t122 = t94 * t93;
+    const double t123 = t69 * t93 + t95 * t67;
     accumulator->sums[0] += now.F * cosine;
     accumulator->sums[1] += now.F * t3;
-    accumulator->sums[2] += now.F * t6;
-    accumulator->sums[3] += now.F * t13;
-    accumulator->sums[4] += now.F * t22;
-    accumulator->sums[5] += now.F * t29;
-    accumulator->sums[6] += now.F * t35;
-    accumulator->sums[7] += now.F * t42;
-    accumulator->sums[8] += now.F * (t47 * t47 - 4.0 * (t44 * t46));
-    accumulator->sums[9] += now.F * (t56 * t56 - 4.0 * (t53 * t55));
-    accumulator->sums[10] += now.F * (t61 * t61 - 4.0 * (t58 * t60));
-    accumulator->sums[11] += now.F * (t67 * t67 - 4.0 * (t64 * t66));
-    accumulator->sums[12] += now.F * (t72 * t72 - 4.0 * (t69 * t71));
-    accumulator->sums[13] += now.F * (t78 * t78 - 4.0 * (t75 * t77));
-    accumulator->sums[14] += now.F * (t83 * t83 - 4.0 * (t80 * t82));
-    accumulator->sums[15] += now.F * (t89 * t89 - 4.0 * (t86 * t88));
+    accumulator->sums[2] += now.F * t5;
+    accumulator->sums[3] += now.F * t9;
+    accumulator->sums[4] += now.F * t14;
+    accumulator->sums[5] += now.F * t22;
+    accumulator->sums[6] += now.F * t28;
+    accumulator->sums[7] += now.F * t35;
+    accumulator->sums[8] += now.F * (t38 * t38 - t4 * t39 * t39);
+    accumulator->sums[9] += now.F * (t46 * t46 - t4 * t47 * t47);
+    accumulator->sums[10] += now.F * (t50 * t50 - t4 * t51 * t51);
+    accumulator->sums[11] += now.F * (t55 * t55 - t4 * t56 * t56);
+    accumulator->sums[12] += now.F * (t59 * t59 - t4 * t60 * t60);
+    accumulator->sums[13] += now.F * (t65 * t65 - t4 * t66 * t66);
+    accumulator->sums[14] += now.F * (t71 * t71 - t4 * t68 * t70);
+    accumulator->sums[15] += now.F * (t77 * t77 - t4 * t74 * t76);
     accumulator->sums[16] += now.tau * cosine;
     accumulator->sums[17] += now.tau * t3;
-    accumulator->sums[18] += now.tau * t6;
-    accumulator->sums[19] += now.tau * t15;
-    accumulator->sums[20] += now.tau * t24;
-    accumulator->sums[21] += now.tau * t30;
-    accumulator->sums[22] += now.tau * t37;
-    accumulator->sums[23] += now.tau * t13;
-    accumulator->sums[24] += now.tau * t43;
-    accumulator->sums[25] += now.tau * t52;
-    accumulator->sums[26] += now.tau * t57;
-    accumulator->sums[27] += now.tau * t63;
-    accumulator->sums[28] += now.tau * t68;
-    accumulator->sums[29] += now.tau * t74;
-    accumulator->sums[30] += now.tau * t79;
-    accumulator->sums[31] += now.tau * t85;
-    accumulator->sums[32] += now.tau * t90;
-    accumulator->sums[33] += now.tau * t95;
-    accumulator->sums[34] += now.tau * t96;
-    accumulator->sums[35] += now.tau * t98;
-    accumulator->sums[36] += now.tau * t99;
-    accumulator->sums[37] += now.tau * t101;
-    accumulator->sums[38] += now.tau * t102;
-    accumulator->sums[39] += now.tau * t104;
-    accumulator->sums[40] += now.tau * t105;
-    accumulator->sums[41] += now.tau * t110;
-    accumulator->sums[42] += now.tau * t111;
-    accumulator->sums[43] += now.tau * (t47 * t79 - 2.0 * (t112 * t81));
-    accumulator->sums[44] += now.tau * (t47 * t85 - 2.0 * (t112 * t87));
-    accumulator->sums[45] += now.tau * (t29 * t85 - 4.0 * (t113 * t87));
-    accumulator->sums[46] += now.tau * (t29 * t90 - 4.0 * (t113 * t114));
-    accumulator->sums[47] += now.tau * (t56 * t90 - 2.0 * (t115 * t114));
-    accumulator->sums[48] += now.tau * (t56 * t95 - 2.0 * (t115 * t116));
-    accumulator->sums[49] += now.tau * (t95 * t117 - 32.0 * (t118 * t116));
-    accumulator->sums[50] += now.tau * (t96 * t117 - 32.0 * (t118 * t119));
-    accumulator->sums[51] += now.tau * (t61 * t96 - 2.0 * (t120 * t119));
-    accumulator->sums[52] += now.tau * (t61 * t98 - 2.0 * (t120 * t121));
-    accumulator->sums[53] += now.tau * (t35 * t98 - 4.0 * (t122 * t121));
-    accumulator->sums[54] += now.tau * (t35 * t99 - 4.0 * (t122 * t123));
-    accumulator->sums[55] += now.tau * (t67 * t99 - 2.0 * (t124 * t123));
-    accumulator->sums[56] += now.tau * (t67 * t101 - 2.0 * (t124 * t125));
-    accumulator->sums[57] += now.tau * (t101 * t126 - 8.0 * (t127 * t125));
-    accumulator->sums[58] += now.tau * (t102 * t126 - 8.0 * (t127 * t128));
-    accumulator->sums[59] += now.tau * (t72 * t102 - 2.0 * (t129 * t128));
-    accumulator->sums[60] += now.tau * (t72 * t104 - 2.0 * (t129 * t130));
-    accumulator->sums[61] += now.tau * (t42 * t104 - 4.0 * (t131 * t130));
-    accumulator->sums[62] += now.tau * (t42 * t105 - 4.0 * (t131 * t132));
-    accumulator->sums[63] += now.tau * (t78 * t105 - 2.0 * (t133 * t132));
-    accumulator->sums[64] += now.tau * (t78 * t110 - 2.0 * (t133 * t134));
-    accumulator->sums[65] += now.tau * (t110 * t135 - 16.0 * (t136 * t134));
-    accumulator->sums[66] += now.tau * (t111 * t135 - 16.0 * (t136 * t137));
-    accumulator->sums[67] += now.tau * (t83 * t111 - 2.0 * (t79 * t81 * t137));
+    accumulator->sums[18] += now.tau * t5;
+    accumulator->sums[19] += now.tau * t10;
+    accumulator->sums[20] += now.tau * t17;
+    accumulator->sums[21] += now.tau * t23;
+    accumulator->sums[22] += now.tau * t30;
+    accumulator->sums[23] += now.tau * t9;
+    accumulator->sums[24] += now.tau * t36;
+    accumulator->sums[25] += now.tau * t44;
+    accumulator->sums[26] += now.tau * t48;
+    accumulator->sums[27] += now.tau * t53;
+    accumulator->sums[28] += now.tau * t57;
+    accumulator->sums[29] += now.tau * t63;
+    accumulator->sums[30] += now.tau * t67;
+    accumulator->sums[31] += now.tau * t73;
+    accumulator->sums[32] += now.tau * t78;
+    accumulator->sums[33] += now.tau * t81;
+    accumulator->sums[34] += now.tau * t82;
+    accumulator->sums[35] += now.tau * t84;
+    accumulator->sums[36] += now.tau * t85;
+    accumulator->sums[37] += now.tau * t88;
+    accumulator->sums[38] += now.tau * t89;
+    accumulator->sums[39] += now.tau * t91;
+    accumulator->sums[40] += now.tau * t92;
+    accumulator->sums[41] += now.tau * t96;
+    accumulator->sums[42] += now.tau * t97;
+    accumulator->sums[43] += now.tau * (t38 * t67 - t98 * t69);
+    accumulator->sums[44] += now.tau * (t38 * t73 - t98 * t75);
+    accumulator->sums[45] += now.tau * (t22 * t73 - t99 * t75);
+    accumulator->sums[46] += now.tau * (t22 * t78 - t99 * t100);
+    accumulator->sums[47] += now.tau * (t46 * t78 - t101 * t100);
+    accumulator->sums[48] += now.tau * (t46 * t81 - t101 * t102);
+    accumulator->sums[49] += now.tau * (t81 * t103 - 32.0 * (t104 * t102));
+    accumulator->sums[50] += now.tau * (t82 * t103 - 32.0 * (t104 * t105));
+    accumulator->sums[51] += now.tau * (t50 * t82 - t106 * t105);
+    accumulator->sums[52] += now.tau * (t50 * t84 - t106 * t107);
+    accumulator->sums[53] += now.tau * (t28 * t84 - t108 * t107);
+    accumulator->sums[54] += now.tau * (t28 * t85 - t108 * t109);
+    accumulator->sums[55] += now.tau * (t55 * t85 - t110 * t109);
+    accumulator->sums[56] += now.tau * (t55 * t88 - t110 * t111);
+    accumulator->sums[57] += now.tau * (t88 * t112 - t113 * t111);
+    accumulator->sums[58] += now.tau * (t89 * t112 - t113 * t114);
+    accumulator->sums[59] += now.tau * (t59 * t89 - t115 * t114);
+    accumulator->sums[60] += now.tau * (t59 * t91 - t115 * t116);
+    accumulator->sums[61] += now.tau * (t35 * t91 - t117 * t116);
+    accumulator->sums[62] += now.tau * (t35 * t92 - t117 * t118);
+    accumulator->sums[63] += now.tau * (t65 * t92 - t119 * t118);
+    accumulator->sums[64] += now.tau * (t65 * t96 - t119 * t120);
+    accumulator->sums[65] += now.tau * (t96 * t121 - 16.0 * (t122 * t120));
+    accumulator->sums[66] += now.tau * (t97 * t121 - 16.0 * (t122 * t123));
+    accumulator->sums[67] += now.tau * (t71 * t97 - 2.0 * t67 * t69 * t123);
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

@@ -50,13 +50,13 @@ void closed_loop_arm_regressor(const closed_loop_arm_motion *motion,
     matrix[0][0] = 2.0 * at.th1.ddot;
     /* tau1, a11: 2*th2*ddot(th1) - 2*th20*ddot(th1) + 2*dot(th1)*dot(th2) */
     const double t0 = at.th2.value - constants->th20;
-    const double t1 = t0 * at.th1.ddot;
-    matrix[0][1] = 2.0 * t1 + 2.0 * (at.th1.dot * at.th2.dot);
+    const double t1 = 2.0 * t0;
+    const double t2 = 2.0 * at.th1.dot * at.th2.dot;
+    matrix[0][1] = t1 * at.th1.ddot + t2;
     /* tau1, a12: -4*th2*th20*ddot(th1) + 4*th2*dot(th1)*dot(th2) + 2*ddot(th1)*th2^2 -
        4*th20*dot(th1)*dot(th2) + 2*ddot(th1)*th20^2 */
-    const double t2 = t0 * t0;
-    const double t3 = t2 * at.th1.ddot;
-    matrix[0][2] = 2.0 * t3 + 4.0 * (t0 * at.th1.dot * at.th2.dot);
+    const double t3 = t0 * at.th1.ddot;
+    matrix[0][2] = t1 * t3 + t1 * t2;
     /* tau1, a30: ddot(th2) */
     matrix[0][6] = at.th2.ddot;
     /* tau1, a31: dot(th2)^2 + th2*ddot(th2) - th20*ddot(th2) */
@@ -65,27 +65,26 @@ void closed_loop_arm_regressor(const closed_loop_arm_motion *motion,
     matrix[0][7] = t4 + t5;
     /* tau1, a32: ddot(th2)*th2^2 + ddot(th2)*th20^2 - 2*th2*th20*ddot(th2) + 2*th2*dot(th2)^2 -
        2*th20*dot(th2)^2 */
-    const double t6 = t2 * at.th2.ddot;
-    const double t7 = 2.0 * (t0 * t4);
-    matrix[0][8] = t6 + t7;
+    const double t6 = t1 * t4;
+    matrix[0][8] = t5 * t0 + t6;
     /* tau2, a11: -dot(th1)^2 */
-    const double t8 = at.th1.dot * at.th1.dot;
-    matrix[1][1] = -t8;
+    const double t7 = at.th1.dot * at.th1.dot;
+    matrix[1][1] = -t7;
     /* tau2, a12: -2*th2*dot(th1)^2 + 2*th20*dot(th1)^2 */
-    matrix[1][2] = -(2.0 * (t0 * t8));
+    matrix[1][2] = -(t1 * t7);
     /* tau2, a20: 2*ddot(th2) */
     matrix[1][3] = 2.0 * at.th2.ddot;
     /* tau2, a21: dot(th2)^2 + 2*th2*ddot(th2) - 2*th20*ddot(th2) */
-    matrix[1][4] = t4 + 2.0 * t5;
+    matrix[1][4] = t4 + t1 * at.th2.ddot;
     /* tau2, a22: -4*th2*th20*ddot(th2) + 2*th2*dot(th2)^2 + 2*ddot(th2)*th2^2 - 2*th20*dot(th2)^2 +
        2*ddot(th2)*th20^2 */
-    matrix[1][5] = 2.0 * t6 + t7;
+    matrix[1][5] = t1 * t5 + t6;
     /* tau2, a30: ddot(th1) */
     matrix[1][6] = at.th1.ddot;
     /* tau2, a31: th2*ddot(th1) - th20*ddot(th1) */
-    matrix[1][7] = t1;
+    matrix[1][7] = t3;
     /* tau2, a32: ddot(th1)*th2^2 + ddot(th1)*th20^2 - 2*th2*th20*ddot(th1) */
-    matrix[1][8] = t3;
+    matrix[1][8] = t3 * t0;
 }
 
 void closed_loop_arm_input_map(const closed_loop_arm_constants *constants,
@@ -114,23 +113,21 @@ void closed_loop_arm_inverse_dynamics(const closed_loop_arm_motion *motion,
         closed_loop_arm_forces *forces)
 {
     const double t0 = motion->th2.value - constants->th20;
-    const double t1 = t0 * motion->th1.ddot;
-    const double t2 = t0 * t0;
-    const double t3 = t2 * motion->th1.ddot;
+    const double t1 = 2.0 * t0;
+    const double t2 = 2.0 * motion->th1.dot * motion->th2.dot;
+    const double t3 = t0 * motion->th1.ddot;
     const double t4 = motion->th2.dot * motion->th2.dot;
     const double t5 = t0 * motion->th2.ddot;
-    const double t6 = t2 * motion->th2.ddot;
-    const double t7 = 2.0 * (t0 * t4);
-    const double t8 = motion->th1.dot * motion->th1.dot;
-    const double t9 = 2.0 * motion->th1.ddot * parameters->a10 + (2.0 * t1 + 2.0 * (motion->th1.dot
-            * motion->th2.dot)) * parameters->a11 + (2.0 * t3 + 4.0 * (t0 * motion->th1.dot *
-            motion->th2.dot)) * parameters->a12;
-    const double t10 = -(t8 * parameters->a11) - 2.0 * (t0 * t8) * parameters->a12 + 2.0 *
-            motion->th2.ddot * parameters->a20 + (t4 + 2.0 * t5) * parameters->a21 + (2.0 * t6 + t7)
-            * parameters->a22;
-    forces->tau1 = t9 + motion->th2.ddot * parameters->a30 + (t4 + t5) * parameters->a31 + (t6 + t7)
-            * parameters->a32;
-    forces->tau2 = t10 + motion->th1.ddot * parameters->a30 + t1 * parameters->a31 + t3 *
+    const double t6 = t1 * t4;
+    const double t7 = motion->th1.dot * motion->th1.dot;
+    const double t8 = 2.0 * motion->th1.ddot * parameters->a10 + (t1 * motion->th1.ddot + t2) *
+            parameters->a11 + (t1 * t3 + t1 * t2) * parameters->a12 + motion->th2.ddot *
+            parameters->a30 + (t4 + t5) * parameters->a31;
+    const double t9 = -t7 * parameters->a11 - t1 * t7 * parameters->a12 + 2.0 * motion->th2.ddot *
+            parameters->a20 + (t4 + t1 * motion->th2.ddot) * parameters->a21 + (t1 * t5 + t6) *
+            parameters->a22;
+    forces->tau1 = t8 + (t5 * t0 + t6) * parameters->a32;
+    forces->tau2 = t9 + motion->th1.ddot * parameters->a30 + t3 * parameters->a31 + t3 * t0 *
             parameters->a32;
 }
 
@@ -139,23 +136,21 @@ void closed_loop_arm_feed_forward(const closed_loop_arm_motion *motion,
         closed_loop_arm_inputs *inputs)
 {
     const double t0 = motion->th2.value - constants->th20;
-    const double t1 = t0 * motion->th1.ddot;
-    const double t2 = t0 * t0;
-    const double t3 = t2 * motion->th1.ddot;
+    const double t1 = 2.0 * t0;
+    const double t2 = 2.0 * motion->th1.dot * motion->th2.dot;
+    const double t3 = t0 * motion->th1.ddot;
     const double t4 = motion->th2.dot * motion->th2.dot;
     const double t5 = t0 * motion->th2.ddot;
-    const double t6 = t2 * motion->th2.ddot;
-    const double t7 = 2.0 * (t0 * t4);
-    const double t8 = motion->th1.dot * motion->th1.dot;
-    const double t9 = 2.0 * motion->th1.ddot * parameters->a10 + (2.0 * t1 + 2.0 * (motion->th1.dot
-            * motion->th2.dot)) * parameters->a11 + (2.0 * t3 + 4.0 * (t0 * motion->th1.dot *
-            motion->th2.dot)) * parameters->a12;
-    const double t10 = -(t8 * parameters->a11) - 2.0 * (t0 * t8) * parameters->a12 + 2.0 *
-            motion->th2.ddot * parameters->a20 + (t4 + 2.0 * t5) * parameters->a21 + (2.0 * t6 + t7)
-            * parameters->a22;
-    inputs->tau1 = t9 + motion->th2.ddot * parameters->a30 + (t4 + t5) * parameters->a31 + (t6 + t7)
-            * parameters->a32;
-    inputs->tau2 = t10 + motion->th1.ddot * parameters->a30 + t1 * parameters->a31 + t3 *
+    const double t6 = t1 * t4;
+    const double t7 = motion->th1.dot * motion->th1.dot;
+    const double t8 = 2.0 * motion->th1.ddot * parameters->a10 + (t1 * motion->th1.ddot + t2) *
+            parameters->a11 + (t1 * t3 + t1 * t2) * parameters->a12 + motion->th2.ddot *
+            parameters->a30 + (t4 + t5) * parameters->a31;
+    const double t9 = -t7 * parameters->a11 - t1 * t7 * parameters->a12 + 2.0 * motion->th2.ddot *
+            parameters->a20 + (t4 + t1 * motion->th2.ddot) * parameters->a21 + (t1 * t5 + t6) *
+            parameters->a22;
+    inputs->tau1 = t8 + (t5 * t0 + t6) * parameters->a32;
+    inputs->tau2 = t9 + motion->th1.ddot * parameters->a30 + t3 * parameters->a31 + t3 * t0 *
             parameters->a32;
 }
 
@@ -172,13 +167,13 @@ void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *m
     matrix[0][0] = t0;
     /* tau1, a11 */
     const double t1 = at.th2.value - constants->th20;
-    const double t2 = t1 * at.th1.ddot;
-    const double t3 = 2.0 * t2 + 2.0 * (at.th1.dot * at.th2.dot);
-    matrix[0][1] = t3;
+    const double t2 = 2.0 * t1;
+    const double t3 = 2.0 * at.th1.dot * at.th2.dot;
+    const double t4 = t2 * at.th1.ddot + t3;
+    matrix[0][1] = t4;
     /* tau1, a12 */
-    const double t4 = t1 * t1;
-    const double t5 = t4 * at.th1.ddot;
-    const double t6 = 2.0 * t5 + 4.0 * (t1 * at.th1.dot * at.th2.dot);
+    const double t5 = t1 * at.th1.ddot;
+    const double t6 = t2 * t5 + t2 * t3;
     matrix[0][2] = t6;
     /* tau1, a30 */
     matrix[0][6] = at.th2.ddot;
@@ -188,39 +183,40 @@ void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *m
     const double t9 = t7 + t8;
     matrix[0][7] = t9;
     /* tau1, a32 */
-    const double t10 = t4 * at.th2.ddot;
-    const double t11 = 2.0 * (t1 * t7);
-    const double t12 = t10 + t11;
-    matrix[0][8] = t12;
+    const double t10 = t2 * t7;
+    const double t11 = t8 * t1 + t10;
+    matrix[0][8] = t11;
     /* tau2, a11 */
-    const double t13 = at.th1.dot * at.th1.dot;
-    matrix[1][1] = -t13;
+    const double t12 = at.th1.dot * at.th1.dot;
+    const double t13 = -t12;
+    matrix[1][1] = t13;
     /* tau2, a12 */
-    const double t14 = 2.0 * (t1 * t13);
+    const double t14 = t2 * t12;
     matrix[1][2] = -t14;
     /* tau2, a20 */
     const double t15 = 2.0 * at.th2.ddot;
     matrix[1][3] = t15;
     /* tau2, a21 */
-    const double t16 = t7 + 2.0 * t8;
+    const double t16 = t7 + t2 * at.th2.ddot;
     matrix[1][4] = t16;
     /* tau2, a22 */
-    const double t17 = 2.0 * t10 + t11;
+    const double t17 = t2 * t8 + t10;
     matrix[1][5] = t17;
     /* tau2, a30 */
     matrix[1][6] = at.th1.ddot;
     /* tau2, a31 */
-    matrix[1][7] = t2;
+    matrix[1][7] = t5;
     /* tau2, a32 */
-    matrix[1][8] = t5;
+    const double t18 = t5 * t1;
+    matrix[1][8] = t18;
     /* tau1 */
-    inputs->tau1 = t0 * parameters->a10 + t3 * parameters->a11 + t6 * parameters->a12 + at.th2.ddot
-            * parameters->a30 + t9 * parameters->a31 + t12 * parameters->a32;
+    inputs->tau1 = t0 * parameters->a10 + t4 * parameters->a11 + t6 * parameters->a12 + at.th2.ddot
+            * parameters->a30 + t9 * parameters->a31 + t11 * parameters->a32;
     /* tau2 */
-    const double t18 = -(t13 * parameters->a11) - t14 * parameters->a12 + t15 * parameters->a20 +
-            t16 * parameters->a21 + t17 * parameters->a22 + at.th1.ddot * parameters->a30 + t2 *
-            parameters->a31 + t5 * parameters->a32;
-    inputs->tau2 = t18;
+    const double t19 = t13 * parameters->a11 - t14 * parameters->a12 + t15 * parameters->a20 + t16 *
+            parameters->a21 + t17 * parameters->a22 + at.th1.ddot * parameters->a30 + t5 *
+            parameters->a31 + t18 * parameters->a32;
+    inputs->tau2 = t19;
 }
 
 void closed_loop_arm_feed_forward_independent(const closed_loop_arm_motion *motion,
@@ -230,10 +226,11 @@ void closed_loop_arm_feed_forward_independent(const closed_loop_arm_motion *moti
     const double t0 = motion->th2.dot * motion->th2.dot;
     const double t1 = motion->th2.value - constants->th20;
     const double t2 = t1 * t1;
-    const double t3 = motion->th1.dot * motion->th1.dot;
+    const double t3 = 2.0 * t1;
+    const double t4 = motion->th1.dot * motion->th1.dot;
     inputs->tau1 = motion->th2.ddot * parameters->a30 + (t0 + t1 * motion->th2.ddot) *
-            parameters->a31 + (t2 * motion->th2.ddot + 2.0 * (t1 * t0)) * parameters->a32;
-    inputs->tau2 = -(t3 * parameters->a11) - 2.0 * (t1 * t3) * parameters->a12 + motion->th1.ddot *
+            parameters->a31 + (t2 * motion->th2.ddot + t3 * t0) * parameters->a32;
+    inputs->tau2 = -t4 * parameters->a11 - t3 * t4 * parameters->a12 + motion->th1.ddot *
             parameters->a30 + t1 * motion->th1.ddot * parameters->a31 + t2 * motion->th1.ddot *
             parameters->a32;
 }
@@ -243,16 +240,15 @@ void closed_loop_arm_feed_forward_dependent(const closed_loop_arm_motion *motion
         closed_loop_arm_inputs *inputs)
 {
     const double t0 = motion->th2.value - constants->th20;
-    const double t1 = t0 * t0;
-    const double t2 = motion->th2.dot * motion->th2.dot;
-    const double t3 = 2.0 * motion->th1.ddot * parameters->a10 + (2.0 * (t0 * motion->th1.ddot) +
-            2.0 * (motion->th1.dot * motion->th2.dot)) * parameters->a11 + (2.0 * (t1 *
-            motion->th1.ddot) + 4.0 * (t0 * motion->th1.dot * motion->th2.dot)) * parameters->a12;
-    const double t4 = 2.0 * motion->th2.ddot * parameters->a20 + (t2 + 2.0 * (t0 *
-            motion->th2.ddot)) * parameters->a21 + (2.0 * (t1 * motion->th2.ddot) + 2.0 * (t0 * t2))
-            * parameters->a22;
-    inputs->tau1 = t3;
-    inputs->tau2 = t4;
+    const double t1 = 2.0 * t0;
+    const double t2 = t1 * motion->th1.ddot;
+    const double t3 = 2.0 * motion->th1.dot * motion->th2.dot;
+    const double t4 = motion->th2.dot * motion->th2.dot;
+    const double t5 = t1 * motion->th2.ddot;
+    inputs->tau1 = 2.0 * motion->th1.ddot * parameters->a10 + (t2 + t3) * parameters->a11 + (t2 * t0
+            + t1 * t3) * parameters->a12;
+    inputs->tau2 = 2.0 * motion->th2.ddot * parameters->a20 + (t4 + t5) * parameters->a21 + (t5 * t0
+            + t1 * t4) * parameters->a22;
 }
 
 /* Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish. */
@@ -419,17 +415,16 @@ void closed_loop_arm_reference_at(const closed_loop_arm_pattern *pattern,
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
     const double t3 = cosine * t2;
-    const double t4 = 2.0 * (cosine * t1);
+    const double t4 = 2.0 * cosine * t1;
     const double t5 = (-0.8888888888888888) + cosine - 0.1111111111111111 * (t3 - t4);
-    const double t6 = 0.3333333333333333 * (sine * t2 + 2.0 * (sine * t0)) - sine;
-    const double t7 = t3 - cosine - t4;
-    const double t8 = pattern->w * pattern->w;
+    const double t6 = pattern->w * (0.3333333333333333 * (sine * t2 + 2.0 * sine * t0) - sine);
+    const double t7 = (t3 - cosine - t4) * (pattern->w * pattern->w);
     motion->th1.value = constants->th10 + t5 * pattern->lambda1;
-    motion->th1.dot = pattern->w * pattern->lambda1 * t6;
-    motion->th1.ddot = pattern->lambda1 * t7 * t8;
+    motion->th1.dot = t6 * pattern->lambda1;
+    motion->th1.ddot = pattern->lambda1 * t7;
     motion->th2.value = constants->th20 + t5 * pattern->lambda2;
-    motion->th2.dot = pattern->w * t6 * pattern->lambda2;
-    motion->th2.ddot = t7 * t8 * pattern->lambda2;
+    motion->th2.dot = t6 * pattern->lambda2;
+    motion->th2.ddot = t7 * pattern->lambda2;
 }
 
 void closed_loop_arm_reference(const closed_loop_arm_pattern *pattern,
@@ -473,173 +468,171 @@ void closed_loop_arm_estimator_matrix(const closed_loop_arm_pattern *pattern,
     const double t2 = 2.0 * t1;
     matrix[0][0] = -t2;
     /* tau1, cos 1, a11: 16/9*lambda1*lambda2*w^2 */
-    const double t3 = t1 * own.lambda2;
-    const double t4 = 1.7777777777777777 * t3;
-    matrix[0][1] = t4;
+    const double t3 = t0 * own.lambda2;
+    const double t4 = own.lambda1 * t3;
+    const double t5 = 1.7777777777777777 * t4;
+    matrix[0][1] = t5;
     /* tau1, cos 1, a12: -55/27*lambda1*lambda2^2*w^2 */
-    const double t5 = own.lambda2 * own.lambda2;
-    const double t6 = t1 * t5;
+    const double t6 = t4 * own.lambda2;
     matrix[0][2] = -(2.037037037037037 * t6);
     /* tau1, cos 1, a30: -lambda2*w^2 */
-    const double t7 = t0 * own.lambda2;
-    matrix[0][6] = -t7;
+    matrix[0][6] = -t3;
     /* tau1, cos 1, a31: 8/9*lambda2^2*w^2 */
-    const double t8 = t0 * t5;
-    const double t9 = 0.8888888888888888 * t8;
-    matrix[0][7] = t9;
+    const double t7 = t3 * own.lambda2;
+    const double t8 = 0.8888888888888888 * t7;
+    matrix[0][7] = t8;
     /* tau1, cos 1, a32: -55/54*lambda2^3*w^2 */
-    const double t10 = t0 * (own.lambda2 * t5);
-    matrix[0][8] = -(1.0185185185185186 * t10);
+    const double t9 = t3 * (own.lambda2 * own.lambda2);
+    matrix[0][8] = -(1.0185185185185186 * t9);
     /* tau1, cos 2, a11: -14/9*lambda1*lambda2*w^2 */
-    matrix[1][1] = -(1.5555555555555556 * t3);
+    matrix[1][1] = -(1.5555555555555556 * t4);
     /* tau1, cos 2, a12: 224/81*lambda1*lambda2^2*w^2 */
     matrix[1][2] = 2.765432098765432 * t6;
     /* tau1, cos 2, a31: -7/9*lambda2^2*w^2 */
-    matrix[1][7] = -(0.7777777777777778 * t8);
+    matrix[1][7] = -(0.7777777777777778 * t7);
     /* tau1, cos 2, a32: 112/81*lambda2^3*w^2 */
-    matrix[1][8] = 1.382716049382716 * t10;
+    matrix[1][8] = 1.382716049382716 * t9;
     /* tau1, cos 3, a10: 2*lambda1*w^2 */
     matrix[2][0] = t2;
     /* tau1, cos 3, a11: -16/9*lambda1*lambda2*w^2 */
-    matrix[2][1] = -t4;
+    matrix[2][1] = -t5;
     /* tau1, cos 3, a12: 88/81*lambda1*lambda2^2*w^2 */
     matrix[2][2] = 1.0864197530864197 * t6;
     /* tau1, cos 3, a30: lambda2*w^2 */
-    matrix[2][6] = t7;
+    matrix[2][6] = t3;
     /* tau1, cos 3, a31: -8/9*lambda2^2*w^2 */
-    matrix[2][7] = -t9;
+    matrix[2][7] = -t8;
     /* tau1, cos 3, a32: 44/81*lambda2^3*w^2 */
-    matrix[2][8] = 0.5432098765432098 * t10;
+    matrix[2][8] = 0.5432098765432098 * t9;
     /* tau1, cos 4, a11: 16/9*lambda1*lambda2*w^2 */
-    matrix[3][1] = t4;
+    matrix[3][1] = t5;
     /* tau1, cos 4, a12: -256/81*lambda1*lambda2^2*w^2 */
     matrix[3][2] = -(3.1604938271604937 * t6);
     /* tau1, cos 4, a31: 8/9*lambda2^2*w^2 */
-    matrix[3][7] = t9;
+    matrix[3][7] = t8;
     /* tau1, cos 4, a32: -128/81*lambda2^3*w^2 */
-    matrix[3][8] = -(1.5802469135802468 * t10);
+    matrix[3][8] = -(1.5802469135802468 * t9);
     /* tau1, cos 5, a12: 100/81*lambda1*lambda2^2*w^2 */
     matrix[4][2] = 1.2345679012345678 * t6;
     /* tau1, cos 5, a32: 50/81*lambda2^3*w^2 */
-    matrix[4][8] = 0.6172839506172839 * t10;
+    matrix[4][8] = 0.6172839506172839 * t9;
     /* tau1, cos 6, a11: -2/9*lambda1*lambda2*w^2 */
-    matrix[5][1] = -(0.2222222222222222 * t3);
+    matrix[5][1] = -(0.2222222222222222 * t4);
     /* tau1, cos 6, a12: 32/81*lambda1*lambda2^2*w^2 */
     matrix[5][2] = 0.3950617283950617 * t6;
     /* tau1, cos 6, a31: -1/9*lambda2^2*w^2 */
-    matrix[5][7] = -(0.1111111111111111 * t8);
+    matrix[5][7] = -(0.1111111111111111 * t7);
     /* tau1, cos 6, a32: 16/81*lambda2^3*w^2 */
-    matrix[5][8] = 0.19753086419753085 * t10;
+    matrix[5][8] = 0.19753086419753085 * t9;
     /* tau1, cos 7, a12: -49/162*lambda1*lambda2^2*w^2 */
     matrix[6][2] = -(0.30246913580246915 * t6);
     /* tau1, cos 7, a32: -49/324*lambda2^3*w^2 */
-    matrix[6][8] = -(0.15123456790123457 * t10);
+    matrix[6][8] = -(0.15123456790123457 * t9);
     /* tau1, cos 9, a12: 1/54*lambda1*lambda2^2*w^2 */
     matrix[7][2] = 0.018518518518518517 * t6;
     /* tau1, cos 9, a32: 1/108*lambda2^3*w^2 */
-    matrix[7][8] = 0.009259259259259259 * t10;
+    matrix[7][8] = 0.009259259259259259 * t9;
     /* tau2, cos 0, a11: -5/9*lambda1^2*w^2 */
-    const double t11 = own.lambda1 * own.lambda1;
-    const double t12 = t0 * t11;
-    matrix[8][1] = -(0.5555555555555556 * t12);
+    const double t10 = t1 * own.lambda1;
+    matrix[8][1] = -(0.5555555555555556 * t10);
     /* tau2, cos 0, a12: 80/81*lambda1^2*lambda2*w^2 */
-    const double t13 = t7 * t11;
-    matrix[8][2] = 0.9876543209876543 * t13;
+    const double t11 = t4 * own.lambda1;
+    matrix[8][2] = 0.9876543209876543 * t11;
     /* tau2, cos 0, a21: -5/9*lambda2^2*w^2 */
-    matrix[8][4] = -(0.5555555555555556 * t8);
+    matrix[8][4] = -(0.5555555555555556 * t7);
     /* tau2, cos 0, a22: 80/81*lambda2^3*w^2 */
-    matrix[8][5] = 0.9876543209876543 * t10;
+    matrix[8][5] = 0.9876543209876543 * t9;
     /* tau2, cos 0, a31: -5/9*lambda1*lambda2*w^2 */
-    const double t14 = 0.5555555555555556 * t3;
-    matrix[8][7] = -t14;
+    const double t12 = 0.5555555555555556 * t4;
+    matrix[8][7] = -t12;
     /* tau2, cos 0, a32: 80/81*lambda1*lambda2^2*w^2 */
-    const double t15 = 0.9876543209876543 * t6;
-    matrix[8][8] = t15;
+    const double t13 = 0.9876543209876543 * t6;
+    matrix[8][8] = t13;
     /* tau2, cos 1, a12: -1/3*lambda1^2*lambda2*w^2 */
-    matrix[9][2] = -(0.3333333333333333 * t13);
+    matrix[9][2] = -(0.3333333333333333 * t11);
     /* tau2, cos 1, a20: -2*lambda2*w^2 */
-    const double t16 = 2.0 * t7;
-    matrix[9][3] = -t16;
+    const double t14 = 2.0 * t3;
+    matrix[9][3] = -t14;
     /* tau2, cos 1, a21: 16/9*lambda2^2*w^2 */
-    const double t17 = 1.7777777777777777 * t8;
-    matrix[9][4] = t17;
+    const double t15 = 1.7777777777777777 * t7;
+    matrix[9][4] = t15;
     /* tau2, cos 1, a22: -64/27*lambda2^3*w^2 */
-    matrix[9][5] = -(2.3703703703703702 * t10);
+    matrix[9][5] = -(2.3703703703703702 * t9);
     /* tau2, cos 1, a30: -lambda1*w^2 */
     matrix[9][6] = -t1;
     /* tau2, cos 1, a31: 8/9*lambda1*lambda2*w^2 */
-    const double t18 = 0.8888888888888888 * t3;
-    matrix[9][7] = t18;
+    const double t16 = 0.8888888888888888 * t4;
+    matrix[9][7] = t16;
     /* tau2, cos 1, a32: -73/54*lambda1*lambda2^2*w^2 */
     matrix[9][8] = -(1.3518518518518519 * t6);
     /* tau2, cos 2, a11: 5/6*lambda1^2*w^2 */
-    matrix[10][1] = 0.8333333333333334 * t12;
+    matrix[10][1] = 0.8333333333333334 * t10;
     /* tau2, cos 2, a12: -40/27*lambda1^2*lambda2*w^2 */
-    matrix[10][2] = -(1.4814814814814814 * t13);
+    matrix[10][2] = -(1.4814814814814814 * t11);
     /* tau2, cos 2, a21: -13/18*lambda2^2*w^2 */
-    matrix[10][4] = -(0.7222222222222222 * t8);
+    matrix[10][4] = -(0.7222222222222222 * t7);
     /* tau2, cos 2, a22: 104/81*lambda2^3*w^2 */
-    matrix[10][5] = 1.2839506172839505 * t10;
+    matrix[10][5] = 1.2839506172839505 * t9;
     /* tau2, cos 2, a31: 1/18*lambda1*lambda2*w^2 */
-    const double t19 = 0.05555555555555555 * t3;
-    matrix[10][7] = t19;
+    const double t17 = 0.05555555555555555 * t4;
+    matrix[10][7] = t17;
     /* tau2, cos 2, a32: -8/81*lambda1*lambda2^2*w^2 */
-    const double t20 = 0.09876543209876543 * t6;
-    matrix[10][8] = -t20;
+    const double t18 = 0.09876543209876543 * t6;
+    matrix[10][8] = -t18;
     /* tau2, cos 3, a12: 50/81*lambda1^2*lambda2*w^2 */
-    matrix[11][2] = 0.6172839506172839 * t13;
+    matrix[11][2] = 0.6172839506172839 * t11;
     /* tau2, cos 3, a20: 2*lambda2*w^2 */
-    matrix[11][3] = t16;
+    matrix[11][3] = t14;
     /* tau2, cos 3, a21: -16/9*lambda2^2*w^2 */
-    matrix[11][4] = -t17;
+    matrix[11][4] = -t15;
     /* tau2, cos 3, a22: 46/27*lambda2^3*w^2 */
-    matrix[11][5] = 1.7037037037037037 * t10;
+    matrix[11][5] = 1.7037037037037037 * t9;
     /* tau2, cos 3, a30: lambda1*w^2 */
     matrix[11][6] = t1;
     /* tau2, cos 3, a31: -8/9*lambda1*lambda2*w^2 */
-    matrix[11][7] = -t18;
+    matrix[11][7] = -t16;
     /* tau2, cos 3, a32: 94/81*lambda1*lambda2^2*w^2 */
     matrix[11][8] = 1.1604938271604939 * t6;
     /* tau2, cos 4, a11: -1/3*lambda1^2*w^2 */
-    matrix[12][1] = -(0.3333333333333333 * t12);
+    matrix[12][1] = -(0.3333333333333333 * t10);
     /* tau2, cos 4, a12: 16/27*lambda1^2*lambda2*w^2 */
-    matrix[12][2] = 0.5925925925925926 * t13;
+    matrix[12][2] = 0.5925925925925926 * t11;
     /* tau2, cos 4, a21: 13/9*lambda2^2*w^2 */
-    matrix[12][4] = 1.4444444444444444 * t8;
+    matrix[12][4] = 1.4444444444444444 * t7;
     /* tau2, cos 4, a22: -208/81*lambda2^3*w^2 */
-    matrix[12][5] = -(2.567901234567901 * t10);
+    matrix[12][5] = -(2.567901234567901 * t9);
     /* tau2, cos 4, a31: 5/9*lambda1*lambda2*w^2 */
-    matrix[12][7] = t14;
+    matrix[12][7] = t12;
     /* tau2, cos 4, a32: -80/81*lambda1*lambda2^2*w^2 */
-    matrix[12][8] = -t15;
+    matrix[12][8] = -t13;
     /* tau2, cos 5, a12: -10/27*lambda1^2*lambda2*w^2 */
-    matrix[13][2] = -(0.37037037037037035 * t13);
+    matrix[13][2] = -(0.37037037037037035 * t11);
     /* tau2, cos 5, a22: 70/81*lambda2^3*w^2 */
-    matrix[13][5] = 0.8641975308641975 * t10;
+    matrix[13][5] = 0.8641975308641975 * t9;
     /* tau2, cos 5, a32: 20/81*lambda1*lambda2^2*w^2 */
     matrix[13][8] = 0.24691358024691357 * t6;
     /* tau2, cos 6, a11: 1/18*lambda1^2*w^2 */
-    matrix[14][1] = 0.05555555555555555 * t12;
+    matrix[14][1] = 0.05555555555555555 * t10;
     /* tau2, cos 6, a12: -8/81*lambda1^2*lambda2*w^2 */
-    matrix[14][2] = -(0.09876543209876543 * t13);
+    matrix[14][2] = -(0.09876543209876543 * t11);
     /* tau2, cos 6, a21: -1/6*lambda2^2*w^2 */
-    matrix[14][4] = -(0.16666666666666666 * t8);
+    matrix[14][4] = -(0.16666666666666666 * t7);
     /* tau2, cos 6, a22: 8/27*lambda2^3*w^2 */
-    matrix[14][5] = 0.2962962962962963 * t10;
+    matrix[14][5] = 0.2962962962962963 * t9;
     /* tau2, cos 6, a31: -1/18*lambda1*lambda2*w^2 */
-    matrix[14][7] = -t19;
+    matrix[14][7] = -t17;
     /* tau2, cos 6, a32: 8/81*lambda1*lambda2^2*w^2 */
-    matrix[14][8] = t20;
+    matrix[14][8] = t18;
     /* tau2, cos 7, a12: 5/54*lambda1^2*lambda2*w^2 */
-    matrix[15][2] = 0.09259259259259259 * t13;
+    matrix[15][2] = 0.09259259259259259 * t11;
     /* tau2, cos 7, a22: -17/81*lambda2^3*w^2 */
-    matrix[15][5] = -(0.20987654320987653 * t10);
+    matrix[15][5] = -(0.20987654320987653 * t9);
     /* tau2, cos 7, a32: -19/324*lambda1*lambda2^2*w^2 */
     matrix[15][8] = -(0.05864197530864197 * t6);
     /* tau2, cos 9, a12: -1/162*lambda1^2*lambda2*w^2 */
-    matrix[16][2] = -(0.006172839506172839 * t13);
+    matrix[16][2] = -(0.006172839506172839 * t11);
     /* tau2, cos 9, a22: 1/81*lambda2^3*w^2 */
-    matrix[16][5] = 0.012345679012345678 * t10;
+    matrix[16][5] = 0.012345679012345678 * t9;
     /* tau2, cos 9, a32: 1/324*lambda1*lambda2^2*w^2 */
     matrix[16][8] = 0.0030864197530864196 * t6;
 }
@@ -658,35 +651,34 @@ void closed_loop_arm_accumulate_at(closed_loop_arm_accumulator *accumulator, dou
         double sine, const closed_loop_arm_forces *sample)
 {
     const closed_loop_arm_forces now = *sample;
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = t2 * t2 - 4.0 * (t0 * t1);
-    const double t5 = sine * t2 + 2.0 * (sine * t0);
-    const double t6 = cosine * sine;
-    const double t7 = t2 * t3 - 2.0 * (t6 * t5);
-    const double t8 = t3 * t3 - t5 * t5;
-    const double t9 = t6 * t2;
-    const double t10 = t3 * t4 - 4.0 * (t9 * t5);
-    const double t11 = t4 * t7 - 4.0 * (t9 * (t2 * t5 + 2.0 * (t6 * t3)));
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = 2.0 * cosine * sine;
+    const double t2 = cosine * t0 - t1 * sine;
+    const double t3 = t0 * t0 - t1 * t1;
+    const double t4 = sine * t0 + t1 * cosine;
+    const double t5 = t1 * t4;
+    const double t6 = t0 * t2 - t5;
+    const double t7 = t2 * t2 - t4 * t4;
+    const double t8 = 2.0 * t0;
+    const double t9 = t2 * t3 - t5 * t8;
+    const double t10 = t3 * t6 - t1 * t8 * (t0 * t4 + t1 * t2);
     accumulator->sums[0] += now.tau1 * cosine;
-    accumulator->sums[1] += now.tau1 * t2;
-    accumulator->sums[2] += now.tau1 * t3;
-    accumulator->sums[3] += now.tau1 * t4;
-    accumulator->sums[4] += now.tau1 * t7;
-    accumulator->sums[5] += now.tau1 * t8;
-    accumulator->sums[6] += now.tau1 * t10;
-    accumulator->sums[7] += now.tau1 * t11;
+    accumulator->sums[1] += now.tau1 * t0;
+    accumulator->sums[2] += now.tau1 * t2;
+    accumulator->sums[3] += now.tau1 * t3;
+    accumulator->sums[4] += now.tau1 * t6;
+    accumulator->sums[5] += now.tau1 * t7;
+    accumulator->sums[6] += now.tau1 * t9;
+    accumulator->sums[7] += now.tau1 * t10;
     accumulator->sums[8] += now.tau2;
     accumulator->sums[9] += now.tau2 * cosine;
-    accumulator->sums[10] += now.tau2 * t2;
-    accumulator->sums[11] += now.tau2 * t3;
-    accumulator->sums[12] += now.tau2 * t4;
-    accumulator->sums[13] += now.tau2 * t7;
-    accumulator->sums[14] += now.tau2 * t8;
-    accumulator->sums[15] += now.tau2 * t10;
-    accumulator->sums[16] += now.tau2 * t11;
+    accumulator->sums[10] += now.tau2 * t0;
+    accumulator->sums[11] += now.tau2 * t2;
+    accumulator->sums[12] += now.tau2 * t3;
+    accumulator->sums[13] += now.tau2 * t6;
+    accumulator->sums[14] += now.tau2 * t7;
+    accumulator->sums[15] += now.tau2 * t9;
+    accumulator->sums[16] += now.tau2 * t10;
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

@@ -20,16 +20,16 @@
  *
  * | function | additions | multiplications | divisions | function calls |
  * |---|---|---|---|---|
- * | `closed_loop_arm_regressor` | 9 | 22 | 0 | 0 |
+ * | `closed_loop_arm_regressor` | 9 | 18 | 0 | 0 |
  * | `closed_loop_arm_known` | 0 | 0 | 0 | 0 |
  * | `closed_loop_arm_input_map` | 0 | 0 | 0 | 0 |
- * | `closed_loop_arm_inverse_dynamics` | 20 | 36 | 0 | 0 |
- * | `closed_loop_arm_feed_forward` | 20 | 36 | 0 | 0 |
- * | `closed_loop_arm_feed_forward_independent` | 10 | 19 | 0 | 0 |
- * | `closed_loop_arm_feed_forward_dependent` | 9 | 25 | 0 | 0 |
- * | `closed_loop_arm_reference_at` | 10 | 21 | 0 | 0 |
- * | `closed_loop_arm_estimator_matrix` | 37 | 73 | 0 | 0 |
- * | `closed_loop_arm_accumulate_at` | 9 | 27 | 0 | 0 |
+ * | `closed_loop_arm_inverse_dynamics` | 20 | 32 | 0 | 0 |
+ * | `closed_loop_arm_feed_forward` | 20 | 32 | 0 | 0 |
+ * | `closed_loop_arm_feed_forward_independent` | 10 | 18 | 0 | 0 |
+ * | `closed_loop_arm_feed_forward_dependent` | 9 | 18 | 0 | 0 |
+ * | `closed_loop_arm_reference_at` | 10 | 19 | 0 | 0 |
+ * | `closed_loop_arm_estimator_matrix` | 37 | 71 | 0 | 0 |
+ * | `closed_loop_arm_accumulate_at` | 9 | 22 | 0 | 0 |
  */
 #ifndef CLOSED_LOOP_ARM_H_INCLUDED
 #define CLOSED_LOOP_ARM_H_INCLUDED
@@ -173,7 +173,7 @@ extern const closed_loop_arm_label closed_loop_arm_equation_labels[CLOSED_LOOP_A
  *     a31: th2*ddot(th1) - th20*ddot(th1)
  *     a32: ddot(th1)*th2^2 + ddot(th1)*th20^2 - 2*th2*th20*ddot(th1)
  *
- * Operations: 9 additions, 22 multiplications.
+ * Operations: 9 additions, 18 multiplications.
  */
 void closed_loop_arm_regressor(const closed_loop_arm_motion *motion,
         const closed_loop_arm_constants *constants,
@@ -198,7 +198,7 @@ void closed_loop_arm_known(const closed_loop_arm_motion *motion,
 /*
  * Phi theta + known: the generalised force of every equation that the motion needs.
  *
- * Operations: 20 additions, 36 multiplications.
+ * Operations: 20 additions, 32 multiplications.
  */
 void closed_loop_arm_inverse_dynamics(const closed_loop_arm_motion *motion,
         const closed_loop_arm_parameters *parameters, const closed_loop_arm_constants *constants,
@@ -207,7 +207,7 @@ void closed_loop_arm_inverse_dynamics(const closed_loop_arm_motion *motion,
 /*
  * Feed-forward: the inputs that the reference motion needs.
  *
- * Operations: 20 additions, 36 multiplications.
+ * Operations: 20 additions, 32 multiplications.
  */
 void closed_loop_arm_feed_forward(const closed_loop_arm_motion *motion,
         const closed_loop_arm_parameters *parameters, const closed_loop_arm_constants *constants,
@@ -217,7 +217,7 @@ void closed_loop_arm_feed_forward(const closed_loop_arm_motion *motion,
  * `closed_loop_arm_feed_forward` and `closed_loop_arm_regressor` in one go: what they share is
  * computed once.
  *
- * Operations: 22 additions, 36 multiplications.
+ * Operations: 21 additions, 32 multiplications.
  */
 void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *motion,
         const closed_loop_arm_parameters *parameters, const closed_loop_arm_constants *constants,
@@ -230,7 +230,7 @@ void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *m
  * still while the others move. An actuator gives it as fast as its amplifier is, so that it needs
  * no low pass.
  *
- * Operations: 10 additions, 19 multiplications.
+ * Operations: 10 additions, 18 multiplications.
  */
 void closed_loop_arm_feed_forward_independent(const closed_loop_arm_motion *motion,
         const closed_loop_arm_parameters *parameters, const closed_loop_arm_constants *constants,
@@ -241,7 +241,7 @@ void closed_loop_arm_feed_forward_independent(const closed_loop_arm_motion *moti
  * With
  * `closed_loop_arm_feed_forward_independent` it adds up to `closed_loop_arm_feed_forward`.
  *
- * Operations: 9 additions, 25 multiplications.
+ * Operations: 9 additions, 18 multiplications.
  */
 void closed_loop_arm_feed_forward_dependent(const closed_loop_arm_motion *motion,
         const closed_loop_arm_parameters *parameters, const closed_loop_arm_constants *constants,
@@ -305,7 +305,7 @@ double closed_loop_arm_period(const closed_loop_arm_pattern *pattern);
 /*
  * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
  *
- * Operations: 10 additions, 21 multiplications, one sine and cosine.
+ * Operations: 10 additions, 19 multiplications, one sine and cosine.
  */
 void closed_loop_arm_reference_at(const closed_loop_arm_pattern *pattern,
         const closed_loop_arm_constants *constants, double phase, closed_loop_arm_motion *motion);
@@ -378,7 +378,7 @@ typedef struct closed_loop_arm_harmonics {
  * Rows are in the order of `closed_loop_arm_harmonics`, columns in the order of
  * `closed_loop_arm_parameters`.
  *
- * Operations: 37 additions, 73 multiplications.
+ * Operations: 37 additions, 71 multiplications.
  */
 void closed_loop_arm_estimator_matrix(const closed_loop_arm_pattern *pattern,
         const closed_loop_arm_constants *constants,
@@ -403,7 +403,7 @@ void closed_loop_arm_accumulator_clear(closed_loop_arm_accumulator *accumulator)
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 9 additions, 27 multiplications.
+ * Operations: 9 additions, 22 multiplications.
  */
 void closed_loop_arm_accumulate_at(closed_loop_arm_accumulator *accumulator, double cosine,
         double sine, const closed_loop_arm_forces *sample);

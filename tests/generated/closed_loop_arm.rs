@@ -23,16 +23,18 @@
 //!
 //! | function | additions | multiplications | divisions | function calls |
 //! |---|---|---|---|---|
-//! | `regressor` | 9 | 22 | 0 | 0 |
+//! | `regressor` | 9 | 18 | 0 | 0 |
 //! | `known` | 0 | 0 | 0 | 0 |
 //! | `input_map` | 0 | 0 | 0 | 0 |
-//! | `inverse_dynamics` | 20 | 36 | 0 | 0 |
-//! | `feed_forward` | 20 | 36 | 0 | 0 |
-//! | `feed_forward_independent` | 10 | 19 | 0 | 0 |
-//! | `feed_forward_dependent` | 9 | 25 | 0 | 0 |
-//! | `Pattern::reference` | 10 | 21 | 0 | 0 |
-//! | `Pattern::estimator_matrix` | 37 | 73 | 0 | 0 |
-//! | `Accumulator::push_at` | 9 | 27 | 0 | 0 |
+//! | `inverse_dynamics` | 20 | 32 | 0 | 0 |
+//! | `feed_forward` | 20 | 32 | 0 | 0 |
+//! | `feed_forward_independent` | 10 | 18 | 0 | 0 |
+//! | `feed_forward_dependent` | 9 | 18 | 0 | 0 |
+//! | `Pattern::reference` | 10 | 19 | 0 | 0 |
+//! | `Pattern::estimator_matrix` | 37 | 71 | 0 | 0 |
+//! | `Accumulator::push_at` | 9 | 22 | 0 | 0 |
+//!
+//! Beside `core` it needs the crate `libm`, and nothing else.
 
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(
@@ -40,16 +42,9 @@
     reason = "an exact rational that only looks like a known constant"
 )]
 
-use ::tpm_runtime::harmonics::AccumulatorError;
-use ::tpm_runtime::model::{fixed, require_len, store};
-use ::tpm_runtime::{
-    Buffer, Dims, EvalError, Label, Model, Real, SolveError, least_squares,
-    weighted_least_squares,
+use self::support::{
+    AccumulatorError, Label, Real, SolveError, least_squares, weighted_least_squares,
 };
-
-/// The model `ClosedLoopArm`, as the runtime takes any model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ClosedLoopArm;
 
 /// Names and units of the coordinates.
 pub const COORDINATES: [Label<'static>; 2] = [
@@ -90,16 +85,6 @@ pub const EQUATIONS: [Label<'static>; 2] = [
 
 /// A number that changes with the model, for logs and results to say what they belong to.
 pub const MODEL_HASH: u64 = 12569776978728426919;
-
-/// The sizes of the model.
-pub const DIMS: Dims = Dims {
-    coordinates: COORDINATES.len(),
-    order: 2,
-    inputs: INPUTS.len(),
-    rows: EQUATIONS.len(),
-    parameters: PARAMETERS.len(),
-    constants: CONSTANTS.len(),
-};
 
 /// The parameters that are estimated; every equation is linear in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -215,7 +200,7 @@ pub struct Motion<T> {
 }
 
 impl<T: Real> Motion<T> {
-    /// From the order that [`Model`] uses: derivative n of coordinate c stands at `n * coordinates + c`.
+    /// From one list: derivative n of coordinate c stands at `n * coordinates + c`.
     #[must_use]
     pub fn from_array(values: &[T; 6]) -> Self {
         let &[v0, v1, v2, v3, v4, v5] = values;
@@ -233,7 +218,7 @@ impl<T: Real> Motion<T> {
         }
     }
 
-    /// In the order that [`Model`] uses, with zeros for derivatives that no equation reads.
+    /// The same list, with zeros for derivatives that no equation reads.
     #[must_use]
     pub fn into_array(self) -> [T; 6] {
         [
@@ -320,7 +305,7 @@ impl<T> Inputs<T> {
 /// a31: th2*ddot(th1) - th20*ddot(th1)
 /// a32: ddot(th1)*th2^2 + ddot(th1)*th20^2 - 2*th2*th20*ddot(th1)
 /// ```
-/// Operations: 9 additions, 22 multiplications.
+/// Operations: 9 additions, 18 multiplications.
 #[must_use]
 pub fn regressor<T: Real>(motion: &Motion<T>, constants: &Constants<T>) -> [[T; 9]; 2] {
     let mut matrix = [[T::ZERO; 9]; 2];
@@ -328,14 +313,12 @@ pub fn regressor<T: Real>(motion: &Motion<T>, constants: &Constants<T>) -> [[T; 
     matrix[0][0] = T::from_f64(2.0) * motion.th1.ddot;
     // tau1, a11: 2*th2*ddot(th1) - 2*th20*ddot(th1) + 2*dot(th1)*dot(th2)
     let t0 = motion.th2.value - constants.th20;
-    let t1 = t0 * motion.th1.ddot;
-    matrix[0][1] = T::from_f64(2.0) * t1
-        + T::from_f64(2.0) * (motion.th1.dot * motion.th2.dot);
+    let t1 = T::from_f64(2.0) * t0;
+    let t2 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
+    matrix[0][1] = t1 * motion.th1.ddot + t2;
     // tau1, a12: -4*th2*th20*ddot(th1) + 4*th2*dot(th1)*dot(th2) + 2*ddot(th1)*th2^2 - 4*th20*dot(th1)*dot(th2) + 2*ddot(th1)*th20^2
-    let t2 = t0 * t0;
-    let t3 = t2 * motion.th1.ddot;
-    matrix[0][2] = T::from_f64(2.0) * t3
-        + T::from_f64(4.0) * (t0 * motion.th1.dot * motion.th2.dot);
+    let t3 = t0 * motion.th1.ddot;
+    matrix[0][2] = t1 * t3 + t1 * t2;
     // tau1, a30: ddot(th2)
     matrix[0][6] = motion.th2.ddot;
     // tau1, a31: dot(th2)^2 + th2*ddot(th2) - th20*ddot(th2)
@@ -343,26 +326,25 @@ pub fn regressor<T: Real>(motion: &Motion<T>, constants: &Constants<T>) -> [[T; 
     let t5 = t0 * motion.th2.ddot;
     matrix[0][7] = t4 + t5;
     // tau1, a32: ddot(th2)*th2^2 + ddot(th2)*th20^2 - 2*th2*th20*ddot(th2) + 2*th2*dot(th2)^2 - 2*th20*dot(th2)^2
-    let t6 = t2 * motion.th2.ddot;
-    let t7 = T::from_f64(2.0) * (t0 * t4);
-    matrix[0][8] = t6 + t7;
+    let t6 = t1 * t4;
+    matrix[0][8] = t5 * t0 + t6;
     // tau2, a11: -dot(th1)^2
-    let t8 = motion.th1.dot * motion.th1.dot;
-    matrix[1][1] = -t8;
+    let t7 = motion.th1.dot * motion.th1.dot;
+    matrix[1][1] = -t7;
     // tau2, a12: -2*th2*dot(th1)^2 + 2*th20*dot(th1)^2
-    matrix[1][2] = -(T::from_f64(2.0) * (t0 * t8));
+    matrix[1][2] = -(t1 * t7);
     // tau2, a20: 2*ddot(th2)
     matrix[1][3] = T::from_f64(2.0) * motion.th2.ddot;
     // tau2, a21: dot(th2)^2 + 2*th2*ddot(th2) - 2*th20*ddot(th2)
-    matrix[1][4] = t4 + T::from_f64(2.0) * t5;
+    matrix[1][4] = t4 + t1 * motion.th2.ddot;
     // tau2, a22: -4*th2*th20*ddot(th2) + 2*th2*dot(th2)^2 + 2*ddot(th2)*th2^2 - 2*th20*dot(th2)^2 + 2*ddot(th2)*th20^2
-    matrix[1][5] = T::from_f64(2.0) * t6 + t7;
+    matrix[1][5] = t1 * t5 + t6;
     // tau2, a30: ddot(th1)
     matrix[1][6] = motion.th1.ddot;
     // tau2, a31: th2*ddot(th1) - th20*ddot(th1)
-    matrix[1][7] = t1;
+    matrix[1][7] = t3;
     // tau2, a32: ddot(th1)*th2^2 + ddot(th1)*th20^2 - 2*th2*th20*ddot(th1)
-    matrix[1][8] = t3;
+    matrix[1][8] = t3 * t0;
     matrix
 }
 
@@ -392,7 +374,7 @@ pub fn input_map<T: Real>(_constants: &Constants<T>) -> [[T; 2]; 2] {
 
 /// Phi theta + known: the generalised force of every equation that the motion needs.
 ///
-/// Operations: 20 additions, 36 multiplications.
+/// Operations: 20 additions, 32 multiplications.
 #[must_use]
 pub fn inverse_dynamics<T: Real>(
     motion: &Motion<T>,
@@ -400,35 +382,30 @@ pub fn inverse_dynamics<T: Real>(
     constants: &Constants<T>,
 ) -> Forces<T> {
     let t0 = motion.th2.value - constants.th20;
-    let t1 = t0 * motion.th1.ddot;
-    let t2 = t0 * t0;
-    let t3 = t2 * motion.th1.ddot;
+    let t1 = T::from_f64(2.0) * t0;
+    let t2 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
+    let t3 = t0 * motion.th1.ddot;
     let t4 = motion.th2.dot * motion.th2.dot;
     let t5 = t0 * motion.th2.ddot;
-    let t6 = t2 * motion.th2.ddot;
-    let t7 = T::from_f64(2.0) * (t0 * t4);
-    let t8 = motion.th1.dot * motion.th1.dot;
-    let t9 = T::from_f64(2.0) * motion.th1.ddot * parameters.a10
-        + (T::from_f64(2.0) * t1 + T::from_f64(2.0) * (motion.th1.dot * motion.th2.dot))
-            * parameters.a11
-        + (T::from_f64(2.0) * t3
-            + T::from_f64(4.0) * (t0 * motion.th1.dot * motion.th2.dot))
-            * parameters.a12;
-    let t10 = -(t8 * parameters.a11) - T::from_f64(2.0) * (t0 * t8) * parameters.a12
+    let t6 = t1 * t4;
+    let t7 = motion.th1.dot * motion.th1.dot;
+    let t8 = T::from_f64(2.0) * motion.th1.ddot * parameters.a10
+        + (t1 * motion.th1.ddot + t2) * parameters.a11
+        + (t1 * t3 + t1 * t2) * parameters.a12 + motion.th2.ddot * parameters.a30
+        + (t4 + t5) * parameters.a31;
+    let t9 = -t7 * parameters.a11 - t1 * t7 * parameters.a12
         + T::from_f64(2.0) * motion.th2.ddot * parameters.a20
-        + (t4 + T::from_f64(2.0) * t5) * parameters.a21
-        + (T::from_f64(2.0) * t6 + t7) * parameters.a22;
+        + (t4 + t1 * motion.th2.ddot) * parameters.a21 + (t1 * t5 + t6) * parameters.a22;
     Forces {
-        tau1: t9 + motion.th2.ddot * parameters.a30 + (t4 + t5) * parameters.a31
-            + (t6 + t7) * parameters.a32,
-        tau2: t10 + motion.th1.ddot * parameters.a30 + t1 * parameters.a31
-            + t3 * parameters.a32,
+        tau1: t8 + (t5 * t0 + t6) * parameters.a32,
+        tau2: t9 + motion.th1.ddot * parameters.a30 + t3 * parameters.a31
+            + t3 * t0 * parameters.a32,
     }
 }
 
 /// Feed-forward: the inputs that the reference motion needs.
 ///
-/// Operations: 20 additions, 36 multiplications.
+/// Operations: 20 additions, 32 multiplications.
 #[must_use]
 pub fn feed_forward<T: Real>(
     motion: &Motion<T>,
@@ -436,35 +413,30 @@ pub fn feed_forward<T: Real>(
     constants: &Constants<T>,
 ) -> Inputs<T> {
     let t0 = motion.th2.value - constants.th20;
-    let t1 = t0 * motion.th1.ddot;
-    let t2 = t0 * t0;
-    let t3 = t2 * motion.th1.ddot;
+    let t1 = T::from_f64(2.0) * t0;
+    let t2 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
+    let t3 = t0 * motion.th1.ddot;
     let t4 = motion.th2.dot * motion.th2.dot;
     let t5 = t0 * motion.th2.ddot;
-    let t6 = t2 * motion.th2.ddot;
-    let t7 = T::from_f64(2.0) * (t0 * t4);
-    let t8 = motion.th1.dot * motion.th1.dot;
-    let t9 = T::from_f64(2.0) * motion.th1.ddot * parameters.a10
-        + (T::from_f64(2.0) * t1 + T::from_f64(2.0) * (motion.th1.dot * motion.th2.dot))
-            * parameters.a11
-        + (T::from_f64(2.0) * t3
-            + T::from_f64(4.0) * (t0 * motion.th1.dot * motion.th2.dot))
-            * parameters.a12;
-    let t10 = -(t8 * parameters.a11) - T::from_f64(2.0) * (t0 * t8) * parameters.a12
+    let t6 = t1 * t4;
+    let t7 = motion.th1.dot * motion.th1.dot;
+    let t8 = T::from_f64(2.0) * motion.th1.ddot * parameters.a10
+        + (t1 * motion.th1.ddot + t2) * parameters.a11
+        + (t1 * t3 + t1 * t2) * parameters.a12 + motion.th2.ddot * parameters.a30
+        + (t4 + t5) * parameters.a31;
+    let t9 = -t7 * parameters.a11 - t1 * t7 * parameters.a12
         + T::from_f64(2.0) * motion.th2.ddot * parameters.a20
-        + (t4 + T::from_f64(2.0) * t5) * parameters.a21
-        + (T::from_f64(2.0) * t6 + t7) * parameters.a22;
+        + (t4 + t1 * motion.th2.ddot) * parameters.a21 + (t1 * t5 + t6) * parameters.a22;
     Inputs {
-        tau1: t9 + motion.th2.ddot * parameters.a30 + (t4 + t5) * parameters.a31
-            + (t6 + t7) * parameters.a32,
-        tau2: t10 + motion.th1.ddot * parameters.a30 + t1 * parameters.a31
-            + t3 * parameters.a32,
+        tau1: t8 + (t5 * t0 + t6) * parameters.a32,
+        tau2: t9 + motion.th1.ddot * parameters.a30 + t3 * parameters.a31
+            + t3 * t0 * parameters.a32,
     }
 }
 
 /// [`feed_forward`] and [`regressor`] in one go: what they share is computed once.
 ///
-/// Operations: 22 additions, 36 multiplications.
+/// Operations: 21 additions, 32 multiplications.
 #[must_use]
 pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
@@ -477,15 +449,13 @@ pub fn feed_forward_with_regressor<T: Real>(
     matrix[0][0] = t0;
     // tau1, a11
     let t1 = motion.th2.value - constants.th20;
-    let t2 = t1 * motion.th1.ddot;
-    let t3 = T::from_f64(2.0) * t2
-        + T::from_f64(2.0) * (motion.th1.dot * motion.th2.dot);
-    matrix[0][1] = t3;
+    let t2 = T::from_f64(2.0) * t1;
+    let t3 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
+    let t4 = t2 * motion.th1.ddot + t3;
+    matrix[0][1] = t4;
     // tau1, a12
-    let t4 = t1 * t1;
-    let t5 = t4 * motion.th1.ddot;
-    let t6 = T::from_f64(2.0) * t5
-        + T::from_f64(4.0) * (t1 * motion.th1.dot * motion.th2.dot);
+    let t5 = t1 * motion.th1.ddot;
+    let t6 = t2 * t5 + t2 * t3;
     matrix[0][2] = t6;
     // tau1, a30
     matrix[0][6] = motion.th2.ddot;
@@ -495,46 +465,47 @@ pub fn feed_forward_with_regressor<T: Real>(
     let t9 = t7 + t8;
     matrix[0][7] = t9;
     // tau1, a32
-    let t10 = t4 * motion.th2.ddot;
-    let t11 = T::from_f64(2.0) * (t1 * t7);
-    let t12 = t10 + t11;
-    matrix[0][8] = t12;
+    let t10 = t2 * t7;
+    let t11 = t8 * t1 + t10;
+    matrix[0][8] = t11;
     // tau2, a11
-    let t13 = motion.th1.dot * motion.th1.dot;
-    matrix[1][1] = -t13;
+    let t12 = motion.th1.dot * motion.th1.dot;
+    let t13 = -t12;
+    matrix[1][1] = t13;
     // tau2, a12
-    let t14 = T::from_f64(2.0) * (t1 * t13);
+    let t14 = t2 * t12;
     matrix[1][2] = -t14;
     // tau2, a20
     let t15 = T::from_f64(2.0) * motion.th2.ddot;
     matrix[1][3] = t15;
     // tau2, a21
-    let t16 = t7 + T::from_f64(2.0) * t8;
+    let t16 = t7 + t2 * motion.th2.ddot;
     matrix[1][4] = t16;
     // tau2, a22
-    let t17 = T::from_f64(2.0) * t10 + t11;
+    let t17 = t2 * t8 + t10;
     matrix[1][5] = t17;
     // tau2, a30
     matrix[1][6] = motion.th1.ddot;
     // tau2, a31
-    matrix[1][7] = t2;
+    matrix[1][7] = t5;
     // tau2, a32
-    matrix[1][8] = t5;
+    let t18 = t5 * t1;
+    matrix[1][8] = t18;
     // tau1
-    let v0 = t0 * parameters.a10 + t3 * parameters.a11 + t6 * parameters.a12
-        + motion.th2.ddot * parameters.a30 + t9 * parameters.a31 + t12 * parameters.a32;
+    let v0 = t0 * parameters.a10 + t4 * parameters.a11 + t6 * parameters.a12
+        + motion.th2.ddot * parameters.a30 + t9 * parameters.a31 + t11 * parameters.a32;
     // tau2
-    let t18 = -(t13 * parameters.a11) - t14 * parameters.a12 + t15 * parameters.a20
+    let t19 = t13 * parameters.a11 - t14 * parameters.a12 + t15 * parameters.a20
         + t16 * parameters.a21 + t17 * parameters.a22 + motion.th1.ddot * parameters.a30
-        + t2 * parameters.a31 + t5 * parameters.a32;
-    let v1 = t18;
+        + t5 * parameters.a31 + t18 * parameters.a32;
+    let v1 = t19;
     (Inputs { tau1: v0, tau2: v1 }, matrix)
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate
 /// still while the others move. An actuator gives it as fast as its amplifier is, so that it needs no low pass.
 ///
-/// Operations: 10 additions, 19 multiplications.
+/// Operations: 10 additions, 18 multiplications.
 #[must_use]
 pub fn feed_forward_independent<T: Real>(
     motion: &Motion<T>,
@@ -544,12 +515,13 @@ pub fn feed_forward_independent<T: Real>(
     let t0 = motion.th2.dot * motion.th2.dot;
     let t1 = motion.th2.value - constants.th20;
     let t2 = t1 * t1;
-    let t3 = motion.th1.dot * motion.th1.dot;
+    let t3 = T::from_f64(2.0) * t1;
+    let t4 = motion.th1.dot * motion.th1.dot;
     Inputs {
         tau1: motion.th2.ddot * parameters.a30
             + (t0 + t1 * motion.th2.ddot) * parameters.a31
-            + (t2 * motion.th2.ddot + T::from_f64(2.0) * (t1 * t0)) * parameters.a32,
-        tau2: -(t3 * parameters.a11) - T::from_f64(2.0) * (t1 * t3) * parameters.a12
+            + (t2 * motion.th2.ddot + t3 * t0) * parameters.a32,
+        tau2: -t4 * parameters.a11 - t3 * t4 * parameters.a12
             + motion.th1.ddot * parameters.a30 + t1 * motion.th1.ddot * parameters.a31
             + t2 * motion.th1.ddot * parameters.a32,
     }
@@ -558,7 +530,7 @@ pub fn feed_forward_independent<T: Real>(
 /// The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive. With
 /// [`feed_forward_independent`] it adds up to [`feed_forward`].
 ///
-/// Operations: 9 additions, 25 multiplications.
+/// Operations: 9 additions, 18 multiplications.
 #[must_use]
 pub fn feed_forward_dependent<T: Real>(
     motion: &Motion<T>,
@@ -566,108 +538,16 @@ pub fn feed_forward_dependent<T: Real>(
     constants: &Constants<T>,
 ) -> Inputs<T> {
     let t0 = motion.th2.value - constants.th20;
-    let t1 = t0 * t0;
-    let t2 = motion.th2.dot * motion.th2.dot;
-    let t3 = T::from_f64(2.0) * motion.th1.ddot * parameters.a10
-        + (T::from_f64(2.0) * (t0 * motion.th1.ddot)
-            + T::from_f64(2.0) * (motion.th1.dot * motion.th2.dot)) * parameters.a11
-        + (T::from_f64(2.0) * (t1 * motion.th1.ddot)
-            + T::from_f64(4.0) * (t0 * motion.th1.dot * motion.th2.dot))
-            * parameters.a12;
-    let t4 = T::from_f64(2.0) * motion.th2.ddot * parameters.a20
-        + (t2 + T::from_f64(2.0) * (t0 * motion.th2.ddot)) * parameters.a21
-        + (T::from_f64(2.0) * (t1 * motion.th2.ddot) + T::from_f64(2.0) * (t0 * t2))
-            * parameters.a22;
-    Inputs { tau1: t3, tau2: t4 }
-}
-
-impl<T: Real> Model<T> for ClosedLoopArm {
-    fn name(&self) -> &str {
-        "ClosedLoopArm"
-    }
-
-    fn dims(&self) -> Dims {
-        DIMS
-    }
-
-    fn coordinate(&self, index: usize) -> Label<'_> {
-        COORDINATES.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn input(&self, index: usize) -> Label<'_> {
-        INPUTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn parameter(&self, index: usize) -> Label<'_> {
-        PARAMETERS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn constant(&self, index: usize) -> Label<'_> {
-        CONSTANTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn row(&self, index: usize) -> Label<'_> {
-        EQUATIONS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn workspace_len(&self) -> usize {
-        0
-    }
-
-    fn regressor(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);
-        store(regressor(motion, constants).as_flattened(), out)
-    }
-
-    fn known(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);
-        store(&known(motion, constants).into_array(), out)
-    }
-
-    fn input_map(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        require_len(Buffer::Motion, motion.len(), DIMS.motion_len())?;
-        let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);
-        store(input_map(constants).as_flattened(), out)
-    }
-
-    fn inverse_workspace_len(&self) -> usize {
-        0
-    }
-
-    fn inverse_dynamics(
-        &self,
-        motion: &[T],
-        parameters: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let parameters = &Parameters::from_array(
-            *fixed(Buffer::Parameters, parameters)?,
-        );
-        let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);
-        store(&inverse_dynamics(motion, parameters, constants).into_array(), out)
+    let t1 = T::from_f64(2.0) * t0;
+    let t2 = t1 * motion.th1.ddot;
+    let t3 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
+    let t4 = motion.th2.dot * motion.th2.dot;
+    let t5 = t1 * motion.th2.ddot;
+    Inputs {
+        tau1: T::from_f64(2.0) * motion.th1.ddot * parameters.a10
+            + (t2 + t3) * parameters.a11 + (t2 * t0 + t1 * t3) * parameters.a12,
+        tau2: T::from_f64(2.0) * motion.th2.ddot * parameters.a20
+            + (t4 + t5) * parameters.a21 + (t5 * t0 + t1 * t4) * parameters.a22,
     }
 }
 
@@ -721,7 +601,7 @@ impl<T: Real> Pattern<T> {
 
     /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
     ///
-    /// Operations: 10 additions, 21 multiplications, one sine and cosine.
+    /// Operations: 10 additions, 19 multiplications, one sine and cosine.
     #[must_use]
     pub fn reference_at(&self, constants: &Constants<T>, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
@@ -729,23 +609,23 @@ impl<T: Real> Pattern<T> {
         let t1 = sin * sin;
         let t2 = t0 - t1;
         let t3 = cos * t2;
-        let t4 = T::from_f64(2.0) * (cos * t1);
+        let t4 = T::from_f64(2.0) * cos * t1;
         let t5 = T::from_f64(-0.8888888888888888) + cos
             - T::from_f64(0.1111111111111111) * (t3 - t4);
-        let t6 = T::from_f64(0.3333333333333333)
-            * (sin * t2 + T::from_f64(2.0) * (sin * t0)) - sin;
-        let t7 = t3 - cos - t4;
-        let t8 = self.w * self.w;
+        let t6 = self.w
+            * (T::from_f64(0.3333333333333333) * (sin * t2 + T::from_f64(2.0) * sin * t0)
+                - sin);
+        let t7 = (t3 - cos - t4) * (self.w * self.w);
         Motion {
             th1: Th1Motion {
                 value: constants.th10 + t5 * self.lambda1,
-                dot: self.w * self.lambda1 * t6,
-                ddot: self.lambda1 * t7 * t8,
+                dot: t6 * self.lambda1,
+                ddot: self.lambda1 * t7,
             },
             th2: Th2Motion {
                 value: constants.th20 + t5 * self.lambda2,
-                dot: self.w * t6 * self.lambda2,
-                ddot: t7 * t8 * self.lambda2,
+                dot: t6 * self.lambda2,
+                ddot: t7 * self.lambda2,
             },
         }
     }
@@ -754,7 +634,7 @@ impl<T: Real> Pattern<T> {
     ///
     /// Rows are in the order of [`Harmonics`], columns in the order of [`Parameters`].
     ///
-    /// Operations: 37 additions, 73 multiplications.
+    /// Operations: 37 additions, 71 multiplications.
     #[must_use]
     pub fn estimator_matrix(&self, _constants: &Constants<T>) -> [[T; 9]; 17] {
         let mut matrix = [[T::ZERO; 9]; 17];
@@ -764,173 +644,171 @@ impl<T: Real> Pattern<T> {
         let t2 = T::from_f64(2.0) * t1;
         matrix[0][0] = -t2;
         // tau1, cos 1, a11: 16/9*lambda1*lambda2*w^2
-        let t3 = t1 * self.lambda2;
-        let t4 = T::from_f64(1.7777777777777777) * t3;
-        matrix[0][1] = t4;
+        let t3 = t0 * self.lambda2;
+        let t4 = self.lambda1 * t3;
+        let t5 = T::from_f64(1.7777777777777777) * t4;
+        matrix[0][1] = t5;
         // tau1, cos 1, a12: -55/27*lambda1*lambda2^2*w^2
-        let t5 = self.lambda2 * self.lambda2;
-        let t6 = t1 * t5;
+        let t6 = t4 * self.lambda2;
         matrix[0][2] = -(T::from_f64(2.037037037037037) * t6);
         // tau1, cos 1, a30: -lambda2*w^2
-        let t7 = t0 * self.lambda2;
-        matrix[0][6] = -t7;
+        matrix[0][6] = -t3;
         // tau1, cos 1, a31: 8/9*lambda2^2*w^2
-        let t8 = t0 * t5;
-        let t9 = T::from_f64(0.8888888888888888) * t8;
-        matrix[0][7] = t9;
+        let t7 = t3 * self.lambda2;
+        let t8 = T::from_f64(0.8888888888888888) * t7;
+        matrix[0][7] = t8;
         // tau1, cos 1, a32: -55/54*lambda2^3*w^2
-        let t10 = t0 * (self.lambda2 * t5);
-        matrix[0][8] = -(T::from_f64(1.0185185185185186) * t10);
+        let t9 = t3 * (self.lambda2 * self.lambda2);
+        matrix[0][8] = -(T::from_f64(1.0185185185185186) * t9);
         // tau1, cos 2, a11: -14/9*lambda1*lambda2*w^2
-        matrix[1][1] = -(T::from_f64(1.5555555555555556) * t3);
+        matrix[1][1] = -(T::from_f64(1.5555555555555556) * t4);
         // tau1, cos 2, a12: 224/81*lambda1*lambda2^2*w^2
         matrix[1][2] = T::from_f64(2.765432098765432) * t6;
         // tau1, cos 2, a31: -7/9*lambda2^2*w^2
-        matrix[1][7] = -(T::from_f64(0.7777777777777778) * t8);
+        matrix[1][7] = -(T::from_f64(0.7777777777777778) * t7);
         // tau1, cos 2, a32: 112/81*lambda2^3*w^2
-        matrix[1][8] = T::from_f64(1.382716049382716) * t10;
+        matrix[1][8] = T::from_f64(1.382716049382716) * t9;
         // tau1, cos 3, a10: 2*lambda1*w^2
         matrix[2][0] = t2;
         // tau1, cos 3, a11: -16/9*lambda1*lambda2*w^2
-        matrix[2][1] = -t4;
+        matrix[2][1] = -t5;
         // tau1, cos 3, a12: 88/81*lambda1*lambda2^2*w^2
         matrix[2][2] = T::from_f64(1.0864197530864197) * t6;
         // tau1, cos 3, a30: lambda2*w^2
-        matrix[2][6] = t7;
+        matrix[2][6] = t3;
         // tau1, cos 3, a31: -8/9*lambda2^2*w^2
-        matrix[2][7] = -t9;
+        matrix[2][7] = -t8;
         // tau1, cos 3, a32: 44/81*lambda2^3*w^2
-        matrix[2][8] = T::from_f64(0.5432098765432098) * t10;
+        matrix[2][8] = T::from_f64(0.5432098765432098) * t9;
         // tau1, cos 4, a11: 16/9*lambda1*lambda2*w^2
-        matrix[3][1] = t4;
+        matrix[3][1] = t5;
         // tau1, cos 4, a12: -256/81*lambda1*lambda2^2*w^2
         matrix[3][2] = -(T::from_f64(3.1604938271604937) * t6);
         // tau1, cos 4, a31: 8/9*lambda2^2*w^2
-        matrix[3][7] = t9;
+        matrix[3][7] = t8;
         // tau1, cos 4, a32: -128/81*lambda2^3*w^2
-        matrix[3][8] = -(T::from_f64(1.5802469135802468) * t10);
+        matrix[3][8] = -(T::from_f64(1.5802469135802468) * t9);
         // tau1, cos 5, a12: 100/81*lambda1*lambda2^2*w^2
         matrix[4][2] = T::from_f64(1.2345679012345678) * t6;
         // tau1, cos 5, a32: 50/81*lambda2^3*w^2
-        matrix[4][8] = T::from_f64(0.6172839506172839) * t10;
+        matrix[4][8] = T::from_f64(0.6172839506172839) * t9;
         // tau1, cos 6, a11: -2/9*lambda1*lambda2*w^2
-        matrix[5][1] = -(T::from_f64(0.2222222222222222) * t3);
+        matrix[5][1] = -(T::from_f64(0.2222222222222222) * t4);
         // tau1, cos 6, a12: 32/81*lambda1*lambda2^2*w^2
         matrix[5][2] = T::from_f64(0.3950617283950617) * t6;
         // tau1, cos 6, a31: -1/9*lambda2^2*w^2
-        matrix[5][7] = -(T::from_f64(0.1111111111111111) * t8);
+        matrix[5][7] = -(T::from_f64(0.1111111111111111) * t7);
         // tau1, cos 6, a32: 16/81*lambda2^3*w^2
-        matrix[5][8] = T::from_f64(0.19753086419753085) * t10;
+        matrix[5][8] = T::from_f64(0.19753086419753085) * t9;
         // tau1, cos 7, a12: -49/162*lambda1*lambda2^2*w^2
         matrix[6][2] = -(T::from_f64(0.30246913580246915) * t6);
         // tau1, cos 7, a32: -49/324*lambda2^3*w^2
-        matrix[6][8] = -(T::from_f64(0.15123456790123457) * t10);
+        matrix[6][8] = -(T::from_f64(0.15123456790123457) * t9);
         // tau1, cos 9, a12: 1/54*lambda1*lambda2^2*w^2
         matrix[7][2] = T::from_f64(0.018518518518518517) * t6;
         // tau1, cos 9, a32: 1/108*lambda2^3*w^2
-        matrix[7][8] = T::from_f64(0.009259259259259259) * t10;
+        matrix[7][8] = T::from_f64(0.009259259259259259) * t9;
         // tau2, cos 0, a11: -5/9*lambda1^2*w^2
-        let t11 = self.lambda1 * self.lambda1;
-        let t12 = t0 * t11;
-        matrix[8][1] = -(T::from_f64(0.5555555555555556) * t12);
+        let t10 = t1 * self.lambda1;
+        matrix[8][1] = -(T::from_f64(0.5555555555555556) * t10);
         // tau2, cos 0, a12: 80/81*lambda1^2*lambda2*w^2
-        let t13 = t7 * t11;
-        matrix[8][2] = T::from_f64(0.9876543209876543) * t13;
+        let t11 = t4 * self.lambda1;
+        matrix[8][2] = T::from_f64(0.9876543209876543) * t11;
         // tau2, cos 0, a21: -5/9*lambda2^2*w^2
-        matrix[8][4] = -(T::from_f64(0.5555555555555556) * t8);
+        matrix[8][4] = -(T::from_f64(0.5555555555555556) * t7);
         // tau2, cos 0, a22: 80/81*lambda2^3*w^2
-        matrix[8][5] = T::from_f64(0.9876543209876543) * t10;
+        matrix[8][5] = T::from_f64(0.9876543209876543) * t9;
         // tau2, cos 0, a31: -5/9*lambda1*lambda2*w^2
-        let t14 = T::from_f64(0.5555555555555556) * t3;
-        matrix[8][7] = -t14;
+        let t12 = T::from_f64(0.5555555555555556) * t4;
+        matrix[8][7] = -t12;
         // tau2, cos 0, a32: 80/81*lambda1*lambda2^2*w^2
-        let t15 = T::from_f64(0.9876543209876543) * t6;
-        matrix[8][8] = t15;
+        let t13 = T::from_f64(0.9876543209876543) * t6;
+        matrix[8][8] = t13;
         // tau2, cos 1, a12: -1/3*lambda1^2*lambda2*w^2
-        matrix[9][2] = -(T::from_f64(0.3333333333333333) * t13);
+        matrix[9][2] = -(T::from_f64(0.3333333333333333) * t11);
         // tau2, cos 1, a20: -2*lambda2*w^2
-        let t16 = T::from_f64(2.0) * t7;
-        matrix[9][3] = -t16;
+        let t14 = T::from_f64(2.0) * t3;
+        matrix[9][3] = -t14;
         // tau2, cos 1, a21: 16/9*lambda2^2*w^2
-        let t17 = T::from_f64(1.7777777777777777) * t8;
-        matrix[9][4] = t17;
+        let t15 = T::from_f64(1.7777777777777777) * t7;
+        matrix[9][4] = t15;
         // tau2, cos 1, a22: -64/27*lambda2^3*w^2
-        matrix[9][5] = -(T::from_f64(2.3703703703703702) * t10);
+        matrix[9][5] = -(T::from_f64(2.3703703703703702) * t9);
         // tau2, cos 1, a30: -lambda1*w^2
         matrix[9][6] = -t1;
         // tau2, cos 1, a31: 8/9*lambda1*lambda2*w^2
-        let t18 = T::from_f64(0.8888888888888888) * t3;
-        matrix[9][7] = t18;
+        let t16 = T::from_f64(0.8888888888888888) * t4;
+        matrix[9][7] = t16;
         // tau2, cos 1, a32: -73/54*lambda1*lambda2^2*w^2
         matrix[9][8] = -(T::from_f64(1.3518518518518519) * t6);
         // tau2, cos 2, a11: 5/6*lambda1^2*w^2
-        matrix[10][1] = T::from_f64(0.8333333333333334) * t12;
+        matrix[10][1] = T::from_f64(0.8333333333333334) * t10;
         // tau2, cos 2, a12: -40/27*lambda1^2*lambda2*w^2
-        matrix[10][2] = -(T::from_f64(1.4814814814814814) * t13);
+        matrix[10][2] = -(T::from_f64(1.4814814814814814) * t11);
         // tau2, cos 2, a21: -13/18*lambda2^2*w^2
-        matrix[10][4] = -(T::from_f64(0.7222222222222222) * t8);
+        matrix[10][4] = -(T::from_f64(0.7222222222222222) * t7);
         // tau2, cos 2, a22: 104/81*lambda2^3*w^2
-        matrix[10][5] = T::from_f64(1.2839506172839505) * t10;
+        matrix[10][5] = T::from_f64(1.2839506172839505) * t9;
         // tau2, cos 2, a31: 1/18*lambda1*lambda2*w^2
-        let t19 = T::from_f64(0.05555555555555555) * t3;
-        matrix[10][7] = t19;
+        let t17 = T::from_f64(0.05555555555555555) * t4;
+        matrix[10][7] = t17;
         // tau2, cos 2, a32: -8/81*lambda1*lambda2^2*w^2
-        let t20 = T::from_f64(0.09876543209876543) * t6;
-        matrix[10][8] = -t20;
+        let t18 = T::from_f64(0.09876543209876543) * t6;
+        matrix[10][8] = -t18;
         // tau2, cos 3, a12: 50/81*lambda1^2*lambda2*w^2
-        matrix[11][2] = T::from_f64(0.6172839506172839) * t13;
+        matrix[11][2] = T::from_f64(0.6172839506172839) * t11;
         // tau2, cos 3, a20: 2*lambda2*w^2
-        matrix[11][3] = t16;
+        matrix[11][3] = t14;
         // tau2, cos 3, a21: -16/9*lambda2^2*w^2
-        matrix[11][4] = -t17;
+        matrix[11][4] = -t15;
         // tau2, cos 3, a22: 46/27*lambda2^3*w^2
-        matrix[11][5] = T::from_f64(1.7037037037037037) * t10;
+        matrix[11][5] = T::from_f64(1.7037037037037037) * t9;
         // tau2, cos 3, a30: lambda1*w^2
         matrix[11][6] = t1;
         // tau2, cos 3, a31: -8/9*lambda1*lambda2*w^2
-        matrix[11][7] = -t18;
+        matrix[11][7] = -t16;
         // tau2, cos 3, a32: 94/81*lambda1*lambda2^2*w^2
         matrix[11][8] = T::from_f64(1.1604938271604939) * t6;
         // tau2, cos 4, a11: -1/3*lambda1^2*w^2
-        matrix[12][1] = -(T::from_f64(0.3333333333333333) * t12);
+        matrix[12][1] = -(T::from_f64(0.3333333333333333) * t10);
         // tau2, cos 4, a12: 16/27*lambda1^2*lambda2*w^2
-        matrix[12][2] = T::from_f64(0.5925925925925926) * t13;
+        matrix[12][2] = T::from_f64(0.5925925925925926) * t11;
         // tau2, cos 4, a21: 13/9*lambda2^2*w^2
-        matrix[12][4] = T::from_f64(1.4444444444444444) * t8;
+        matrix[12][4] = T::from_f64(1.4444444444444444) * t7;
         // tau2, cos 4, a22: -208/81*lambda2^3*w^2
-        matrix[12][5] = -(T::from_f64(2.567901234567901) * t10);
+        matrix[12][5] = -(T::from_f64(2.567901234567901) * t9);
         // tau2, cos 4, a31: 5/9*lambda1*lambda2*w^2
-        matrix[12][7] = t14;
+        matrix[12][7] = t12;
         // tau2, cos 4, a32: -80/81*lambda1*lambda2^2*w^2
-        matrix[12][8] = -t15;
+        matrix[12][8] = -t13;
         // tau2, cos 5, a12: -10/27*lambda1^2*lambda2*w^2
-        matrix[13][2] = -(T::from_f64(0.37037037037037035) * t13);
+        matrix[13][2] = -(T::from_f64(0.37037037037037035) * t11);
         // tau2, cos 5, a22: 70/81*lambda2^3*w^2
-        matrix[13][5] = T::from_f64(0.8641975308641975) * t10;
+        matrix[13][5] = T::from_f64(0.8641975308641975) * t9;
         // tau2, cos 5, a32: 20/81*lambda1*lambda2^2*w^2
         matrix[13][8] = T::from_f64(0.24691358024691357) * t6;
         // tau2, cos 6, a11: 1/18*lambda1^2*w^2
-        matrix[14][1] = T::from_f64(0.05555555555555555) * t12;
+        matrix[14][1] = T::from_f64(0.05555555555555555) * t10;
         // tau2, cos 6, a12: -8/81*lambda1^2*lambda2*w^2
-        matrix[14][2] = -(T::from_f64(0.09876543209876543) * t13);
+        matrix[14][2] = -(T::from_f64(0.09876543209876543) * t11);
         // tau2, cos 6, a21: -1/6*lambda2^2*w^2
-        matrix[14][4] = -(T::from_f64(0.16666666666666666) * t8);
+        matrix[14][4] = -(T::from_f64(0.16666666666666666) * t7);
         // tau2, cos 6, a22: 8/27*lambda2^3*w^2
-        matrix[14][5] = T::from_f64(0.2962962962962963) * t10;
+        matrix[14][5] = T::from_f64(0.2962962962962963) * t9;
         // tau2, cos 6, a31: -1/18*lambda1*lambda2*w^2
-        matrix[14][7] = -t19;
+        matrix[14][7] = -t17;
         // tau2, cos 6, a32: 8/81*lambda1*lambda2^2*w^2
-        matrix[14][8] = t20;
+        matrix[14][8] = t18;
         // tau2, cos 7, a12: 5/54*lambda1^2*lambda2*w^2
-        matrix[15][2] = T::from_f64(0.09259259259259259) * t13;
+        matrix[15][2] = T::from_f64(0.09259259259259259) * t11;
         // tau2, cos 7, a22: -17/81*lambda2^3*w^2
-        matrix[15][5] = -(T::from_f64(0.20987654320987653) * t10);
+        matrix[15][5] = -(T::from_f64(0.20987654320987653) * t9);
         // tau2, cos 7, a32: -19/324*lambda1*lambda2^2*w^2
         matrix[15][8] = -(T::from_f64(0.05864197530864197) * t6);
         // tau2, cos 9, a12: -1/162*lambda1^2*lambda2*w^2
-        matrix[16][2] = -(T::from_f64(0.006172839506172839) * t13);
+        matrix[16][2] = -(T::from_f64(0.006172839506172839) * t11);
         // tau2, cos 9, a22: 1/81*lambda2^3*w^2
-        matrix[16][5] = T::from_f64(0.012345679012345678) * t10;
+        matrix[16][5] = T::from_f64(0.012345679012345678) * t9;
         // tau2, cos 9, a32: 1/324*lambda1*lambda2^2*w^2
         matrix[16][8] = T::from_f64(0.0030864197530864196) * t6;
         matrix
@@ -1137,38 +1015,36 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = cos * t2 - T::from_f64(2.0) * (cos * t1);
-        let t4 = t2 * t2 - T::from_f64(4.0) * (t0 * t1);
-        let t5 = sin * t2 + T::from_f64(2.0) * (sin * t0);
-        let t6 = cos * sin;
-        let t7 = t2 * t3 - T::from_f64(2.0) * (t6 * t5);
-        let t8 = t3 * t3 - t5 * t5;
-        let t9 = t6 * t2;
-        let t10 = t3 * t4 - T::from_f64(4.0) * (t9 * t5);
-        let t11 = t4 * t7
-            - T::from_f64(4.0) * (t9 * (t2 * t5 + T::from_f64(2.0) * (t6 * t3)));
+        let t0 = cos * cos - sin * sin;
+        let t1 = T::from_f64(2.0) * cos * sin;
+        let t2 = cos * t0 - t1 * sin;
+        let t3 = t0 * t0 - t1 * t1;
+        let t4 = sin * t0 + t1 * cos;
+        let t5 = t1 * t4;
+        let t6 = t0 * t2 - t5;
+        let t7 = t2 * t2 - t4 * t4;
+        let t8 = T::from_f64(2.0) * t0;
+        let t9 = t2 * t3 - t5 * t8;
+        let t10 = t3 * t6 - t1 * t8 * (t0 * t4 + t1 * t2);
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13, v14, v15, v16,
         ] = &mut self.sums;
         *v0 += sample.tau1 * cos;
-        *v1 += sample.tau1 * t2;
-        *v2 += sample.tau1 * t3;
-        *v3 += sample.tau1 * t4;
-        *v4 += sample.tau1 * t7;
-        *v5 += sample.tau1 * t8;
-        *v6 += sample.tau1 * t10;
-        *v7 += sample.tau1 * t11;
+        *v1 += sample.tau1 * t0;
+        *v2 += sample.tau1 * t2;
+        *v3 += sample.tau1 * t3;
+        *v4 += sample.tau1 * t6;
+        *v5 += sample.tau1 * t7;
+        *v6 += sample.tau1 * t9;
+        *v7 += sample.tau1 * t10;
         *v8 += sample.tau2;
         *v9 += sample.tau2 * cos;
-        *v10 += sample.tau2 * t2;
-        *v11 += sample.tau2 * t3;
-        *v12 += sample.tau2 * t4;
-        *v13 += sample.tau2 * t7;
-        *v14 += sample.tau2 * t8;
-        *v15 += sample.tau2 * t10;
-        *v16 += sample.tau2 * t11;
+        *v10 += sample.tau2 * t0;
+        *v11 += sample.tau2 * t2;
+        *v12 += sample.tau2 * t3;
+        *v13 += sample.tau2 * t6;
+        *v14 += sample.tau2 * t7;
+        *v15 += sample.tau2 * t9;
+        *v16 += sample.tau2 * t10;
         self.samples = self.samples.saturating_add(1);
     }
 
@@ -1280,4 +1156,560 @@ pub struct Estimate<T> {
     /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
     /// and at most the number of parameters times that.
     pub condition: T,
+}
+
+/// What the functions above need beside `core` and the crate `libm`.
+#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+pub mod support {
+    pub use self::label::Label;
+    pub use self::real::Real;
+    pub use self::error::AccumulatorError;
+    pub use self::least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
+
+    mod error {
+        //! Faults of accumulating harmonics.
+
+        use core::fmt;
+
+        /// Why harmonics could not be accumulated.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum AccumulatorError {
+            /// The memory handed over is too short.
+            Memory {
+                /// Entries needed.
+                needed: usize,
+                /// Entries given.
+                given: usize,
+            },
+            /// A period of so few samples does not resolve the highest harmonic.
+            TooFewSamples {
+                /// Samples in a period.
+                samples: usize,
+                /// Highest harmonic asked for.
+                harmonics: usize,
+            },
+            /// A sample has another number of channels than the accumulator.
+            Channels {
+                /// Channels of the accumulator.
+                needed: usize,
+                /// Channels of the sample, or the channel that was asked for.
+                given: usize,
+            },
+            /// Coefficients were asked for before a whole period was there.
+            NotWhole {
+                /// Samples beyond the last whole period.
+                samples: usize,
+            },
+        }
+
+        impl fmt::Display for AccumulatorError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Memory { needed, given } => {
+                        write!(f, "{needed} entries of memory are needed, {given} were given")
+                    }
+                    Self::TooFewSamples { samples, harmonics } => write!(
+                        f,
+                        "a period of {samples} samples does not resolve harmonic {harmonics}; at least {} samples are needed",
+                        2 * harmonics + 1
+                    ),
+                    Self::Channels { needed, given } => {
+                        write!(f, "the accumulator has {needed} channels, {given} were named")
+                    }
+                    Self::NotWhole { samples } => write!(
+                        f,
+                        "{samples} samples stand beyond the last whole period (or none is complete); harmonics need whole periods"
+                    ),
+                }
+            }
+        }
+
+        impl core::error::Error for AccumulatorError {}
+    }
+
+    mod label {
+        //! Names of a model's quantities.
+
+        use core::fmt;
+
+        /// A name with its unit, as declared in the model.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Label<'a> {
+            /// Name as declared.
+            pub name: &'a str,
+            /// Unit as declared, without brackets; `None` when the model declares none.
+            pub unit: Option<&'a str>,
+        }
+
+        impl<'a> Label<'a> {
+            /// A name with a unit.
+            #[must_use]
+            pub const fn new(name: &'a str, unit: &'a str) -> Self {
+                Label { name, unit: Some(unit) }
+            }
+
+            /// A name without a unit.
+            #[must_use]
+            pub const fn bare(name: &'a str) -> Self {
+                Label { name, unit: None }
+            }
+        }
+
+        impl fmt::Display for Label<'_> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self.unit {
+                    Some(unit) => write!(f, "{} [{unit}]", self.name),
+                    None => f.write_str(self.name),
+                }
+            }
+        }
+    }
+
+    mod least_squares {
+        //! Least squares with as many unknowns as a model has parameters, on the controller.
+        //!
+        //! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic. The
+        //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
+        //! column; that is as stable as Householder's (Björck, 1967) and needs no index arithmetic.
+
+        use super::Label;
+        use super::Real;
+        use core::fmt;
+
+        /// Why a linear system has no unique solution.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum SolveError {
+            /// The data do not determine this parameter: its column is zero, or a combination of others.
+            Unobservable {
+                /// Index of the parameter.
+                parameter: usize,
+                /// Its name.
+                name: &'static str,
+            },
+            /// An entry of the matrix or of the data is infinite or not a number.
+            NotFinite,
+        }
+
+        impl fmt::Display for SolveError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Unobservable { name, .. } => {
+                        write!(f, "the data do not determine the parameter {name}; vary the amplitudes' ratio or the pattern")
+                    }
+                    Self::NotFinite => f.write_str("the matrix or the data hold a number that is not finite"),
+                }
+            }
+        }
+
+        impl core::error::Error for SolveError {}
+
+        /// A column of the matrix with the place it came from.
+        #[derive(Clone, Copy)]
+        struct Column<T, const R: usize> {
+            index: usize,
+            values: [T; R],
+        }
+
+        /// One row of the triangular factor.
+        #[derive(Clone, Copy)]
+        struct Pivot<T, const C: usize> {
+            /// The column that was eliminated.
+            index: usize,
+            /// Its diagonal entry.
+            diagonal: T,
+            /// The projection of the right-hand side.
+            right: T,
+            /// Entries of the columns that were left, by their original places.
+            row: [T; C],
+        }
+
+        /// The x that minimises |A x - b|, A given by rows, with the labels of x's entries for errors.
+        ///
+        /// Columns are scaled to unit length first; a column whose part outside the span of the others is below the rounding error of
+        /// that scaling is reported, since any value of its parameter would fit as well.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`].
+        pub fn least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<[T; C], SolveError> {
+            factorised(matrix, right, labels).map(|factors| factors.solution)
+        }
+
+        /// Everything that the data say about x.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct LeastSquares<T, const C: usize> {
+            /// The x that minimises |A x - b|, rows counted by their deviations.
+            pub solution: [T; C],
+            /// Its covariance, when the rows' errors have the deviations that were given, or 1 where none were.
+            pub covariance: [[T; C]; C],
+            /// Euclidean length of what is left of b, in deviations.
+            pub residual: T,
+            /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number, and at
+            /// most C times that.
+            pub condition: T,
+        }
+
+        /// The x that minimises |A x - b| with every row divided by the standard deviation of its error, and how well it is known.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`] (a deviation of zero leads there too).
+        pub fn weighted_least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            deviations: Option<&[T; R]>,
+            labels: &[Label<'static>; C],
+        ) -> Result<LeastSquares<T, C>, SolveError> {
+            let (mut matrix, mut right) = (*matrix, *right);
+            if let Some(deviations) = deviations {
+                for ((row, right), &deviation) in matrix.iter_mut().zip(&mut right).zip(deviations) {
+                    for entry in row {
+                        *entry /= deviation;
+                    }
+                    *right /= deviation;
+                }
+            }
+            let Factors { pivots, scales, solution, residual } = factorised(&matrix, &right, labels)?;
+            let mut covariance = [[T::ZERO; C]; C];
+            let mut square = T::ZERO;
+            for k in 0..C {
+                // A column of the inverse of the triangular factor; the covariance is the sum of their squares.
+                let column = substituted(&pivots, |j, _| if j == k { T::ONE } else { T::ZERO });
+                for ((row, &a), &scale) in covariance.iter_mut().zip(&column).zip(&scales) {
+                    square += a * a;
+                    for ((entry, &b), &other) in row.iter_mut().zip(&column).zip(&scales) {
+                        *entry += a / scale * (b / other);
+                    }
+                }
+            }
+            let condition = (T::from_f64(C as f64) * square).sqrt();
+            Ok(LeastSquares { solution, covariance, residual, condition })
+        }
+
+        /// The triangular factor with what follows from it at once.
+        struct Factors<T, const C: usize> {
+            pivots: [Pivot<T, C>; C],
+            /// Lengths of the columns.
+            scales: [T; C],
+            solution: [T; C],
+            residual: T,
+        }
+
+        fn factorised<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<Factors<T, C>, SolveError> {
+            let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
+            let mut scales = [T::ONE; C];
+            for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
+                column.index = c;
+                for (value, row) in column.values.iter_mut().zip(matrix) {
+                    *value = row.get(c).copied().unwrap_or(T::ZERO);
+                }
+                *scale = length(&column.values);
+                if !scale.is_finite() {
+                    return Err(SolveError::NotFinite);
+                }
+                if *scale > T::ZERO {
+                    for value in &mut column.values {
+                        *value /= *scale;
+                    }
+                }
+            }
+            let mut right = *right;
+            if !right.iter().all(|value| value.is_finite()) {
+                return Err(SolveError::NotFinite);
+            }
+            let tiny = T::EPSILON * T::from_f64(4.0 * (R + C) as f64);
+            let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
+            let mut left = columns.as_mut_slice();
+            for pivot in &mut pivots {
+                let Some((first, rest)) = left.split_first_mut() else { break };
+                let mut diagonal = length(&first.values);
+                for other in rest.iter_mut() {
+                    let size = length(&other.values);
+                    if size > diagonal {
+                        diagonal = size;
+                        core::mem::swap(first, other);
+                    }
+                }
+                pivot.index = first.index;
+                if diagonal <= tiny {
+                    let name = labels.get(first.index).map_or("", |label| label.name);
+                    return Err(SolveError::Unobservable { parameter: first.index, name });
+                }
+                pivot.diagonal = diagonal;
+                for value in &mut first.values {
+                    *value /= diagonal;
+                }
+                for other in rest.iter_mut() {
+                    let entry = project(&first.values, &mut other.values);
+                    if let Some(slot) = pivot.row.get_mut(other.index) {
+                        *slot = entry;
+                    }
+                }
+                pivot.right = project(&first.values, &mut right);
+                left = rest;
+            }
+            let mut solution = substituted(&pivots, |_, pivot| pivot.right);
+            for (value, &scale) in solution.iter_mut().zip(&scales) {
+                *value /= scale;
+            }
+            Ok(Factors { pivots, scales, solution, residual: length(&right) })
+        }
+
+        /// The solution of the triangular system, by original places; `right` is asked for every pivot and its number.
+        fn substituted<T: Real, const C: usize>(pivots: &[Pivot<T, C>; C], right: impl Fn(usize, &Pivot<T, C>) -> T) -> [T; C] {
+            let mut solution = [T::ZERO; C];
+            for (k, pivot) in pivots.iter().enumerate().rev() {
+                // Entries of columns that are not solved yet are zero in the row.
+                let mut sum = right(k, pivot);
+                for (&entry, &value) in pivot.row.iter().zip(&solution) {
+                    sum -= entry * value;
+                }
+                if let Some(slot) = solution.get_mut(pivot.index) {
+                    *slot = sum / pivot.diagonal;
+                }
+            }
+            solution
+        }
+
+        /// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
+        fn length<T: Real>(values: &[T]) -> T {
+            let mut largest = T::ZERO;
+            for &value in values {
+                if !value.is_finite() {
+                    return value.abs();
+                }
+                largest = largest.max(value.abs());
+            }
+            if largest <= T::ZERO {
+                return T::ZERO;
+            }
+            let mut sum = T::ZERO;
+            for &value in values {
+                let part = value / largest;
+                sum += part * part;
+            }
+            largest * sum.sqrt()
+        }
+
+        /// Removes the part along the unit vector and returns its size.
+        fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
+            let mut along = T::ZERO;
+            for (&u, &value) in unit.iter().zip(values.iter()) {
+                along += u * value;
+            }
+            for (&u, value) in unit.iter().zip(values.iter_mut()) {
+                *value -= along * u;
+            }
+            along
+        }
+    }
+
+    mod real {
+        //! The scalar that models and estimators compute with.
+        //!
+        //! Invariant: every elementary function goes through `libm`, never through the platform's mathematics library, so that a
+        //! controller and a desk computer obtain the same bits from the same model.
+
+        use core::fmt::Debug;
+        use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+        /// A real number of fixed precision: `f32` or `f64`.
+        pub trait Real:
+            Copy
+            + Debug
+            + Default
+            + PartialOrd
+            + Send
+            + Sync
+            + Add<Output = Self>
+            + AddAssign
+            + Sub<Output = Self>
+            + SubAssign
+            + Mul<Output = Self>
+            + MulAssign
+            + Div<Output = Self>
+            + DivAssign
+            + Neg<Output = Self>
+            + 'static
+        {
+            /// Zero.
+            const ZERO: Self;
+            /// One.
+            const ONE: Self;
+            /// Half the circumference of the unit circle.
+            const PI: Self;
+            /// The distance from one to the next larger number.
+            const EPSILON: Self;
+
+            /// The nearest number of this precision.
+            fn from_f64(value: f64) -> Self;
+            /// A constant that was rounded to each precision by itself: `double` or `single`, whichever is of this precision. Rounding
+            /// a rational number to double and then to single precision is not always right.
+            fn rounded(double: f64, single: f32) -> Self;
+            /// The same value in double precision (exact for both scalars).
+            fn to_f64(self) -> f64;
+
+            /// Sine of an angle in radians.
+            fn sin(self) -> Self;
+            /// Cosine of an angle in radians.
+            fn cos(self) -> Self;
+            /// Tangent of an angle in radians.
+            fn tan(self) -> Self;
+            /// Principal arc sine in radians; not a number outside [-1, 1].
+            fn asin(self) -> Self;
+            /// Principal arc cosine in radians; not a number outside [-1, 1].
+            fn acos(self) -> Self;
+            /// Inverse tangent, in (-pi/2, pi/2).
+            fn atan(self) -> Self;
+            /// Angle of the point (`x`, `self`) in (-pi, pi].
+            fn atan2(self, x: Self) -> Self;
+            /// Square root; not a number below zero.
+            fn sqrt(self) -> Self;
+            /// Natural exponential.
+            fn exp(self) -> Self;
+            /// Natural logarithm.
+            fn ln(self) -> Self;
+            /// Largest whole number that is not above `self`.
+            fn floor(self) -> Self;
+            /// Absolute value.
+            fn abs(self) -> Self;
+            /// The larger of two numbers; the other one when one is not a number.
+            fn max(self, other: Self) -> Self;
+            /// The smaller of two numbers; the other one when one is not a number.
+            fn min(self, other: Self) -> Self;
+            /// Neither infinite nor not a number.
+            fn is_finite(self) -> bool;
+
+            /// The three-valued sign: -1, 0 or 1 (0 at zero, unlike `f64::signum`); not a number stays so.
+            ///
+            /// Coulomb friction needs the zero: at rest on a rest-to-rest pattern `sgn(x') = 0`.
+            fn sign(self) -> Self {
+                if self > Self::ZERO {
+                    Self::ONE
+                } else if self < Self::ZERO {
+                    -Self::ONE
+                } else {
+                    // Zero of either sign becomes +0; a NaN stays visible instead of turning into a force of zero.
+                    self + Self::ZERO
+                }
+            }
+
+            /// `self` to a whole power by repeated squaring; `x.powi(0)` is one.
+            fn powi(self, exponent: u32) -> Self {
+                let mut result = Self::ONE;
+                let mut base = self;
+                let mut left = exponent;
+                while left > 0 {
+                    if left & 1 == 1 {
+                        result *= base;
+                    }
+                    left >>= 1;
+                    if left > 0 {
+                        base *= base;
+                    }
+                }
+                result
+            }
+
+            /// Sine and cosine of the same angle.
+            fn sin_cos(self) -> (Self, Self) {
+                (self.sin(), self.cos())
+            }
+        }
+
+        macro_rules! real {
+            ($scalar:ident, $pick:expr, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
+                impl Real for $scalar {
+                    const ZERO: Self = 0.0;
+                    const ONE: Self = 1.0;
+                    const PI: Self = core::$scalar::consts::PI;
+                    const EPSILON: Self = $scalar::EPSILON;
+
+                    // The identity for one of the two scalars, a rounding for the other.
+                    #[allow(clippy::unnecessary_cast)]
+                    #[inline]
+                    fn from_f64(value: f64) -> Self {
+                        value as $scalar
+                    }
+                    #[inline]
+                    fn rounded(double: f64, single: f32) -> Self {
+                        $pick(double, single)
+                    }
+                    #[inline]
+                    fn to_f64(self) -> f64 {
+                        f64::from(self)
+                    }
+                    #[inline]
+                    fn sin(self) -> Self {
+                        libm::$sin(self)
+                    }
+                    #[inline]
+                    fn cos(self) -> Self {
+                        libm::$cos(self)
+                    }
+                    #[inline]
+                    fn tan(self) -> Self {
+                        libm::$tan(self)
+                    }
+                    #[inline]
+                    fn asin(self) -> Self {
+                        libm::$asin(self)
+                    }
+                    #[inline]
+                    fn acos(self) -> Self {
+                        libm::$acos(self)
+                    }
+                    #[inline]
+                    fn atan(self) -> Self {
+                        libm::$atan(self)
+                    }
+                    #[inline]
+                    fn atan2(self, x: Self) -> Self {
+                        libm::$atan2(self, x)
+                    }
+                    #[inline]
+                    fn sqrt(self) -> Self {
+                        libm::$sqrt(self)
+                    }
+                    #[inline]
+                    fn exp(self) -> Self {
+                        libm::$exp(self)
+                    }
+                    #[inline]
+                    fn ln(self) -> Self {
+                        libm::$log(self)
+                    }
+                    #[inline]
+                    fn floor(self) -> Self {
+                        libm::$floor(self)
+                    }
+                    #[inline]
+                    fn abs(self) -> Self {
+                        libm::$fabs(self)
+                    }
+                    #[inline]
+                    fn max(self, other: Self) -> Self {
+                        libm::$fmax(self, other)
+                    }
+                    #[inline]
+                    fn min(self, other: Self) -> Self {
+                        libm::$fmin(self, other)
+                    }
+                    #[inline]
+                    fn is_finite(self) -> bool {
+                        $scalar::is_finite(self)
+                    }
+                }
+            };
+        }
+
+        real!(f64, |double, _| double, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
+        real!(f32, |_, single| single, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
+    }
 }

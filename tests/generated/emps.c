@@ -261,11 +261,11 @@ void emps_reference_at(const emps_pattern *pattern, double phase, emps_motion *m
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
     const double t3 = cosine * t2;
-    const double t4 = 2.0 * (cosine * t1);
+    const double t4 = 2.0 * cosine * t1;
+    const double t5 = pattern->w * pattern->lambda;
     motion->q.value = (cosine - 0.1111111111111111 * (t3 - t4)) * pattern->lambda;
-    motion->q.dot = pattern->w * pattern->lambda * (0.3333333333333333 * (sine * t2 + 2.0 * (sine *
-            t0)) - sine);
-    motion->q.ddot = pattern->lambda * (t3 - cosine - t4) * (pattern->w * pattern->w);
+    motion->q.dot = t5 * (0.3333333333333333 * (sine * t2 + 2.0 * sine * t0) - sine);
+    motion->q.ddot = t5 * (t3 - cosine - t4) * pattern->w;
 }
 
 void emps_reference(const emps_pattern *pattern, double time, emps_motion *motion)
@@ -291,18 +291,18 @@ void emps_estimator_matrix(const emps_pattern *pattern,
     /* force, cos 0, OF: 1 */
     matrix[0][3] = 1.0;
     /* force, cos 1, M: -lambda*w^2 */
-    const double t0 = own.lambda * (own.w * own.w);
-    matrix[1][0] = -t0;
+    const double t0 = own.lambda * own.w;
+    const double t1 = t0 * own.w;
+    matrix[1][0] = -t1;
     /* force, sin 1, Fv: -lambda*w */
-    const double t1 = own.lambda * own.w;
-    matrix[2][1] = -t1;
+    matrix[2][1] = -t0;
     /* force, sin 1, Fc: -4*sign(lambda)/pi */
     const double t2 = sign_of(own.lambda);
-    matrix[2][2] = -(4.0 * t2 / 3.141592653589793);
+    matrix[2][2] = -(2.0 * 2.0 * t2 / 3.141592653589793);
     /* force, cos 3, M: lambda*w^2 */
-    matrix[3][0] = t0;
+    matrix[3][0] = t1;
     /* force, sin 3, Fv: 1/3*lambda*w */
-    matrix[4][1] = 0.3333333333333333 * t1;
+    matrix[4][1] = 0.3333333333333333 * t0;
     /* force, sin 3, Fc: -4/3*sign(lambda)/pi */
     matrix[4][2] = -(1.3333333333333333 * t2 / 3.141592653589793);
     /* force, sin 5, Fc: -4/5*sign(lambda)/pi */
@@ -333,34 +333,32 @@ void emps_accumulate_at(emps_accumulator *accumulator, double cosine, double sin
         const emps_forces *sample)
 {
     const emps_forces now = *sample;
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = sine * t2 + 2.0 * (sine * t0);
-    const double t5 = cosine * sine;
-    const double t6 = t2 * t4 + 2.0 * (t5 * t3);
-    const double t7 = t2 * t2;
-    const double t8 = t0 * t1;
-    const double t9 = t7 - 4.0 * t8;
-    const double t10 = t5 * t2;
-    const double t11 = t4 * t9 + 4.0 * (t10 * t3);
-    const double t12 = t2 * t3 - 2.0 * (t5 * t4);
-    const double t13 = t3 * t3 - t4 * t4;
-    const double t14 = t3 * t4;
-    const double t15 = t3 * t9 - 4.0 * (t10 * t4);
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = cosine * sine;
+    const double t2 = 2.0 * t1;
+    const double t3 = cosine * t0 - t2 * sine;
+    const double t4 = sine * t0 + t2 * cosine;
+    const double t5 = t0 * t4 + t2 * t3;
+    const double t6 = t0 * t0;
+    const double t7 = t6 - t2 * t2;
+    const double t8 = 2.0 * t2 * t0;
+    const double t9 = t4 * t7 + t8 * t3;
+    const double t10 = t0 * t3 - t2 * t4;
+    const double t11 = t3 * t3 - t4 * t4;
+    const double t12 = 2.0 * t3 * t4;
+    const double t13 = t3 * t7 - t8 * t4;
     accumulator->sums[0] += now.force;
     accumulator->sums[1] += now.force * cosine;
     accumulator->sums[2] += now.force * sine;
     accumulator->sums[3] += now.force * t3;
     accumulator->sums[4] += now.force * t4;
-    accumulator->sums[5] += now.force * t6;
-    accumulator->sums[6] += now.force * t11;
-    accumulator->sums[7] += now.force * (t6 * t9 + 4.0 * (t10 * t12));
-    accumulator->sums[8] += now.force * (t6 * t13 + 2.0 * (t14 * t12));
-    accumulator->sums[9] += now.force * (t11 * t13 + 2.0 * (t14 * t15));
-    accumulator->sums[10] += now.force * (t11 * (t9 * t9 - 16.0 * (t8 * t7)) + 8.0 * (t10 * t9 *
-            t15));
+    accumulator->sums[5] += now.force * t5;
+    accumulator->sums[6] += now.force * t9;
+    accumulator->sums[7] += now.force * (t5 * t7 + t8 * t10);
+    accumulator->sums[8] += now.force * (t5 * t11 + t12 * t10);
+    accumulator->sums[9] += now.force * (t9 * t11 + t12 * t13);
+    accumulator->sums[10] += now.force * (t9 * (t7 * t7 - 16.0 * (t1 * t1 * t6)) + t8 * 2.0 * t7 *
+            t13);
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

@@ -20,9 +20,9 @@
  * | `emps_feed_forward` | 3 | 3 | 0 | 1 |
  * | `emps_feed_forward_independent` | 0 | 0 | 0 | 0 |
  * | `emps_feed_forward_dependent` | 2 | 3 | 0 | 1 |
- * | `emps_reference_at` | 7 | 16 | 0 | 0 |
+ * | `emps_reference_at` | 7 | 15 | 0 | 0 |
  * | `emps_estimator_matrix` | 10 | 12 | 8 | 1 |
- * | `emps_accumulate_at` | 14 | 44 | 0 | 0 |
+ * | `emps_accumulate_at` | 14 | 38 | 0 | 0 |
  */
 #ifndef EMPS_H_INCLUDED
 #define EMPS_H_INCLUDED
@@ -234,7 +234,7 @@ double emps_period(const emps_pattern *pattern);
 /*
  * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
  *
- * Operations: 7 additions, 16 multiplications, one sine and cosine.
+ * Operations: 7 additions, 15 multiplications, one sine and cosine.
  */
 void emps_reference_at(const emps_pattern *pattern, double phase, emps_motion *motion);
 
@@ -310,7 +310,7 @@ void emps_accumulator_clear(emps_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 14 additions, 44 multiplications.
+ * Operations: 14 additions, 38 multiplications.
  */
 void emps_accumulate_at(emps_accumulator *accumulator, double cosine, double sine,
         const emps_forces *sample);

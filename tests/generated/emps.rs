@@ -22,22 +22,17 @@
 //! | `feed_forward` | 3 | 3 | 0 | 1 |
 //! | `feed_forward_independent` | 0 | 0 | 0 | 0 |
 //! | `feed_forward_dependent` | 2 | 3 | 0 | 1 |
-//! | `Pattern::reference` | 7 | 16 | 0 | 0 |
+//! | `Pattern::reference` | 7 | 15 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 10 | 12 | 8 | 1 |
-//! | `Accumulator::push_at` | 14 | 44 | 0 | 0 |
+//! | `Accumulator::push_at` | 14 | 38 | 0 | 0 |
+//!
+//! Beside `core` it needs the crate `libm`, and nothing else.
 
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(non_snake_case, reason = "fields are named as in the model")]
-use ::tpm_runtime::harmonics::AccumulatorError;
-use ::tpm_runtime::model::{fixed, require_len, store};
-use ::tpm_runtime::{
-    Buffer, Dims, EvalError, Label, Model, Real, SolveError, least_squares,
-    weighted_least_squares,
+use self::support::{
+    AccumulatorError, Label, Real, SolveError, least_squares, weighted_least_squares,
 };
-
-/// The model `Emps`, as the runtime takes any model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Emps;
 
 /// Names and units of the coordinates.
 pub const COORDINATES: [Label<'static>; 1] = [Label::new("q", "m")];
@@ -61,16 +56,6 @@ pub const EQUATIONS: [Label<'static>; 1] = [Label::new("force", "N")];
 
 /// A number that changes with the model, for logs and results to say what they belong to.
 pub const MODEL_HASH: u64 = 8549541574127582935;
-
-/// The sizes of the model.
-pub const DIMS: Dims = Dims {
-    coordinates: COORDINATES.len(),
-    order: 2,
-    inputs: INPUTS.len(),
-    rows: EQUATIONS.len(),
-    parameters: PARAMETERS.len(),
-    constants: CONSTANTS.len(),
-};
 
 /// The parameters that are estimated; every equation is linear in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -124,7 +109,7 @@ pub struct Motion<T> {
 }
 
 impl<T: Real> Motion<T> {
-    /// From the order that [`Model`] uses: derivative n of coordinate c stands at `n * coordinates + c`.
+    /// From one list: derivative n of coordinate c stands at `n * coordinates + c`.
     #[must_use]
     pub fn from_array(values: &[T; 3]) -> Self {
         let &[v0, v1, v2] = values;
@@ -137,7 +122,7 @@ impl<T: Real> Motion<T> {
         }
     }
 
-    /// In the order that [`Model`] uses, with zeros for derivatives that no equation reads.
+    /// The same list, with zeros for derivatives that no equation reads.
     #[must_use]
     pub fn into_array(self) -> [T; 3] {
         [self.q.value, self.q.dot, self.q.ddot]
@@ -311,96 +296,6 @@ pub fn feed_forward_dependent<T: Real>(
     }
 }
 
-impl<T: Real> Model<T> for Emps {
-    fn name(&self) -> &str {
-        "Emps"
-    }
-
-    fn dims(&self) -> Dims {
-        DIMS
-    }
-
-    fn coordinate(&self, index: usize) -> Label<'_> {
-        COORDINATES.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn input(&self, index: usize) -> Label<'_> {
-        INPUTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn parameter(&self, index: usize) -> Label<'_> {
-        PARAMETERS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn constant(&self, index: usize) -> Label<'_> {
-        CONSTANTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn row(&self, index: usize) -> Label<'_> {
-        EQUATIONS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn workspace_len(&self) -> usize {
-        0
-    }
-
-    fn regressor(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(regressor(motion).as_flattened(), out)
-    }
-
-    fn known(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(&known(motion).into_array(), out)
-    }
-
-    fn input_map(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        require_len(Buffer::Motion, motion.len(), DIMS.motion_len())?;
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(input_map().as_flattened(), out)
-    }
-
-    fn inverse_workspace_len(&self) -> usize {
-        0
-    }
-
-    fn inverse_dynamics(
-        &self,
-        motion: &[T],
-        parameters: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let parameters = &Parameters::from_array(
-            *fixed(Buffer::Parameters, parameters)?,
-        );
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(&inverse_dynamics(motion, parameters).into_array(), out)
-    }
-}
-
 /// Amplitudes and frequency of the trajectory pattern
 ///
 /// ```text
@@ -444,7 +339,7 @@ impl<T: Real> Pattern<T> {
 
     /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
     ///
-    /// Operations: 7 additions, 16 multiplications, one sine and cosine.
+    /// Operations: 7 additions, 15 multiplications, one sine and cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
@@ -452,14 +347,15 @@ impl<T: Real> Pattern<T> {
         let t1 = sin * sin;
         let t2 = t0 - t1;
         let t3 = cos * t2;
-        let t4 = T::from_f64(2.0) * (cos * t1);
+        let t4 = T::from_f64(2.0) * cos * t1;
+        let t5 = self.w * self.lambda;
         Motion {
             q: QMotion {
                 value: (cos - T::from_f64(0.1111111111111111) * (t3 - t4)) * self.lambda,
-                dot: self.w * self.lambda
+                dot: t5
                     * (T::from_f64(0.3333333333333333)
-                        * (sin * t2 + T::from_f64(2.0) * (sin * t0)) - sin),
-                ddot: self.lambda * (t3 - cos - t4) * (self.w * self.w),
+                        * (sin * t2 + T::from_f64(2.0) * sin * t0) - sin),
+                ddot: t5 * (t3 - cos - t4) * self.w,
             },
         }
     }
@@ -475,18 +371,18 @@ impl<T: Real> Pattern<T> {
         // force, cos 0, OF: 1
         matrix[0][3] = T::ONE;
         // force, cos 1, M: -lambda*w^2
-        let t0 = self.lambda * (self.w * self.w);
-        matrix[1][0] = -t0;
+        let t0 = self.lambda * self.w;
+        let t1 = t0 * self.w;
+        matrix[1][0] = -t1;
         // force, sin 1, Fv: -lambda*w
-        let t1 = self.lambda * self.w;
-        matrix[2][1] = -t1;
+        matrix[2][1] = -t0;
         // force, sin 1, Fc: -4*sign(lambda)/pi
         let t2 = self.lambda.sign();
-        matrix[2][2] = -(T::from_f64(4.0) * t2 / T::PI);
+        matrix[2][2] = -(T::from_f64(2.0) * T::from_f64(2.0) * t2 / T::PI);
         // force, cos 3, M: lambda*w^2
-        matrix[3][0] = t0;
+        matrix[3][0] = t1;
         // force, sin 3, Fv: 1/3*lambda*w
-        matrix[4][1] = T::from_f64(0.3333333333333333) * t1;
+        matrix[4][1] = T::from_f64(0.3333333333333333) * t0;
         // force, sin 3, Fc: -4/3*sign(lambda)/pi
         matrix[4][2] = -(T::from_f64(1.3333333333333333) * t2 / T::PI);
         // force, sin 5, Fc: -4/5*sign(lambda)/pi
@@ -708,37 +604,35 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = cos * t2 - T::from_f64(2.0) * (cos * t1);
-        let t4 = sin * t2 + T::from_f64(2.0) * (sin * t0);
-        let t5 = cos * sin;
-        let t6 = t2 * t4 + T::from_f64(2.0) * (t5 * t3);
-        let t7 = t2 * t2;
-        let t8 = t0 * t1;
-        let t9 = t7 - T::from_f64(4.0) * t8;
-        let t10 = t5 * t2;
-        let t11 = t4 * t9 + T::from_f64(4.0) * (t10 * t3);
-        let t12 = t2 * t3 - T::from_f64(2.0) * (t5 * t4);
-        let t13 = t3 * t3 - t4 * t4;
-        let t14 = t3 * t4;
-        let t15 = t3 * t9 - T::from_f64(4.0) * (t10 * t4);
+        let t0 = cos * cos - sin * sin;
+        let t1 = cos * sin;
+        let t2 = T::from_f64(2.0) * t1;
+        let t3 = cos * t0 - t2 * sin;
+        let t4 = sin * t0 + t2 * cos;
+        let t5 = t0 * t4 + t2 * t3;
+        let t6 = t0 * t0;
+        let t7 = t6 - t2 * t2;
+        let t8 = T::from_f64(2.0) * t2 * t0;
+        let t9 = t4 * t7 + t8 * t3;
+        let t10 = t0 * t3 - t2 * t4;
+        let t11 = t3 * t3 - t4 * t4;
+        let t12 = T::from_f64(2.0) * t3 * t4;
+        let t13 = t3 * t7 - t8 * t4;
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10] = &mut self.sums;
         *v0 += sample.force;
         *v1 += sample.force * cos;
         *v2 += sample.force * sin;
         *v3 += sample.force * t3;
         *v4 += sample.force * t4;
-        *v5 += sample.force * t6;
-        *v6 += sample.force * t11;
-        *v7 += sample.force * (t6 * t9 + T::from_f64(4.0) * (t10 * t12));
-        *v8 += sample.force * (t6 * t13 + T::from_f64(2.0) * (t14 * t12));
-        *v9 += sample.force * (t11 * t13 + T::from_f64(2.0) * (t14 * t15));
+        *v5 += sample.force * t5;
+        *v6 += sample.force * t9;
+        *v7 += sample.force * (t5 * t7 + t8 * t10);
+        *v8 += sample.force * (t5 * t11 + t12 * t10);
+        *v9 += sample.force * (t9 * t11 + t12 * t13);
         *v10
             += sample.force
-                * (t11 * (t9 * t9 - T::from_f64(16.0) * (t8 * t7))
-                    + T::from_f64(8.0) * (t10 * t9 * t15));
+                * (t9 * (t7 * t7 - T::from_f64(16.0) * (t1 * t1 * t6))
+                    + t8 * T::from_f64(2.0) * t7 * t13);
         self.samples = self.samples.saturating_add(1);
     }
 
@@ -823,4 +717,560 @@ pub struct Estimate<T> {
     /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
     /// and at most the number of parameters times that.
     pub condition: T,
+}
+
+/// What the functions above need beside `core` and the crate `libm`.
+#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+pub mod support {
+    pub use self::label::Label;
+    pub use self::real::Real;
+    pub use self::error::AccumulatorError;
+    pub use self::least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
+
+    mod error {
+        //! Faults of accumulating harmonics.
+
+        use core::fmt;
+
+        /// Why harmonics could not be accumulated.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum AccumulatorError {
+            /// The memory handed over is too short.
+            Memory {
+                /// Entries needed.
+                needed: usize,
+                /// Entries given.
+                given: usize,
+            },
+            /// A period of so few samples does not resolve the highest harmonic.
+            TooFewSamples {
+                /// Samples in a period.
+                samples: usize,
+                /// Highest harmonic asked for.
+                harmonics: usize,
+            },
+            /// A sample has another number of channels than the accumulator.
+            Channels {
+                /// Channels of the accumulator.
+                needed: usize,
+                /// Channels of the sample, or the channel that was asked for.
+                given: usize,
+            },
+            /// Coefficients were asked for before a whole period was there.
+            NotWhole {
+                /// Samples beyond the last whole period.
+                samples: usize,
+            },
+        }
+
+        impl fmt::Display for AccumulatorError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Memory { needed, given } => {
+                        write!(f, "{needed} entries of memory are needed, {given} were given")
+                    }
+                    Self::TooFewSamples { samples, harmonics } => write!(
+                        f,
+                        "a period of {samples} samples does not resolve harmonic {harmonics}; at least {} samples are needed",
+                        2 * harmonics + 1
+                    ),
+                    Self::Channels { needed, given } => {
+                        write!(f, "the accumulator has {needed} channels, {given} were named")
+                    }
+                    Self::NotWhole { samples } => write!(
+                        f,
+                        "{samples} samples stand beyond the last whole period (or none is complete); harmonics need whole periods"
+                    ),
+                }
+            }
+        }
+
+        impl core::error::Error for AccumulatorError {}
+    }
+
+    mod label {
+        //! Names of a model's quantities.
+
+        use core::fmt;
+
+        /// A name with its unit, as declared in the model.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Label<'a> {
+            /// Name as declared.
+            pub name: &'a str,
+            /// Unit as declared, without brackets; `None` when the model declares none.
+            pub unit: Option<&'a str>,
+        }
+
+        impl<'a> Label<'a> {
+            /// A name with a unit.
+            #[must_use]
+            pub const fn new(name: &'a str, unit: &'a str) -> Self {
+                Label { name, unit: Some(unit) }
+            }
+
+            /// A name without a unit.
+            #[must_use]
+            pub const fn bare(name: &'a str) -> Self {
+                Label { name, unit: None }
+            }
+        }
+
+        impl fmt::Display for Label<'_> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self.unit {
+                    Some(unit) => write!(f, "{} [{unit}]", self.name),
+                    None => f.write_str(self.name),
+                }
+            }
+        }
+    }
+
+    mod least_squares {
+        //! Least squares with as many unknowns as a model has parameters, on the controller.
+        //!
+        //! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic. The
+        //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
+        //! column; that is as stable as Householder's (Björck, 1967) and needs no index arithmetic.
+
+        use super::Label;
+        use super::Real;
+        use core::fmt;
+
+        /// Why a linear system has no unique solution.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum SolveError {
+            /// The data do not determine this parameter: its column is zero, or a combination of others.
+            Unobservable {
+                /// Index of the parameter.
+                parameter: usize,
+                /// Its name.
+                name: &'static str,
+            },
+            /// An entry of the matrix or of the data is infinite or not a number.
+            NotFinite,
+        }
+
+        impl fmt::Display for SolveError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Unobservable { name, .. } => {
+                        write!(f, "the data do not determine the parameter {name}; vary the amplitudes' ratio or the pattern")
+                    }
+                    Self::NotFinite => f.write_str("the matrix or the data hold a number that is not finite"),
+                }
+            }
+        }
+
+        impl core::error::Error for SolveError {}
+
+        /// A column of the matrix with the place it came from.
+        #[derive(Clone, Copy)]
+        struct Column<T, const R: usize> {
+            index: usize,
+            values: [T; R],
+        }
+
+        /// One row of the triangular factor.
+        #[derive(Clone, Copy)]
+        struct Pivot<T, const C: usize> {
+            /// The column that was eliminated.
+            index: usize,
+            /// Its diagonal entry.
+            diagonal: T,
+            /// The projection of the right-hand side.
+            right: T,
+            /// Entries of the columns that were left, by their original places.
+            row: [T; C],
+        }
+
+        /// The x that minimises |A x - b|, A given by rows, with the labels of x's entries for errors.
+        ///
+        /// Columns are scaled to unit length first; a column whose part outside the span of the others is below the rounding error of
+        /// that scaling is reported, since any value of its parameter would fit as well.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`].
+        pub fn least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<[T; C], SolveError> {
+            factorised(matrix, right, labels).map(|factors| factors.solution)
+        }
+
+        /// Everything that the data say about x.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct LeastSquares<T, const C: usize> {
+            /// The x that minimises |A x - b|, rows counted by their deviations.
+            pub solution: [T; C],
+            /// Its covariance, when the rows' errors have the deviations that were given, or 1 where none were.
+            pub covariance: [[T; C]; C],
+            /// Euclidean length of what is left of b, in deviations.
+            pub residual: T,
+            /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number, and at
+            /// most C times that.
+            pub condition: T,
+        }
+
+        /// The x that minimises |A x - b| with every row divided by the standard deviation of its error, and how well it is known.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`] (a deviation of zero leads there too).
+        pub fn weighted_least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            deviations: Option<&[T; R]>,
+            labels: &[Label<'static>; C],
+        ) -> Result<LeastSquares<T, C>, SolveError> {
+            let (mut matrix, mut right) = (*matrix, *right);
+            if let Some(deviations) = deviations {
+                for ((row, right), &deviation) in matrix.iter_mut().zip(&mut right).zip(deviations) {
+                    for entry in row {
+                        *entry /= deviation;
+                    }
+                    *right /= deviation;
+                }
+            }
+            let Factors { pivots, scales, solution, residual } = factorised(&matrix, &right, labels)?;
+            let mut covariance = [[T::ZERO; C]; C];
+            let mut square = T::ZERO;
+            for k in 0..C {
+                // A column of the inverse of the triangular factor; the covariance is the sum of their squares.
+                let column = substituted(&pivots, |j, _| if j == k { T::ONE } else { T::ZERO });
+                for ((row, &a), &scale) in covariance.iter_mut().zip(&column).zip(&scales) {
+                    square += a * a;
+                    for ((entry, &b), &other) in row.iter_mut().zip(&column).zip(&scales) {
+                        *entry += a / scale * (b / other);
+                    }
+                }
+            }
+            let condition = (T::from_f64(C as f64) * square).sqrt();
+            Ok(LeastSquares { solution, covariance, residual, condition })
+        }
+
+        /// The triangular factor with what follows from it at once.
+        struct Factors<T, const C: usize> {
+            pivots: [Pivot<T, C>; C],
+            /// Lengths of the columns.
+            scales: [T; C],
+            solution: [T; C],
+            residual: T,
+        }
+
+        fn factorised<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<Factors<T, C>, SolveError> {
+            let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
+            let mut scales = [T::ONE; C];
+            for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
+                column.index = c;
+                for (value, row) in column.values.iter_mut().zip(matrix) {
+                    *value = row.get(c).copied().unwrap_or(T::ZERO);
+                }
+                *scale = length(&column.values);
+                if !scale.is_finite() {
+                    return Err(SolveError::NotFinite);
+                }
+                if *scale > T::ZERO {
+                    for value in &mut column.values {
+                        *value /= *scale;
+                    }
+                }
+            }
+            let mut right = *right;
+            if !right.iter().all(|value| value.is_finite()) {
+                return Err(SolveError::NotFinite);
+            }
+            let tiny = T::EPSILON * T::from_f64(4.0 * (R + C) as f64);
+            let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
+            let mut left = columns.as_mut_slice();
+            for pivot in &mut pivots {
+                let Some((first, rest)) = left.split_first_mut() else { break };
+                let mut diagonal = length(&first.values);
+                for other in rest.iter_mut() {
+                    let size = length(&other.values);
+                    if size > diagonal {
+                        diagonal = size;
+                        core::mem::swap(first, other);
+                    }
+                }
+                pivot.index = first.index;
+                if diagonal <= tiny {
+                    let name = labels.get(first.index).map_or("", |label| label.name);
+                    return Err(SolveError::Unobservable { parameter: first.index, name });
+                }
+                pivot.diagonal = diagonal;
+                for value in &mut first.values {
+                    *value /= diagonal;
+                }
+                for other in rest.iter_mut() {
+                    let entry = project(&first.values, &mut other.values);
+                    if let Some(slot) = pivot.row.get_mut(other.index) {
+                        *slot = entry;
+                    }
+                }
+                pivot.right = project(&first.values, &mut right);
+                left = rest;
+            }
+            let mut solution = substituted(&pivots, |_, pivot| pivot.right);
+            for (value, &scale) in solution.iter_mut().zip(&scales) {
+                *value /= scale;
+            }
+            Ok(Factors { pivots, scales, solution, residual: length(&right) })
+        }
+
+        /// The solution of the triangular system, by original places; `right` is asked for every pivot and its number.
+        fn substituted<T: Real, const C: usize>(pivots: &[Pivot<T, C>; C], right: impl Fn(usize, &Pivot<T, C>) -> T) -> [T; C] {
+            let mut solution = [T::ZERO; C];
+            for (k, pivot) in pivots.iter().enumerate().rev() {
+                // Entries of columns that are not solved yet are zero in the row.
+                let mut sum = right(k, pivot);
+                for (&entry, &value) in pivot.row.iter().zip(&solution) {
+                    sum -= entry * value;
+                }
+                if let Some(slot) = solution.get_mut(pivot.index) {
+                    *slot = sum / pivot.diagonal;
+                }
+            }
+            solution
+        }
+
+        /// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
+        fn length<T: Real>(values: &[T]) -> T {
+            let mut largest = T::ZERO;
+            for &value in values {
+                if !value.is_finite() {
+                    return value.abs();
+                }
+                largest = largest.max(value.abs());
+            }
+            if largest <= T::ZERO {
+                return T::ZERO;
+            }
+            let mut sum = T::ZERO;
+            for &value in values {
+                let part = value / largest;
+                sum += part * part;
+            }
+            largest * sum.sqrt()
+        }
+
+        /// Removes the part along the unit vector and returns its size.
+        fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
+            let mut along = T::ZERO;
+            for (&u, &value) in unit.iter().zip(values.iter()) {
+                along += u * value;
+            }
+            for (&u, value) in unit.iter().zip(values.iter_mut()) {
+                *value -= along * u;
+            }
+            along
+        }
+    }
+
+    mod real {
+        //! The scalar that models and estimators compute with.
+        //!
+        //! Invariant: every elementary function goes through `libm`, never through the platform's mathematics library, so that a
+        //! controller and a desk computer obtain the same bits from the same model.
+
+        use core::fmt::Debug;
+        use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+        /// A real number of fixed precision: `f32` or `f64`.
+        pub trait Real:
+            Copy
+            + Debug
+            + Default
+            + PartialOrd
+            + Send
+            + Sync
+            + Add<Output = Self>
+            + AddAssign
+            + Sub<Output = Self>
+            + SubAssign
+            + Mul<Output = Self>
+            + MulAssign
+            + Div<Output = Self>
+            + DivAssign
+            + Neg<Output = Self>
+            + 'static
+        {
+            /// Zero.
+            const ZERO: Self;
+            /// One.
+            const ONE: Self;
+            /// Half the circumference of the unit circle.
+            const PI: Self;
+            /// The distance from one to the next larger number.
+            const EPSILON: Self;
+
+            /// The nearest number of this precision.
+            fn from_f64(value: f64) -> Self;
+            /// A constant that was rounded to each precision by itself: `double` or `single`, whichever is of this precision. Rounding
+            /// a rational number to double and then to single precision is not always right.
+            fn rounded(double: f64, single: f32) -> Self;
+            /// The same value in double precision (exact for both scalars).
+            fn to_f64(self) -> f64;
+
+            /// Sine of an angle in radians.
+            fn sin(self) -> Self;
+            /// Cosine of an angle in radians.
+            fn cos(self) -> Self;
+            /// Tangent of an angle in radians.
+            fn tan(self) -> Self;
+            /// Principal arc sine in radians; not a number outside [-1, 1].
+            fn asin(self) -> Self;
+            /// Principal arc cosine in radians; not a number outside [-1, 1].
+            fn acos(self) -> Self;
+            /// Inverse tangent, in (-pi/2, pi/2).
+            fn atan(self) -> Self;
+            /// Angle of the point (`x`, `self`) in (-pi, pi].
+            fn atan2(self, x: Self) -> Self;
+            /// Square root; not a number below zero.
+            fn sqrt(self) -> Self;
+            /// Natural exponential.
+            fn exp(self) -> Self;
+            /// Natural logarithm.
+            fn ln(self) -> Self;
+            /// Largest whole number that is not above `self`.
+            fn floor(self) -> Self;
+            /// Absolute value.
+            fn abs(self) -> Self;
+            /// The larger of two numbers; the other one when one is not a number.
+            fn max(self, other: Self) -> Self;
+            /// The smaller of two numbers; the other one when one is not a number.
+            fn min(self, other: Self) -> Self;
+            /// Neither infinite nor not a number.
+            fn is_finite(self) -> bool;
+
+            /// The three-valued sign: -1, 0 or 1 (0 at zero, unlike `f64::signum`); not a number stays so.
+            ///
+            /// Coulomb friction needs the zero: at rest on a rest-to-rest pattern `sgn(x') = 0`.
+            fn sign(self) -> Self {
+                if self > Self::ZERO {
+                    Self::ONE
+                } else if self < Self::ZERO {
+                    -Self::ONE
+                } else {
+                    // Zero of either sign becomes +0; a NaN stays visible instead of turning into a force of zero.
+                    self + Self::ZERO
+                }
+            }
+
+            /// `self` to a whole power by repeated squaring; `x.powi(0)` is one.
+            fn powi(self, exponent: u32) -> Self {
+                let mut result = Self::ONE;
+                let mut base = self;
+                let mut left = exponent;
+                while left > 0 {
+                    if left & 1 == 1 {
+                        result *= base;
+                    }
+                    left >>= 1;
+                    if left > 0 {
+                        base *= base;
+                    }
+                }
+                result
+            }
+
+            /// Sine and cosine of the same angle.
+            fn sin_cos(self) -> (Self, Self) {
+                (self.sin(), self.cos())
+            }
+        }
+
+        macro_rules! real {
+            ($scalar:ident, $pick:expr, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
+                impl Real for $scalar {
+                    const ZERO: Self = 0.0;
+                    const ONE: Self = 1.0;
+                    const PI: Self = core::$scalar::consts::PI;
+                    const EPSILON: Self = $scalar::EPSILON;
+
+                    // The identity for one of the two scalars, a rounding for the other.
+                    #[allow(clippy::unnecessary_cast)]
+                    #[inline]
+                    fn from_f64(value: f64) -> Self {
+                        value as $scalar
+                    }
+                    #[inline]
+                    fn rounded(double: f64, single: f32) -> Self {
+                        $pick(double, single)
+                    }
+                    #[inline]
+                    fn to_f64(self) -> f64 {
+                        f64::from(self)
+                    }
+                    #[inline]
+                    fn sin(self) -> Self {
+                        libm::$sin(self)
+                    }
+                    #[inline]
+                    fn cos(self) -> Self {
+                        libm::$cos(self)
+                    }
+                    #[inline]
+                    fn tan(self) -> Self {
+                        libm::$tan(self)
+                    }
+                    #[inline]
+                    fn asin(self) -> Self {
+                        libm::$asin(self)
+                    }
+                    #[inline]
+                    fn acos(self) -> Self {
+                        libm::$acos(self)
+                    }
+                    #[inline]
+                    fn atan(self) -> Self {
+                        libm::$atan(self)
+                    }
+                    #[inline]
+                    fn atan2(self, x: Self) -> Self {
+                        libm::$atan2(self, x)
+                    }
+                    #[inline]
+                    fn sqrt(self) -> Self {
+                        libm::$sqrt(self)
+                    }
+                    #[inline]
+                    fn exp(self) -> Self {
+                        libm::$exp(self)
+                    }
+                    #[inline]
+                    fn ln(self) -> Self {
+                        libm::$log(self)
+                    }
+                    #[inline]
+                    fn floor(self) -> Self {
+                        libm::$floor(self)
+                    }
+                    #[inline]
+                    fn abs(self) -> Self {
+                        libm::$fabs(self)
+                    }
+                    #[inline]
+                    fn max(self, other: Self) -> Self {
+                        libm::$fmax(self, other)
+                    }
+                    #[inline]
+                    fn min(self, other: Self) -> Self {
+                        libm::$fmin(self, other)
+                    }
+                    #[inline]
+                    fn is_finite(self) -> bool {
+                        $scalar::is_finite(self)
+                    }
+                }
+            };
+        }
+
+        real!(f64, |double, _| double, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
+        real!(f32, |_, single| single, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
+    }
 }

@@ -249,11 +249,11 @@ void mass_spring_drag_reference_at(const mass_spring_drag_pattern *pattern, doub
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
     const double t3 = cosine * t2;
-    const double t4 = 2.0 * (cosine * t1);
+    const double t4 = 2.0 * cosine * t1;
+    const double t5 = pattern->w * pattern->lambda;
     motion->x.value = (cosine - 0.1111111111111111 * (t3 - t4)) * pattern->lambda;
-    motion->x.dot = pattern->w * pattern->lambda * (0.3333333333333333 * (sine * t2 + 2.0 * (sine *
-            t0)) - sine);
-    motion->x.ddot = pattern->lambda * (t3 - cosine - t4) * (pattern->w * pattern->w);
+    motion->x.dot = t5 * (0.3333333333333333 * (sine * t2 + 2.0 * sine * t0) - sine);
+    motion->x.ddot = t5 * (t3 - cosine - t4) * pattern->w;
 }
 
 void mass_spring_drag_reference(const mass_spring_drag_pattern *pattern, double time,
@@ -310,14 +310,16 @@ void mass_spring_drag_accumulate_at(mass_spring_drag_accumulator *accumulator, d
     const double t0 = cosine * cosine;
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = sine * t2 + 2.0 * (sine * t0);
+    const double t3 = 2.0 * t1;
+    const double t4 = cosine * t2 - t3 * cosine;
+    const double t5 = 2.0 * t0;
+    const double t6 = sine * t2 + t5 * sine;
     accumulator->sums[0] += now.u;
     accumulator->sums[1] += now.u * cosine;
     accumulator->sums[2] += now.u * t2;
-    accumulator->sums[3] += now.u * t3;
-    accumulator->sums[4] += now.u * (t2 * t2 - 4.0 * (t0 * t1));
-    accumulator->sums[5] += now.u * (t3 * t3 - t4 * t4);
+    accumulator->sums[3] += now.u * t4;
+    accumulator->sums[4] += now.u * (t2 * t2 - t3 * t5);
+    accumulator->sums[5] += now.u * (t4 * t4 - t6 * t6);
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

@@ -17,9 +17,9 @@
  * | `mass_spring_drag_feed_forward` | 2 | 4 | 0 | 0 |
  * | `mass_spring_drag_feed_forward_independent` | 0 | 1 | 0 | 0 |
  * | `mass_spring_drag_feed_forward_dependent` | 1 | 3 | 0 | 0 |
- * | `mass_spring_drag_reference_at` | 7 | 16 | 0 | 0 |
+ * | `mass_spring_drag_reference_at` | 7 | 15 | 0 | 0 |
  * | `mass_spring_drag_estimator_matrix` | 4 | 9 | 0 | 0 |
- * | `mass_spring_drag_accumulate_at` | 5 | 13 | 0 | 0 |
+ * | `mass_spring_drag_accumulate_at` | 5 | 12 | 0 | 0 |
  */
 #ifndef MASS_SPRING_DRAG_H_INCLUDED
 #define MASS_SPRING_DRAG_H_INCLUDED
@@ -231,7 +231,7 @@ double mass_spring_drag_period(const mass_spring_drag_pattern *pattern);
 /*
  * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
  *
- * Operations: 7 additions, 16 multiplications, one sine and cosine.
+ * Operations: 7 additions, 15 multiplications, one sine and cosine.
  */
 void mass_spring_drag_reference_at(const mass_spring_drag_pattern *pattern, double phase,
         mass_spring_drag_motion *motion);
@@ -300,7 +300,7 @@ void mass_spring_drag_accumulator_clear(mass_spring_drag_accumulator *accumulato
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 5 additions, 13 multiplications.
+ * Operations: 5 additions, 12 multiplications.
  */
 void mass_spring_drag_accumulate_at(mass_spring_drag_accumulator *accumulator, double cosine,
         double sine, const mass_spring_drag_forces *sample);

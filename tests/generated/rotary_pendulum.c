@@ -52,11 +52,12 @@ void rotary_pendulum_lump(const rotary_pendulum_physical *physical,
     /* m2_l1_2_plus_J1 = m2*l1^2 + J1 */
     parameters->m2_l1_2_plus_J1 = physical->J1 + physical->m2 * (physical->l1 * physical->l1);
     /* m2_c2_2 = m2*c2^2 */
-    parameters->m2_c2_2 = physical->m2 * (physical->c2 * physical->c2);
+    const double t0 = physical->m2 * physical->c2;
+    parameters->m2_c2_2 = t0 * physical->c2;
     /* m2_l1_c2 = m2*l1*c2 */
-    parameters->m2_l1_c2 = physical->m2 * physical->l1 * physical->c2;
+    parameters->m2_l1_c2 = t0 * physical->l1;
     /* m2_c2 = m2*c2 */
-    parameters->m2_c2 = physical->m2 * physical->c2;
+    parameters->m2_c2 = t0;
 }
 
 void rotary_pendulum_regressor(const rotary_pendulum_motion *motion,
@@ -75,7 +76,8 @@ void rotary_pendulum_regressor(const rotary_pendulum_motion *motion,
     /* e, m2_c2_2: sin(th2)^2*ddot(th1) + 2*sin(th2)*dot(th1)*cos(th2)*dot(th2) */
     const double t0 = sin(at.th2.value);
     const double t1 = cos(at.th2.value);
-    matrix[0][5] = t0 * t0 * at.th1.ddot + 2.0 * (t0 * at.th1.dot * t1 * at.th2.dot);
+    const double t2 = t0 * at.th1.dot * t1;
+    matrix[0][5] = t0 * t0 * at.th1.ddot + 2.0 * t2 * at.th2.dot;
     /* e, m2_l1_c2: sin(th2)*dot(th2)^2 - cos(th2)*ddot(th2) */
     matrix[0][6] = t0 * (at.th2.dot * at.th2.dot) - t1 * at.th2.ddot;
     /* eq2, J2: ddot(th2) */
@@ -83,7 +85,7 @@ void rotary_pendulum_regressor(const rotary_pendulum_motion *motion,
     /* eq2, C2: dot(th2) */
     matrix[1][2] = at.th2.dot;
     /* eq2, m2_c2_2: ddot(th2) - sin(th2)*dot(th1)^2*cos(th2) */
-    matrix[1][5] = at.th2.ddot - t0 * (at.th1.dot * at.th1.dot) * t1;
+    matrix[1][5] = at.th2.ddot - t2 * at.th1.dot;
     /* eq2, m2_l1_c2: -cos(th2)*ddot(th1) */
     matrix[1][6] = -(t1 * at.th1.ddot);
     /* eq2, m2_c2: -49*sin(th2)/5 */
@@ -113,16 +115,15 @@ void rotary_pendulum_inverse_dynamics(const rotary_pendulum_motion *motion,
 {
     const double t0 = sin(motion->th2.value);
     const double t1 = cos(motion->th2.value);
-    const double t2 = motion->th1.dot * parameters->C1 + constants->Kt * motion->th1.dot /
+    const double t2 = t0 * motion->th1.dot * t1;
+    const double t3 = motion->th1.dot * parameters->C1 + constants->Kt * motion->th1.dot /
             constants->Rm * parameters->Kb + motion->th1.ddot * parameters->m2_l1_2_plus_J1 + (t0 *
-            t0 * motion->th1.ddot + 2.0 * (t0 * motion->th1.dot * t1 * motion->th2.dot)) *
-            parameters->m2_c2_2;
-    const double t3 = motion->th2.ddot * parameters->J2 + motion->th2.dot * parameters->C2 +
-            (motion->th2.ddot - t0 * (motion->th1.dot * motion->th1.dot) * t1) * parameters->m2_c2_2
-            - t1 * motion->th1.ddot * parameters->m2_l1_c2 - 9.8 * t0 * parameters->m2_c2;
-    forces->e = t2 + (t0 * (motion->th2.dot * motion->th2.dot) - t1 * motion->th2.ddot) *
+            t0 * motion->th1.ddot + 2.0 * t2 * motion->th2.dot) * parameters->m2_c2_2;
+    forces->e = t3 + (t0 * (motion->th2.dot * motion->th2.dot) - t1 * motion->th2.ddot) *
             parameters->m2_l1_c2;
-    forces->eq2 = t3;
+    forces->eq2 = motion->th2.ddot * parameters->J2 + motion->th2.dot * parameters->C2 +
+            (motion->th2.ddot - t2 * motion->th1.dot) * parameters->m2_c2_2 - t1 * motion->th1.ddot
+            * parameters->m2_l1_c2 - 9.8 * t0 * parameters->m2_c2;
 }
 
 void rotary_pendulum_feed_forward(const rotary_pendulum_motion *motion,
@@ -133,7 +134,7 @@ void rotary_pendulum_feed_forward(const rotary_pendulum_motion *motion,
     const double t1 = cos(motion->th2.value);
     const double t2 = motion->th1.dot * parameters->C1 + constants->Kt * motion->th1.dot /
             constants->Rm * parameters->Kb + motion->th1.ddot * parameters->m2_l1_2_plus_J1 + (t0 *
-            t0 * motion->th1.ddot + 2.0 * (t0 * motion->th1.dot * t1 * motion->th2.dot)) *
+            t0 * motion->th1.ddot + 2.0 * (t0 * motion->th1.dot * t1) * motion->th2.dot) *
             parameters->m2_c2_2;
     inputs->e = (t2 + (t0 * (motion->th2.dot * motion->th2.dot) - t1 * motion->th2.ddot) *
             parameters->m2_l1_c2) / (constants->Kt * constants->Ku / constants->Rm);
@@ -157,24 +158,25 @@ void rotary_pendulum_feed_forward_with_regressor(const rotary_pendulum_motion *m
     /* e, m2_c2_2 */
     const double t1 = sin(at.th2.value);
     const double t2 = cos(at.th2.value);
-    const double t3 = t1 * t1 * at.th1.ddot + 2.0 * (t1 * at.th1.dot * t2 * at.th2.dot);
-    matrix[0][5] = t3;
+    const double t3 = t1 * at.th1.dot * t2;
+    const double t4 = t1 * t1 * at.th1.ddot + 2.0 * t3 * at.th2.dot;
+    matrix[0][5] = t4;
     /* e, m2_l1_c2 */
-    const double t4 = t1 * (at.th2.dot * at.th2.dot) - t2 * at.th2.ddot;
-    matrix[0][6] = t4;
+    const double t5 = t1 * (at.th2.dot * at.th2.dot) - t2 * at.th2.ddot;
+    matrix[0][6] = t5;
     /* eq2, J2 */
     matrix[1][0] = at.th2.ddot;
     /* eq2, C2 */
     matrix[1][2] = at.th2.dot;
     /* eq2, m2_c2_2 */
-    matrix[1][5] = at.th2.ddot - t1 * (at.th1.dot * at.th1.dot) * t2;
+    matrix[1][5] = at.th2.ddot - t3 * at.th1.dot;
     /* eq2, m2_l1_c2 */
     matrix[1][6] = -(t2 * at.th1.ddot);
     /* eq2, m2_c2 */
     matrix[1][7] = -(9.8 * t1);
     /* e */
     inputs->e = (at.th1.dot * parameters->C1 + t0 * parameters->Kb + at.th1.ddot *
-            parameters->m2_l1_2_plus_J1 + t3 * parameters->m2_c2_2 + t4 * parameters->m2_l1_c2) /
+            parameters->m2_l1_2_plus_J1 + t4 * parameters->m2_c2_2 + t5 * parameters->m2_l1_c2) /
             (constants->Kt * constants->Ku / constants->Rm);
 }
 
@@ -194,8 +196,8 @@ void rotary_pendulum_feed_forward_dependent(const rotary_pendulum_motion *motion
     const double t0 = sin(motion->th2.value);
     const double t1 = motion->th1.dot * parameters->C1 + constants->Kt * motion->th1.dot /
             constants->Rm * parameters->Kb + motion->th1.ddot * parameters->m2_l1_2_plus_J1 + (t0 *
-            t0 * motion->th1.ddot + 2.0 * (t0 * motion->th1.dot * cos(motion->th2.value) *
-            motion->th2.dot)) * parameters->m2_c2_2;
+            t0 * motion->th1.ddot + 2.0 * t0 * motion->th1.dot * cos(motion->th2.value) *
+            motion->th2.dot) * parameters->m2_c2_2;
     inputs->e = t1 / (constants->Kt * constants->Ku / constants->Rm);
 }
 

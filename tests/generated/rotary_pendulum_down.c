@@ -53,11 +53,12 @@ void rotary_pendulum_down_lump(const rotary_pendulum_down_physical *physical,
     /* m2_l1_2_plus_J1 = m2*l1^2 + J1 */
     parameters->m2_l1_2_plus_J1 = physical->J1 + physical->m2 * (physical->l1 * physical->l1);
     /* m2_c2_2 = m2*c2^2 */
-    parameters->m2_c2_2 = physical->m2 * (physical->c2 * physical->c2);
+    const double t0 = physical->m2 * physical->c2;
+    parameters->m2_c2_2 = t0 * physical->c2;
     /* m2_l1_c2 = m2*l1*c2 */
-    parameters->m2_l1_c2 = physical->m2 * physical->l1 * physical->c2;
+    parameters->m2_l1_c2 = t0 * physical->l1;
     /* m2_c2 = m2*c2 */
-    parameters->m2_c2 = physical->m2 * physical->c2;
+    parameters->m2_c2 = t0;
 }
 
 void rotary_pendulum_down_regressor(const rotary_pendulum_down_motion *motion,
@@ -78,7 +79,8 @@ void rotary_pendulum_down_regressor(const rotary_pendulum_down_motion *motion,
     const double t0 = at.alpha2.value - 3.141592653589793;
     const double t1 = sin(t0);
     const double t2 = cos(t0);
-    matrix[0][5] = t1 * t1 * at.th1.ddot + 2.0 * (t1 * at.th1.dot * t2 * at.alpha2.dot);
+    const double t3 = t1 * at.th1.dot * t2;
+    matrix[0][5] = t1 * t1 * at.th1.ddot + 2.0 * t3 * at.alpha2.dot;
     /* e, m2_l1_c2: sin(alpha2 - pi)*dot(alpha2)^2 - cos(alpha2 - pi)*ddot(alpha2) */
     matrix[0][6] = t1 * (at.alpha2.dot * at.alpha2.dot) - t2 * at.alpha2.ddot;
     /* eq2, J2: ddot(alpha2) */
@@ -86,7 +88,7 @@ void rotary_pendulum_down_regressor(const rotary_pendulum_down_motion *motion,
     /* eq2, C2: dot(alpha2) */
     matrix[1][2] = at.alpha2.dot;
     /* eq2, m2_c2_2: ddot(alpha2) - sin(alpha2 - pi)*dot(th1)^2*cos(alpha2 - pi) */
-    matrix[1][5] = at.alpha2.ddot - t1 * (at.th1.dot * at.th1.dot) * t2;
+    matrix[1][5] = at.alpha2.ddot - t3 * at.th1.dot;
     /* eq2, m2_l1_c2: -cos(alpha2 - pi)*ddot(th1) */
     matrix[1][6] = -(t2 * at.th1.ddot);
     /* eq2, m2_c2: -49*sin(alpha2 - pi)/5 */
@@ -117,17 +119,15 @@ void rotary_pendulum_down_inverse_dynamics(const rotary_pendulum_down_motion *mo
     const double t0 = motion->alpha2.value - 3.141592653589793;
     const double t1 = sin(t0);
     const double t2 = cos(t0);
-    const double t3 = motion->th1.dot * parameters->C1 + constants->Kt * motion->th1.dot /
+    const double t3 = t1 * motion->th1.dot * t2;
+    const double t4 = motion->th1.dot * parameters->C1 + constants->Kt * motion->th1.dot /
             constants->Rm * parameters->Kb + motion->th1.ddot * parameters->m2_l1_2_plus_J1 + (t1 *
-            t1 * motion->th1.ddot + 2.0 * (t1 * motion->th1.dot * t2 * motion->alpha2.dot)) *
-            parameters->m2_c2_2;
-    const double t4 = motion->alpha2.ddot * parameters->J2 + motion->alpha2.dot * parameters->C2 +
-            (motion->alpha2.ddot - t1 * (motion->th1.dot * motion->th1.dot) * t2) *
-            parameters->m2_c2_2 - t2 * motion->th1.ddot * parameters->m2_l1_c2 - 9.8 * t1 *
-            parameters->m2_c2;
-    forces->e = t3 + (t1 * (motion->alpha2.dot * motion->alpha2.dot) - t2 * motion->alpha2.ddot) *
+            t1 * motion->th1.ddot + 2.0 * t3 * motion->alpha2.dot) * parameters->m2_c2_2;
+    forces->e = t4 + (t1 * (motion->alpha2.dot * motion->alpha2.dot) - t2 * motion->alpha2.ddot) *
             parameters->m2_l1_c2;
-    forces->eq2 = t4;
+    forces->eq2 = motion->alpha2.ddot * parameters->J2 + motion->alpha2.dot * parameters->C2 +
+            (motion->alpha2.ddot - t3 * motion->th1.dot) * parameters->m2_c2_2 - t2 *
+            motion->th1.ddot * parameters->m2_l1_c2 - 9.8 * t1 * parameters->m2_c2;
 }
 
 void rotary_pendulum_down_feed_forward(const rotary_pendulum_down_motion *motion,
@@ -139,7 +139,7 @@ void rotary_pendulum_down_feed_forward(const rotary_pendulum_down_motion *motion
     const double t2 = cos(t0);
     const double t3 = motion->th1.dot * parameters->C1 + constants->Kt * motion->th1.dot /
             constants->Rm * parameters->Kb + motion->th1.ddot * parameters->m2_l1_2_plus_J1 + (t1 *
-            t1 * motion->th1.ddot + 2.0 * (t1 * motion->th1.dot * t2 * motion->alpha2.dot)) *
+            t1 * motion->th1.ddot + 2.0 * (t1 * motion->th1.dot * t2) * motion->alpha2.dot) *
             parameters->m2_c2_2;
     inputs->e = (t3 + (t1 * (motion->alpha2.dot * motion->alpha2.dot) - t2 * motion->alpha2.ddot) *
             parameters->m2_l1_c2) / (constants->Kt * constants->Ku / constants->Rm);
@@ -164,24 +164,25 @@ void rotary_pendulum_down_feed_forward_with_regressor(const rotary_pendulum_down
     const double t1 = at.alpha2.value - 3.141592653589793;
     const double t2 = sin(t1);
     const double t3 = cos(t1);
-    const double t4 = t2 * t2 * at.th1.ddot + 2.0 * (t2 * at.th1.dot * t3 * at.alpha2.dot);
-    matrix[0][5] = t4;
+    const double t4 = t2 * at.th1.dot * t3;
+    const double t5 = t2 * t2 * at.th1.ddot + 2.0 * t4 * at.alpha2.dot;
+    matrix[0][5] = t5;
     /* e, m2_l1_c2 */
-    const double t5 = t2 * (at.alpha2.dot * at.alpha2.dot) - t3 * at.alpha2.ddot;
-    matrix[0][6] = t5;
+    const double t6 = t2 * (at.alpha2.dot * at.alpha2.dot) - t3 * at.alpha2.ddot;
+    matrix[0][6] = t6;
     /* eq2, J2 */
     matrix[1][0] = at.alpha2.ddot;
     /* eq2, C2 */
     matrix[1][2] = at.alpha2.dot;
     /* eq2, m2_c2_2 */
-    matrix[1][5] = at.alpha2.ddot - t2 * (at.th1.dot * at.th1.dot) * t3;
+    matrix[1][5] = at.alpha2.ddot - t4 * at.th1.dot;
     /* eq2, m2_l1_c2 */
     matrix[1][6] = -(t3 * at.th1.ddot);
     /* eq2, m2_c2 */
     matrix[1][7] = -(9.8 * t2);
     /* e */
     inputs->e = (at.th1.dot * parameters->C1 + t0 * parameters->Kb + at.th1.ddot *
-            parameters->m2_l1_2_plus_J1 + t4 * parameters->m2_c2_2 + t5 * parameters->m2_l1_c2) /
+            parameters->m2_l1_2_plus_J1 + t5 * parameters->m2_c2_2 + t6 * parameters->m2_l1_c2) /
             (constants->Kt * constants->Ku / constants->Rm);
 }
 
@@ -203,7 +204,7 @@ void rotary_pendulum_down_feed_forward_dependent(const rotary_pendulum_down_moti
     const double t1 = sin(t0);
     const double t2 = motion->th1.dot * parameters->C1 + constants->Kt * motion->th1.dot /
             constants->Rm * parameters->Kb + motion->th1.ddot * parameters->m2_l1_2_plus_J1 + (t1 *
-            t1 * motion->th1.ddot + 2.0 * (t1 * motion->th1.dot * cos(t0) * motion->alpha2.dot)) *
+            t1 * motion->th1.ddot + 2.0 * t1 * motion->th1.dot * cos(t0) * motion->alpha2.dot) *
             parameters->m2_c2_2;
     inputs->e = t2 / (constants->Kt * constants->Ku / constants->Rm);
 }

@@ -21,14 +21,14 @@
  *
  * | function | additions | multiplications | divisions | function calls |
  * |---|---|---|---|---|
- * | `rotary_pendulum_down_regressor` | 6 | 15 | 1 | 2 |
+ * | `rotary_pendulum_down_regressor` | 6 | 13 | 1 | 2 |
  * | `rotary_pendulum_down_known` | 0 | 0 | 0 | 0 |
  * | `rotary_pendulum_down_input_map` | 0 | 1 | 1 | 0 |
- * | `rotary_pendulum_down_inverse_dynamics` | 12 | 25 | 1 | 2 |
+ * | `rotary_pendulum_down_inverse_dynamics` | 12 | 23 | 1 | 2 |
  * | `rotary_pendulum_down_feed_forward` | 7 | 16 | 3 | 2 |
  * | `rotary_pendulum_down_feed_forward_independent` | 2 | 5 | 2 | 2 |
  * | `rotary_pendulum_down_feed_forward_dependent` | 5 | 12 | 3 | 2 |
- * | `rotary_pendulum_down_lump` | 1 | 7 | 0 | 0 |
+ * | `rotary_pendulum_down_lump` | 1 | 5 | 0 | 0 |
  */
 #ifndef ROTARY_PENDULUM_DOWN_H_INCLUDED
 #define ROTARY_PENDULUM_DOWN_H_INCLUDED
@@ -170,7 +170,7 @@ extern const rotary_pendulum_down_label rotary_pendulum_down_equation_labels[ROT
 /*
  * The estimated parameters that belong to these physical ones.
  *
- * Operations: 1 addition, 7 multiplications.
+ * Operations: 1 addition, 5 multiplications.
  */
 void rotary_pendulum_down_lump(const rotary_pendulum_down_physical *physical,
         const rotary_pendulum_down_constants *constants,
@@ -195,7 +195,7 @@ void rotary_pendulum_down_lump(const rotary_pendulum_down_physical *physical,
  *     m2_l1_c2: -cos(alpha2 - pi)*ddot(th1)
  *     m2_c2: -49*sin(alpha2 - pi)/5
  *
- * Operations: 6 additions, 15 multiplications, 1 division, 2 function calls.
+ * Operations: 6 additions, 13 multiplications, 1 division, 2 function calls.
  */
 void rotary_pendulum_down_regressor(const rotary_pendulum_down_motion *motion,
         const rotary_pendulum_down_constants *constants,
@@ -220,7 +220,7 @@ void rotary_pendulum_down_known(const rotary_pendulum_down_motion *motion,
 /*
  * Phi theta + known: the generalised force of every equation that the motion needs.
  *
- * Operations: 12 additions, 25 multiplications, 1 division, 2 function calls.
+ * Operations: 12 additions, 23 multiplications, 1 division, 2 function calls.
  */
 void rotary_pendulum_down_inverse_dynamics(const rotary_pendulum_down_motion *motion,
         const rotary_pendulum_down_parameters *parameters,
@@ -240,7 +240,7 @@ void rotary_pendulum_down_feed_forward(const rotary_pendulum_down_motion *motion
  * `rotary_pendulum_down_feed_forward` and `rotary_pendulum_down_regressor` in one go: what they
  * share is computed once.
  *
- * Operations: 10 additions, 21 multiplications, 3 divisions, 2 function calls.
+ * Operations: 10 additions, 19 multiplications, 3 divisions, 2 function calls.
  */
 void rotary_pendulum_down_feed_forward_with_regressor(const rotary_pendulum_down_motion *motion,
         const rotary_pendulum_down_parameters *parameters,

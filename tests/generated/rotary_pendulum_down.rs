@@ -22,23 +22,20 @@
 //!
 //! | function | additions | multiplications | divisions | function calls |
 //! |---|---|---|---|---|
-//! | `regressor` | 6 | 15 | 1 | 2 |
+//! | `regressor` | 6 | 13 | 1 | 2 |
 //! | `known` | 0 | 0 | 0 | 0 |
 //! | `input_map` | 0 | 1 | 1 | 0 |
-//! | `inverse_dynamics` | 12 | 25 | 1 | 2 |
+//! | `inverse_dynamics` | 12 | 23 | 1 | 2 |
 //! | `feed_forward` | 7 | 16 | 3 | 2 |
 //! | `feed_forward_independent` | 2 | 5 | 2 | 2 |
 //! | `feed_forward_dependent` | 5 | 12 | 3 | 2 |
-//! | `Physical::lump` | 1 | 7 | 0 | 0 |
+//! | `Physical::lump` | 1 | 5 | 0 | 0 |
+//!
+//! Beside `core` it needs the crate `libm`, and nothing else.
 
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(non_snake_case, reason = "fields are named as in the model")]
-use ::tpm_runtime::model::{fixed, require_len, store};
-use ::tpm_runtime::{Buffer, Dims, EvalError, Label, Model, Real};
-
-/// The model `RotaryPendulumDown`, as the runtime takes any model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RotaryPendulumDown;
+use self::support::{Label, Real};
 
 /// Names and units of the coordinates.
 pub const COORDINATES: [Label<'static>; 2] = [
@@ -73,16 +70,6 @@ pub const EQUATIONS: [Label<'static>; 2] = [Label::bare("e"), Label::bare("eq2")
 
 /// A number that changes with the model, for logs and results to say what they belong to.
 pub const MODEL_HASH: u64 = 2565664164362945861;
-
-/// The sizes of the model.
-pub const DIMS: Dims = Dims {
-    coordinates: COORDINATES.len(),
-    order: 2,
-    inputs: INPUTS.len(),
-    rows: EQUATIONS.len(),
-    parameters: PARAMETERS.len(),
-    constants: CONSTANTS.len(),
-};
 
 /// The parameters that are estimated; every equation is linear in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -212,7 +199,7 @@ impl<T> Physical<T> {
 impl<T: Real> Physical<T> {
     /// The estimated parameters that belong to these physical ones.
     ///
-    /// Operations: 1 addition, 7 multiplications.
+    /// Operations: 1 addition, 5 multiplications.
     #[must_use]
     pub fn lump(&self, _constants: &Constants<T>) -> Parameters<T> {
         // J2 = J2
@@ -226,11 +213,12 @@ impl<T: Real> Physical<T> {
         // m2_l1_2_plus_J1 = m2*l1^2 + J1
         let v4 = self.J1 + self.m2 * (self.l1 * self.l1);
         // m2_c2_2 = m2*c2^2
-        let v5 = self.m2 * (self.c2 * self.c2);
+        let t0 = self.m2 * self.c2;
+        let v5 = t0 * self.c2;
         // m2_l1_c2 = m2*l1*c2
-        let v6 = self.m2 * self.l1 * self.c2;
+        let v6 = t0 * self.l1;
         // m2_c2 = m2*c2
-        let v7 = self.m2 * self.c2;
+        let v7 = t0;
         Parameters {
             J2: v0,
             C1: v1,
@@ -276,7 +264,7 @@ pub struct Motion<T> {
 }
 
 impl<T: Real> Motion<T> {
-    /// From the order that [`Model`] uses: derivative n of coordinate c stands at `n * coordinates + c`.
+    /// From one list: derivative n of coordinate c stands at `n * coordinates + c`.
     #[must_use]
     pub fn from_array(values: &[T; 6]) -> Self {
         let &[v0, v1, v2, v3, v4, v5] = values;
@@ -294,7 +282,7 @@ impl<T: Real> Motion<T> {
         }
     }
 
-    /// In the order that [`Model`] uses, with zeros for derivatives that no equation reads.
+    /// The same list, with zeros for derivatives that no equation reads.
     #[must_use]
     pub fn into_array(self) -> [T; 6] {
         [
@@ -375,7 +363,7 @@ impl<T> Inputs<T> {
 /// m2_l1_c2: -cos(alpha2 - pi)*ddot(th1)
 /// m2_c2: -49*sin(alpha2 - pi)/5
 /// ```
-/// Operations: 6 additions, 15 multiplications, 1 division, 2 function calls.
+/// Operations: 6 additions, 13 multiplications, 1 division, 2 function calls.
 #[must_use]
 pub fn regressor<T: Real>(motion: &Motion<T>, constants: &Constants<T>) -> [[T; 8]; 2] {
     let mut matrix = [[T::ZERO; 8]; 2];
@@ -389,8 +377,8 @@ pub fn regressor<T: Real>(motion: &Motion<T>, constants: &Constants<T>) -> [[T; 
     let t0 = motion.alpha2.value - T::PI;
     let t1 = t0.sin();
     let t2 = t0.cos();
-    matrix[0][5] = t1 * t1 * motion.th1.ddot
-        + T::from_f64(2.0) * (t1 * motion.th1.dot * t2 * motion.alpha2.dot);
+    let t3 = t1 * motion.th1.dot * t2;
+    matrix[0][5] = t1 * t1 * motion.th1.ddot + T::from_f64(2.0) * t3 * motion.alpha2.dot;
     // e, m2_l1_c2: sin(alpha2 - pi)*dot(alpha2)^2 - cos(alpha2 - pi)*ddot(alpha2)
     matrix[0][6] = t1 * (motion.alpha2.dot * motion.alpha2.dot)
         - t2 * motion.alpha2.ddot;
@@ -399,7 +387,7 @@ pub fn regressor<T: Real>(motion: &Motion<T>, constants: &Constants<T>) -> [[T; 
     // eq2, C2: dot(alpha2)
     matrix[1][2] = motion.alpha2.dot;
     // eq2, m2_c2_2: ddot(alpha2) - sin(alpha2 - pi)*dot(th1)^2*cos(alpha2 - pi)
-    matrix[1][5] = motion.alpha2.ddot - t1 * (motion.th1.dot * motion.th1.dot) * t2;
+    matrix[1][5] = motion.alpha2.ddot - t3 * motion.th1.dot;
     // eq2, m2_l1_c2: -cos(alpha2 - pi)*ddot(th1)
     matrix[1][6] = -(t2 * motion.th1.ddot);
     // eq2, m2_c2: -49*sin(alpha2 - pi)/5
@@ -428,7 +416,7 @@ pub fn input_map<T: Real>(constants: &Constants<T>) -> [[T; 1]; 2] {
 
 /// Phi theta + known: the generalised force of every equation that the motion needs.
 ///
-/// Operations: 12 additions, 25 multiplications, 1 division, 2 function calls.
+/// Operations: 12 additions, 23 multiplications, 1 division, 2 function calls.
 #[must_use]
 pub fn inverse_dynamics<T: Real>(
     motion: &Motion<T>,
@@ -438,21 +426,20 @@ pub fn inverse_dynamics<T: Real>(
     let t0 = motion.alpha2.value - T::PI;
     let t1 = t0.sin();
     let t2 = t0.cos();
-    let t3 = motion.th1.dot * parameters.C1
+    let t3 = t1 * motion.th1.dot * t2;
+    let t4 = motion.th1.dot * parameters.C1
         + constants.Kt * motion.th1.dot / constants.Rm * parameters.Kb
         + motion.th1.ddot * parameters.m2_l1_2_plus_J1
-        + (t1 * t1 * motion.th1.ddot
-            + T::from_f64(2.0) * (t1 * motion.th1.dot * t2 * motion.alpha2.dot))
+        + (t1 * t1 * motion.th1.ddot + T::from_f64(2.0) * t3 * motion.alpha2.dot)
             * parameters.m2_c2_2;
-    let t4 = motion.alpha2.ddot * parameters.J2 + motion.alpha2.dot * parameters.C2
-        + (motion.alpha2.ddot - t1 * (motion.th1.dot * motion.th1.dot) * t2)
-            * parameters.m2_c2_2 - t2 * motion.th1.ddot * parameters.m2_l1_c2
-        - T::from_f64(9.8) * t1 * parameters.m2_c2;
     Forces {
-        e: t3
+        e: t4
             + (t1 * (motion.alpha2.dot * motion.alpha2.dot) - t2 * motion.alpha2.ddot)
                 * parameters.m2_l1_c2,
-        eq2: t4,
+        eq2: motion.alpha2.ddot * parameters.J2 + motion.alpha2.dot * parameters.C2
+            + (motion.alpha2.ddot - t3 * motion.th1.dot) * parameters.m2_c2_2
+            - t2 * motion.th1.ddot * parameters.m2_l1_c2
+            - T::from_f64(9.8) * t1 * parameters.m2_c2,
     }
 }
 
@@ -472,7 +459,7 @@ pub fn feed_forward<T: Real>(
         + constants.Kt * motion.th1.dot / constants.Rm * parameters.Kb
         + motion.th1.ddot * parameters.m2_l1_2_plus_J1
         + (t1 * t1 * motion.th1.ddot
-            + T::from_f64(2.0) * (t1 * motion.th1.dot * t2 * motion.alpha2.dot))
+            + T::from_f64(2.0) * (t1 * motion.th1.dot * t2) * motion.alpha2.dot)
             * parameters.m2_c2_2;
     Inputs {
         e: (t3
@@ -483,7 +470,7 @@ pub fn feed_forward<T: Real>(
 
 /// [`feed_forward`] and [`regressor`] in one go: what they share is computed once.
 ///
-/// Operations: 10 additions, 21 multiplications, 3 divisions, 2 function calls.
+/// Operations: 10 additions, 19 multiplications, 3 divisions, 2 function calls.
 #[must_use]
 pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
@@ -502,26 +489,26 @@ pub fn feed_forward_with_regressor<T: Real>(
     let t1 = motion.alpha2.value - T::PI;
     let t2 = t1.sin();
     let t3 = t1.cos();
-    let t4 = t2 * t2 * motion.th1.ddot
-        + T::from_f64(2.0) * (t2 * motion.th1.dot * t3 * motion.alpha2.dot);
-    matrix[0][5] = t4;
+    let t4 = t2 * motion.th1.dot * t3;
+    let t5 = t2 * t2 * motion.th1.ddot + T::from_f64(2.0) * t4 * motion.alpha2.dot;
+    matrix[0][5] = t5;
     // e, m2_l1_c2
-    let t5 = t2 * (motion.alpha2.dot * motion.alpha2.dot) - t3 * motion.alpha2.ddot;
-    matrix[0][6] = t5;
+    let t6 = t2 * (motion.alpha2.dot * motion.alpha2.dot) - t3 * motion.alpha2.ddot;
+    matrix[0][6] = t6;
     // eq2, J2
     matrix[1][0] = motion.alpha2.ddot;
     // eq2, C2
     matrix[1][2] = motion.alpha2.dot;
     // eq2, m2_c2_2
-    matrix[1][5] = motion.alpha2.ddot - t2 * (motion.th1.dot * motion.th1.dot) * t3;
+    matrix[1][5] = motion.alpha2.ddot - t4 * motion.th1.dot;
     // eq2, m2_l1_c2
     matrix[1][6] = -(t3 * motion.th1.ddot);
     // eq2, m2_c2
     matrix[1][7] = -(T::from_f64(9.8) * t2);
     // e
     let v0 = (motion.th1.dot * parameters.C1 + t0 * parameters.Kb
-        + motion.th1.ddot * parameters.m2_l1_2_plus_J1 + t4 * parameters.m2_c2_2
-        + t5 * parameters.m2_l1_c2) / (constants.Kt * constants.Ku / constants.Rm);
+        + motion.th1.ddot * parameters.m2_l1_2_plus_J1 + t5 * parameters.m2_c2_2
+        + t6 * parameters.m2_l1_c2) / (constants.Kt * constants.Ku / constants.Rm);
     (Inputs { e: v0 }, matrix)
 }
 
@@ -559,100 +546,10 @@ pub fn feed_forward_dependent<T: Real>(
         + constants.Kt * motion.th1.dot / constants.Rm * parameters.Kb
         + motion.th1.ddot * parameters.m2_l1_2_plus_J1
         + (t1 * t1 * motion.th1.ddot
-            + T::from_f64(2.0) * (t1 * motion.th1.dot * t0.cos() * motion.alpha2.dot))
+            + T::from_f64(2.0) * t1 * motion.th1.dot * t0.cos() * motion.alpha2.dot)
             * parameters.m2_c2_2;
     Inputs {
         e: t2 / (constants.Kt * constants.Ku / constants.Rm),
-    }
-}
-
-impl<T: Real> Model<T> for RotaryPendulumDown {
-    fn name(&self) -> &str {
-        "RotaryPendulumDown"
-    }
-
-    fn dims(&self) -> Dims {
-        DIMS
-    }
-
-    fn coordinate(&self, index: usize) -> Label<'_> {
-        COORDINATES.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn input(&self, index: usize) -> Label<'_> {
-        INPUTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn parameter(&self, index: usize) -> Label<'_> {
-        PARAMETERS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn constant(&self, index: usize) -> Label<'_> {
-        CONSTANTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn row(&self, index: usize) -> Label<'_> {
-        EQUATIONS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn workspace_len(&self) -> usize {
-        0
-    }
-
-    fn regressor(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);
-        store(regressor(motion, constants).as_flattened(), out)
-    }
-
-    fn known(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);
-        store(&known(motion, constants).into_array(), out)
-    }
-
-    fn input_map(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        require_len(Buffer::Motion, motion.len(), DIMS.motion_len())?;
-        let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);
-        store(input_map(constants).as_flattened(), out)
-    }
-
-    fn inverse_workspace_len(&self) -> usize {
-        0
-    }
-
-    fn inverse_dynamics(
-        &self,
-        motion: &[T],
-        parameters: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let parameters = &Parameters::from_array(
-            *fixed(Buffer::Parameters, parameters)?,
-        );
-        let constants = &Constants::from_array(*fixed(Buffer::Constants, constants)?);
-        store(&inverse_dynamics(motion, parameters, constants).into_array(), out)
     }
 }
 
@@ -689,5 +586,253 @@ impl<T: Real> Pattern<T> {
     #[must_use]
     pub fn period(&self) -> T {
         T::from_f64(2.0) * T::PI / self.w
+    }
+}
+
+/// What the functions above need beside `core` and the crate `libm`.
+#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+pub mod support {
+    pub use self::label::Label;
+    pub use self::real::Real;
+
+    mod label {
+        //! Names of a model's quantities.
+
+        use core::fmt;
+
+        /// A name with its unit, as declared in the model.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Label<'a> {
+            /// Name as declared.
+            pub name: &'a str,
+            /// Unit as declared, without brackets; `None` when the model declares none.
+            pub unit: Option<&'a str>,
+        }
+
+        impl<'a> Label<'a> {
+            /// A name with a unit.
+            #[must_use]
+            pub const fn new(name: &'a str, unit: &'a str) -> Self {
+                Label { name, unit: Some(unit) }
+            }
+
+            /// A name without a unit.
+            #[must_use]
+            pub const fn bare(name: &'a str) -> Self {
+                Label { name, unit: None }
+            }
+        }
+
+        impl fmt::Display for Label<'_> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self.unit {
+                    Some(unit) => write!(f, "{} [{unit}]", self.name),
+                    None => f.write_str(self.name),
+                }
+            }
+        }
+    }
+
+    mod real {
+        //! The scalar that models and estimators compute with.
+        //!
+        //! Invariant: every elementary function goes through `libm`, never through the platform's mathematics library, so that a
+        //! controller and a desk computer obtain the same bits from the same model.
+
+        use core::fmt::Debug;
+        use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+        /// A real number of fixed precision: `f32` or `f64`.
+        pub trait Real:
+            Copy
+            + Debug
+            + Default
+            + PartialOrd
+            + Send
+            + Sync
+            + Add<Output = Self>
+            + AddAssign
+            + Sub<Output = Self>
+            + SubAssign
+            + Mul<Output = Self>
+            + MulAssign
+            + Div<Output = Self>
+            + DivAssign
+            + Neg<Output = Self>
+            + 'static
+        {
+            /// Zero.
+            const ZERO: Self;
+            /// One.
+            const ONE: Self;
+            /// Half the circumference of the unit circle.
+            const PI: Self;
+            /// The distance from one to the next larger number.
+            const EPSILON: Self;
+
+            /// The nearest number of this precision.
+            fn from_f64(value: f64) -> Self;
+            /// A constant that was rounded to each precision by itself: `double` or `single`, whichever is of this precision. Rounding
+            /// a rational number to double and then to single precision is not always right.
+            fn rounded(double: f64, single: f32) -> Self;
+            /// The same value in double precision (exact for both scalars).
+            fn to_f64(self) -> f64;
+
+            /// Sine of an angle in radians.
+            fn sin(self) -> Self;
+            /// Cosine of an angle in radians.
+            fn cos(self) -> Self;
+            /// Tangent of an angle in radians.
+            fn tan(self) -> Self;
+            /// Principal arc sine in radians; not a number outside [-1, 1].
+            fn asin(self) -> Self;
+            /// Principal arc cosine in radians; not a number outside [-1, 1].
+            fn acos(self) -> Self;
+            /// Inverse tangent, in (-pi/2, pi/2).
+            fn atan(self) -> Self;
+            /// Angle of the point (`x`, `self`) in (-pi, pi].
+            fn atan2(self, x: Self) -> Self;
+            /// Square root; not a number below zero.
+            fn sqrt(self) -> Self;
+            /// Natural exponential.
+            fn exp(self) -> Self;
+            /// Natural logarithm.
+            fn ln(self) -> Self;
+            /// Largest whole number that is not above `self`.
+            fn floor(self) -> Self;
+            /// Absolute value.
+            fn abs(self) -> Self;
+            /// The larger of two numbers; the other one when one is not a number.
+            fn max(self, other: Self) -> Self;
+            /// The smaller of two numbers; the other one when one is not a number.
+            fn min(self, other: Self) -> Self;
+            /// Neither infinite nor not a number.
+            fn is_finite(self) -> bool;
+
+            /// The three-valued sign: -1, 0 or 1 (0 at zero, unlike `f64::signum`); not a number stays so.
+            ///
+            /// Coulomb friction needs the zero: at rest on a rest-to-rest pattern `sgn(x') = 0`.
+            fn sign(self) -> Self {
+                if self > Self::ZERO {
+                    Self::ONE
+                } else if self < Self::ZERO {
+                    -Self::ONE
+                } else {
+                    // Zero of either sign becomes +0; a NaN stays visible instead of turning into a force of zero.
+                    self + Self::ZERO
+                }
+            }
+
+            /// `self` to a whole power by repeated squaring; `x.powi(0)` is one.
+            fn powi(self, exponent: u32) -> Self {
+                let mut result = Self::ONE;
+                let mut base = self;
+                let mut left = exponent;
+                while left > 0 {
+                    if left & 1 == 1 {
+                        result *= base;
+                    }
+                    left >>= 1;
+                    if left > 0 {
+                        base *= base;
+                    }
+                }
+                result
+            }
+
+            /// Sine and cosine of the same angle.
+            fn sin_cos(self) -> (Self, Self) {
+                (self.sin(), self.cos())
+            }
+        }
+
+        macro_rules! real {
+            ($scalar:ident, $pick:expr, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
+                impl Real for $scalar {
+                    const ZERO: Self = 0.0;
+                    const ONE: Self = 1.0;
+                    const PI: Self = core::$scalar::consts::PI;
+                    const EPSILON: Self = $scalar::EPSILON;
+
+                    // The identity for one of the two scalars, a rounding for the other.
+                    #[allow(clippy::unnecessary_cast)]
+                    #[inline]
+                    fn from_f64(value: f64) -> Self {
+                        value as $scalar
+                    }
+                    #[inline]
+                    fn rounded(double: f64, single: f32) -> Self {
+                        $pick(double, single)
+                    }
+                    #[inline]
+                    fn to_f64(self) -> f64 {
+                        f64::from(self)
+                    }
+                    #[inline]
+                    fn sin(self) -> Self {
+                        libm::$sin(self)
+                    }
+                    #[inline]
+                    fn cos(self) -> Self {
+                        libm::$cos(self)
+                    }
+                    #[inline]
+                    fn tan(self) -> Self {
+                        libm::$tan(self)
+                    }
+                    #[inline]
+                    fn asin(self) -> Self {
+                        libm::$asin(self)
+                    }
+                    #[inline]
+                    fn acos(self) -> Self {
+                        libm::$acos(self)
+                    }
+                    #[inline]
+                    fn atan(self) -> Self {
+                        libm::$atan(self)
+                    }
+                    #[inline]
+                    fn atan2(self, x: Self) -> Self {
+                        libm::$atan2(self, x)
+                    }
+                    #[inline]
+                    fn sqrt(self) -> Self {
+                        libm::$sqrt(self)
+                    }
+                    #[inline]
+                    fn exp(self) -> Self {
+                        libm::$exp(self)
+                    }
+                    #[inline]
+                    fn ln(self) -> Self {
+                        libm::$log(self)
+                    }
+                    #[inline]
+                    fn floor(self) -> Self {
+                        libm::$floor(self)
+                    }
+                    #[inline]
+                    fn abs(self) -> Self {
+                        libm::$fabs(self)
+                    }
+                    #[inline]
+                    fn max(self, other: Self) -> Self {
+                        libm::$fmax(self, other)
+                    }
+                    #[inline]
+                    fn min(self, other: Self) -> Self {
+                        libm::$fmin(self, other)
+                    }
+                    #[inline]
+                    fn is_finite(self) -> bool {
+                        $scalar::is_finite(self)
+                    }
+                }
+            };
+        }
+
+        real!(f64, |double, _| double, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
+        real!(f32, |_, single| single, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
     }
 }

@@ -37,7 +37,7 @@ void silverbox_regressor(const silverbox_motion *motion,
     /* u, k1: y */
     matrix[0][2] = at.y.value;
     /* u, k3: y^3 */
-    matrix[0][3] = at.y.value * (at.y.value * at.y.value);
+    matrix[0][3] = at.y.value * at.y.value * at.y.value;
 }
 
 void silverbox_input_map(double matrix[SILVERBOX_EQUATIONS][SILVERBOX_INPUTS])
@@ -56,14 +56,14 @@ void silverbox_inverse_dynamics(const silverbox_motion *motion,
         const silverbox_parameters *parameters, silverbox_forces *forces)
 {
     forces->u = motion->y.ddot * parameters->m + motion->y.dot * parameters->d + motion->y.value *
-            parameters->k1 + motion->y.value * (motion->y.value * motion->y.value) * parameters->k3;
+            parameters->k1 + motion->y.value * motion->y.value * motion->y.value * parameters->k3;
 }
 
 void silverbox_feed_forward(const silverbox_motion *motion, const silverbox_parameters *parameters,
         silverbox_inputs *inputs)
 {
     inputs->u = motion->y.ddot * parameters->m + motion->y.dot * parameters->d + motion->y.value *
-            parameters->k1 + motion->y.value * (motion->y.value * motion->y.value) * parameters->k3;
+            parameters->k1 + motion->y.value * motion->y.value * motion->y.value * parameters->k3;
 }
 
 void silverbox_feed_forward_with_regressor(const silverbox_motion *motion,
@@ -78,7 +78,7 @@ void silverbox_feed_forward_with_regressor(const silverbox_motion *motion,
     /* u, k1 */
     matrix[0][2] = at.y.value;
     /* u, k3 */
-    const double t0 = at.y.value * (at.y.value * at.y.value);
+    const double t0 = at.y.value * at.y.value * at.y.value;
     matrix[0][3] = t0;
     /* u */
     inputs->u = at.y.ddot * parameters->m + at.y.dot * parameters->d + at.y.value * parameters->k1 +
@@ -88,8 +88,8 @@ void silverbox_feed_forward_with_regressor(const silverbox_motion *motion,
 void silverbox_feed_forward_independent(const silverbox_motion *motion,
         const silverbox_parameters *parameters, silverbox_inputs *inputs)
 {
-    inputs->u = motion->y.value * parameters->k1 + motion->y.value * (motion->y.value *
-            motion->y.value) * parameters->k3;
+    inputs->u = motion->y.value * parameters->k1 + motion->y.value * motion->y.value *
+            motion->y.value * parameters->k3;
 }
 
 void silverbox_feed_forward_dependent(const silverbox_motion *motion,
@@ -257,11 +257,11 @@ void silverbox_reference_at(const silverbox_pattern *pattern, double phase,
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
     const double t3 = cosine * t2;
-    const double t4 = 2.0 * (cosine * t1);
+    const double t4 = 2.0 * cosine * t1;
+    const double t5 = pattern->w * pattern->lambda;
     motion->y.value = (cosine - 0.1111111111111111 * (t3 - t4)) * pattern->lambda;
-    motion->y.dot = pattern->w * pattern->lambda * (0.3333333333333333 * (sine * t2 + 2.0 * (sine *
-            t0)) - sine);
-    motion->y.ddot = pattern->lambda * (t3 - cosine - t4) * (pattern->w * pattern->w);
+    motion->y.dot = t5 * (0.3333333333333333 * (sine * t2 + 2.0 * sine * t0) - sine);
+    motion->y.ddot = t5 * (t3 - cosine - t4) * pattern->w;
 }
 
 void silverbox_reference(const silverbox_pattern *pattern, double time, silverbox_motion *motion)
@@ -281,30 +281,30 @@ void silverbox_estimator_matrix(const silverbox_pattern *pattern,
     matrix[5][0] = matrix[5][1] = matrix[5][2] = 0.0;
     matrix[6][0] = matrix[6][1] = matrix[6][2] = 0.0;
     /* u, cos 1, m: -lambda*w^2 */
-    const double t0 = own.lambda * (own.w * own.w);
-    matrix[0][0] = -t0;
+    const double t0 = own.lambda * own.w;
+    const double t1 = t0 * own.w;
+    matrix[0][0] = -t1;
     /* u, cos 1, k1: lambda */
     matrix[0][2] = own.lambda;
     /* u, cos 1, k3: 37/54*lambda^3 */
-    const double t1 = own.lambda * (own.lambda * own.lambda);
-    matrix[0][3] = 0.6851851851851852 * t1;
+    const double t2 = own.lambda * own.lambda * own.lambda;
+    matrix[0][3] = 0.6851851851851852 * t2;
     /* u, sin 1, d: -lambda*w */
-    const double t2 = own.lambda * own.w;
-    matrix[1][1] = -t2;
+    matrix[1][1] = -t0;
     /* u, cos 3, m: lambda*w^2 */
-    matrix[2][0] = t0;
+    matrix[2][0] = t1;
     /* u, cos 3, k1: -1/9*lambda */
     matrix[2][2] = -(0.1111111111111111 * own.lambda);
     /* u, cos 3, k3: 20/243*lambda^3 */
-    matrix[2][3] = 0.0823045267489712 * t1;
+    matrix[2][3] = 0.0823045267489712 * t2;
     /* u, sin 3, d: 1/3*lambda*w */
-    matrix[3][1] = 0.3333333333333333 * t2;
+    matrix[3][1] = 0.3333333333333333 * t0;
     /* u, cos 5, k3: -2/27*lambda^3 */
-    matrix[4][3] = -(0.07407407407407407 * t1);
+    matrix[4][3] = -(0.07407407407407407 * t2);
     /* u, cos 7, k3: 1/108*lambda^3 */
-    matrix[5][3] = 0.009259259259259259 * t1;
+    matrix[5][3] = 0.009259259259259259 * t2;
     /* u, cos 9, k3: -1/2916*lambda^3 */
-    matrix[6][3] = -(0.0003429355281207133 * t1);
+    matrix[6][3] = -(0.0003429355281207133 * t2);
 }
 
 void silverbox_accumulator_clear(silverbox_accumulator *accumulator)
@@ -321,22 +321,21 @@ void silverbox_accumulate_at(silverbox_accumulator *accumulator, double cosine, 
         const silverbox_forces *sample)
 {
     const silverbox_forces now = *sample;
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = sine * t2 + 2.0 * (sine * t0);
-    const double t5 = cosine * sine;
-    const double t6 = t2 * t3 - 2.0 * (t5 * t4);
-    const double t7 = t2 * t2 - 4.0 * (t0 * t1);
-    const double t8 = t5 * t2;
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = 2.0 * cosine * sine;
+    const double t2 = cosine * t0 - t1 * sine;
+    const double t3 = sine * t0 + t1 * cosine;
+    const double t4 = t1 * t3;
+    const double t5 = t0 * t2 - t4;
+    const double t6 = t0 * t0 - t1 * t1;
+    const double t7 = 2.0 * t0;
     accumulator->sums[0] += now.u * cosine;
     accumulator->sums[1] += now.u * sine;
-    accumulator->sums[2] += now.u * t3;
-    accumulator->sums[3] += now.u * t4;
-    accumulator->sums[4] += now.u * t6;
-    accumulator->sums[5] += now.u * (t3 * t7 - 4.0 * (t8 * t4));
-    accumulator->sums[6] += now.u * (t6 * t7 - 4.0 * (t8 * (t2 * t4 + 2.0 * (t5 * t3))));
+    accumulator->sums[2] += now.u * t2;
+    accumulator->sums[3] += now.u * t3;
+    accumulator->sums[4] += now.u * t5;
+    accumulator->sums[5] += now.u * (t2 * t6 - t4 * t7);
+    accumulator->sums[6] += now.u * (t5 * t6 - t1 * t7 * (t0 * t3 + t1 * t2));
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

@@ -17,9 +17,9 @@
  * | `silverbox_feed_forward` | 3 | 6 | 0 | 0 |
  * | `silverbox_feed_forward_independent` | 1 | 4 | 0 | 0 |
  * | `silverbox_feed_forward_dependent` | 1 | 2 | 0 | 0 |
- * | `silverbox_reference_at` | 7 | 16 | 0 | 0 |
- * | `silverbox_estimator_matrix` | 5 | 12 | 0 | 0 |
- * | `silverbox_accumulate_at` | 8 | 25 | 0 | 0 |
+ * | `silverbox_reference_at` | 7 | 15 | 0 | 0 |
+ * | `silverbox_estimator_matrix` | 5 | 11 | 0 | 0 |
+ * | `silverbox_accumulate_at` | 8 | 20 | 0 | 0 |
  */
 #ifndef SILVERBOX_H_INCLUDED
 #define SILVERBOX_H_INCLUDED
@@ -233,7 +233,7 @@ double silverbox_period(const silverbox_pattern *pattern);
 /*
  * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
  *
- * Operations: 7 additions, 16 multiplications, one sine and cosine.
+ * Operations: 7 additions, 15 multiplications, one sine and cosine.
  */
 void silverbox_reference_at(const silverbox_pattern *pattern, double phase,
         silverbox_motion *motion);
@@ -278,7 +278,7 @@ typedef struct silverbox_harmonics {
  *
  * Rows are in the order of `silverbox_harmonics`, columns in the order of `silverbox_parameters`.
  *
- * Operations: 5 additions, 12 multiplications.
+ * Operations: 5 additions, 11 multiplications.
  */
 void silverbox_estimator_matrix(const silverbox_pattern *pattern,
         double matrix[SILVERBOX_HARMONICS][SILVERBOX_PARAMETERS]);
@@ -302,7 +302,7 @@ void silverbox_accumulator_clear(silverbox_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 8 additions, 25 multiplications.
+ * Operations: 8 additions, 20 multiplications.
  */
 void silverbox_accumulate_at(silverbox_accumulator *accumulator, double cosine, double sine,
         const silverbox_forces *sample);

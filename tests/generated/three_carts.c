@@ -39,78 +39,75 @@ const three_carts_label three_carts_equation_labels[THREE_CARTS_EQUATIONS] = {
 void three_carts_lump(const three_carts_physical *physical, three_carts_parameters *parameters)
 {
     /* c1 = m1*m2*m3/g1/g2 */
-    const double t0 = physical->m1 * physical->m2;
+    const double t0 = physical->m2 * physical->m3;
     const double t1 = physical->g2 * physical->g1;
-    parameters->c1 = t0 * physical->m3 / t1;
+    parameters->c1 = physical->m1 * t0 / t1;
     /* c2 = m1*m2/g1 + m1*m3/g1 + m1*m3/g2 + m2*m3*k1/g1/g2 + m2*m3/g2 */
     const double t2 = physical->m1 * physical->m3;
-    const double t3 = physical->m2 * physical->m3;
-    parameters->c2 = t0 / physical->g1 + t2 / physical->g1 + t2 / physical->g2 + t3 * physical->k1 /
-            t1 + t3 / physical->g2;
+    parameters->c2 = physical->m1 * physical->m2 / physical->g1 + t2 / physical->g1 + t2 /
+            physical->g2 + t0 * physical->k1 / t1 + t0 / physical->g2;
     /* c3 = 6*m2*m3^2*k2/g1^2/g2 + 6*m2*m3^2*k2/g1/g2^2 + 6*m2^2*m3*k2/g1^2/g2 */
-    const double t4 = physical->m3 * physical->m3;
-    const double t5 = physical->g1 * physical->g1;
-    const double t6 = physical->m2 * physical->k2;
-    const double t7 = t6 * t4;
-    const double t8 = physical->g2 * t5;
-    const double t9 = 6.0 * t7;
-    const double t10 = t9 / t8;
-    const double t11 = physical->g2 * physical->g2;
-    const double t12 = physical->g1 * t11;
-    const double t13 = physical->m2 * physical->m2;
-    const double t14 = physical->m3 * physical->k2;
-    const double t15 = t14 * t13;
-    parameters->c3 = t10 + t9 / t12 + 6.0 * t15 / t8;
+    const double t3 = physical->m3 * physical->m3;
+    const double t4 = physical->g1 * physical->g1;
+    const double t5 = t0 * physical->k2;
+    const double t6 = t5 * physical->m3;
+    const double t7 = physical->g2 * t4;
+    const double t8 = 6.0 * t6;
+    const double t9 = t8 / t7;
+    const double t10 = physical->g2 * physical->g2;
+    const double t11 = physical->g1 * t10;
+    const double t12 = physical->m2 * physical->m2;
+    const double t13 = t5 * physical->m2;
+    parameters->c3 = t9 + t8 / t11 + 6.0 * t13 / t7;
     /* c4 = 3*m2*m3^3*k2/g1^3/g2 + 6*m2*m3^3*k2/g1^2/g2^2 + 3*m2*m3^3*k2/g1/g2^3 +
        6*m2^2*m3^2*k2/g1^3/g2 + 6*m2^2*m3^2*k2/g1^2/g2^2 + 3*m2^3*m3*k2/g1^3/g2 */
-    const double t16 = physical->m3 * t4;
-    const double t17 = physical->g1 * t5;
-    const double t18 = t6 * t16;
-    const double t19 = physical->g2 * t17;
-    const double t20 = 3.0 * t18;
-    const double t21 = t5 * t11;
-    const double t22 = physical->g2 * t11;
-    const double t23 = physical->k2 * t4;
-    const double t24 = t23 * t13;
-    const double t25 = 6.0 * t24;
-    const double t26 = physical->m2 * t13;
-    const double t27 = t20 / t19 + 6.0 * t18 / t21 + t20 / (physical->g1 * t22) + t25 / t19 + t25 /
-            t21 + 3.0 * (t14 * t26) / t19;
-    parameters->c4 = t27;
+    const double t14 = physical->g1 * t4;
+    const double t15 = t5 * t3;
+    const double t16 = physical->g2 * t14;
+    const double t17 = 3.0 * t15;
+    const double t18 = t4 * t10;
+    const double t19 = physical->g2 * t10;
+    const double t20 = t5 * t0;
+    const double t21 = 6.0 * t20;
+    const double t22 = t17 / t16 + 6.0 * t15 / t18 + t17 / (physical->g1 * t19) + t21 / t16 + t21 /
+            t18 + 3.0 * (t5 * t12) / t16;
+    parameters->c4 = t22;
     /* c5 = 3*m2*m3*k2/g1/g2 */
-    const double t28 = t3 * physical->k2;
-    parameters->c5 = 3.0 * t28 / t1;
+    parameters->c5 = 3.0 * t5 / t1;
     /* c6 = 3*m2^2*m3^3*k2/g1^3/g2^2 + 3*m2^2*m3^3*k2/g1^2/g2^3 + 3*m2^3*m3^2*k2/g1^3/g2^2 */
-    const double t29 = physical->k2 * t13;
-    const double t30 = t11 * t17;
-    const double t31 = 3.0 * (t29 * t16);
-    parameters->c6 = t31 / t30 + t31 / (t5 * t22) + 3.0 * (t23 * t26) / t30;
+    const double t23 = t10 * t14;
+    const double t24 = 3.0 * (t20 * physical->m3);
+    parameters->c6 = t24 / t23 + t24 / (t4 * t19) + 3.0 * (t20 * physical->m2) / t23;
     /* c7 = 3*m2^2*m3^2*k2/g1^2/g2^2 */
-    parameters->c7 = 3.0 * t24 / t21;
+    parameters->c7 = 3.0 * t20 / t18;
     /* c8 = m2^3*m3^3*k2/g1^3/g2^3 */
-    const double t32 = physical->k2 * t16;
-    parameters->c8 = t32 * t26 / (t17 * t22);
+    parameters->c8 = t20 * t0 / (t14 * t19);
     /* c9 = m1 + m2 + m2*k1/g1 + m3 + m3*k1/g1 + m3*k1/g2 */
-    const double t33 = physical->m3 * physical->k1;
+    const double t25 = physical->m3 * physical->k1;
     parameters->c9 = physical->m1 + physical->m2 + physical->m3 + physical->m2 * physical->k1 /
-            physical->g1 + t33 / physical->g1 + t33 / physical->g2;
+            physical->g1 + t25 / physical->g1 + t25 / physical->g2;
     /* c10 = 3*m2*k2/g1 + 3*m3*k2/g1 + 3*m3*k2/g2 */
-    const double t34 = 3.0 * t14;
-    parameters->c10 = 3.0 * t6 / physical->g1 + t34 / physical->g1 + t34 / physical->g2;
+    const double t26 = 3.0 * (physical->m3 * physical->k2);
+    parameters->c10 = 3.0 * (physical->m2 * physical->k2) / physical->g1 + t26 / physical->g1 + t26
+            / physical->g2;
     /* c11 = 6*m2*m3*k2/g1^2 + 6*m2*m3*k2/g1/g2 + 3*m2^2*k2/g1^2 + 3*m3^2*k2/g1^2 + 6*m3^2*k2/g1/g2
        + 3*m3^2*k2/g2^2 */
-    const double t35 = 6.0 * t28;
-    const double t36 = 3.0 * t23;
-    parameters->c11 = t35 / t1 + t35 / t5 + 3.0 * t29 / t5 + t36 / t5 + 6.0 * t23 / t1 + t36 / t11;
+    const double t27 = 6.0 * t5;
+    const double t28 = physical->k2 * t3;
+    const double t29 = 3.0 * t28;
+    const double t30 = t27 / t1 + t27 / t4 + 3.0 * (physical->k2 * t12) / t4 + t29 / t4 + 6.0 * t28
+            / t1 + t29 / t10;
+    parameters->c11 = t30;
     /* c12 = 3*m2*m3^2*k2/g1^3 + 6*m2*m3^2*k2/g1^2/g2 + 3*m2*m3^2*k2/g1/g2^2 + 3*m2^2*m3*k2/g1^3 +
        3*m2^2*m3*k2/g1^2/g2 + m2^3*k2/g1^3 + m3^3*k2/g1^3 + 3*m3^3*k2/g1^2/g2 + 3*m3^3*k2/g1/g2^2 +
        m3^3*k2/g2^3 */
-    const double t37 = 3.0 * t7;
-    const double t38 = 3.0 * t15;
-    const double t39 = 3.0 * t32;
-    const double t40 = t10 + t37 / t12 + t38 / t8 + physical->k2 * t26 / t17 + t32 / t17 + t32 / t22
-            + t37 / t17 + t38 / t17;
-    parameters->c12 = t40 + t39 / t8 + t39 / t12;
+    const double t31 = 3.0 * t6;
+    const double t32 = 3.0 * t13;
+    const double t33 = physical->k2 * (t3 * physical->m3);
+    const double t34 = 3.0 * t33;
+    const double t35 = t9 + t31 / t11 + t32 / t7 + physical->k2 * (t12 * physical->m2) / t14 + t33 /
+            t14 + t33 / t19 + t31 / t14;
+    parameters->c12 = t35 + t32 / t14 + t34 / t7 + t34 / t11;
     /* c13 = k1 */
     parameters->c13 = physical->k1;
     /* c14 = k2 */
@@ -139,7 +136,7 @@ void three_carts_regressor(const three_carts_motion *motion,
     /* F, c7: x3*der(x3, 4)^2 */
     matrix[0][6] = at.x3.value * t2;
     /* F, c8: der(x3, 4)^3 */
-    matrix[0][7] = at.x3.der4 * t2;
+    matrix[0][7] = t2 * at.x3.der4;
     /* F, c9: ddot(x3) */
     matrix[0][8] = at.x3.ddot;
     /* F, c10: ddot(x3)*x3^2 */
@@ -147,11 +144,11 @@ void three_carts_regressor(const three_carts_motion *motion,
     /* F, c11: x3*ddot(x3)^2 */
     matrix[0][10] = at.x3.value * t0;
     /* F, c12: ddot(x3)^3 */
-    matrix[0][11] = at.x3.ddot * t0;
+    matrix[0][11] = t0 * at.x3.ddot;
     /* F, c13: x3 */
     matrix[0][12] = at.x3.value;
     /* F, c14: x3^3 */
-    matrix[0][13] = at.x3.value * t1;
+    matrix[0][13] = t1 * at.x3.value;
 }
 
 void three_carts_input_map(double matrix[THREE_CARTS_EQUATIONS][THREE_CARTS_INPUTS])
@@ -176,11 +173,11 @@ void three_carts_inverse_dynamics(const three_carts_motion *motion,
             motion->x3.value * motion->x3.ddot * motion->x3.der4 * parameters->c3 + motion->x3.der4
             * t0 * parameters->c4 + motion->x3.der4 * t1 * parameters->c5 + motion->x3.ddot * t2 *
             parameters->c6;
-    const double t4 = t3 + motion->x3.value * t2 * parameters->c7 + motion->x3.der4 * t2 *
+    const double t4 = t3 + motion->x3.value * t2 * parameters->c7 + t2 * motion->x3.der4 *
             parameters->c8 + motion->x3.ddot * parameters->c9 + motion->x3.ddot * t1 *
             parameters->c10 + motion->x3.value * t0 * parameters->c11;
-    forces->F = t4 + motion->x3.ddot * t0 * parameters->c12 + motion->x3.value * parameters->c13 +
-            motion->x3.value * t1 * parameters->c14;
+    forces->F = t4 + t0 * motion->x3.ddot * parameters->c12 + motion->x3.value * parameters->c13 +
+            t1 * motion->x3.value * parameters->c14;
 }
 
 void three_carts_feed_forward(const three_carts_motion *motion,
@@ -193,11 +190,11 @@ void three_carts_feed_forward(const three_carts_motion *motion,
             motion->x3.value * motion->x3.ddot * motion->x3.der4 * parameters->c3 + motion->x3.der4
             * t0 * parameters->c4 + motion->x3.der4 * t1 * parameters->c5 + motion->x3.ddot * t2 *
             parameters->c6;
-    const double t4 = t3 + motion->x3.value * t2 * parameters->c7 + motion->x3.der4 * t2 *
+    const double t4 = t3 + motion->x3.value * t2 * parameters->c7 + t2 * motion->x3.der4 *
             parameters->c8 + motion->x3.ddot * parameters->c9 + motion->x3.ddot * t1 *
             parameters->c10 + motion->x3.value * t0 * parameters->c11;
-    inputs->F = t4 + motion->x3.ddot * t0 * parameters->c12 + motion->x3.value * parameters->c13 +
-            motion->x3.value * t1 * parameters->c14;
+    inputs->F = t4 + t0 * motion->x3.ddot * parameters->c12 + motion->x3.value * parameters->c13 +
+            t1 * motion->x3.value * parameters->c14;
 }
 
 void three_carts_feed_forward_with_regressor(const three_carts_motion *motion,
@@ -228,7 +225,7 @@ void three_carts_feed_forward_with_regressor(const three_carts_motion *motion,
     const double t7 = at.x3.value * t5;
     matrix[0][6] = t7;
     /* F, c8 */
-    const double t8 = at.x3.der4 * t5;
+    const double t8 = t5 * at.x3.der4;
     matrix[0][7] = t8;
     /* F, c9 */
     matrix[0][8] = at.x3.ddot;
@@ -239,12 +236,12 @@ void three_carts_feed_forward_with_regressor(const three_carts_motion *motion,
     const double t10 = at.x3.value * t1;
     matrix[0][10] = t10;
     /* F, c12 */
-    const double t11 = at.x3.ddot * t1;
+    const double t11 = t1 * at.x3.ddot;
     matrix[0][11] = t11;
     /* F, c13 */
     matrix[0][12] = at.x3.value;
     /* F, c14 */
-    const double t12 = at.x3.value * t3;
+    const double t12 = t3 * at.x3.value;
     matrix[0][13] = t12;
     /* F */
     const double t13 = at.x3.der6 * parameters->c1 + at.x3.der4 * parameters->c2 + t0 *
@@ -419,32 +416,29 @@ void three_carts_reference_at(const three_carts_pattern *pattern, double phase,
 {
     const double cosine = cos(phase);
     const double sine = sin(phase);
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = sine * t2 + 2.0 * (sine * t0);
-    const double t5 = cosine * sine;
-    const double t6 = t2 * t3 - 2.0 * (t5 * t4);
-    const double t7 = t2 * t2 - 4.0 * (t0 * t1);
-    const double t8 = t5 * t2;
-    const double t9 = t3 * t7 - 4.0 * (t8 * t4);
-    const double t10 = t2 * t4 + 2.0 * (t5 * t3);
-    const double t11 = t4 * t7 + 4.0 * (t8 * t3);
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = 2.0 * cosine * sine;
+    const double t2 = cosine * t0 - t1 * sine;
+    const double t3 = t0 * t2;
+    const double t4 = sine * t0 + t1 * cosine;
+    const double t5 = t1 * t4;
+    const double t6 = t3 - t5;
+    const double t7 = t0 * t0 - t1 * t1;
+    const double t8 = t2 * t7 - t5 * 2.0 * t0;
+    const double t9 = t0 * t4 + t1 * t2;
+    const double t10 = t4 * t7 + t1 * 2.0 * t3;
+    const double t11 = pattern->w * pattern->lambda;
     const double t12 = pattern->w * pattern->w;
-    const double t13 = t12 * t12;
-    motion->x3.value = (cosine + 0.04 * t6 - 0.2 * t3 - 0.004081632653061225 * t9) *
+    const double t13 = pattern->lambda * t12;
+    const double t14 = t12 * t12;
+    motion->x3.value = (cosine + 0.04 * t6 - 0.2 * t2 - 0.004081632653061225 * t8) *
             pattern->lambda;
-    motion->x3.dot = pattern->w * pattern->lambda * (0.6 * t4 + 0.02857142857142857 * t11 - sine -
-            0.2 * t10);
-    motion->x3.ddot = pattern->lambda * (1.8 * t3 + 0.2 * t9 - cosine - t6) * t12;
-    motion->x3.der3 = pattern->lambda * (sine + 5.0 * t10 - 5.4 * t4 - 1.4 * t11) * (pattern->w *
-            t12);
-    motion->x3.der4 = pattern->lambda * (cosine + 25.0 * t6 - 16.2 * t3 - 9.8 * t9) * t13;
-    motion->x3.der5 = pattern->lambda * (48.6 * t4 + 68.6 * t11 - sine - 125.0 * t10) * (pattern->w
-            * t13);
-    motion->x3.der6 = pattern->lambda * (145.8 * t3 + 480.2 * t9 - cosine - 625.0 * t6) * (t12 *
-            t13);
+    motion->x3.dot = t11 * (0.6 * t4 + 0.02857142857142857 * t10 - sine - 0.2 * t9);
+    motion->x3.ddot = t13 * (1.8 * t2 + 0.2 * t8 - cosine - t6);
+    motion->x3.der3 = t11 * (sine + 5.0 * t9 - 5.4 * t4 - 1.4 * t10) * t12;
+    motion->x3.der4 = pattern->lambda * (cosine + 25.0 * t6 - 16.2 * t2 - 9.8 * t8) * t14;
+    motion->x3.der5 = t11 * (48.6 * t4 + 68.6 * t10 - sine - 125.0 * t9) * t14;
+    motion->x3.der6 = t13 * (145.8 * t2 + 480.2 * t8 - cosine - 625.0 * t6) * t14;
 }
 
 void three_carts_reference(const three_carts_pattern *pattern, double time,
@@ -467,28 +461,28 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 1, c1: -lambda*w^6 */
     const double t0 = own.w * own.w;
     const double t1 = t0 * t0;
-    const double t2 = t0 * t1;
+    const double t2 = t1 * t0;
     const double t3 = own.lambda * t2;
     matrix[0][0] = -t3;
     /* F, cos 1, c2: lambda*w^4 */
     const double t4 = own.lambda * t1;
     matrix[0][1] = t4;
     /* F, cos 1, c3: -40613/4375*lambda^3*w^6 */
-    const double t5 = own.lambda * (own.lambda * own.lambda);
+    const double t5 = own.lambda * own.lambda * own.lambda;
     const double t6 = t2 * t5;
     matrix[0][2] = -(9.282971428571429 * t6);
     /* F, cos 1, c4: 6747/125*lambda^3*w^8 */
     const double t7 = t1 * t1;
-    const double t8 = t5 * t7;
-    matrix[0][3] = 53.976 * t8;
+    const double t8 = t5 * t1;
+    const double t9 = t8 * t1;
+    matrix[0][3] = 53.976 * t9;
     /* F, cos 1, c5: -574253/300125*lambda^3*w^4 */
-    const double t9 = t1 * t5;
-    matrix[0][4] = -(1.9133794252394836 * t9);
+    matrix[0][4] = -(1.9133794252394836 * t8);
     /* F, cos 1, c6: -98943/125*lambda^3*w^10 */
     const double t10 = t5 * (t0 * t7);
     matrix[0][5] = -(791.544 * t10);
     /* F, cos 1, c7: 945137/4375*lambda^3*w^8 */
-    matrix[0][6] = 216.03131428571427 * t8;
+    matrix[0][6] = 216.03131428571427 * t9;
     /* F, cos 1, c8: 1179267/125*lambda^3*w^12 */
     const double t11 = t5 * (t1 * t7);
     matrix[0][7] = 9434.136 * t11;
@@ -500,7 +494,7 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     const double t14 = t5 * t0;
     matrix[0][9] = -(0.491322615576843 * t14);
     /* F, cos 1, c11: 6137/4375*lambda^3*w^4 */
-    matrix[0][10] = 1.402742857142857 * t9;
+    matrix[0][10] = 1.402742857142857 * t8;
     /* F, cos 1, c12: -663/125*lambda^3*w^6 */
     matrix[0][11] = -(5.304 * t6);
     /* F, cos 1, c13: lambda */
@@ -514,13 +508,13 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 3, c3: 45007/1750*lambda^3*w^6 */
     matrix[1][2] = 25.718285714285713 * t6;
     /* F, cos 3, c4: -33137/250*lambda^3*w^8 */
-    matrix[1][3] = -(132.548 * t8);
+    matrix[1][3] = -(132.548 * t9);
     /* F, cos 3, c5: -68348793/15006250*lambda^3*w^4 */
-    matrix[1][4] = -(4.554688413161183 * t9);
+    matrix[1][4] = -(4.554688413161183 * t8);
     /* F, cos 3, c6: 467753/250*lambda^3*w^10 */
     matrix[1][5] = 1871.012 * t10;
     /* F, cos 3, c7: -673879/1750*lambda^3*w^8 */
-    matrix[1][6] = -(385.0737142857143 * t8);
+    matrix[1][6] = -(385.0737142857143 * t9);
     /* F, cos 3, c8: -6511457/250*lambda^3*w^12 */
     matrix[1][7] = -(26045.828 * t11);
     /* F, cos 3, c9: 9/5*lambda*w^2 */
@@ -528,7 +522,7 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 3, c10: 11492097/15006250*lambda^3*w^2 */
     matrix[1][9] = 0.7658207080383174 * t14;
     /* F, cos 3, c11: -4807/1750*lambda^3*w^4 */
-    matrix[1][10] = -(2.746857142857143 * t9);
+    matrix[1][10] = -(2.746857142857143 * t8);
     /* F, cos 3, c12: 2873/250*lambda^3*w^6 */
     matrix[1][11] = 11.492 * t6;
     /* F, cos 3, c13: -1/5*lambda */
@@ -542,13 +536,13 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 5, c3: -35539/1250*lambda^3*w^6 */
     matrix[2][2] = -(28.4312 * t6);
     /* F, cos 5, c4: 6891/50*lambda^3*w^8 */
-    matrix[2][3] = 137.82 * t8;
+    matrix[2][3] = 137.82 * t9;
     /* F, cos 5, c5: 27892307/3001250*lambda^3*w^4 */
-    matrix[2][4] = 9.293563348604748 * t9;
+    matrix[2][4] = 9.293563348604748 * t8;
     /* F, cos 5, c6: -97419/50*lambda^3*w^10 */
     matrix[2][5] = -(1948.38 * t10);
     /* F, cos 5, c7: 2590117/8750*lambda^3*w^8 */
-    matrix[2][6] = 296.0133714285714 * t8;
+    matrix[2][6] = 296.0133714285714 * t9;
     /* F, cos 5, c8: 1578411/50*lambda^3*w^12 */
     matrix[2][7] = 31568.22 * t11;
     /* F, cos 5, c9: -lambda*w^2 */
@@ -556,7 +550,7 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 5, c10: -567347/3001250*lambda^3*w^2 */
     matrix[2][9] = -(0.18903690129112868 * t14);
     /* F, cos 5, c11: 14437/8750*lambda^3*w^4 */
-    matrix[2][10] = 1.6499428571428572 * t9;
+    matrix[2][10] = 1.6499428571428572 * t8;
     /* F, cos 5, c12: -459/50*lambda^3*w^6 */
     matrix[2][11] = -(9.18 * t6);
     /* F, cos 5, c13: 1/25*lambda */
@@ -570,13 +564,13 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 7, c3: 10014/875*lambda^3*w^6 */
     matrix[3][2] = 11.444571428571429 * t6;
     /* F, cos 7, c4: -9114/125*lambda^3*w^8 */
-    matrix[3][3] = -(72.912 * t8);
+    matrix[3][3] = -(72.912 * t9);
     /* F, cos 7, c5: -24474/153125*lambda^3*w^4 */
-    matrix[3][4] = -(0.15983020408163265 * t9);
+    matrix[3][4] = -(0.15983020408163265 * t8);
     /* F, cos 7, c6: 158466/125*lambda^3*w^10 */
     matrix[3][5] = 1267.728 * t10;
     /* F, cos 7, c7: -191094/875*lambda^3*w^8 */
-    matrix[3][6] = -(218.39314285714286 * t8);
+    matrix[3][6] = -(218.39314285714286 * t9);
     /* F, cos 7, c8: -2718954/125*lambda^3*w^12 */
     matrix[3][7] = -(21751.632 * t11);
     /* F, cos 7, c9: 1/5*lambda*w^2 */
@@ -584,7 +578,7 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 7, c10: -1541166/7503125*lambda^3*w^2 */
     matrix[3][9] = -(0.2054032153269471 * t14);
     /* F, cos 7, c11: 534/6125*lambda^3*w^4 */
-    matrix[3][10] = 0.08718367346938775 * t9;
+    matrix[3][10] = 0.08718367346938775 * t8;
     /* F, cos 7, c12: 306/125*lambda^3*w^6 */
     const double t15 = 2.448 * t6;
     matrix[3][11] = t15;
@@ -595,19 +589,19 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 9, c3: 227994/30625*lambda^3*w^6 */
     matrix[4][2] = 7.444702040816327 * t6;
     /* F, cos 9, c4: -954/125*lambda^3*w^8 */
-    matrix[4][3] = -(7.632 * t8);
+    matrix[4][3] = -(7.632 * t9);
     /* F, cos 9, c5: -5817234/1500625*lambda^3*w^4 */
-    matrix[4][4] = -(3.876540774677218 * t9);
+    matrix[4][4] = -(3.876540774677218 * t8);
     /* F, cos 9, c6: -36414/125*lambda^3*w^10 */
     matrix[4][5] = -(291.312 * t10);
     /* F, cos 9, c7: 191442/4375*lambda^3*w^8 */
-    matrix[4][6] = 43.75817142857143 * t8;
+    matrix[4][6] = 43.75817142857143 * t9;
     /* F, cos 9, c8: 847926/125*lambda^3*w^12 */
     matrix[4][7] = 6783.408 * t11;
     /* F, cos 9, c10: 246378/1500625*lambda^3*w^2 */
     matrix[4][9] = 0.16418359017076217 * t14;
     /* F, cos 9, c11: -24306/30625*lambda^3*w^4 */
-    matrix[4][10] = -(0.793665306122449 * t9);
+    matrix[4][10] = -(0.793665306122449 * t8);
     /* F, cos 9, c12: 306/125*lambda^3*w^6 */
     matrix[4][11] = t15;
     /* F, cos 9, c14: -4378/300125*lambda^3 */
@@ -615,19 +609,19 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 11, c3: -1427631/122500*lambda^3*w^6 */
     matrix[5][2] = -(11.654130612244899 * t6);
     /* F, cos 11, c4: 24387/500*lambda^3*w^8 */
-    matrix[5][3] = 48.774 * t8;
+    matrix[5][3] = 48.774 * t9;
     /* F, cos 11, c5: 9468943/6002500*lambda^3*w^4 */
-    matrix[5][4] = 1.5774998750520617 * t9;
+    matrix[5][4] = 1.5774998750520617 * t8;
     /* F, cos 11, c6: -249843/500*lambda^3*w^10 */
     matrix[5][5] = -(499.686 * t10);
     /* F, cos 11, c7: 18668319/122500*lambda^3*w^8 */
-    matrix[5][6] = 152.39444081632652 * t8;
+    matrix[5][6] = 152.39444081632652 * t9;
     /* F, cos 11, c8: 2046627/500*lambda^3*w^12 */
     matrix[5][7] = 4093.254 * t11;
     /* F, cos 11, c10: -332959/6002500*lambda^3*w^2 */
     matrix[5][9] = -(0.05547005414410662 * t14);
     /* F, cos 11, c11: 70719/122500*lambda^3*w^4 */
-    matrix[5][10] = 0.5772979591836734 * t9;
+    matrix[5][10] = 0.5772979591836734 * t8;
     /* F, cos 11, c12: -1683/500*lambda^3*w^6 */
     matrix[5][11] = -(3.366 * t6);
     /* F, cos 11, c14: 20271/6002500*lambda^3 */
@@ -635,19 +629,19 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 13, c3: 153421/24500*lambda^3*w^6 */
     matrix[6][2] = 6.262081632653061 * t6;
     /* F, cos 13, c4: -21957/500*lambda^3*w^8 */
-    matrix[6][3] = -(43.914 * t8);
+    matrix[6][3] = -(43.914 * t9);
     /* F, cos 13, c5: -13151181/30012500*lambda^3*w^4 */
-    matrix[6][4] = -(0.43819012078300706 * t9);
+    matrix[6][4] = -(0.43819012078300706 * t8);
     /* F, cos 13, c6: 372333/500*lambda^3*w^10 */
     matrix[6][5] = 744.666 * t10;
     /* F, cos 13, c7: -755633/4900*lambda^3*w^8 */
-    matrix[6][6] = -(154.21081632653062 * t8);
+    matrix[6][6] = -(154.21081632653062 * t9);
     /* F, cos 13, c8: -4909077/500*lambda^3*w^12 */
     matrix[6][7] = -(9818.154 * t11);
     /* F, cos 13, c10: 395109/30012500*lambda^3*w^2 */
     matrix[6][9] = 0.013164814660558102 * t14;
     /* F, cos 13, c11: -5413/24500*lambda^3*w^4 */
-    matrix[6][10] = -(0.22093877551020408 * t9);
+    matrix[6][10] = -(0.22093877551020408 * t8);
     /* F, cos 13, c12: 1053/500*lambda^3*w^6 */
     matrix[6][11] = 2.106 * t6;
     /* F, cos 13, c14: -17853/30012500*lambda^3 */
@@ -655,19 +649,19 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 15, c3: -107889/61250*lambda^3*w^6 */
     matrix[7][2] = -(1.7614530612244899 * t6);
     /* F, cos 15, c4: 1109/50*lambda^3*w^8 */
-    matrix[7][3] = 22.18 * t8;
+    matrix[7][3] = 22.18 * t9;
     /* F, cos 15, c5: 242293/3001250*lambda^3*w^4 */
-    matrix[7][4] = 0.08073069554352354 * t9;
+    matrix[7][4] = 0.08073069554352354 * t8;
     /* F, cos 15, c6: -26081/50*lambda^3*w^10 */
     matrix[7][5] = -(521.62 * t10);
     /* F, cos 15, c7: 3600381/61250*lambda^3*w^8 */
-    matrix[7][6] = 58.7817306122449 * t8;
+    matrix[7][6] = 58.7817306122449 * t9;
     /* F, cos 15, c8: 496589/50*lambda^3*w^12 */
     matrix[7][7] = 9931.78 * t11;
     /* F, cos 15, c10: -1301/600250*lambda^3*w^2 */
     matrix[7][9] = -(0.002167430237401083 * t14);
     /* F, cos 15, c11: 3141/61250*lambda^3*w^4 */
-    matrix[7][10] = 0.051281632653061224 * t9;
+    matrix[7][10] = 0.051281632653061224 * t8;
     /* F, cos 15, c12: -41/50*lambda^3*w^6 */
     matrix[7][11] = -(0.82 * t6);
     /* F, cos 15, c14: 5813/75031250*lambda^3 */
@@ -675,19 +669,19 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 17, c3: 3587/12250*lambda^3*w^6 */
     matrix[8][2] = 0.29281632653061224 * t6;
     /* F, cos 17, c4: -1719/250*lambda^3*w^8 */
-    matrix[8][3] = -(6.876 * t8);
+    matrix[8][3] = -(6.876 * t9);
     /* F, cos 17, c5: -150487/15006250*lambda^3*w^4 */
-    matrix[8][4] = -(0.010028288213244481 * t9);
+    matrix[8][4] = -(0.010028288213244481 * t8);
     /* F, cos 17, c6: 53211/250*lambda^3*w^10 */
     matrix[8][5] = 212.844 * t10;
     /* F, cos 17, c7: -130631/12250*lambda^3*w^8 */
-    matrix[8][6] = -(10.663755102040817 * t8);
+    matrix[8][6] = -(10.663755102040817 * t9);
     /* F, cos 17, c8: -1440159/250*lambda^3*w^12 */
     matrix[8][7] = -(5760.636 * t11);
     /* F, cos 17, c10: 3763/15006250*lambda^3*w^2 */
     matrix[8][9] = 0.00025076218242399 * t14;
     /* F, cos 17, c11: -19/2450*lambda^3*w^4 */
-    matrix[8][10] = -(0.007755102040816327 * t9);
+    matrix[8][10] = -(0.007755102040816327 * t8);
     /* F, cos 17, c12: 51/250*lambda^3*w^6 */
     matrix[8][11] = 0.204 * t6;
     /* F, cos 17, c14: -111/15006250*lambda^3 */
@@ -695,19 +689,19 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     /* F, cos 19, c3: -4251/122500*lambda^3*w^6 */
     matrix[9][2] = -(0.03470204081632653 * t6);
     /* F, cos 19, c4: 123/100*lambda^3*w^8 */
-    matrix[9][3] = 1.23 * t8;
+    matrix[9][3] = 1.23 * t9;
     /* F, cos 19, c5: 5427/6002500*lambda^3*w^4 */
-    matrix[9][4] = 0.0009041232819658475 * t9;
+    matrix[9][4] = 0.0009041232819658475 * t8;
     /* F, cos 19, c6: -4851/100*lambda^3*w^10 */
     matrix[9][5] = -(48.51 * t10);
     /* F, cos 19, c7: 3651/2500*lambda^3*w^8 */
-    matrix[9][6] = 1.4604 * t8;
+    matrix[9][6] = 1.4604 * t9;
     /* F, cos 19, c8: 7203/4*lambda^3*w^12 */
     matrix[9][7] = 1800.75 * t11;
     /* F, cos 19, c10: -123/6002500*lambda^3*w^2 */
     matrix[9][9] = -(2.04914618908788e-5 * t14);
     /* F, cos 19, c11: 99/122500*lambda^3*w^4 */
-    matrix[9][10] = 0.0008081632653061224 * t9;
+    matrix[9][10] = 0.0008081632653061224 * t8;
     /* F, cos 19, c12: -3/100*lambda^3*w^6 */
     matrix[9][11] = -(0.03 * t6);
     /* F, cos 19, c14: 3/6002500*lambda^3 */
@@ -716,10 +710,10 @@ void three_carts_estimator_matrix(const three_carts_pattern *pattern,
     const double t16 = 0.002 * t6;
     matrix[10][2] = t16;
     /* F, cos 21, c4: -49/500*lambda^3*w^8 */
-    const double t17 = -(0.098 * t8);
+    const double t17 = -(0.098 * t9);
     matrix[10][3] = t17;
     /* F, cos 21, c5: -1/24500*lambda^3*w^4 */
-    const double t18 = -(4.0816326530612245e-5 * t9);
+    const double t18 = -(4.0816326530612245e-5 * t8);
     matrix[10][4] = t18;
     /* F, cos 21, c6: 2401/500*lambda^3*w^10 */
     matrix[10][5] = 4.802 * t10;
@@ -751,40 +745,38 @@ void three_carts_accumulate_at(three_carts_accumulator *accumulator, double cosi
         const three_carts_forces *sample)
 {
     const three_carts_forces now = *sample;
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = sine * t2 + 2.0 * (sine * t0);
-    const double t5 = cosine * sine;
-    const double t6 = t2 * t3 - 2.0 * (t5 * t4);
-    const double t7 = t2 * t2;
-    const double t8 = t0 * t1;
-    const double t9 = t7 - 4.0 * t8;
-    const double t10 = t5 * t2;
-    const double t11 = t3 * t9 - 4.0 * (t10 * t4);
-    const double t12 = t2 * t4 + 2.0 * (t5 * t3);
-    const double t13 = t6 * t9 - 4.0 * (t10 * t12);
-    const double t14 = t3 * t3 - t4 * t4;
-    const double t15 = t3 * t4;
-    const double t16 = t6 * t14 - 2.0 * (t15 * t12);
-    const double t17 = t4 * t9 + 4.0 * (t10 * t3);
-    const double t18 = t9 * t9 - 16.0 * (t8 * t7);
-    const double t19 = t10 * t9;
-    const double t20 = t12 * t9 + 4.0 * (t10 * t6);
-    const double t21 = t6 * t6 - t12 * t12;
-    const double t22 = t6 * t12;
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = cosine * sine;
+    const double t2 = 2.0 * t1;
+    const double t3 = cosine * t0 - t2 * sine;
+    const double t4 = sine * t0 + t2 * cosine;
+    const double t5 = t0 * t3 - t2 * t4;
+    const double t6 = t0 * t0;
+    const double t7 = t6 - t2 * t2;
+    const double t8 = 2.0 * t2 * t0;
+    const double t9 = t3 * t7 - t8 * t4;
+    const double t10 = t0 * t4 + t2 * t3;
+    const double t11 = t5 * t7 - t8 * t10;
+    const double t12 = t3 * t3 - t4 * t4;
+    const double t13 = 2.0 * t3 * t4;
+    const double t14 = t5 * t12 - t13 * t10;
+    const double t15 = t4 * t7 + t8 * t3;
+    const double t16 = t7 * t7 - 16.0 * (t1 * t1 * t6);
+    const double t17 = 2.0 * t8 * t7;
+    const double t18 = t10 * t7 + t8 * t5;
+    const double t19 = t5 * t5 - t10 * t10;
+    const double t20 = 2.0 * t5 * t10;
     accumulator->sums[0] += now.F * cosine;
     accumulator->sums[1] += now.F * t3;
-    accumulator->sums[2] += now.F * t6;
-    accumulator->sums[3] += now.F * t11;
-    accumulator->sums[4] += now.F * t13;
-    accumulator->sums[5] += now.F * t16;
-    accumulator->sums[6] += now.F * (t11 * t14 - 2.0 * (t15 * t17));
-    accumulator->sums[7] += now.F * (t11 * t18 - 8.0 * (t19 * t17));
-    accumulator->sums[8] += now.F * (t13 * t18 - 8.0 * (t19 * t20));
-    accumulator->sums[9] += now.F * (t13 * t21 - 2.0 * (t22 * t20));
-    accumulator->sums[10] += now.F * (t16 * t21 - 2.0 * (t22 * (t12 * t14 + 2.0 * (t15 * t6))));
+    accumulator->sums[2] += now.F * t5;
+    accumulator->sums[3] += now.F * t9;
+    accumulator->sums[4] += now.F * t11;
+    accumulator->sums[5] += now.F * t14;
+    accumulator->sums[6] += now.F * (t9 * t12 - t13 * t15);
+    accumulator->sums[7] += now.F * (t9 * t16 - t17 * t15);
+    accumulator->sums[8] += now.F * (t11 * t16 - t17 * t18);
+    accumulator->sums[9] += now.F * (t11 * t19 - t20 * t18);
+    accumulator->sums[10] += now.F * (t14 * t19 - t20 * (t10 * t12 + t13 * t5));
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

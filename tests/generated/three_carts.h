@@ -22,9 +22,9 @@
  * | `three_carts_inverse_dynamics` | 13 | 28 | 0 | 0 |
  * | `three_carts_feed_forward` | 13 | 28 | 0 | 0 |
  * | `three_carts_lump` | 34 | 58 | 42 | 0 |
- * | `three_carts_reference_at` | 29 | 63 | 0 | 0 |
+ * | `three_carts_reference_at` | 29 | 55 | 0 | 0 |
  * | `three_carts_estimator_matrix` | 61 | 134 | 0 | 0 |
- * | `three_carts_accumulate_at` | 20 | 62 | 0 | 0 |
+ * | `three_carts_accumulate_at` | 20 | 52 | 0 | 0 |
  */
 #ifndef THREE_CARTS_H_INCLUDED
 #define THREE_CARTS_H_INCLUDED
@@ -294,7 +294,7 @@ double three_carts_period(const three_carts_pattern *pattern);
 /*
  * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
  *
- * Operations: 29 additions, 63 multiplications, one sine and cosine.
+ * Operations: 29 additions, 55 multiplications, one sine and cosine.
  */
 void three_carts_reference_at(const three_carts_pattern *pattern, double phase,
         three_carts_motion *motion);
@@ -373,7 +373,7 @@ void three_carts_accumulator_clear(three_carts_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 20 additions, 62 multiplications.
+ * Operations: 20 additions, 52 multiplications.
  */
 void three_carts_accumulate_at(three_carts_accumulator *accumulator, double cosine, double sine,
         const three_carts_forces *sample);

@@ -23,22 +23,17 @@
 //! | `inverse_dynamics` | 13 | 28 | 0 | 0 |
 //! | `feed_forward` | 13 | 28 | 0 | 0 |
 //! | `Physical::lump` | 34 | 58 | 42 | 0 |
-//! | `Pattern::reference` | 29 | 63 | 0 | 0 |
+//! | `Pattern::reference` | 29 | 55 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 61 | 134 | 0 | 0 |
-//! | `Accumulator::push_at` | 20 | 62 | 0 | 0 |
+//! | `Accumulator::push_at` | 20 | 52 | 0 | 0 |
+//!
+//! Beside `core` it needs the crate `libm`, and nothing else.
 
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(non_snake_case, reason = "fields are named as in the model")]
-use ::tpm_runtime::harmonics::AccumulatorError;
-use ::tpm_runtime::model::{fixed, require_len, store};
-use ::tpm_runtime::{
-    Buffer, Dims, EvalError, Label, Model, Real, SolveError, least_squares,
-    weighted_least_squares,
+use self::support::{
+    AccumulatorError, Label, Real, SolveError, least_squares, weighted_least_squares,
 };
-
-/// The model `ThreeCarts`, as the runtime takes any model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct ThreeCarts;
 
 /// Names and units of the coordinates.
 pub const COORDINATES: [Label<'static>; 1] = [Label::new("x3", "m")];
@@ -72,16 +67,6 @@ pub const EQUATIONS: [Label<'static>; 1] = [Label::new("F", "N")];
 
 /// A number that changes with the model, for logs and results to say what they belong to.
 pub const MODEL_HASH: u64 = 14947229367334768845;
-
-/// The sizes of the model.
-pub const DIMS: Dims = Dims {
-    coordinates: COORDINATES.len(),
-    order: 6,
-    inputs: INPUTS.len(),
-    rows: EQUATIONS.len(),
-    parameters: PARAMETERS.len(),
-    constants: CONSTANTS.len(),
-};
 
 /// The parameters that are estimated; every equation is linear in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -210,75 +195,71 @@ impl<T: Real> Physical<T> {
     #[must_use]
     pub fn lump(&self) -> Parameters<T> {
         // c1 = m1*m2*m3/g1/g2
-        let t0 = self.m1 * self.m2;
+        let t0 = self.m2 * self.m3;
         let t1 = self.g2 * self.g1;
-        let v0 = t0 * self.m3 / t1;
+        let v0 = self.m1 * t0 / t1;
         // c2 = m1*m2/g1 + m1*m3/g1 + m1*m3/g2 + m2*m3*k1/g1/g2 + m2*m3/g2
         let t2 = self.m1 * self.m3;
-        let t3 = self.m2 * self.m3;
-        let v1 = t0 / self.g1 + t2 / self.g1 + t2 / self.g2 + t3 * self.k1 / t1
-            + t3 / self.g2;
+        let v1 = self.m1 * self.m2 / self.g1 + t2 / self.g1 + t2 / self.g2
+            + t0 * self.k1 / t1 + t0 / self.g2;
         // c3 = 6*m2*m3^2*k2/g1^2/g2 + 6*m2*m3^2*k2/g1/g2^2 + 6*m2^2*m3*k2/g1^2/g2
-        let t4 = self.m3 * self.m3;
-        let t5 = self.g1 * self.g1;
-        let t6 = self.m2 * self.k2;
-        let t7 = t6 * t4;
-        let t8 = self.g2 * t5;
-        let t9 = T::from_f64(6.0) * t7;
-        let t10 = t9 / t8;
-        let t11 = self.g2 * self.g2;
-        let t12 = self.g1 * t11;
-        let t13 = self.m2 * self.m2;
-        let t14 = self.m3 * self.k2;
-        let t15 = t14 * t13;
-        let v2 = t10 + t9 / t12 + T::from_f64(6.0) * t15 / t8;
+        let t3 = self.m3 * self.m3;
+        let t4 = self.g1 * self.g1;
+        let t5 = t0 * self.k2;
+        let t6 = t5 * self.m3;
+        let t7 = self.g2 * t4;
+        let t8 = T::from_f64(6.0) * t6;
+        let t9 = t8 / t7;
+        let t10 = self.g2 * self.g2;
+        let t11 = self.g1 * t10;
+        let t12 = self.m2 * self.m2;
+        let t13 = t5 * self.m2;
+        let v2 = t9 + t8 / t11 + T::from_f64(6.0) * t13 / t7;
         // c4 = 3*m2*m3^3*k2/g1^3/g2 + 6*m2*m3^3*k2/g1^2/g2^2 + 3*m2*m3^3*k2/g1/g2^3 + 6*m2^2*m3^2*k2/g1^3/g2 + 6*m2^2*m3^2*k2/g1^2/g2^2 + 3*m2^3*m3*k2/g1^3/g2
-        let t16 = self.m3 * t4;
-        let t17 = self.g1 * t5;
-        let t18 = t6 * t16;
-        let t19 = self.g2 * t17;
-        let t20 = T::from_f64(3.0) * t18;
-        let t21 = t5 * t11;
-        let t22 = self.g2 * t11;
-        let t23 = self.k2 * t4;
-        let t24 = t23 * t13;
-        let t25 = T::from_f64(6.0) * t24;
-        let t26 = self.m2 * t13;
-        let t27 = t20 / t19 + T::from_f64(6.0) * t18 / t21 + t20 / (self.g1 * t22)
-            + t25 / t19 + t25 / t21 + T::from_f64(3.0) * (t14 * t26) / t19;
-        let v3 = t27;
+        let t14 = self.g1 * t4;
+        let t15 = t5 * t3;
+        let t16 = self.g2 * t14;
+        let t17 = T::from_f64(3.0) * t15;
+        let t18 = t4 * t10;
+        let t19 = self.g2 * t10;
+        let t20 = t5 * t0;
+        let t21 = T::from_f64(6.0) * t20;
+        let t22 = t17 / t16 + T::from_f64(6.0) * t15 / t18 + t17 / (self.g1 * t19)
+            + t21 / t16 + t21 / t18 + T::from_f64(3.0) * (t5 * t12) / t16;
+        let v3 = t22;
         // c5 = 3*m2*m3*k2/g1/g2
-        let t28 = t3 * self.k2;
-        let v4 = T::from_f64(3.0) * t28 / t1;
+        let v4 = T::from_f64(3.0) * t5 / t1;
         // c6 = 3*m2^2*m3^3*k2/g1^3/g2^2 + 3*m2^2*m3^3*k2/g1^2/g2^3 + 3*m2^3*m3^2*k2/g1^3/g2^2
-        let t29 = self.k2 * t13;
-        let t30 = t11 * t17;
-        let t31 = T::from_f64(3.0) * (t29 * t16);
-        let v5 = t31 / t30 + t31 / (t5 * t22) + T::from_f64(3.0) * (t23 * t26) / t30;
+        let t23 = t10 * t14;
+        let t24 = T::from_f64(3.0) * (t20 * self.m3);
+        let v5 = t24 / t23 + t24 / (t4 * t19) + T::from_f64(3.0) * (t20 * self.m2) / t23;
         // c7 = 3*m2^2*m3^2*k2/g1^2/g2^2
-        let v6 = T::from_f64(3.0) * t24 / t21;
+        let v6 = T::from_f64(3.0) * t20 / t18;
         // c8 = m2^3*m3^3*k2/g1^3/g2^3
-        let t32 = self.k2 * t16;
-        let v7 = t32 * t26 / (t17 * t22);
+        let v7 = t20 * t0 / (t14 * t19);
         // c9 = m1 + m2 + m2*k1/g1 + m3 + m3*k1/g1 + m3*k1/g2
-        let t33 = self.m3 * self.k1;
+        let t25 = self.m3 * self.k1;
         let v8 = self.m1 + self.m2 + self.m3 + self.m2 * self.k1 / self.g1
-            + t33 / self.g1 + t33 / self.g2;
+            + t25 / self.g1 + t25 / self.g2;
         // c10 = 3*m2*k2/g1 + 3*m3*k2/g1 + 3*m3*k2/g2
-        let t34 = T::from_f64(3.0) * t14;
-        let v9 = T::from_f64(3.0) * t6 / self.g1 + t34 / self.g1 + t34 / self.g2;
+        let t26 = T::from_f64(3.0) * (self.m3 * self.k2);
+        let v9 = T::from_f64(3.0) * (self.m2 * self.k2) / self.g1 + t26 / self.g1
+            + t26 / self.g2;
         // c11 = 6*m2*m3*k2/g1^2 + 6*m2*m3*k2/g1/g2 + 3*m2^2*k2/g1^2 + 3*m3^2*k2/g1^2 + 6*m3^2*k2/g1/g2 + 3*m3^2*k2/g2^2
-        let t35 = T::from_f64(6.0) * t28;
-        let t36 = T::from_f64(3.0) * t23;
-        let v10 = t35 / t1 + t35 / t5 + T::from_f64(3.0) * t29 / t5 + t36 / t5
-            + T::from_f64(6.0) * t23 / t1 + t36 / t11;
+        let t27 = T::from_f64(6.0) * t5;
+        let t28 = self.k2 * t3;
+        let t29 = T::from_f64(3.0) * t28;
+        let t30 = t27 / t1 + t27 / t4 + T::from_f64(3.0) * (self.k2 * t12) / t4
+            + t29 / t4 + T::from_f64(6.0) * t28 / t1 + t29 / t10;
+        let v10 = t30;
         // c12 = 3*m2*m3^2*k2/g1^3 + 6*m2*m3^2*k2/g1^2/g2 + 3*m2*m3^2*k2/g1/g2^2 + 3*m2^2*m3*k2/g1^3 + 3*m2^2*m3*k2/g1^2/g2 + m2^3*k2/g1^3 + m3^3*k2/g1^3 + 3*m3^3*k2/g1^2/g2 + 3*m3^3*k2/g1/g2^2 + m3^3*k2/g2^3
-        let t37 = T::from_f64(3.0) * t7;
-        let t38 = T::from_f64(3.0) * t15;
-        let t39 = T::from_f64(3.0) * t32;
-        let t40 = t10 + t37 / t12 + t38 / t8 + self.k2 * t26 / t17 + t32 / t17
-            + t32 / t22 + t37 / t17 + t38 / t17;
-        let v11 = t40 + t39 / t8 + t39 / t12;
+        let t31 = T::from_f64(3.0) * t6;
+        let t32 = T::from_f64(3.0) * t13;
+        let t33 = self.k2 * (t3 * self.m3);
+        let t34 = T::from_f64(3.0) * t33;
+        let t35 = t9 + t31 / t11 + t32 / t7 + self.k2 * (t12 * self.m2) / t14 + t33 / t14
+            + t33 / t19 + t31 / t14;
+        let v11 = t35 + t32 / t14 + t34 / t7 + t34 / t11;
         // c13 = k1
         let v12 = self.k1;
         // c14 = k2
@@ -329,7 +310,7 @@ pub struct Motion<T> {
 }
 
 impl<T: Real> Motion<T> {
-    /// From the order that [`Model`] uses: derivative n of coordinate c stands at `n * coordinates + c`.
+    /// From one list: derivative n of coordinate c stands at `n * coordinates + c`.
     #[must_use]
     pub fn from_array(values: &[T; 7]) -> Self {
         let &[v0, v1, v2, v3, v4, v5, v6] = values;
@@ -346,7 +327,7 @@ impl<T: Real> Motion<T> {
         }
     }
 
-    /// In the order that [`Model`] uses, with zeros for derivatives that no equation reads.
+    /// The same list, with zeros for derivatives that no equation reads.
     #[must_use]
     pub fn into_array(self) -> [T; 7] {
         [
@@ -447,7 +428,7 @@ pub fn regressor<T: Real>(motion: &Motion<T>) -> [[T; 14]; 1] {
     // F, c7: x3*der(x3, 4)^2
     matrix[0][6] = motion.x3.value * t2;
     // F, c8: der(x3, 4)^3
-    matrix[0][7] = motion.x3.der4 * t2;
+    matrix[0][7] = t2 * motion.x3.der4;
     // F, c9: ddot(x3)
     matrix[0][8] = motion.x3.ddot;
     // F, c10: ddot(x3)*x3^2
@@ -455,11 +436,11 @@ pub fn regressor<T: Real>(motion: &Motion<T>) -> [[T; 14]; 1] {
     // F, c11: x3*ddot(x3)^2
     matrix[0][10] = motion.x3.value * t0;
     // F, c12: ddot(x3)^3
-    matrix[0][11] = motion.x3.ddot * t0;
+    matrix[0][11] = t0 * motion.x3.ddot;
     // F, c13: x3
     matrix[0][12] = motion.x3.value;
     // F, c14: x3^3
-    matrix[0][13] = motion.x3.value * t1;
+    matrix[0][13] = t1 * motion.x3.value;
     matrix
 }
 
@@ -498,11 +479,11 @@ pub fn inverse_dynamics<T: Real>(
         + motion.x3.der4 * t0 * parameters.c4 + motion.x3.der4 * t1 * parameters.c5
         + motion.x3.ddot * t2 * parameters.c6;
     let t4 = t3 + motion.x3.value * t2 * parameters.c7
-        + motion.x3.der4 * t2 * parameters.c8 + motion.x3.ddot * parameters.c9
+        + t2 * motion.x3.der4 * parameters.c8 + motion.x3.ddot * parameters.c9
         + motion.x3.ddot * t1 * parameters.c10 + motion.x3.value * t0 * parameters.c11;
     Forces {
-        F: t4 + motion.x3.ddot * t0 * parameters.c12 + motion.x3.value * parameters.c13
-            + motion.x3.value * t1 * parameters.c14,
+        F: t4 + t0 * motion.x3.ddot * parameters.c12 + motion.x3.value * parameters.c13
+            + t1 * motion.x3.value * parameters.c14,
     }
 }
 
@@ -522,11 +503,11 @@ pub fn feed_forward<T: Real>(
         + motion.x3.der4 * t0 * parameters.c4 + motion.x3.der4 * t1 * parameters.c5
         + motion.x3.ddot * t2 * parameters.c6;
     let t4 = t3 + motion.x3.value * t2 * parameters.c7
-        + motion.x3.der4 * t2 * parameters.c8 + motion.x3.ddot * parameters.c9
+        + t2 * motion.x3.der4 * parameters.c8 + motion.x3.ddot * parameters.c9
         + motion.x3.ddot * t1 * parameters.c10 + motion.x3.value * t0 * parameters.c11;
     Inputs {
-        F: t4 + motion.x3.ddot * t0 * parameters.c12 + motion.x3.value * parameters.c13
-            + motion.x3.value * t1 * parameters.c14,
+        F: t4 + t0 * motion.x3.ddot * parameters.c12 + motion.x3.value * parameters.c13
+            + t1 * motion.x3.value * parameters.c14,
     }
 }
 
@@ -562,7 +543,7 @@ pub fn feed_forward_with_regressor<T: Real>(
     let t7 = motion.x3.value * t5;
     matrix[0][6] = t7;
     // F, c8
-    let t8 = motion.x3.der4 * t5;
+    let t8 = t5 * motion.x3.der4;
     matrix[0][7] = t8;
     // F, c9
     matrix[0][8] = motion.x3.ddot;
@@ -573,12 +554,12 @@ pub fn feed_forward_with_regressor<T: Real>(
     let t10 = motion.x3.value * t1;
     matrix[0][10] = t10;
     // F, c12
-    let t11 = motion.x3.ddot * t1;
+    let t11 = t1 * motion.x3.ddot;
     matrix[0][11] = t11;
     // F, c13
     matrix[0][12] = motion.x3.value;
     // F, c14
-    let t12 = motion.x3.value * t3;
+    let t12 = t3 * motion.x3.value;
     matrix[0][13] = t12;
     // F
     let t13 = motion.x3.der6 * parameters.c1 + motion.x3.der4 * parameters.c2
@@ -588,96 +569,6 @@ pub fn feed_forward_with_regressor<T: Real>(
         + t10 * parameters.c11 + t11 * parameters.c12 + motion.x3.value * parameters.c13
         + t12 * parameters.c14;
     (Inputs { F: v0 }, matrix)
-}
-
-impl<T: Real> Model<T> for ThreeCarts {
-    fn name(&self) -> &str {
-        "ThreeCarts"
-    }
-
-    fn dims(&self) -> Dims {
-        DIMS
-    }
-
-    fn coordinate(&self, index: usize) -> Label<'_> {
-        COORDINATES.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn input(&self, index: usize) -> Label<'_> {
-        INPUTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn parameter(&self, index: usize) -> Label<'_> {
-        PARAMETERS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn constant(&self, index: usize) -> Label<'_> {
-        CONSTANTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn row(&self, index: usize) -> Label<'_> {
-        EQUATIONS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn workspace_len(&self) -> usize {
-        0
-    }
-
-    fn regressor(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(regressor(motion).as_flattened(), out)
-    }
-
-    fn known(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(&known(motion).into_array(), out)
-    }
-
-    fn input_map(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        require_len(Buffer::Motion, motion.len(), DIMS.motion_len())?;
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(input_map().as_flattened(), out)
-    }
-
-    fn inverse_workspace_len(&self) -> usize {
-        0
-    }
-
-    fn inverse_dynamics(
-        &self,
-        motion: &[T],
-        parameters: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let parameters = &Parameters::from_array(
-            *fixed(Buffer::Parameters, parameters)?,
-        );
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(&inverse_dynamics(motion, parameters).into_array(), out)
-    }
 }
 
 /// Amplitudes and frequency of the trajectory pattern
@@ -723,45 +614,45 @@ impl<T: Real> Pattern<T> {
 
     /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
     ///
-    /// Operations: 29 additions, 63 multiplications, one sine and cosine.
+    /// Operations: 29 additions, 55 multiplications, one sine and cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = cos * t2 - T::from_f64(2.0) * (cos * t1);
-        let t4 = sin * t2 + T::from_f64(2.0) * (sin * t0);
-        let t5 = cos * sin;
-        let t6 = t2 * t3 - T::from_f64(2.0) * (t5 * t4);
-        let t7 = t2 * t2 - T::from_f64(4.0) * (t0 * t1);
-        let t8 = t5 * t2;
-        let t9 = t3 * t7 - T::from_f64(4.0) * (t8 * t4);
-        let t10 = t2 * t4 + T::from_f64(2.0) * (t5 * t3);
-        let t11 = t4 * t7 + T::from_f64(4.0) * (t8 * t3);
+        let t0 = cos * cos - sin * sin;
+        let t1 = T::from_f64(2.0) * cos * sin;
+        let t2 = cos * t0 - t1 * sin;
+        let t3 = t0 * t2;
+        let t4 = sin * t0 + t1 * cos;
+        let t5 = t1 * t4;
+        let t6 = t3 - t5;
+        let t7 = t0 * t0 - t1 * t1;
+        let t8 = t2 * t7 - t5 * T::from_f64(2.0) * t0;
+        let t9 = t0 * t4 + t1 * t2;
+        let t10 = t4 * t7 + t1 * T::from_f64(2.0) * t3;
+        let t11 = self.w * self.lambda;
         let t12 = self.w * self.w;
-        let t13 = t12 * t12;
+        let t13 = self.lambda * t12;
+        let t14 = t12 * t12;
         Motion {
             x3: X3Motion {
-                value: (cos + T::from_f64(0.04) * t6 - T::from_f64(0.2) * t3
-                    - T::from_f64(0.004081632653061225) * t9) * self.lambda,
-                dot: self.w * self.lambda
-                    * (T::from_f64(0.6) * t4 + T::from_f64(0.02857142857142857) * t11
-                        - sin - T::from_f64(0.2) * t10),
-                ddot: self.lambda
-                    * (T::from_f64(1.8) * t3 + T::from_f64(0.2) * t9 - cos - t6) * t12,
-                der3: self.lambda
-                    * (sin + T::from_f64(5.0) * t10 - T::from_f64(5.4) * t4
-                        - T::from_f64(1.4) * t11) * (self.w * t12),
+                value: (cos + T::from_f64(0.04) * t6 - T::from_f64(0.2) * t2
+                    - T::from_f64(0.004081632653061225) * t8) * self.lambda,
+                dot: t11
+                    * (T::from_f64(0.6) * t4 + T::from_f64(0.02857142857142857) * t10
+                        - sin - T::from_f64(0.2) * t9),
+                ddot: t13 * (T::from_f64(1.8) * t2 + T::from_f64(0.2) * t8 - cos - t6),
+                der3: t11
+                    * (sin + T::from_f64(5.0) * t9 - T::from_f64(5.4) * t4
+                        - T::from_f64(1.4) * t10) * t12,
                 der4: self.lambda
-                    * (cos + T::from_f64(25.0) * t6 - T::from_f64(16.2) * t3
-                        - T::from_f64(9.8) * t9) * t13,
-                der5: self.lambda
-                    * (T::from_f64(48.6) * t4 + T::from_f64(68.6) * t11 - sin
-                        - T::from_f64(125.0) * t10) * (self.w * t13),
-                der6: self.lambda
-                    * (T::from_f64(145.8) * t3 + T::from_f64(480.2) * t9 - cos
-                        - T::from_f64(625.0) * t6) * (t12 * t13),
+                    * (cos + T::from_f64(25.0) * t6 - T::from_f64(16.2) * t2
+                        - T::from_f64(9.8) * t8) * t14,
+                der5: t11
+                    * (T::from_f64(48.6) * t4 + T::from_f64(68.6) * t10 - sin
+                        - T::from_f64(125.0) * t9) * t14,
+                der6: t13
+                    * (T::from_f64(145.8) * t2 + T::from_f64(480.2) * t8 - cos
+                        - T::from_f64(625.0) * t6) * t14,
             },
         }
     }
@@ -777,28 +668,28 @@ impl<T: Real> Pattern<T> {
         // F, cos 1, c1: -lambda*w^6
         let t0 = self.w * self.w;
         let t1 = t0 * t0;
-        let t2 = t0 * t1;
+        let t2 = t1 * t0;
         let t3 = self.lambda * t2;
         matrix[0][0] = -t3;
         // F, cos 1, c2: lambda*w^4
         let t4 = self.lambda * t1;
         matrix[0][1] = t4;
         // F, cos 1, c3: -40613/4375*lambda^3*w^6
-        let t5 = self.lambda * (self.lambda * self.lambda);
+        let t5 = self.lambda * self.lambda * self.lambda;
         let t6 = t2 * t5;
         matrix[0][2] = -(T::from_f64(9.282971428571429) * t6);
         // F, cos 1, c4: 6747/125*lambda^3*w^8
         let t7 = t1 * t1;
-        let t8 = t5 * t7;
-        matrix[0][3] = T::from_f64(53.976) * t8;
+        let t8 = t5 * t1;
+        let t9 = t8 * t1;
+        matrix[0][3] = T::from_f64(53.976) * t9;
         // F, cos 1, c5: -574253/300125*lambda^3*w^4
-        let t9 = t1 * t5;
-        matrix[0][4] = -(T::from_f64(1.9133794252394836) * t9);
+        matrix[0][4] = -(T::from_f64(1.9133794252394836) * t8);
         // F, cos 1, c6: -98943/125*lambda^3*w^10
         let t10 = t5 * (t0 * t7);
         matrix[0][5] = -(T::from_f64(791.544) * t10);
         // F, cos 1, c7: 945137/4375*lambda^3*w^8
-        matrix[0][6] = T::from_f64(216.03131428571427) * t8;
+        matrix[0][6] = T::from_f64(216.03131428571427) * t9;
         // F, cos 1, c8: 1179267/125*lambda^3*w^12
         let t11 = t5 * (t1 * t7);
         matrix[0][7] = T::from_f64(9434.136) * t11;
@@ -810,7 +701,7 @@ impl<T: Real> Pattern<T> {
         let t14 = t5 * t0;
         matrix[0][9] = -(T::from_f64(0.491322615576843) * t14);
         // F, cos 1, c11: 6137/4375*lambda^3*w^4
-        matrix[0][10] = T::from_f64(1.402742857142857) * t9;
+        matrix[0][10] = T::from_f64(1.402742857142857) * t8;
         // F, cos 1, c12: -663/125*lambda^3*w^6
         matrix[0][11] = -(T::from_f64(5.304) * t6);
         // F, cos 1, c13: lambda
@@ -824,13 +715,13 @@ impl<T: Real> Pattern<T> {
         // F, cos 3, c3: 45007/1750*lambda^3*w^6
         matrix[1][2] = T::from_f64(25.718285714285713) * t6;
         // F, cos 3, c4: -33137/250*lambda^3*w^8
-        matrix[1][3] = -(T::from_f64(132.548) * t8);
+        matrix[1][3] = -(T::from_f64(132.548) * t9);
         // F, cos 3, c5: -68348793/15006250*lambda^3*w^4
-        matrix[1][4] = -(T::from_f64(4.554688413161183) * t9);
+        matrix[1][4] = -(T::from_f64(4.554688413161183) * t8);
         // F, cos 3, c6: 467753/250*lambda^3*w^10
         matrix[1][5] = T::from_f64(1871.012) * t10;
         // F, cos 3, c7: -673879/1750*lambda^3*w^8
-        matrix[1][6] = -(T::from_f64(385.0737142857143) * t8);
+        matrix[1][6] = -(T::from_f64(385.0737142857143) * t9);
         // F, cos 3, c8: -6511457/250*lambda^3*w^12
         matrix[1][7] = -(T::from_f64(26045.828) * t11);
         // F, cos 3, c9: 9/5*lambda*w^2
@@ -838,7 +729,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 3, c10: 11492097/15006250*lambda^3*w^2
         matrix[1][9] = T::from_f64(0.7658207080383174) * t14;
         // F, cos 3, c11: -4807/1750*lambda^3*w^4
-        matrix[1][10] = -(T::from_f64(2.746857142857143) * t9);
+        matrix[1][10] = -(T::from_f64(2.746857142857143) * t8);
         // F, cos 3, c12: 2873/250*lambda^3*w^6
         matrix[1][11] = T::from_f64(11.492) * t6;
         // F, cos 3, c13: -1/5*lambda
@@ -852,13 +743,13 @@ impl<T: Real> Pattern<T> {
         // F, cos 5, c3: -35539/1250*lambda^3*w^6
         matrix[2][2] = -(T::from_f64(28.4312) * t6);
         // F, cos 5, c4: 6891/50*lambda^3*w^8
-        matrix[2][3] = T::from_f64(137.82) * t8;
+        matrix[2][3] = T::from_f64(137.82) * t9;
         // F, cos 5, c5: 27892307/3001250*lambda^3*w^4
-        matrix[2][4] = T::from_f64(9.293563348604748) * t9;
+        matrix[2][4] = T::from_f64(9.293563348604748) * t8;
         // F, cos 5, c6: -97419/50*lambda^3*w^10
         matrix[2][5] = -(T::from_f64(1948.38) * t10);
         // F, cos 5, c7: 2590117/8750*lambda^3*w^8
-        matrix[2][6] = T::from_f64(296.0133714285714) * t8;
+        matrix[2][6] = T::from_f64(296.0133714285714) * t9;
         // F, cos 5, c8: 1578411/50*lambda^3*w^12
         matrix[2][7] = T::from_f64(31568.22) * t11;
         // F, cos 5, c9: -lambda*w^2
@@ -866,7 +757,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 5, c10: -567347/3001250*lambda^3*w^2
         matrix[2][9] = -(T::from_f64(0.18903690129112868) * t14);
         // F, cos 5, c11: 14437/8750*lambda^3*w^4
-        matrix[2][10] = T::from_f64(1.6499428571428572) * t9;
+        matrix[2][10] = T::from_f64(1.6499428571428572) * t8;
         // F, cos 5, c12: -459/50*lambda^3*w^6
         matrix[2][11] = -(T::from_f64(9.18) * t6);
         // F, cos 5, c13: 1/25*lambda
@@ -880,13 +771,13 @@ impl<T: Real> Pattern<T> {
         // F, cos 7, c3: 10014/875*lambda^3*w^6
         matrix[3][2] = T::from_f64(11.444571428571429) * t6;
         // F, cos 7, c4: -9114/125*lambda^3*w^8
-        matrix[3][3] = -(T::from_f64(72.912) * t8);
+        matrix[3][3] = -(T::from_f64(72.912) * t9);
         // F, cos 7, c5: -24474/153125*lambda^3*w^4
-        matrix[3][4] = -(T::from_f64(0.15983020408163265) * t9);
+        matrix[3][4] = -(T::from_f64(0.15983020408163265) * t8);
         // F, cos 7, c6: 158466/125*lambda^3*w^10
         matrix[3][5] = T::from_f64(1267.728) * t10;
         // F, cos 7, c7: -191094/875*lambda^3*w^8
-        matrix[3][6] = -(T::from_f64(218.39314285714286) * t8);
+        matrix[3][6] = -(T::from_f64(218.39314285714286) * t9);
         // F, cos 7, c8: -2718954/125*lambda^3*w^12
         matrix[3][7] = -(T::from_f64(21751.632) * t11);
         // F, cos 7, c9: 1/5*lambda*w^2
@@ -894,7 +785,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 7, c10: -1541166/7503125*lambda^3*w^2
         matrix[3][9] = -(T::from_f64(0.2054032153269471) * t14);
         // F, cos 7, c11: 534/6125*lambda^3*w^4
-        matrix[3][10] = T::from_f64(0.08718367346938775) * t9;
+        matrix[3][10] = T::from_f64(0.08718367346938775) * t8;
         // F, cos 7, c12: 306/125*lambda^3*w^6
         let t15 = T::from_f64(2.448) * t6;
         matrix[3][11] = t15;
@@ -905,19 +796,19 @@ impl<T: Real> Pattern<T> {
         // F, cos 9, c3: 227994/30625*lambda^3*w^6
         matrix[4][2] = T::from_f64(7.444702040816327) * t6;
         // F, cos 9, c4: -954/125*lambda^3*w^8
-        matrix[4][3] = -(T::from_f64(7.632) * t8);
+        matrix[4][3] = -(T::from_f64(7.632) * t9);
         // F, cos 9, c5: -5817234/1500625*lambda^3*w^4
-        matrix[4][4] = -(T::from_f64(3.876540774677218) * t9);
+        matrix[4][4] = -(T::from_f64(3.876540774677218) * t8);
         // F, cos 9, c6: -36414/125*lambda^3*w^10
         matrix[4][5] = -(T::from_f64(291.312) * t10);
         // F, cos 9, c7: 191442/4375*lambda^3*w^8
-        matrix[4][6] = T::from_f64(43.75817142857143) * t8;
+        matrix[4][6] = T::from_f64(43.75817142857143) * t9;
         // F, cos 9, c8: 847926/125*lambda^3*w^12
         matrix[4][7] = T::from_f64(6783.408) * t11;
         // F, cos 9, c10: 246378/1500625*lambda^3*w^2
         matrix[4][9] = T::from_f64(0.16418359017076217) * t14;
         // F, cos 9, c11: -24306/30625*lambda^3*w^4
-        matrix[4][10] = -(T::from_f64(0.793665306122449) * t9);
+        matrix[4][10] = -(T::from_f64(0.793665306122449) * t8);
         // F, cos 9, c12: 306/125*lambda^3*w^6
         matrix[4][11] = t15;
         // F, cos 9, c14: -4378/300125*lambda^3
@@ -925,19 +816,19 @@ impl<T: Real> Pattern<T> {
         // F, cos 11, c3: -1427631/122500*lambda^3*w^6
         matrix[5][2] = -(T::from_f64(11.654130612244899) * t6);
         // F, cos 11, c4: 24387/500*lambda^3*w^8
-        matrix[5][3] = T::from_f64(48.774) * t8;
+        matrix[5][3] = T::from_f64(48.774) * t9;
         // F, cos 11, c5: 9468943/6002500*lambda^3*w^4
-        matrix[5][4] = T::from_f64(1.5774998750520617) * t9;
+        matrix[5][4] = T::from_f64(1.5774998750520617) * t8;
         // F, cos 11, c6: -249843/500*lambda^3*w^10
         matrix[5][5] = -(T::from_f64(499.686) * t10);
         // F, cos 11, c7: 18668319/122500*lambda^3*w^8
-        matrix[5][6] = T::from_f64(152.39444081632652) * t8;
+        matrix[5][6] = T::from_f64(152.39444081632652) * t9;
         // F, cos 11, c8: 2046627/500*lambda^3*w^12
         matrix[5][7] = T::from_f64(4093.254) * t11;
         // F, cos 11, c10: -332959/6002500*lambda^3*w^2
         matrix[5][9] = -(T::from_f64(0.05547005414410662) * t14);
         // F, cos 11, c11: 70719/122500*lambda^3*w^4
-        matrix[5][10] = T::from_f64(0.5772979591836734) * t9;
+        matrix[5][10] = T::from_f64(0.5772979591836734) * t8;
         // F, cos 11, c12: -1683/500*lambda^3*w^6
         matrix[5][11] = -(T::from_f64(3.366) * t6);
         // F, cos 11, c14: 20271/6002500*lambda^3
@@ -945,19 +836,19 @@ impl<T: Real> Pattern<T> {
         // F, cos 13, c3: 153421/24500*lambda^3*w^6
         matrix[6][2] = T::from_f64(6.262081632653061) * t6;
         // F, cos 13, c4: -21957/500*lambda^3*w^8
-        matrix[6][3] = -(T::from_f64(43.914) * t8);
+        matrix[6][3] = -(T::from_f64(43.914) * t9);
         // F, cos 13, c5: -13151181/30012500*lambda^3*w^4
-        matrix[6][4] = -(T::from_f64(0.43819012078300706) * t9);
+        matrix[6][4] = -(T::from_f64(0.43819012078300706) * t8);
         // F, cos 13, c6: 372333/500*lambda^3*w^10
         matrix[6][5] = T::from_f64(744.666) * t10;
         // F, cos 13, c7: -755633/4900*lambda^3*w^8
-        matrix[6][6] = -(T::from_f64(154.21081632653062) * t8);
+        matrix[6][6] = -(T::from_f64(154.21081632653062) * t9);
         // F, cos 13, c8: -4909077/500*lambda^3*w^12
         matrix[6][7] = -(T::from_f64(9818.154) * t11);
         // F, cos 13, c10: 395109/30012500*lambda^3*w^2
         matrix[6][9] = T::from_f64(0.013164814660558102) * t14;
         // F, cos 13, c11: -5413/24500*lambda^3*w^4
-        matrix[6][10] = -(T::from_f64(0.22093877551020408) * t9);
+        matrix[6][10] = -(T::from_f64(0.22093877551020408) * t8);
         // F, cos 13, c12: 1053/500*lambda^3*w^6
         matrix[6][11] = T::from_f64(2.106) * t6;
         // F, cos 13, c14: -17853/30012500*lambda^3
@@ -965,19 +856,19 @@ impl<T: Real> Pattern<T> {
         // F, cos 15, c3: -107889/61250*lambda^3*w^6
         matrix[7][2] = -(T::from_f64(1.7614530612244899) * t6);
         // F, cos 15, c4: 1109/50*lambda^3*w^8
-        matrix[7][3] = T::from_f64(22.18) * t8;
+        matrix[7][3] = T::from_f64(22.18) * t9;
         // F, cos 15, c5: 242293/3001250*lambda^3*w^4
-        matrix[7][4] = T::from_f64(0.08073069554352354) * t9;
+        matrix[7][4] = T::from_f64(0.08073069554352354) * t8;
         // F, cos 15, c6: -26081/50*lambda^3*w^10
         matrix[7][5] = -(T::from_f64(521.62) * t10);
         // F, cos 15, c7: 3600381/61250*lambda^3*w^8
-        matrix[7][6] = T::from_f64(58.7817306122449) * t8;
+        matrix[7][6] = T::from_f64(58.7817306122449) * t9;
         // F, cos 15, c8: 496589/50*lambda^3*w^12
         matrix[7][7] = T::from_f64(9931.78) * t11;
         // F, cos 15, c10: -1301/600250*lambda^3*w^2
         matrix[7][9] = -(T::from_f64(0.002167430237401083) * t14);
         // F, cos 15, c11: 3141/61250*lambda^3*w^4
-        matrix[7][10] = T::from_f64(0.051281632653061224) * t9;
+        matrix[7][10] = T::from_f64(0.051281632653061224) * t8;
         // F, cos 15, c12: -41/50*lambda^3*w^6
         matrix[7][11] = -(T::from_f64(0.82) * t6);
         // F, cos 15, c14: 5813/75031250*lambda^3
@@ -985,19 +876,19 @@ impl<T: Real> Pattern<T> {
         // F, cos 17, c3: 3587/12250*lambda^3*w^6
         matrix[8][2] = T::from_f64(0.29281632653061224) * t6;
         // F, cos 17, c4: -1719/250*lambda^3*w^8
-        matrix[8][3] = -(T::from_f64(6.876) * t8);
+        matrix[8][3] = -(T::from_f64(6.876) * t9);
         // F, cos 17, c5: -150487/15006250*lambda^3*w^4
-        matrix[8][4] = -(T::from_f64(0.010028288213244481) * t9);
+        matrix[8][4] = -(T::from_f64(0.010028288213244481) * t8);
         // F, cos 17, c6: 53211/250*lambda^3*w^10
         matrix[8][5] = T::from_f64(212.844) * t10;
         // F, cos 17, c7: -130631/12250*lambda^3*w^8
-        matrix[8][6] = -(T::from_f64(10.663755102040817) * t8);
+        matrix[8][6] = -(T::from_f64(10.663755102040817) * t9);
         // F, cos 17, c8: -1440159/250*lambda^3*w^12
         matrix[8][7] = -(T::from_f64(5760.636) * t11);
         // F, cos 17, c10: 3763/15006250*lambda^3*w^2
         matrix[8][9] = T::from_f64(0.00025076218242399) * t14;
         // F, cos 17, c11: -19/2450*lambda^3*w^4
-        matrix[8][10] = -(T::from_f64(0.007755102040816327) * t9);
+        matrix[8][10] = -(T::from_f64(0.007755102040816327) * t8);
         // F, cos 17, c12: 51/250*lambda^3*w^6
         matrix[8][11] = T::from_f64(0.204) * t6;
         // F, cos 17, c14: -111/15006250*lambda^3
@@ -1005,19 +896,19 @@ impl<T: Real> Pattern<T> {
         // F, cos 19, c3: -4251/122500*lambda^3*w^6
         matrix[9][2] = -(T::from_f64(0.03470204081632653) * t6);
         // F, cos 19, c4: 123/100*lambda^3*w^8
-        matrix[9][3] = T::from_f64(1.23) * t8;
+        matrix[9][3] = T::from_f64(1.23) * t9;
         // F, cos 19, c5: 5427/6002500*lambda^3*w^4
-        matrix[9][4] = T::from_f64(0.0009041232819658475) * t9;
+        matrix[9][4] = T::from_f64(0.0009041232819658475) * t8;
         // F, cos 19, c6: -4851/100*lambda^3*w^10
         matrix[9][5] = -(T::from_f64(48.51) * t10);
         // F, cos 19, c7: 3651/2500*lambda^3*w^8
-        matrix[9][6] = T::from_f64(1.4604) * t8;
+        matrix[9][6] = T::from_f64(1.4604) * t9;
         // F, cos 19, c8: 7203/4*lambda^3*w^12
         matrix[9][7] = T::from_f64(1800.75) * t11;
         // F, cos 19, c10: -123/6002500*lambda^3*w^2
         matrix[9][9] = -(T::from_f64(2.04914618908788e-5) * t14);
         // F, cos 19, c11: 99/122500*lambda^3*w^4
-        matrix[9][10] = T::from_f64(0.0008081632653061224) * t9;
+        matrix[9][10] = T::from_f64(0.0008081632653061224) * t8;
         // F, cos 19, c12: -3/100*lambda^3*w^6
         matrix[9][11] = -(T::from_f64(0.03) * t6);
         // F, cos 19, c14: 3/6002500*lambda^3
@@ -1026,10 +917,10 @@ impl<T: Real> Pattern<T> {
         let t16 = T::from_f64(0.002) * t6;
         matrix[10][2] = t16;
         // F, cos 21, c4: -49/500*lambda^3*w^8
-        let t17 = -(T::from_f64(0.098) * t8);
+        let t17 = -(T::from_f64(0.098) * t9);
         matrix[10][3] = t17;
         // F, cos 21, c5: -1/24500*lambda^3*w^4
-        let t18 = -(T::from_f64(4.0816326530612245e-5) * t9);
+        let t18 = -(T::from_f64(4.0816326530612245e-5) * t8);
         matrix[10][4] = t18;
         // F, cos 21, c6: 2401/500*lambda^3*w^10
         matrix[10][5] = T::from_f64(4.802) * t10;
@@ -1207,45 +1098,39 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = cos * t2 - T::from_f64(2.0) * (cos * t1);
-        let t4 = sin * t2 + T::from_f64(2.0) * (sin * t0);
-        let t5 = cos * sin;
-        let t6 = t2 * t3 - T::from_f64(2.0) * (t5 * t4);
-        let t7 = t2 * t2;
-        let t8 = t0 * t1;
-        let t9 = t7 - T::from_f64(4.0) * t8;
-        let t10 = t5 * t2;
-        let t11 = t3 * t9 - T::from_f64(4.0) * (t10 * t4);
-        let t12 = t2 * t4 + T::from_f64(2.0) * (t5 * t3);
-        let t13 = t6 * t9 - T::from_f64(4.0) * (t10 * t12);
-        let t14 = t3 * t3 - t4 * t4;
-        let t15 = t3 * t4;
-        let t16 = t6 * t14 - T::from_f64(2.0) * (t15 * t12);
-        let t17 = t4 * t9 + T::from_f64(4.0) * (t10 * t3);
-        let t18 = t9 * t9 - T::from_f64(16.0) * (t8 * t7);
-        let t19 = t10 * t9;
-        let t20 = t12 * t9 + T::from_f64(4.0) * (t10 * t6);
-        let t21 = t6 * t6 - t12 * t12;
-        let t22 = t6 * t12;
+        let t0 = cos * cos - sin * sin;
+        let t1 = cos * sin;
+        let t2 = T::from_f64(2.0) * t1;
+        let t3 = cos * t0 - t2 * sin;
+        let t4 = sin * t0 + t2 * cos;
+        let t5 = t0 * t3 - t2 * t4;
+        let t6 = t0 * t0;
+        let t7 = t6 - t2 * t2;
+        let t8 = T::from_f64(2.0) * t2 * t0;
+        let t9 = t3 * t7 - t8 * t4;
+        let t10 = t0 * t4 + t2 * t3;
+        let t11 = t5 * t7 - t8 * t10;
+        let t12 = t3 * t3 - t4 * t4;
+        let t13 = T::from_f64(2.0) * t3 * t4;
+        let t14 = t5 * t12 - t13 * t10;
+        let t15 = t4 * t7 + t8 * t3;
+        let t16 = t7 * t7 - T::from_f64(16.0) * (t1 * t1 * t6);
+        let t17 = T::from_f64(2.0) * t8 * t7;
+        let t18 = t10 * t7 + t8 * t5;
+        let t19 = t5 * t5 - t10 * t10;
+        let t20 = T::from_f64(2.0) * t5 * t10;
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10] = &mut self.sums;
         *v0 += sample.F * cos;
         *v1 += sample.F * t3;
-        *v2 += sample.F * t6;
-        *v3 += sample.F * t11;
-        *v4 += sample.F * t13;
-        *v5 += sample.F * t16;
-        *v6 += sample.F * (t11 * t14 - T::from_f64(2.0) * (t15 * t17));
-        *v7 += sample.F * (t11 * t18 - T::from_f64(8.0) * (t19 * t17));
-        *v8 += sample.F * (t13 * t18 - T::from_f64(8.0) * (t19 * t20));
-        *v9 += sample.F * (t13 * t21 - T::from_f64(2.0) * (t22 * t20));
-        *v10
-            += sample.F
-                * (t16 * t21
-                    - T::from_f64(2.0)
-                        * (t22 * (t12 * t14 + T::from_f64(2.0) * (t15 * t6))));
+        *v2 += sample.F * t5;
+        *v3 += sample.F * t9;
+        *v4 += sample.F * t11;
+        *v5 += sample.F * t14;
+        *v6 += sample.F * (t9 * t12 - t13 * t15);
+        *v7 += sample.F * (t9 * t16 - t17 * t15);
+        *v8 += sample.F * (t11 * t16 - t17 * t18);
+        *v9 += sample.F * (t11 * t19 - t20 * t18);
+        *v10 += sample.F * (t14 * t19 - t20 * (t10 * t12 + t13 * t5));
         self.samples = self.samples.saturating_add(1);
     }
 
@@ -1330,4 +1215,560 @@ pub struct Estimate<T> {
     /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
     /// and at most the number of parameters times that.
     pub condition: T,
+}
+
+/// What the functions above need beside `core` and the crate `libm`.
+#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+pub mod support {
+    pub use self::label::Label;
+    pub use self::real::Real;
+    pub use self::error::AccumulatorError;
+    pub use self::least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
+
+    mod error {
+        //! Faults of accumulating harmonics.
+
+        use core::fmt;
+
+        /// Why harmonics could not be accumulated.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum AccumulatorError {
+            /// The memory handed over is too short.
+            Memory {
+                /// Entries needed.
+                needed: usize,
+                /// Entries given.
+                given: usize,
+            },
+            /// A period of so few samples does not resolve the highest harmonic.
+            TooFewSamples {
+                /// Samples in a period.
+                samples: usize,
+                /// Highest harmonic asked for.
+                harmonics: usize,
+            },
+            /// A sample has another number of channels than the accumulator.
+            Channels {
+                /// Channels of the accumulator.
+                needed: usize,
+                /// Channels of the sample, or the channel that was asked for.
+                given: usize,
+            },
+            /// Coefficients were asked for before a whole period was there.
+            NotWhole {
+                /// Samples beyond the last whole period.
+                samples: usize,
+            },
+        }
+
+        impl fmt::Display for AccumulatorError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Memory { needed, given } => {
+                        write!(f, "{needed} entries of memory are needed, {given} were given")
+                    }
+                    Self::TooFewSamples { samples, harmonics } => write!(
+                        f,
+                        "a period of {samples} samples does not resolve harmonic {harmonics}; at least {} samples are needed",
+                        2 * harmonics + 1
+                    ),
+                    Self::Channels { needed, given } => {
+                        write!(f, "the accumulator has {needed} channels, {given} were named")
+                    }
+                    Self::NotWhole { samples } => write!(
+                        f,
+                        "{samples} samples stand beyond the last whole period (or none is complete); harmonics need whole periods"
+                    ),
+                }
+            }
+        }
+
+        impl core::error::Error for AccumulatorError {}
+    }
+
+    mod label {
+        //! Names of a model's quantities.
+
+        use core::fmt;
+
+        /// A name with its unit, as declared in the model.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Label<'a> {
+            /// Name as declared.
+            pub name: &'a str,
+            /// Unit as declared, without brackets; `None` when the model declares none.
+            pub unit: Option<&'a str>,
+        }
+
+        impl<'a> Label<'a> {
+            /// A name with a unit.
+            #[must_use]
+            pub const fn new(name: &'a str, unit: &'a str) -> Self {
+                Label { name, unit: Some(unit) }
+            }
+
+            /// A name without a unit.
+            #[must_use]
+            pub const fn bare(name: &'a str) -> Self {
+                Label { name, unit: None }
+            }
+        }
+
+        impl fmt::Display for Label<'_> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self.unit {
+                    Some(unit) => write!(f, "{} [{unit}]", self.name),
+                    None => f.write_str(self.name),
+                }
+            }
+        }
+    }
+
+    mod least_squares {
+        //! Least squares with as many unknowns as a model has parameters, on the controller.
+        //!
+        //! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic. The
+        //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
+        //! column; that is as stable as Householder's (Björck, 1967) and needs no index arithmetic.
+
+        use super::Label;
+        use super::Real;
+        use core::fmt;
+
+        /// Why a linear system has no unique solution.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum SolveError {
+            /// The data do not determine this parameter: its column is zero, or a combination of others.
+            Unobservable {
+                /// Index of the parameter.
+                parameter: usize,
+                /// Its name.
+                name: &'static str,
+            },
+            /// An entry of the matrix or of the data is infinite or not a number.
+            NotFinite,
+        }
+
+        impl fmt::Display for SolveError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Unobservable { name, .. } => {
+                        write!(f, "the data do not determine the parameter {name}; vary the amplitudes' ratio or the pattern")
+                    }
+                    Self::NotFinite => f.write_str("the matrix or the data hold a number that is not finite"),
+                }
+            }
+        }
+
+        impl core::error::Error for SolveError {}
+
+        /// A column of the matrix with the place it came from.
+        #[derive(Clone, Copy)]
+        struct Column<T, const R: usize> {
+            index: usize,
+            values: [T; R],
+        }
+
+        /// One row of the triangular factor.
+        #[derive(Clone, Copy)]
+        struct Pivot<T, const C: usize> {
+            /// The column that was eliminated.
+            index: usize,
+            /// Its diagonal entry.
+            diagonal: T,
+            /// The projection of the right-hand side.
+            right: T,
+            /// Entries of the columns that were left, by their original places.
+            row: [T; C],
+        }
+
+        /// The x that minimises |A x - b|, A given by rows, with the labels of x's entries for errors.
+        ///
+        /// Columns are scaled to unit length first; a column whose part outside the span of the others is below the rounding error of
+        /// that scaling is reported, since any value of its parameter would fit as well.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`].
+        pub fn least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<[T; C], SolveError> {
+            factorised(matrix, right, labels).map(|factors| factors.solution)
+        }
+
+        /// Everything that the data say about x.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct LeastSquares<T, const C: usize> {
+            /// The x that minimises |A x - b|, rows counted by their deviations.
+            pub solution: [T; C],
+            /// Its covariance, when the rows' errors have the deviations that were given, or 1 where none were.
+            pub covariance: [[T; C]; C],
+            /// Euclidean length of what is left of b, in deviations.
+            pub residual: T,
+            /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number, and at
+            /// most C times that.
+            pub condition: T,
+        }
+
+        /// The x that minimises |A x - b| with every row divided by the standard deviation of its error, and how well it is known.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`] (a deviation of zero leads there too).
+        pub fn weighted_least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            deviations: Option<&[T; R]>,
+            labels: &[Label<'static>; C],
+        ) -> Result<LeastSquares<T, C>, SolveError> {
+            let (mut matrix, mut right) = (*matrix, *right);
+            if let Some(deviations) = deviations {
+                for ((row, right), &deviation) in matrix.iter_mut().zip(&mut right).zip(deviations) {
+                    for entry in row {
+                        *entry /= deviation;
+                    }
+                    *right /= deviation;
+                }
+            }
+            let Factors { pivots, scales, solution, residual } = factorised(&matrix, &right, labels)?;
+            let mut covariance = [[T::ZERO; C]; C];
+            let mut square = T::ZERO;
+            for k in 0..C {
+                // A column of the inverse of the triangular factor; the covariance is the sum of their squares.
+                let column = substituted(&pivots, |j, _| if j == k { T::ONE } else { T::ZERO });
+                for ((row, &a), &scale) in covariance.iter_mut().zip(&column).zip(&scales) {
+                    square += a * a;
+                    for ((entry, &b), &other) in row.iter_mut().zip(&column).zip(&scales) {
+                        *entry += a / scale * (b / other);
+                    }
+                }
+            }
+            let condition = (T::from_f64(C as f64) * square).sqrt();
+            Ok(LeastSquares { solution, covariance, residual, condition })
+        }
+
+        /// The triangular factor with what follows from it at once.
+        struct Factors<T, const C: usize> {
+            pivots: [Pivot<T, C>; C],
+            /// Lengths of the columns.
+            scales: [T; C],
+            solution: [T; C],
+            residual: T,
+        }
+
+        fn factorised<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<Factors<T, C>, SolveError> {
+            let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
+            let mut scales = [T::ONE; C];
+            for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
+                column.index = c;
+                for (value, row) in column.values.iter_mut().zip(matrix) {
+                    *value = row.get(c).copied().unwrap_or(T::ZERO);
+                }
+                *scale = length(&column.values);
+                if !scale.is_finite() {
+                    return Err(SolveError::NotFinite);
+                }
+                if *scale > T::ZERO {
+                    for value in &mut column.values {
+                        *value /= *scale;
+                    }
+                }
+            }
+            let mut right = *right;
+            if !right.iter().all(|value| value.is_finite()) {
+                return Err(SolveError::NotFinite);
+            }
+            let tiny = T::EPSILON * T::from_f64(4.0 * (R + C) as f64);
+            let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
+            let mut left = columns.as_mut_slice();
+            for pivot in &mut pivots {
+                let Some((first, rest)) = left.split_first_mut() else { break };
+                let mut diagonal = length(&first.values);
+                for other in rest.iter_mut() {
+                    let size = length(&other.values);
+                    if size > diagonal {
+                        diagonal = size;
+                        core::mem::swap(first, other);
+                    }
+                }
+                pivot.index = first.index;
+                if diagonal <= tiny {
+                    let name = labels.get(first.index).map_or("", |label| label.name);
+                    return Err(SolveError::Unobservable { parameter: first.index, name });
+                }
+                pivot.diagonal = diagonal;
+                for value in &mut first.values {
+                    *value /= diagonal;
+                }
+                for other in rest.iter_mut() {
+                    let entry = project(&first.values, &mut other.values);
+                    if let Some(slot) = pivot.row.get_mut(other.index) {
+                        *slot = entry;
+                    }
+                }
+                pivot.right = project(&first.values, &mut right);
+                left = rest;
+            }
+            let mut solution = substituted(&pivots, |_, pivot| pivot.right);
+            for (value, &scale) in solution.iter_mut().zip(&scales) {
+                *value /= scale;
+            }
+            Ok(Factors { pivots, scales, solution, residual: length(&right) })
+        }
+
+        /// The solution of the triangular system, by original places; `right` is asked for every pivot and its number.
+        fn substituted<T: Real, const C: usize>(pivots: &[Pivot<T, C>; C], right: impl Fn(usize, &Pivot<T, C>) -> T) -> [T; C] {
+            let mut solution = [T::ZERO; C];
+            for (k, pivot) in pivots.iter().enumerate().rev() {
+                // Entries of columns that are not solved yet are zero in the row.
+                let mut sum = right(k, pivot);
+                for (&entry, &value) in pivot.row.iter().zip(&solution) {
+                    sum -= entry * value;
+                }
+                if let Some(slot) = solution.get_mut(pivot.index) {
+                    *slot = sum / pivot.diagonal;
+                }
+            }
+            solution
+        }
+
+        /// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
+        fn length<T: Real>(values: &[T]) -> T {
+            let mut largest = T::ZERO;
+            for &value in values {
+                if !value.is_finite() {
+                    return value.abs();
+                }
+                largest = largest.max(value.abs());
+            }
+            if largest <= T::ZERO {
+                return T::ZERO;
+            }
+            let mut sum = T::ZERO;
+            for &value in values {
+                let part = value / largest;
+                sum += part * part;
+            }
+            largest * sum.sqrt()
+        }
+
+        /// Removes the part along the unit vector and returns its size.
+        fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
+            let mut along = T::ZERO;
+            for (&u, &value) in unit.iter().zip(values.iter()) {
+                along += u * value;
+            }
+            for (&u, value) in unit.iter().zip(values.iter_mut()) {
+                *value -= along * u;
+            }
+            along
+        }
+    }
+
+    mod real {
+        //! The scalar that models and estimators compute with.
+        //!
+        //! Invariant: every elementary function goes through `libm`, never through the platform's mathematics library, so that a
+        //! controller and a desk computer obtain the same bits from the same model.
+
+        use core::fmt::Debug;
+        use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+        /// A real number of fixed precision: `f32` or `f64`.
+        pub trait Real:
+            Copy
+            + Debug
+            + Default
+            + PartialOrd
+            + Send
+            + Sync
+            + Add<Output = Self>
+            + AddAssign
+            + Sub<Output = Self>
+            + SubAssign
+            + Mul<Output = Self>
+            + MulAssign
+            + Div<Output = Self>
+            + DivAssign
+            + Neg<Output = Self>
+            + 'static
+        {
+            /// Zero.
+            const ZERO: Self;
+            /// One.
+            const ONE: Self;
+            /// Half the circumference of the unit circle.
+            const PI: Self;
+            /// The distance from one to the next larger number.
+            const EPSILON: Self;
+
+            /// The nearest number of this precision.
+            fn from_f64(value: f64) -> Self;
+            /// A constant that was rounded to each precision by itself: `double` or `single`, whichever is of this precision. Rounding
+            /// a rational number to double and then to single precision is not always right.
+            fn rounded(double: f64, single: f32) -> Self;
+            /// The same value in double precision (exact for both scalars).
+            fn to_f64(self) -> f64;
+
+            /// Sine of an angle in radians.
+            fn sin(self) -> Self;
+            /// Cosine of an angle in radians.
+            fn cos(self) -> Self;
+            /// Tangent of an angle in radians.
+            fn tan(self) -> Self;
+            /// Principal arc sine in radians; not a number outside [-1, 1].
+            fn asin(self) -> Self;
+            /// Principal arc cosine in radians; not a number outside [-1, 1].
+            fn acos(self) -> Self;
+            /// Inverse tangent, in (-pi/2, pi/2).
+            fn atan(self) -> Self;
+            /// Angle of the point (`x`, `self`) in (-pi, pi].
+            fn atan2(self, x: Self) -> Self;
+            /// Square root; not a number below zero.
+            fn sqrt(self) -> Self;
+            /// Natural exponential.
+            fn exp(self) -> Self;
+            /// Natural logarithm.
+            fn ln(self) -> Self;
+            /// Largest whole number that is not above `self`.
+            fn floor(self) -> Self;
+            /// Absolute value.
+            fn abs(self) -> Self;
+            /// The larger of two numbers; the other one when one is not a number.
+            fn max(self, other: Self) -> Self;
+            /// The smaller of two numbers; the other one when one is not a number.
+            fn min(self, other: Self) -> Self;
+            /// Neither infinite nor not a number.
+            fn is_finite(self) -> bool;
+
+            /// The three-valued sign: -1, 0 or 1 (0 at zero, unlike `f64::signum`); not a number stays so.
+            ///
+            /// Coulomb friction needs the zero: at rest on a rest-to-rest pattern `sgn(x') = 0`.
+            fn sign(self) -> Self {
+                if self > Self::ZERO {
+                    Self::ONE
+                } else if self < Self::ZERO {
+                    -Self::ONE
+                } else {
+                    // Zero of either sign becomes +0; a NaN stays visible instead of turning into a force of zero.
+                    self + Self::ZERO
+                }
+            }
+
+            /// `self` to a whole power by repeated squaring; `x.powi(0)` is one.
+            fn powi(self, exponent: u32) -> Self {
+                let mut result = Self::ONE;
+                let mut base = self;
+                let mut left = exponent;
+                while left > 0 {
+                    if left & 1 == 1 {
+                        result *= base;
+                    }
+                    left >>= 1;
+                    if left > 0 {
+                        base *= base;
+                    }
+                }
+                result
+            }
+
+            /// Sine and cosine of the same angle.
+            fn sin_cos(self) -> (Self, Self) {
+                (self.sin(), self.cos())
+            }
+        }
+
+        macro_rules! real {
+            ($scalar:ident, $pick:expr, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
+                impl Real for $scalar {
+                    const ZERO: Self = 0.0;
+                    const ONE: Self = 1.0;
+                    const PI: Self = core::$scalar::consts::PI;
+                    const EPSILON: Self = $scalar::EPSILON;
+
+                    // The identity for one of the two scalars, a rounding for the other.
+                    #[allow(clippy::unnecessary_cast)]
+                    #[inline]
+                    fn from_f64(value: f64) -> Self {
+                        value as $scalar
+                    }
+                    #[inline]
+                    fn rounded(double: f64, single: f32) -> Self {
+                        $pick(double, single)
+                    }
+                    #[inline]
+                    fn to_f64(self) -> f64 {
+                        f64::from(self)
+                    }
+                    #[inline]
+                    fn sin(self) -> Self {
+                        libm::$sin(self)
+                    }
+                    #[inline]
+                    fn cos(self) -> Self {
+                        libm::$cos(self)
+                    }
+                    #[inline]
+                    fn tan(self) -> Self {
+                        libm::$tan(self)
+                    }
+                    #[inline]
+                    fn asin(self) -> Self {
+                        libm::$asin(self)
+                    }
+                    #[inline]
+                    fn acos(self) -> Self {
+                        libm::$acos(self)
+                    }
+                    #[inline]
+                    fn atan(self) -> Self {
+                        libm::$atan(self)
+                    }
+                    #[inline]
+                    fn atan2(self, x: Self) -> Self {
+                        libm::$atan2(self, x)
+                    }
+                    #[inline]
+                    fn sqrt(self) -> Self {
+                        libm::$sqrt(self)
+                    }
+                    #[inline]
+                    fn exp(self) -> Self {
+                        libm::$exp(self)
+                    }
+                    #[inline]
+                    fn ln(self) -> Self {
+                        libm::$log(self)
+                    }
+                    #[inline]
+                    fn floor(self) -> Self {
+                        libm::$floor(self)
+                    }
+                    #[inline]
+                    fn abs(self) -> Self {
+                        libm::$fabs(self)
+                    }
+                    #[inline]
+                    fn max(self, other: Self) -> Self {
+                        libm::$fmax(self, other)
+                    }
+                    #[inline]
+                    fn min(self, other: Self) -> Self {
+                        libm::$fmin(self, other)
+                    }
+                    #[inline]
+                    fn is_finite(self) -> bool {
+                        $scalar::is_finite(self)
+                    }
+                }
+            };
+        }
+
+        real!(f64, |double, _| double, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
+        real!(f32, |_, single| single, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
+    }
 }

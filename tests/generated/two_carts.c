@@ -36,13 +36,14 @@ void two_carts_lump(const two_carts_physical *physical, two_carts_parameters *pa
     /* c2 = m1 + m2 + m2*k1/k3 */
     parameters->c2 = physical->m1 + physical->m2 + physical->m2 * physical->k1 / physical->k3;
     /* c3 = 3*m2*k2/k3 */
-    parameters->c3 = 3.0 * (physical->m2 * physical->k2) / physical->k3;
+    const double t0 = physical->m2 * physical->k2;
+    parameters->c3 = 3.0 * t0 / physical->k3;
     /* c4 = 3*m2^2*k2/k3^2 */
-    const double t0 = physical->m2 * physical->m2;
-    const double t1 = physical->k3 * physical->k3;
-    parameters->c4 = 3.0 * (physical->k2 * t0) / t1;
+    const double t1 = physical->m2 * physical->m2;
+    const double t2 = physical->k3 * physical->k3;
+    parameters->c4 = 3.0 * (physical->k2 * t1) / t2;
     /* c5 = m2^3*k2/k3^3 */
-    parameters->c5 = physical->k2 * (physical->m2 * t0) / (physical->k3 * t1);
+    parameters->c5 = t0 * t1 / (physical->k3 * t2);
     /* c6 = k1 */
     parameters->c6 = physical->k1;
     /* c7 = k2 */
@@ -64,11 +65,11 @@ void two_carts_regressor(const two_carts_motion *motion,
     const double t1 = at.x2.ddot * at.x2.ddot;
     matrix[0][3] = at.x2.value * t1;
     /* F, c5: ddot(x2)^3 */
-    matrix[0][4] = at.x2.ddot * t1;
+    matrix[0][4] = t1 * at.x2.ddot;
     /* F, c6: x2 */
     matrix[0][5] = at.x2.value;
     /* F, c7: x2^3 */
-    matrix[0][6] = at.x2.value * t0;
+    matrix[0][6] = t0 * at.x2.value;
 }
 
 void two_carts_input_map(double matrix[TWO_CARTS_EQUATIONS][TWO_CARTS_INPUTS])
@@ -89,9 +90,9 @@ void two_carts_inverse_dynamics(const two_carts_motion *motion,
     const double t0 = motion->x2.value * motion->x2.value;
     const double t1 = motion->x2.ddot * motion->x2.ddot;
     const double t2 = motion->x2.der4 * parameters->c1 + motion->x2.ddot * parameters->c2 +
-            motion->x2.ddot * t0 * parameters->c3 + motion->x2.value * t1 * parameters->c4 +
-            motion->x2.ddot * t1 * parameters->c5 + motion->x2.value * parameters->c6;
-    forces->F = t2 + motion->x2.value * t0 * parameters->c7;
+            motion->x2.ddot * t0 * parameters->c3 + motion->x2.value * t1 * parameters->c4 + t1 *
+            motion->x2.ddot * parameters->c5 + motion->x2.value * parameters->c6;
+    forces->F = t2 + t0 * motion->x2.value * parameters->c7;
 }
 
 void two_carts_feed_forward(const two_carts_motion *motion, const two_carts_parameters *parameters,
@@ -100,9 +101,9 @@ void two_carts_feed_forward(const two_carts_motion *motion, const two_carts_para
     const double t0 = motion->x2.value * motion->x2.value;
     const double t1 = motion->x2.ddot * motion->x2.ddot;
     const double t2 = motion->x2.der4 * parameters->c1 + motion->x2.ddot * parameters->c2 +
-            motion->x2.ddot * t0 * parameters->c3 + motion->x2.value * t1 * parameters->c4 +
-            motion->x2.ddot * t1 * parameters->c5 + motion->x2.value * parameters->c6;
-    inputs->F = t2 + motion->x2.value * t0 * parameters->c7;
+            motion->x2.ddot * t0 * parameters->c3 + motion->x2.value * t1 * parameters->c4 + t1 *
+            motion->x2.ddot * parameters->c5 + motion->x2.value * parameters->c6;
+    inputs->F = t2 + t0 * motion->x2.value * parameters->c7;
 }
 
 void two_carts_feed_forward_with_regressor(const two_carts_motion *motion,
@@ -123,12 +124,12 @@ void two_carts_feed_forward_with_regressor(const two_carts_motion *motion,
     const double t3 = at.x2.value * t2;
     matrix[0][3] = t3;
     /* F, c5 */
-    const double t4 = at.x2.ddot * t2;
+    const double t4 = t2 * at.x2.ddot;
     matrix[0][4] = t4;
     /* F, c6 */
     matrix[0][5] = at.x2.value;
     /* F, c7 */
-    const double t5 = at.x2.value * t0;
+    const double t5 = t0 * at.x2.value;
     matrix[0][6] = t5;
     /* F */
     inputs->F = at.x2.der4 * parameters->c1 + at.x2.ddot * parameters->c2 + t1 * parameters->c3 + t3
@@ -294,20 +295,19 @@ void two_carts_reference_at(const two_carts_pattern *pattern, double phase,
 {
     const double cosine = cos(phase);
     const double sine = sin(phase);
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = sine * t2 + 2.0 * (sine * t0);
-    const double t5 = cosine * sine;
-    const double t6 = t2 * t3 - 2.0 * (t5 * t4);
-    const double t7 = t2 * t4 + 2.0 * (t5 * t3);
-    const double t8 = pattern->w * pattern->w;
-    motion->x2.value = (cosine + 0.02 * t6 - 0.16666666666666666 * t3) * pattern->lambda;
-    motion->x2.dot = pattern->w * pattern->lambda * (0.5 * t4 - sine - 0.1 * t7);
-    motion->x2.ddot = pattern->lambda * (1.5 * t3 - cosine - 0.5 * t6) * t8;
-    motion->x2.der3 = pattern->lambda * (sine + 2.5 * t7 - 4.5 * t4) * (pattern->w * t8);
-    motion->x2.der4 = pattern->lambda * (cosine + 12.5 * t6 - 13.5 * t3) * (t8 * t8);
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = 2.0 * cosine * sine;
+    const double t2 = cosine * t0 - t1 * sine;
+    const double t3 = sine * t0 + t1 * cosine;
+    const double t4 = t0 * t2 - t1 * t3;
+    const double t5 = t0 * t3 + t1 * t2;
+    const double t6 = pattern->w * pattern->w;
+    const double t7 = pattern->lambda * t6;
+    motion->x2.value = (cosine + 0.02 * t4 - 0.16666666666666666 * t2) * pattern->lambda;
+    motion->x2.dot = pattern->w * pattern->lambda * (0.5 * t3 - sine - 0.1 * t5);
+    motion->x2.ddot = t7 * (1.5 * t2 - cosine - 0.5 * t4);
+    motion->x2.der3 = t7 * (sine + 2.5 * t5 - 4.5 * t3) * pattern->w;
+    motion->x2.der4 = t7 * (cosine + 12.5 * t4 - 13.5 * t2) * t6;
 }
 
 void two_carts_reference(const two_carts_pattern *pattern, double time, two_carts_motion *motion)
@@ -326,31 +326,31 @@ void two_carts_estimator_matrix(const two_carts_pattern *pattern,
     matrix[7][0] = matrix[7][1] = matrix[7][5] = 0.0;
     /* F, cos 1, c1: lambda*w^4 */
     const double t0 = own.w * own.w;
-    const double t1 = t0 * t0;
-    const double t2 = own.lambda * t1;
+    const double t1 = own.lambda * t0;
+    const double t2 = t1 * t0;
     matrix[0][0] = t2;
     /* F, cos 1, c2: -lambda*w^2 */
-    const double t3 = own.lambda * t0;
-    matrix[0][1] = -t3;
+    matrix[0][1] = -t1;
     /* F, cos 1, c3: -92411/180000*lambda^3*w^2 */
-    const double t4 = own.lambda * (own.lambda * own.lambda);
-    const double t5 = t0 * t4;
+    const double t3 = own.lambda * own.lambda * own.lambda;
+    const double t4 = t1 * own.lambda;
+    const double t5 = t4 * own.lambda;
     matrix[0][2] = -(0.5133944444444445 * t5);
     /* F, cos 1, c4: 533/480*lambda^3*w^4 */
-    const double t6 = t1 * t4;
+    const double t6 = t4 * t1;
     matrix[0][3] = 1.1104166666666666 * t6;
     /* F, cos 1, c5: -99/32*lambda^3*w^6 */
-    const double t7 = t4 * (t0 * t1);
+    const double t7 = t1 * t1 * t1;
     const double t8 = -(3.09375 * t7);
     matrix[0][4] = t8;
     /* F, cos 1, c6: lambda */
     matrix[0][5] = own.lambda;
     /* F, cos 1, c7: 39761/60000*lambda^3 */
-    matrix[0][6] = 0.6626833333333333 * t4;
+    matrix[0][6] = 0.6626833333333333 * t3;
     /* F, cos 3, c1: -27/2*lambda*w^4 */
     matrix[1][0] = -(13.5 * t2);
     /* F, cos 3, c2: 3/2*lambda*w^2 */
-    matrix[1][1] = 1.5 * t3;
+    matrix[1][1] = 1.5 * t1;
     /* F, cos 3, c3: 37393/60000*lambda^3*w^2 */
     matrix[1][2] = 0.6232166666666666 * t5;
     /* F, cos 3, c4: -877/480*lambda^3*w^4 */
@@ -360,11 +360,11 @@ void two_carts_estimator_matrix(const two_carts_pattern *pattern,
     /* F, cos 3, c6: -1/6*lambda */
     matrix[1][5] = -(0.16666666666666666 * own.lambda);
     /* F, cos 3, c7: 1157/180000*lambda^3 */
-    matrix[1][6] = 0.006427777777777778 * t4;
+    matrix[1][6] = 0.006427777777777778 * t3;
     /* F, cos 5, c1: 25/2*lambda*w^4 */
     matrix[2][0] = 12.5 * t2;
     /* F, cos 5, c2: -1/2*lambda*w^2 */
-    matrix[2][1] = -(0.5 * t3);
+    matrix[2][1] = -(0.5 * t1);
     /* F, cos 5, c3: 7973/180000*lambda^3*w^2 */
     matrix[2][2] = 0.04429444444444444 * t5;
     /* F, cos 5, c4: 1337/2400*lambda^3*w^4 */
@@ -374,7 +374,7 @@ void two_carts_estimator_matrix(const two_carts_pattern *pattern,
     /* F, cos 5, c6: 1/50*lambda */
     matrix[2][5] = 0.02 * own.lambda;
     /* F, cos 5, c7: -109991/1500000*lambda^3 */
-    matrix[2][6] = -(0.07332733333333333 * t4);
+    matrix[2][6] = -(0.07332733333333333 * t3);
     /* F, cos 7, c3: -37373/180000*lambda^3*w^2 */
     matrix[3][2] = -(0.20762777777777777 * t5);
     /* F, cos 7, c4: 1183/2400*lambda^3*w^4 */
@@ -382,7 +382,7 @@ void two_carts_estimator_matrix(const two_carts_pattern *pattern,
     /* F, cos 7, c5: -21/32*lambda^3*w^6 */
     matrix[3][4] = -(0.65625 * t7);
     /* F, cos 7, c7: 1847/60000*lambda^3 */
-    matrix[3][6] = 0.030783333333333333 * t4;
+    matrix[3][6] = 0.030783333333333333 * t3;
     /* F, cos 9, c3: 1273/20000*lambda^3*w^2 */
     matrix[4][2] = 0.06365 * t5;
     /* F, cos 9, c4: -1099/2400*lambda^3*w^4 */
@@ -390,7 +390,7 @@ void two_carts_estimator_matrix(const two_carts_pattern *pattern,
     /* F, cos 9, c5: 57/32*lambda^3*w^6 */
     matrix[4][4] = 1.78125 * t7;
     /* F, cos 9, c7: -3163/540000*lambda^3 */
-    matrix[4][6] = -(0.0058574074074074075 * t4);
+    matrix[4][6] = -(0.0058574074074074075 * t3);
     /* F, cos 11, c3: -1993/180000*lambda^3*w^2 */
     matrix[5][2] = -(0.011072222222222223 * t5);
     /* F, cos 11, c4: 113/800*lambda^3*w^4 */
@@ -398,7 +398,7 @@ void two_carts_estimator_matrix(const two_carts_pattern *pattern,
     /* F, cos 11, c5: -33/32*lambda^3*w^6 */
     matrix[5][4] = -(1.03125 * t7);
     /* F, cos 11, c7: 43/60000*lambda^3 */
-    matrix[5][6] = 0.0007166666666666667 * t4;
+    matrix[5][6] = 0.0007166666666666667 * t3;
     /* F, cos 13, c3: 59/60000*lambda^3*w^2 */
     matrix[6][2] = 0.0009833333333333332 * t5;
     /* F, cos 13, c4: -43/2400*lambda^3*w^4 */
@@ -406,7 +406,7 @@ void two_carts_estimator_matrix(const two_carts_pattern *pattern,
     /* F, cos 13, c5: 9/32*lambda^3*w^6 */
     matrix[6][4] = 0.28125 * t7;
     /* F, cos 13, c7: -1/20000*lambda^3 */
-    matrix[6][6] = -(5e-5 * t4);
+    matrix[6][6] = -(5e-5 * t3);
     /* F, cos 15, c3: -1/20000*lambda^3*w^2 */
     matrix[7][2] = -(5e-5 * t5);
     /* F, cos 15, c4: 1/800*lambda^3*w^4 */
@@ -414,7 +414,7 @@ void two_carts_estimator_matrix(const two_carts_pattern *pattern,
     /* F, cos 15, c5: -1/32*lambda^3*w^6 */
     matrix[7][4] = -(0.03125 * t7);
     /* F, cos 15, c7: 1/500000*lambda^3 */
-    matrix[7][6] = 2e-6 * t4;
+    matrix[7][6] = 2e-6 * t3;
 }
 
 void two_carts_accumulator_clear(two_carts_accumulator *accumulator)
@@ -431,30 +431,28 @@ void two_carts_accumulate_at(two_carts_accumulator *accumulator, double cosine, 
         const two_carts_forces *sample)
 {
     const two_carts_forces now = *sample;
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = cosine * t2 - 2.0 * (cosine * t1);
-    const double t4 = sine * t2 + 2.0 * (sine * t0);
-    const double t5 = cosine * sine;
-    const double t6 = t2 * t3 - 2.0 * (t5 * t4);
-    const double t7 = t2 * t2;
-    const double t8 = t0 * t1;
-    const double t9 = t7 - 4.0 * t8;
-    const double t10 = t5 * t2;
-    const double t11 = t3 * t9 - 4.0 * (t10 * t4);
-    const double t12 = t2 * t4 + 2.0 * (t5 * t3);
-    const double t13 = t3 * t3 - t4 * t4;
-    const double t14 = t3 * t4;
-    const double t15 = t4 * t9 + 4.0 * (t10 * t3);
+    const double t0 = cosine * cosine - sine * sine;
+    const double t1 = cosine * sine;
+    const double t2 = 2.0 * t1;
+    const double t3 = cosine * t0 - t2 * sine;
+    const double t4 = sine * t0 + t2 * cosine;
+    const double t5 = t0 * t3 - t2 * t4;
+    const double t6 = t0 * t0;
+    const double t7 = t6 - t2 * t2;
+    const double t8 = 2.0 * t2 * t0;
+    const double t9 = t3 * t7 - t8 * t4;
+    const double t10 = t0 * t4 + t2 * t3;
+    const double t11 = t3 * t3 - t4 * t4;
+    const double t12 = 2.0 * t3 * t4;
+    const double t13 = t4 * t7 + t8 * t3;
     accumulator->sums[0] += now.F * cosine;
     accumulator->sums[1] += now.F * t3;
-    accumulator->sums[2] += now.F * t6;
-    accumulator->sums[3] += now.F * t11;
-    accumulator->sums[4] += now.F * (t6 * t9 - 4.0 * (t10 * t12));
-    accumulator->sums[5] += now.F * (t6 * t13 - 2.0 * (t14 * t12));
-    accumulator->sums[6] += now.F * (t11 * t13 - 2.0 * (t14 * t15));
-    accumulator->sums[7] += now.F * (t11 * (t9 * t9 - 16.0 * (t8 * t7)) - 8.0 * (t10 * t9 * t15));
+    accumulator->sums[2] += now.F * t5;
+    accumulator->sums[3] += now.F * t9;
+    accumulator->sums[4] += now.F * (t5 * t7 - t8 * t10);
+    accumulator->sums[5] += now.F * (t5 * t11 - t12 * t10);
+    accumulator->sums[6] += now.F * (t9 * t11 - t12 * t13);
+    accumulator->sums[7] += now.F * (t9 * (t7 * t7 - 16.0 * (t1 * t1 * t6)) - t8 * 2.0 * t7 * t13);
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

@@ -20,10 +20,10 @@
  * | `two_carts_input_map` | 0 | 0 | 0 | 0 |
  * | `two_carts_inverse_dynamics` | 6 | 13 | 0 | 0 |
  * | `two_carts_feed_forward` | 6 | 13 | 0 | 0 |
- * | `two_carts_lump` | 2 | 11 | 5 | 0 |
- * | `two_carts_reference_at` | 15 | 37 | 0 | 0 |
+ * | `two_carts_lump` | 2 | 10 | 5 | 0 |
+ * | `two_carts_reference_at` | 15 | 32 | 0 | 0 |
  * | `two_carts_estimator_matrix` | 18 | 47 | 0 | 0 |
- * | `two_carts_accumulate_at` | 14 | 44 | 0 | 0 |
+ * | `two_carts_accumulate_at` | 14 | 38 | 0 | 0 |
  */
 #ifndef TWO_CARTS_H_INCLUDED
 #define TWO_CARTS_H_INCLUDED
@@ -134,7 +134,7 @@ extern const two_carts_label two_carts_equation_labels[TWO_CARTS_EQUATIONS];
 /*
  * The estimated parameters that belong to these physical ones.
  *
- * Operations: 2 additions, 11 multiplications, 5 divisions.
+ * Operations: 2 additions, 10 multiplications, 5 divisions.
  */
 void two_carts_lump(const two_carts_physical *physical, two_carts_parameters *parameters);
 
@@ -250,7 +250,7 @@ double two_carts_period(const two_carts_pattern *pattern);
 /*
  * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
  *
- * Operations: 15 additions, 37 multiplications, one sine and cosine.
+ * Operations: 15 additions, 32 multiplications, one sine and cosine.
  */
 void two_carts_reference_at(const two_carts_pattern *pattern, double phase,
         two_carts_motion *motion);
@@ -321,7 +321,7 @@ void two_carts_accumulator_clear(two_carts_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 14 additions, 44 multiplications.
+ * Operations: 14 additions, 38 multiplications.
  */
 void two_carts_accumulate_at(two_carts_accumulator *accumulator, double cosine, double sine,
         const two_carts_forces *sample);

@@ -21,23 +21,18 @@
 //! | `input_map` | 0 | 0 | 0 | 0 |
 //! | `inverse_dynamics` | 6 | 13 | 0 | 0 |
 //! | `feed_forward` | 6 | 13 | 0 | 0 |
-//! | `Physical::lump` | 2 | 11 | 5 | 0 |
-//! | `Pattern::reference` | 15 | 37 | 0 | 0 |
+//! | `Physical::lump` | 2 | 10 | 5 | 0 |
+//! | `Pattern::reference` | 15 | 32 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 18 | 47 | 0 | 0 |
-//! | `Accumulator::push_at` | 14 | 44 | 0 | 0 |
+//! | `Accumulator::push_at` | 14 | 38 | 0 | 0 |
+//!
+//! Beside `core` it needs the crate `libm`, and nothing else.
 
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(non_snake_case, reason = "fields are named as in the model")]
-use ::tpm_runtime::harmonics::AccumulatorError;
-use ::tpm_runtime::model::{fixed, require_len, store};
-use ::tpm_runtime::{
-    Buffer, Dims, EvalError, Label, Model, Real, SolveError, least_squares,
-    weighted_least_squares,
+use self::support::{
+    AccumulatorError, Label, Real, SolveError, least_squares, weighted_least_squares,
 };
-
-/// The model `TwoCarts`, as the runtime takes any model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct TwoCarts;
 
 /// Names and units of the coordinates.
 pub const COORDINATES: [Label<'static>; 1] = [Label::new("x2", "m")];
@@ -64,16 +59,6 @@ pub const EQUATIONS: [Label<'static>; 1] = [Label::new("F", "N")];
 
 /// A number that changes with the model, for logs and results to say what they belong to.
 pub const MODEL_HASH: u64 = 3514146310080536255;
-
-/// The sizes of the model.
-pub const DIMS: Dims = Dims {
-    coordinates: COORDINATES.len(),
-    order: 4,
-    inputs: INPUTS.len(),
-    rows: EQUATIONS.len(),
-    parameters: PARAMETERS.len(),
-    constants: CONSTANTS.len(),
-};
 
 /// The parameters that are estimated; every equation is linear in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -156,7 +141,7 @@ impl<T> Physical<T> {
 impl<T: Real> Physical<T> {
     /// The estimated parameters that belong to these physical ones.
     ///
-    /// Operations: 2 additions, 11 multiplications, 5 divisions.
+    /// Operations: 2 additions, 10 multiplications, 5 divisions.
     #[must_use]
     pub fn lump(&self) -> Parameters<T> {
         // c1 = m1*m2/k3
@@ -164,13 +149,14 @@ impl<T: Real> Physical<T> {
         // c2 = m1 + m2 + m2*k1/k3
         let v1 = self.m1 + self.m2 + self.m2 * self.k1 / self.k3;
         // c3 = 3*m2*k2/k3
-        let v2 = T::from_f64(3.0) * (self.m2 * self.k2) / self.k3;
+        let t0 = self.m2 * self.k2;
+        let v2 = T::from_f64(3.0) * t0 / self.k3;
         // c4 = 3*m2^2*k2/k3^2
-        let t0 = self.m2 * self.m2;
-        let t1 = self.k3 * self.k3;
-        let v3 = T::from_f64(3.0) * (self.k2 * t0) / t1;
+        let t1 = self.m2 * self.m2;
+        let t2 = self.k3 * self.k3;
+        let v3 = T::from_f64(3.0) * (self.k2 * t1) / t2;
         // c5 = m2^3*k2/k3^3
-        let v4 = self.k2 * (self.m2 * t0) / (self.k3 * t1);
+        let v4 = t0 * t1 / (self.k3 * t2);
         // c6 = k1
         let v5 = self.k1;
         // c7 = k2
@@ -210,7 +196,7 @@ pub struct Motion<T> {
 }
 
 impl<T: Real> Motion<T> {
-    /// From the order that [`Model`] uses: derivative n of coordinate c stands at `n * coordinates + c`.
+    /// From one list: derivative n of coordinate c stands at `n * coordinates + c`.
     #[must_use]
     pub fn from_array(values: &[T; 5]) -> Self {
         let &[v0, v1, v2, v3, v4] = values;
@@ -225,7 +211,7 @@ impl<T: Real> Motion<T> {
         }
     }
 
-    /// In the order that [`Model`] uses, with zeros for derivatives that no equation reads.
+    /// The same list, with zeros for derivatives that no equation reads.
     #[must_use]
     pub fn into_array(self) -> [T; 5] {
         [self.x2.value, self.x2.dot, self.x2.ddot, self.x2.der3, self.x2.der4]
@@ -304,11 +290,11 @@ pub fn regressor<T: Real>(motion: &Motion<T>) -> [[T; 7]; 1] {
     let t1 = motion.x2.ddot * motion.x2.ddot;
     matrix[0][3] = motion.x2.value * t1;
     // F, c5: ddot(x2)^3
-    matrix[0][4] = motion.x2.ddot * t1;
+    matrix[0][4] = t1 * motion.x2.ddot;
     // F, c6: x2
     matrix[0][5] = motion.x2.value;
     // F, c7: x2^3
-    matrix[0][6] = motion.x2.value * t0;
+    matrix[0][6] = t0 * motion.x2.value;
     matrix
 }
 
@@ -343,9 +329,9 @@ pub fn inverse_dynamics<T: Real>(
     let t1 = motion.x2.ddot * motion.x2.ddot;
     let t2 = motion.x2.der4 * parameters.c1 + motion.x2.ddot * parameters.c2
         + motion.x2.ddot * t0 * parameters.c3 + motion.x2.value * t1 * parameters.c4
-        + motion.x2.ddot * t1 * parameters.c5 + motion.x2.value * parameters.c6;
+        + t1 * motion.x2.ddot * parameters.c5 + motion.x2.value * parameters.c6;
     Forces {
-        F: t2 + motion.x2.value * t0 * parameters.c7,
+        F: t2 + t0 * motion.x2.value * parameters.c7,
     }
 }
 
@@ -361,9 +347,9 @@ pub fn feed_forward<T: Real>(
     let t1 = motion.x2.ddot * motion.x2.ddot;
     let t2 = motion.x2.der4 * parameters.c1 + motion.x2.ddot * parameters.c2
         + motion.x2.ddot * t0 * parameters.c3 + motion.x2.value * t1 * parameters.c4
-        + motion.x2.ddot * t1 * parameters.c5 + motion.x2.value * parameters.c6;
+        + t1 * motion.x2.ddot * parameters.c5 + motion.x2.value * parameters.c6;
     Inputs {
-        F: t2 + motion.x2.value * t0 * parameters.c7,
+        F: t2 + t0 * motion.x2.value * parameters.c7,
     }
 }
 
@@ -389,108 +375,18 @@ pub fn feed_forward_with_regressor<T: Real>(
     let t3 = motion.x2.value * t2;
     matrix[0][3] = t3;
     // F, c5
-    let t4 = motion.x2.ddot * t2;
+    let t4 = t2 * motion.x2.ddot;
     matrix[0][4] = t4;
     // F, c6
     matrix[0][5] = motion.x2.value;
     // F, c7
-    let t5 = motion.x2.value * t0;
+    let t5 = t0 * motion.x2.value;
     matrix[0][6] = t5;
     // F
     let v0 = motion.x2.der4 * parameters.c1 + motion.x2.ddot * parameters.c2
         + t1 * parameters.c3 + t3 * parameters.c4 + t4 * parameters.c5
         + motion.x2.value * parameters.c6 + t5 * parameters.c7;
     (Inputs { F: v0 }, matrix)
-}
-
-impl<T: Real> Model<T> for TwoCarts {
-    fn name(&self) -> &str {
-        "TwoCarts"
-    }
-
-    fn dims(&self) -> Dims {
-        DIMS
-    }
-
-    fn coordinate(&self, index: usize) -> Label<'_> {
-        COORDINATES.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn input(&self, index: usize) -> Label<'_> {
-        INPUTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn parameter(&self, index: usize) -> Label<'_> {
-        PARAMETERS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn constant(&self, index: usize) -> Label<'_> {
-        CONSTANTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn row(&self, index: usize) -> Label<'_> {
-        EQUATIONS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn workspace_len(&self) -> usize {
-        0
-    }
-
-    fn regressor(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(regressor(motion).as_flattened(), out)
-    }
-
-    fn known(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(&known(motion).into_array(), out)
-    }
-
-    fn input_map(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        require_len(Buffer::Motion, motion.len(), DIMS.motion_len())?;
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(input_map().as_flattened(), out)
-    }
-
-    fn inverse_workspace_len(&self) -> usize {
-        0
-    }
-
-    fn inverse_dynamics(
-        &self,
-        motion: &[T],
-        parameters: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let parameters = &Parameters::from_array(
-            *fixed(Buffer::Parameters, parameters)?,
-        );
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(&inverse_dynamics(motion, parameters).into_array(), out)
-    }
 }
 
 /// Amplitudes and frequency of the trajectory pattern
@@ -536,31 +432,28 @@ impl<T: Real> Pattern<T> {
 
     /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
     ///
-    /// Operations: 15 additions, 37 multiplications, one sine and cosine.
+    /// Operations: 15 additions, 32 multiplications, one sine and cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = cos * t2 - T::from_f64(2.0) * (cos * t1);
-        let t4 = sin * t2 + T::from_f64(2.0) * (sin * t0);
-        let t5 = cos * sin;
-        let t6 = t2 * t3 - T::from_f64(2.0) * (t5 * t4);
-        let t7 = t2 * t4 + T::from_f64(2.0) * (t5 * t3);
-        let t8 = self.w * self.w;
+        let t0 = cos * cos - sin * sin;
+        let t1 = T::from_f64(2.0) * cos * sin;
+        let t2 = cos * t0 - t1 * sin;
+        let t3 = sin * t0 + t1 * cos;
+        let t4 = t0 * t2 - t1 * t3;
+        let t5 = t0 * t3 + t1 * t2;
+        let t6 = self.w * self.w;
+        let t7 = self.lambda * t6;
         Motion {
             x2: X2Motion {
-                value: (cos + T::from_f64(0.02) * t6
-                    - T::from_f64(0.16666666666666666) * t3) * self.lambda,
+                value: (cos + T::from_f64(0.02) * t4
+                    - T::from_f64(0.16666666666666666) * t2) * self.lambda,
                 dot: self.w * self.lambda
-                    * (T::from_f64(0.5) * t4 - sin - T::from_f64(0.1) * t7),
-                ddot: self.lambda * (T::from_f64(1.5) * t3 - cos - T::from_f64(0.5) * t6)
-                    * t8,
-                der3: self.lambda * (sin + T::from_f64(2.5) * t7 - T::from_f64(4.5) * t4)
-                    * (self.w * t8),
-                der4: self.lambda
-                    * (cos + T::from_f64(12.5) * t6 - T::from_f64(13.5) * t3) * (t8 * t8),
+                    * (T::from_f64(0.5) * t3 - sin - T::from_f64(0.1) * t5),
+                ddot: t7 * (T::from_f64(1.5) * t2 - cos - T::from_f64(0.5) * t4),
+                der3: t7 * (sin + T::from_f64(2.5) * t5 - T::from_f64(4.5) * t3)
+                    * self.w,
+                der4: t7 * (cos + T::from_f64(12.5) * t4 - T::from_f64(13.5) * t2) * t6,
             },
         }
     }
@@ -575,31 +468,31 @@ impl<T: Real> Pattern<T> {
         let mut matrix = [[T::ZERO; 7]; 8];
         // F, cos 1, c1: lambda*w^4
         let t0 = self.w * self.w;
-        let t1 = t0 * t0;
-        let t2 = self.lambda * t1;
+        let t1 = self.lambda * t0;
+        let t2 = t1 * t0;
         matrix[0][0] = t2;
         // F, cos 1, c2: -lambda*w^2
-        let t3 = self.lambda * t0;
-        matrix[0][1] = -t3;
+        matrix[0][1] = -t1;
         // F, cos 1, c3: -92411/180000*lambda^3*w^2
-        let t4 = self.lambda * (self.lambda * self.lambda);
-        let t5 = t0 * t4;
+        let t3 = self.lambda * self.lambda * self.lambda;
+        let t4 = t1 * self.lambda;
+        let t5 = t4 * self.lambda;
         matrix[0][2] = -(T::from_f64(0.5133944444444445) * t5);
         // F, cos 1, c4: 533/480*lambda^3*w^4
-        let t6 = t1 * t4;
+        let t6 = t4 * t1;
         matrix[0][3] = T::from_f64(1.1104166666666666) * t6;
         // F, cos 1, c5: -99/32*lambda^3*w^6
-        let t7 = t4 * (t0 * t1);
+        let t7 = t1 * t1 * t1;
         let t8 = -(T::from_f64(3.09375) * t7);
         matrix[0][4] = t8;
         // F, cos 1, c6: lambda
         matrix[0][5] = self.lambda;
         // F, cos 1, c7: 39761/60000*lambda^3
-        matrix[0][6] = T::from_f64(0.6626833333333333) * t4;
+        matrix[0][6] = T::from_f64(0.6626833333333333) * t3;
         // F, cos 3, c1: -27/2*lambda*w^4
         matrix[1][0] = -(T::from_f64(13.5) * t2);
         // F, cos 3, c2: 3/2*lambda*w^2
-        matrix[1][1] = T::from_f64(1.5) * t3;
+        matrix[1][1] = T::from_f64(1.5) * t1;
         // F, cos 3, c3: 37393/60000*lambda^3*w^2
         matrix[1][2] = T::from_f64(0.6232166666666666) * t5;
         // F, cos 3, c4: -877/480*lambda^3*w^4
@@ -609,11 +502,11 @@ impl<T: Real> Pattern<T> {
         // F, cos 3, c6: -1/6*lambda
         matrix[1][5] = -(T::from_f64(0.16666666666666666) * self.lambda);
         // F, cos 3, c7: 1157/180000*lambda^3
-        matrix[1][6] = T::from_f64(0.006427777777777778) * t4;
+        matrix[1][6] = T::from_f64(0.006427777777777778) * t3;
         // F, cos 5, c1: 25/2*lambda*w^4
         matrix[2][0] = T::from_f64(12.5) * t2;
         // F, cos 5, c2: -1/2*lambda*w^2
-        matrix[2][1] = -(T::from_f64(0.5) * t3);
+        matrix[2][1] = -(T::from_f64(0.5) * t1);
         // F, cos 5, c3: 7973/180000*lambda^3*w^2
         matrix[2][2] = T::from_f64(0.04429444444444444) * t5;
         // F, cos 5, c4: 1337/2400*lambda^3*w^4
@@ -623,7 +516,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 5, c6: 1/50*lambda
         matrix[2][5] = T::from_f64(0.02) * self.lambda;
         // F, cos 5, c7: -109991/1500000*lambda^3
-        matrix[2][6] = -(T::from_f64(0.07332733333333333) * t4);
+        matrix[2][6] = -(T::from_f64(0.07332733333333333) * t3);
         // F, cos 7, c3: -37373/180000*lambda^3*w^2
         matrix[3][2] = -(T::from_f64(0.20762777777777777) * t5);
         // F, cos 7, c4: 1183/2400*lambda^3*w^4
@@ -631,7 +524,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 7, c5: -21/32*lambda^3*w^6
         matrix[3][4] = -(T::from_f64(0.65625) * t7);
         // F, cos 7, c7: 1847/60000*lambda^3
-        matrix[3][6] = T::from_f64(0.030783333333333333) * t4;
+        matrix[3][6] = T::from_f64(0.030783333333333333) * t3;
         // F, cos 9, c3: 1273/20000*lambda^3*w^2
         matrix[4][2] = T::from_f64(0.06365) * t5;
         // F, cos 9, c4: -1099/2400*lambda^3*w^4
@@ -639,7 +532,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 9, c5: 57/32*lambda^3*w^6
         matrix[4][4] = T::from_f64(1.78125) * t7;
         // F, cos 9, c7: -3163/540000*lambda^3
-        matrix[4][6] = -(T::from_f64(0.0058574074074074075) * t4);
+        matrix[4][6] = -(T::from_f64(0.0058574074074074075) * t3);
         // F, cos 11, c3: -1993/180000*lambda^3*w^2
         matrix[5][2] = -(T::from_f64(0.011072222222222223) * t5);
         // F, cos 11, c4: 113/800*lambda^3*w^4
@@ -647,7 +540,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 11, c5: -33/32*lambda^3*w^6
         matrix[5][4] = -(T::from_f64(1.03125) * t7);
         // F, cos 11, c7: 43/60000*lambda^3
-        matrix[5][6] = T::from_f64(0.0007166666666666667) * t4;
+        matrix[5][6] = T::from_f64(0.0007166666666666667) * t3;
         // F, cos 13, c3: 59/60000*lambda^3*w^2
         matrix[6][2] = T::from_f64(0.0009833333333333332) * t5;
         // F, cos 13, c4: -43/2400*lambda^3*w^4
@@ -655,7 +548,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 13, c5: 9/32*lambda^3*w^6
         matrix[6][4] = T::from_f64(0.28125) * t7;
         // F, cos 13, c7: -1/20000*lambda^3
-        matrix[6][6] = -(T::from_f64(5e-5) * t4);
+        matrix[6][6] = -(T::from_f64(5e-5) * t3);
         // F, cos 15, c3: -1/20000*lambda^3*w^2
         matrix[7][2] = -(T::from_f64(5e-5) * t5);
         // F, cos 15, c4: 1/800*lambda^3*w^4
@@ -663,7 +556,7 @@ impl<T: Real> Pattern<T> {
         // F, cos 15, c5: -1/32*lambda^3*w^6
         matrix[7][4] = -(T::from_f64(0.03125) * t7);
         // F, cos 15, c7: 1/500000*lambda^3
-        matrix[7][6] = T::from_f64(2e-6) * t4;
+        matrix[7][6] = T::from_f64(2e-6) * t3;
         matrix
     }
 
@@ -889,34 +782,32 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = cos * t2 - T::from_f64(2.0) * (cos * t1);
-        let t4 = sin * t2 + T::from_f64(2.0) * (sin * t0);
-        let t5 = cos * sin;
-        let t6 = t2 * t3 - T::from_f64(2.0) * (t5 * t4);
-        let t7 = t2 * t2;
-        let t8 = t0 * t1;
-        let t9 = t7 - T::from_f64(4.0) * t8;
-        let t10 = t5 * t2;
-        let t11 = t3 * t9 - T::from_f64(4.0) * (t10 * t4);
-        let t12 = t2 * t4 + T::from_f64(2.0) * (t5 * t3);
-        let t13 = t3 * t3 - t4 * t4;
-        let t14 = t3 * t4;
-        let t15 = t4 * t9 + T::from_f64(4.0) * (t10 * t3);
+        let t0 = cos * cos - sin * sin;
+        let t1 = cos * sin;
+        let t2 = T::from_f64(2.0) * t1;
+        let t3 = cos * t0 - t2 * sin;
+        let t4 = sin * t0 + t2 * cos;
+        let t5 = t0 * t3 - t2 * t4;
+        let t6 = t0 * t0;
+        let t7 = t6 - t2 * t2;
+        let t8 = T::from_f64(2.0) * t2 * t0;
+        let t9 = t3 * t7 - t8 * t4;
+        let t10 = t0 * t4 + t2 * t3;
+        let t11 = t3 * t3 - t4 * t4;
+        let t12 = T::from_f64(2.0) * t3 * t4;
+        let t13 = t4 * t7 + t8 * t3;
         let [v0, v1, v2, v3, v4, v5, v6, v7] = &mut self.sums;
         *v0 += sample.F * cos;
         *v1 += sample.F * t3;
-        *v2 += sample.F * t6;
-        *v3 += sample.F * t11;
-        *v4 += sample.F * (t6 * t9 - T::from_f64(4.0) * (t10 * t12));
-        *v5 += sample.F * (t6 * t13 - T::from_f64(2.0) * (t14 * t12));
-        *v6 += sample.F * (t11 * t13 - T::from_f64(2.0) * (t14 * t15));
+        *v2 += sample.F * t5;
+        *v3 += sample.F * t9;
+        *v4 += sample.F * (t5 * t7 - t8 * t10);
+        *v5 += sample.F * (t5 * t11 - t12 * t10);
+        *v6 += sample.F * (t9 * t11 - t12 * t13);
         *v7
             += sample.F
-                * (t11 * (t9 * t9 - T::from_f64(16.0) * (t8 * t7))
-                    - T::from_f64(8.0) * (t10 * t9 * t15));
+                * (t9 * (t7 * t7 - T::from_f64(16.0) * (t1 * t1 * t6))
+                    - t8 * T::from_f64(2.0) * t7 * t13);
         self.samples = self.samples.saturating_add(1);
     }
 
@@ -998,4 +889,560 @@ pub struct Estimate<T> {
     /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
     /// and at most the number of parameters times that.
     pub condition: T,
+}
+
+/// What the functions above need beside `core` and the crate `libm`.
+#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+pub mod support {
+    pub use self::label::Label;
+    pub use self::real::Real;
+    pub use self::error::AccumulatorError;
+    pub use self::least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
+
+    mod error {
+        //! Faults of accumulating harmonics.
+
+        use core::fmt;
+
+        /// Why harmonics could not be accumulated.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum AccumulatorError {
+            /// The memory handed over is too short.
+            Memory {
+                /// Entries needed.
+                needed: usize,
+                /// Entries given.
+                given: usize,
+            },
+            /// A period of so few samples does not resolve the highest harmonic.
+            TooFewSamples {
+                /// Samples in a period.
+                samples: usize,
+                /// Highest harmonic asked for.
+                harmonics: usize,
+            },
+            /// A sample has another number of channels than the accumulator.
+            Channels {
+                /// Channels of the accumulator.
+                needed: usize,
+                /// Channels of the sample, or the channel that was asked for.
+                given: usize,
+            },
+            /// Coefficients were asked for before a whole period was there.
+            NotWhole {
+                /// Samples beyond the last whole period.
+                samples: usize,
+            },
+        }
+
+        impl fmt::Display for AccumulatorError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Memory { needed, given } => {
+                        write!(f, "{needed} entries of memory are needed, {given} were given")
+                    }
+                    Self::TooFewSamples { samples, harmonics } => write!(
+                        f,
+                        "a period of {samples} samples does not resolve harmonic {harmonics}; at least {} samples are needed",
+                        2 * harmonics + 1
+                    ),
+                    Self::Channels { needed, given } => {
+                        write!(f, "the accumulator has {needed} channels, {given} were named")
+                    }
+                    Self::NotWhole { samples } => write!(
+                        f,
+                        "{samples} samples stand beyond the last whole period (or none is complete); harmonics need whole periods"
+                    ),
+                }
+            }
+        }
+
+        impl core::error::Error for AccumulatorError {}
+    }
+
+    mod label {
+        //! Names of a model's quantities.
+
+        use core::fmt;
+
+        /// A name with its unit, as declared in the model.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Label<'a> {
+            /// Name as declared.
+            pub name: &'a str,
+            /// Unit as declared, without brackets; `None` when the model declares none.
+            pub unit: Option<&'a str>,
+        }
+
+        impl<'a> Label<'a> {
+            /// A name with a unit.
+            #[must_use]
+            pub const fn new(name: &'a str, unit: &'a str) -> Self {
+                Label { name, unit: Some(unit) }
+            }
+
+            /// A name without a unit.
+            #[must_use]
+            pub const fn bare(name: &'a str) -> Self {
+                Label { name, unit: None }
+            }
+        }
+
+        impl fmt::Display for Label<'_> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self.unit {
+                    Some(unit) => write!(f, "{} [{unit}]", self.name),
+                    None => f.write_str(self.name),
+                }
+            }
+        }
+    }
+
+    mod least_squares {
+        //! Least squares with as many unknowns as a model has parameters, on the controller.
+        //!
+        //! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic. The
+        //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
+        //! column; that is as stable as Householder's (Björck, 1967) and needs no index arithmetic.
+
+        use super::Label;
+        use super::Real;
+        use core::fmt;
+
+        /// Why a linear system has no unique solution.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum SolveError {
+            /// The data do not determine this parameter: its column is zero, or a combination of others.
+            Unobservable {
+                /// Index of the parameter.
+                parameter: usize,
+                /// Its name.
+                name: &'static str,
+            },
+            /// An entry of the matrix or of the data is infinite or not a number.
+            NotFinite,
+        }
+
+        impl fmt::Display for SolveError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Unobservable { name, .. } => {
+                        write!(f, "the data do not determine the parameter {name}; vary the amplitudes' ratio or the pattern")
+                    }
+                    Self::NotFinite => f.write_str("the matrix or the data hold a number that is not finite"),
+                }
+            }
+        }
+
+        impl core::error::Error for SolveError {}
+
+        /// A column of the matrix with the place it came from.
+        #[derive(Clone, Copy)]
+        struct Column<T, const R: usize> {
+            index: usize,
+            values: [T; R],
+        }
+
+        /// One row of the triangular factor.
+        #[derive(Clone, Copy)]
+        struct Pivot<T, const C: usize> {
+            /// The column that was eliminated.
+            index: usize,
+            /// Its diagonal entry.
+            diagonal: T,
+            /// The projection of the right-hand side.
+            right: T,
+            /// Entries of the columns that were left, by their original places.
+            row: [T; C],
+        }
+
+        /// The x that minimises |A x - b|, A given by rows, with the labels of x's entries for errors.
+        ///
+        /// Columns are scaled to unit length first; a column whose part outside the span of the others is below the rounding error of
+        /// that scaling is reported, since any value of its parameter would fit as well.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`].
+        pub fn least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<[T; C], SolveError> {
+            factorised(matrix, right, labels).map(|factors| factors.solution)
+        }
+
+        /// Everything that the data say about x.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct LeastSquares<T, const C: usize> {
+            /// The x that minimises |A x - b|, rows counted by their deviations.
+            pub solution: [T; C],
+            /// Its covariance, when the rows' errors have the deviations that were given, or 1 where none were.
+            pub covariance: [[T; C]; C],
+            /// Euclidean length of what is left of b, in deviations.
+            pub residual: T,
+            /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number, and at
+            /// most C times that.
+            pub condition: T,
+        }
+
+        /// The x that minimises |A x - b| with every row divided by the standard deviation of its error, and how well it is known.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`] (a deviation of zero leads there too).
+        pub fn weighted_least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            deviations: Option<&[T; R]>,
+            labels: &[Label<'static>; C],
+        ) -> Result<LeastSquares<T, C>, SolveError> {
+            let (mut matrix, mut right) = (*matrix, *right);
+            if let Some(deviations) = deviations {
+                for ((row, right), &deviation) in matrix.iter_mut().zip(&mut right).zip(deviations) {
+                    for entry in row {
+                        *entry /= deviation;
+                    }
+                    *right /= deviation;
+                }
+            }
+            let Factors { pivots, scales, solution, residual } = factorised(&matrix, &right, labels)?;
+            let mut covariance = [[T::ZERO; C]; C];
+            let mut square = T::ZERO;
+            for k in 0..C {
+                // A column of the inverse of the triangular factor; the covariance is the sum of their squares.
+                let column = substituted(&pivots, |j, _| if j == k { T::ONE } else { T::ZERO });
+                for ((row, &a), &scale) in covariance.iter_mut().zip(&column).zip(&scales) {
+                    square += a * a;
+                    for ((entry, &b), &other) in row.iter_mut().zip(&column).zip(&scales) {
+                        *entry += a / scale * (b / other);
+                    }
+                }
+            }
+            let condition = (T::from_f64(C as f64) * square).sqrt();
+            Ok(LeastSquares { solution, covariance, residual, condition })
+        }
+
+        /// The triangular factor with what follows from it at once.
+        struct Factors<T, const C: usize> {
+            pivots: [Pivot<T, C>; C],
+            /// Lengths of the columns.
+            scales: [T; C],
+            solution: [T; C],
+            residual: T,
+        }
+
+        fn factorised<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<Factors<T, C>, SolveError> {
+            let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
+            let mut scales = [T::ONE; C];
+            for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
+                column.index = c;
+                for (value, row) in column.values.iter_mut().zip(matrix) {
+                    *value = row.get(c).copied().unwrap_or(T::ZERO);
+                }
+                *scale = length(&column.values);
+                if !scale.is_finite() {
+                    return Err(SolveError::NotFinite);
+                }
+                if *scale > T::ZERO {
+                    for value in &mut column.values {
+                        *value /= *scale;
+                    }
+                }
+            }
+            let mut right = *right;
+            if !right.iter().all(|value| value.is_finite()) {
+                return Err(SolveError::NotFinite);
+            }
+            let tiny = T::EPSILON * T::from_f64(4.0 * (R + C) as f64);
+            let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
+            let mut left = columns.as_mut_slice();
+            for pivot in &mut pivots {
+                let Some((first, rest)) = left.split_first_mut() else { break };
+                let mut diagonal = length(&first.values);
+                for other in rest.iter_mut() {
+                    let size = length(&other.values);
+                    if size > diagonal {
+                        diagonal = size;
+                        core::mem::swap(first, other);
+                    }
+                }
+                pivot.index = first.index;
+                if diagonal <= tiny {
+                    let name = labels.get(first.index).map_or("", |label| label.name);
+                    return Err(SolveError::Unobservable { parameter: first.index, name });
+                }
+                pivot.diagonal = diagonal;
+                for value in &mut first.values {
+                    *value /= diagonal;
+                }
+                for other in rest.iter_mut() {
+                    let entry = project(&first.values, &mut other.values);
+                    if let Some(slot) = pivot.row.get_mut(other.index) {
+                        *slot = entry;
+                    }
+                }
+                pivot.right = project(&first.values, &mut right);
+                left = rest;
+            }
+            let mut solution = substituted(&pivots, |_, pivot| pivot.right);
+            for (value, &scale) in solution.iter_mut().zip(&scales) {
+                *value /= scale;
+            }
+            Ok(Factors { pivots, scales, solution, residual: length(&right) })
+        }
+
+        /// The solution of the triangular system, by original places; `right` is asked for every pivot and its number.
+        fn substituted<T: Real, const C: usize>(pivots: &[Pivot<T, C>; C], right: impl Fn(usize, &Pivot<T, C>) -> T) -> [T; C] {
+            let mut solution = [T::ZERO; C];
+            for (k, pivot) in pivots.iter().enumerate().rev() {
+                // Entries of columns that are not solved yet are zero in the row.
+                let mut sum = right(k, pivot);
+                for (&entry, &value) in pivot.row.iter().zip(&solution) {
+                    sum -= entry * value;
+                }
+                if let Some(slot) = solution.get_mut(pivot.index) {
+                    *slot = sum / pivot.diagonal;
+                }
+            }
+            solution
+        }
+
+        /// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
+        fn length<T: Real>(values: &[T]) -> T {
+            let mut largest = T::ZERO;
+            for &value in values {
+                if !value.is_finite() {
+                    return value.abs();
+                }
+                largest = largest.max(value.abs());
+            }
+            if largest <= T::ZERO {
+                return T::ZERO;
+            }
+            let mut sum = T::ZERO;
+            for &value in values {
+                let part = value / largest;
+                sum += part * part;
+            }
+            largest * sum.sqrt()
+        }
+
+        /// Removes the part along the unit vector and returns its size.
+        fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
+            let mut along = T::ZERO;
+            for (&u, &value) in unit.iter().zip(values.iter()) {
+                along += u * value;
+            }
+            for (&u, value) in unit.iter().zip(values.iter_mut()) {
+                *value -= along * u;
+            }
+            along
+        }
+    }
+
+    mod real {
+        //! The scalar that models and estimators compute with.
+        //!
+        //! Invariant: every elementary function goes through `libm`, never through the platform's mathematics library, so that a
+        //! controller and a desk computer obtain the same bits from the same model.
+
+        use core::fmt::Debug;
+        use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+        /// A real number of fixed precision: `f32` or `f64`.
+        pub trait Real:
+            Copy
+            + Debug
+            + Default
+            + PartialOrd
+            + Send
+            + Sync
+            + Add<Output = Self>
+            + AddAssign
+            + Sub<Output = Self>
+            + SubAssign
+            + Mul<Output = Self>
+            + MulAssign
+            + Div<Output = Self>
+            + DivAssign
+            + Neg<Output = Self>
+            + 'static
+        {
+            /// Zero.
+            const ZERO: Self;
+            /// One.
+            const ONE: Self;
+            /// Half the circumference of the unit circle.
+            const PI: Self;
+            /// The distance from one to the next larger number.
+            const EPSILON: Self;
+
+            /// The nearest number of this precision.
+            fn from_f64(value: f64) -> Self;
+            /// A constant that was rounded to each precision by itself: `double` or `single`, whichever is of this precision. Rounding
+            /// a rational number to double and then to single precision is not always right.
+            fn rounded(double: f64, single: f32) -> Self;
+            /// The same value in double precision (exact for both scalars).
+            fn to_f64(self) -> f64;
+
+            /// Sine of an angle in radians.
+            fn sin(self) -> Self;
+            /// Cosine of an angle in radians.
+            fn cos(self) -> Self;
+            /// Tangent of an angle in radians.
+            fn tan(self) -> Self;
+            /// Principal arc sine in radians; not a number outside [-1, 1].
+            fn asin(self) -> Self;
+            /// Principal arc cosine in radians; not a number outside [-1, 1].
+            fn acos(self) -> Self;
+            /// Inverse tangent, in (-pi/2, pi/2).
+            fn atan(self) -> Self;
+            /// Angle of the point (`x`, `self`) in (-pi, pi].
+            fn atan2(self, x: Self) -> Self;
+            /// Square root; not a number below zero.
+            fn sqrt(self) -> Self;
+            /// Natural exponential.
+            fn exp(self) -> Self;
+            /// Natural logarithm.
+            fn ln(self) -> Self;
+            /// Largest whole number that is not above `self`.
+            fn floor(self) -> Self;
+            /// Absolute value.
+            fn abs(self) -> Self;
+            /// The larger of two numbers; the other one when one is not a number.
+            fn max(self, other: Self) -> Self;
+            /// The smaller of two numbers; the other one when one is not a number.
+            fn min(self, other: Self) -> Self;
+            /// Neither infinite nor not a number.
+            fn is_finite(self) -> bool;
+
+            /// The three-valued sign: -1, 0 or 1 (0 at zero, unlike `f64::signum`); not a number stays so.
+            ///
+            /// Coulomb friction needs the zero: at rest on a rest-to-rest pattern `sgn(x') = 0`.
+            fn sign(self) -> Self {
+                if self > Self::ZERO {
+                    Self::ONE
+                } else if self < Self::ZERO {
+                    -Self::ONE
+                } else {
+                    // Zero of either sign becomes +0; a NaN stays visible instead of turning into a force of zero.
+                    self + Self::ZERO
+                }
+            }
+
+            /// `self` to a whole power by repeated squaring; `x.powi(0)` is one.
+            fn powi(self, exponent: u32) -> Self {
+                let mut result = Self::ONE;
+                let mut base = self;
+                let mut left = exponent;
+                while left > 0 {
+                    if left & 1 == 1 {
+                        result *= base;
+                    }
+                    left >>= 1;
+                    if left > 0 {
+                        base *= base;
+                    }
+                }
+                result
+            }
+
+            /// Sine and cosine of the same angle.
+            fn sin_cos(self) -> (Self, Self) {
+                (self.sin(), self.cos())
+            }
+        }
+
+        macro_rules! real {
+            ($scalar:ident, $pick:expr, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
+                impl Real for $scalar {
+                    const ZERO: Self = 0.0;
+                    const ONE: Self = 1.0;
+                    const PI: Self = core::$scalar::consts::PI;
+                    const EPSILON: Self = $scalar::EPSILON;
+
+                    // The identity for one of the two scalars, a rounding for the other.
+                    #[allow(clippy::unnecessary_cast)]
+                    #[inline]
+                    fn from_f64(value: f64) -> Self {
+                        value as $scalar
+                    }
+                    #[inline]
+                    fn rounded(double: f64, single: f32) -> Self {
+                        $pick(double, single)
+                    }
+                    #[inline]
+                    fn to_f64(self) -> f64 {
+                        f64::from(self)
+                    }
+                    #[inline]
+                    fn sin(self) -> Self {
+                        libm::$sin(self)
+                    }
+                    #[inline]
+                    fn cos(self) -> Self {
+                        libm::$cos(self)
+                    }
+                    #[inline]
+                    fn tan(self) -> Self {
+                        libm::$tan(self)
+                    }
+                    #[inline]
+                    fn asin(self) -> Self {
+                        libm::$asin(self)
+                    }
+                    #[inline]
+                    fn acos(self) -> Self {
+                        libm::$acos(self)
+                    }
+                    #[inline]
+                    fn atan(self) -> Self {
+                        libm::$atan(self)
+                    }
+                    #[inline]
+                    fn atan2(self, x: Self) -> Self {
+                        libm::$atan2(self, x)
+                    }
+                    #[inline]
+                    fn sqrt(self) -> Self {
+                        libm::$sqrt(self)
+                    }
+                    #[inline]
+                    fn exp(self) -> Self {
+                        libm::$exp(self)
+                    }
+                    #[inline]
+                    fn ln(self) -> Self {
+                        libm::$log(self)
+                    }
+                    #[inline]
+                    fn floor(self) -> Self {
+                        libm::$floor(self)
+                    }
+                    #[inline]
+                    fn abs(self) -> Self {
+                        libm::$fabs(self)
+                    }
+                    #[inline]
+                    fn max(self, other: Self) -> Self {
+                        libm::$fmax(self, other)
+                    }
+                    #[inline]
+                    fn min(self, other: Self) -> Self {
+                        libm::$fmin(self, other)
+                    }
+                    #[inline]
+                    fn is_finite(self) -> bool {
+                        $scalar::is_finite(self)
+                    }
+                }
+            };
+        }
+
+        real!(f64, |double, _| double, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
+        real!(f32, |_, single| single, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
+    }
 }

@@ -11,7 +11,7 @@ use crate::emit::{c, rust};
 /// A target language.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Language {
-    /// A `no_std` Rust module over the crate `tpm-runtime`.
+    /// A `no_std` Rust module over `core` and the crate `libm` alone.
     Rust,
     /// A header and a source in C99, over `math.h` alone.
     C,
@@ -83,6 +83,7 @@ pub fn generate(estimator: &Estimator, options: &Options<'_>) -> Result<Vec<File
                 command: options.command,
                 identified: options.identified,
                 filters: options.filters,
+                standalone: true,
                 ..rust::Options::default()
             };
             let text = rust::file(estimator, &rust_options).map_err(|error| EmitError::Layout(error.to_string()))?;

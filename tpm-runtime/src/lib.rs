@@ -23,6 +23,7 @@ pub mod frequency;
 pub mod harmonics;
 #[cfg(feature = "interpret")]
 pub mod interpret;
+mod label;
 pub mod least_squares;
 pub mod linear;
 #[cfg(feature = "std")]

@@ -11,6 +11,7 @@
 //! A *motion* is one instant of all coordinates: `motion[n * coordinates + c]` is the n-th time derivative of coordinate c,
 //! n = 0, ..., order, in the units of the model.
 
+pub use crate::label::Label;
 use crate::linear;
 use crate::real::Real;
 use core::fmt;
@@ -49,38 +50,6 @@ impl Dims {
     #[must_use]
     pub const fn input_map_len(&self) -> usize {
         self.rows * self.inputs
-    }
-}
-
-/// A name with its unit, as declared in the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Label<'a> {
-    /// Name as declared.
-    pub name: &'a str,
-    /// Unit as declared, without brackets; `None` when the model declares none.
-    pub unit: Option<&'a str>,
-}
-
-impl<'a> Label<'a> {
-    /// A name with a unit.
-    #[must_use]
-    pub const fn new(name: &'a str, unit: &'a str) -> Self {
-        Label { name, unit: Some(unit) }
-    }
-
-    /// A name without a unit.
-    #[must_use]
-    pub const fn bare(name: &'a str) -> Self {
-        Label { name, unit: None }
-    }
-}
-
-impl fmt::Display for Label<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.unit {
-            Some(unit) => write!(f, "{} [{unit}]", self.name),
-            None => f.write_str(self.name),
-        }
     }
 }
 

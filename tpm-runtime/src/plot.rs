@@ -6,10 +6,10 @@
 
 mod scale;
 
-use plotters::chart::{ChartBuilder, ChartContext, SeriesLabelPosition};
+use plotters::chart::{ChartBuilder, ChartContext};
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::drawing::{DrawingArea, IntoDrawingArea};
-use plotters::element::{Circle, EmptyElement, PathElement, Polygon, Rectangle};
+use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
 use plotters::prelude::SVGBackend;
 use plotters::series::{DashedLineSeries, LineSeries};
 use plotters::style::{Color as _, RGBColor, ShapeStyle, WHITE};
@@ -246,9 +246,36 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scaled, Scaled>>;
 type Drawn = Result<(), plotters::drawing::DrawingAreaErrorKind<std::io::Error>>;
 
+/// Width of a legend's symbol, and heights of its lines, pixels.
+const SYMBOL: i32 = 26;
+const LINE: i32 = 24;
+/// Width of the axes' labels left of the curves, with the margin.
+const LEFT: i32 = 96;
+/// Mean width of a letter as a share of the height of text, generously.
+const LETTER: f64 = 0.62;
+
+/// Places of the named series above the curves, (x, line) of each.
+fn places(panel: &Panel, width: i32) -> Vec<(i32, i32, &Series)> {
+    let (mut x, mut line) = (LEFT, 0);
+    let mut found = Vec::new();
+    for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
+        let wide = SYMBOL + 34 + (LETTER * TEXT * series.name.chars().count() as f64) as i32;
+        if x > LEFT && x + wide > width {
+            (x, line) = (LEFT, line + 1);
+        }
+        found.push((x, line, series));
+        x += wide;
+    }
+    found
+}
+
 fn draw(area: &Area<'_>, panel: &Panel, (x, y): (Scaled, Scaled)) -> Drawn {
+    let legend = places(panel, area.dim_in_pixel().0 as i32);
+    // Above the curves, where it hides none of them.
+    let lines = legend.last().map_or(0, |(_, line, _)| line + 1);
     let mut chart = ChartBuilder::on(area)
         .margin(12)
+        .margin_top(12 + LINE * lines)
         .margin_right(24)
         .x_label_area_size(52)
         .y_label_area_size(84)
@@ -267,18 +294,28 @@ fn draw(area: &Area<'_>, panel: &Panel, (x, y): (Scaled, Scaled)) -> Drawn {
     for series in &panel.series {
         draw_series(&mut chart, series)?;
     }
-    if panel.series.iter().any(|series| !series.name.is_empty()) {
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::LowerLeft)
-            .margin(14)
-            .legend_area_size(34)
-            .label_font((FONT, TEXT))
-            .background_style(WHITE.mix(0.85))
-            .border_style(RGBColor(160, 160, 160))
-            .draw()?;
+    for (x, line, series) in legend {
+        draw_name(area, series, (x, 6 + LINE * line + LINE / 2))?;
     }
     Ok(())
+}
+
+/// Symbol and name of a series; `y` is the middle of the line.
+fn draw_name(area: &Area<'_>, series: &Series, (x, y): (i32, i32)) -> Drawn {
+    let colour = COLOURS[series.colour % COLOURS.len()];
+    let thick = ShapeStyle::from(&colour).stroke_width(2);
+    match &series.curve {
+        Curve::Line(_) => area.draw(&PathElement::new(vec![(x, y), (x + SYMBOL, y)], thick))?,
+        Curve::Dashed(_) => {
+            area.draw(&PathElement::new(vec![(x, y), (x + 10, y)], thick))?;
+            area.draw(&PathElement::new(vec![(x + 16, y), (x + SYMBOL, y)], thick))?;
+        }
+        Curve::Points(_) => area.draw(&Circle::new((x + SYMBOL / 2, y), 3, colour.filled()))?,
+        Curve::Band(_) => {
+            area.draw(&Rectangle::new([(x, y - 6), (x + SYMBOL, y + 6)], colour.mix(0.22).filled()))?;
+        }
+    }
+    area.draw(&Text::new(series.name.as_str(), (x + SYMBOL + 8, y - TEXT as i32 / 2), (FONT, TEXT)))
 }
 
 fn draw_series<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, series: &Series) -> Drawn {
@@ -292,36 +329,19 @@ fn draw_series<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, series: &Series) -> Drawn 
             .map(<[_]>::to_vec)
             .collect()
     };
-    let named = !series.name.is_empty();
     match &series.curve {
         Curve::Line(points) => {
-            for (i, run) in shown(points).into_iter().enumerate() {
-                let drawn = chart.draw_series(LineSeries::new(run, thick))?;
-                if named && i == 0 {
-                    drawn
-                        .label(series.name.as_str())
-                        .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 26, y)], thick));
-                }
+            for run in shown(points) {
+                chart.draw_series(LineSeries::new(run, thick))?;
             }
         }
         Curve::Dashed(points) => {
-            for (i, run) in shown(points).into_iter().enumerate() {
-                let drawn = chart.draw_series(DashedLineSeries::new(run, 9, 6, thick))?;
-                if named && i == 0 {
-                    drawn.label(series.name.as_str()).legend(move |at| {
-                        EmptyElement::at(at)
-                            + PathElement::new(vec![(0, 0), (10, 0)], thick)
-                            + PathElement::new(vec![(16, 0), (26, 0)], thick)
-                    });
-                }
+            for run in shown(points) {
+                chart.draw_series(DashedLineSeries::new(run, 9, 6, thick))?;
             }
         }
         Curve::Points(points) => {
-            let drawn =
-                chart.draw_series(shown(points).into_iter().flatten().map(|at| Circle::new(at, 2, colour.filled())))?;
-            if named {
-                drawn.label(series.name.as_str()).legend(move |(x, y)| Circle::new((x + 13, y), 3, colour.filled()));
-            }
+            chart.draw_series(shown(points).into_iter().flatten().map(|at| Circle::new(at, 2, colour.filled())))?;
         }
         Curve::Band(band) => {
             let style = colour.mix(0.22).filled();
@@ -331,12 +351,7 @@ fn draw_series<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, series: &Series) -> Drawn 
                 let back = run.iter().rev().map(|&(a, _, high)| (a, high));
                 Polygon::new(there.chain(back).collect::<Vec<_>>(), style)
             });
-            let drawn = chart.draw_series(areas)?;
-            if named {
-                drawn
-                    .label(series.name.as_str())
-                    .legend(move |(x, y)| Rectangle::new([(x, y - 6), (x + 26, y + 6)], style));
-            }
+            chart.draw_series(areas)?;
         }
     }
     Ok(())

@@ -200,8 +200,9 @@ fn inverse_dynamics(merger: &mut Merger, leaves: Leaves, evaluation: &Evaluation
                 continue;
             }
             let theta = merger.load(&Node::Symbol(leaves.column(c)));
+            // Subtracted where something stands before it; a first term takes the entry as it is, which the regressor has.
             let (factor, negative) = match *merger.op(entry) {
-                Op::Neg(positive) => (positive, true),
+                Op::Neg(positive) if total.is_some() || merger.is_number(positive, One::is_one) => (positive, true),
                 _ => (entry, false),
             };
             let product =

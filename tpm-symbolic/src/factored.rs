@@ -59,7 +59,8 @@ pub(crate) fn entry(
     let written = graph.scale(written, scale);
     let expanded = graph.from_polynomial(polynomial);
     let cost = |expr: ExprId| {
-        let OperationCounts { additions, multiplications, divisions, functions } = Plan::new(graph, &[expr]).counts();
+        let OperationCounts { additions, multiplications, divisions, functions } =
+            Plan::unshared(graph, &[expr]).counts();
         additions + multiplications + 4 * divisions + 10 * functions
     };
     (cost(written) < cost(expanded)).then_some(written)

@@ -67,6 +67,7 @@ pub mod rational;
 pub mod regressor;
 pub mod regressor_rank;
 pub mod series;
+mod shared_products;
 pub mod singular;
 mod spectrum;
 pub mod split;

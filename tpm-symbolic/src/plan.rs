@@ -5,6 +5,7 @@
 
 use crate::expr::{ExprId, Function, Graph, Node};
 use crate::rational::Rational;
+use crate::shared_products::{Atom, SharedProducts};
 use num_traits::{One, Signed, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -101,10 +102,20 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The plan that computes `roots`, each common subexpression once.
+    /// The plan that computes `roots`, each common subexpression once, products of several factors put together so that they share
+    /// as many of their parts as can be found greedily.
     #[must_use]
     pub fn new(graph: &Graph, roots: &[ExprId]) -> Self {
-        let mut builder = Builder { graph, merger: Merger::default(), done: HashMap::new() };
+        Self::with_products(graph, roots, SharedProducts::of(graph, roots))
+    }
+
+    /// The same with products put together from left to right: what an expression costs as it is written.
+    pub(crate) fn unshared(graph: &Graph, roots: &[ExprId]) -> Self {
+        Self::with_products(graph, roots, SharedProducts::default())
+    }
+
+    fn with_products(graph: &Graph, roots: &[ExprId], products: SharedProducts) -> Self {
+        let mut builder = Builder { graph, products, merger: Merger::default(), done: HashMap::new() };
         let outputs = roots.iter().map(|&root| builder.compile(root)).collect();
         builder.merger.finish(outputs)
     }
@@ -152,6 +163,7 @@ impl Plan {
 
 struct Builder<'a> {
     graph: &'a Graph,
+    products: SharedProducts,
     merger: Merger,
     done: HashMap<ExprId, Slot>,
 }
@@ -188,9 +200,12 @@ impl Builder<'_> {
             Node::Pi => self.emit(Op::Pi),
             node @ (Node::Symbol(_) | Node::Derivative(..)) => self.merger.load(node),
             Node::Sum(terms) => self.sum(terms),
-            Node::Product(factors) => self.product(factors),
+            Node::Product(factors) => self.product(id, factors),
             Node::Power(base, exponent) => {
-                let power = self.power(self.done[base], exponent.unsigned_abs());
+                let power = match self.shared(id) {
+                    Some(power) => power,
+                    None => self.power(self.done[base], exponent.unsigned_abs()),
+                };
                 if *exponent > 0 {
                     power
                 } else {
@@ -235,30 +250,57 @@ impl Builder<'_> {
     fn negated(&mut self, term: ExprId) -> Option<Slot> {
         let Node::Product(factors) = self.graph.node(term) else { return None };
         let value = self.graph.as_number(factors[0]).filter(|value| value.is_negative())?.clone();
-        Some(self.scaled(-value, &factors[1..]))
+        Some(self.scaled(term, -value, &factors[1..]))
     }
 
-    fn product(&mut self, factors: &[ExprId]) -> Slot {
+    fn product(&mut self, id: ExprId, factors: &[ExprId]) -> Slot {
         match self.graph.as_number(factors[0]).cloned() {
             Some(value) if value.is_negative() => {
-                let positive = self.scaled(-value, &factors[1..]);
+                let positive = self.scaled(id, -value, &factors[1..]);
                 self.emit(Op::Neg(positive))
             }
-            Some(value) => self.scaled(value, &factors[1..]),
-            None => self.scaled(Rational::one(), factors),
+            Some(value) => self.scaled(id, value, &factors[1..]),
+            None => self.scaled(id, Rational::one(), factors),
         }
     }
 
-    /// value * product of factors, with negative powers collected into one division.
-    fn scaled(&mut self, value: Rational, factors: &[ExprId]) -> Slot {
-        let mut above: Option<Slot> = None;
+    /// The product of what a node shares with others; nothing for a node that is no product of several factors.
+    fn shared(&mut self, id: ExprId) -> Option<Slot> {
+        let atoms = self.products.atoms(id)?.to_vec();
+        let mut product: Option<Slot> = None;
+        for atom in atoms {
+            let slot = self.atom(atom);
+            product = Some(product.map_or(slot, |product| self.emit(Op::Mul(product, slot))));
+        }
+        product
+    }
+
+    fn atom(&mut self, atom: Atom) -> Slot {
+        match atom {
+            Atom::Expr(id) => self.done[&id],
+            Atom::Two => self.emit(Op::Constant(Rational::from_integer(2.into()))),
+            Atom::Pair(index) => {
+                let (left, right) = self.products.pair(index);
+                let (left, right) = (self.atom(left), self.atom(right));
+                self.emit(Op::Mul(left, right))
+            }
+        }
+    }
+
+    /// value * product of the factors of a node, with negative powers collected into one division.
+    fn scaled(&mut self, id: ExprId, value: Rational, factors: &[ExprId]) -> Slot {
+        let mut above: Option<Slot> = self.shared(id);
         let mut below: Option<Slot> = None;
+        // What the shared product holds already.
+        let whole = above.is_some();
+        let value = if whole { self.products.rest(&value) } else { value };
         for factor in factors {
             match self.graph.node(*factor) {
                 Node::Power(base, exponent) if *exponent < 0 => {
                     let power = self.power(self.done[base], exponent.unsigned_abs());
                     below = Some(below.map_or(power, |product| self.emit(Op::Mul(product, power))));
                 }
+                _ if whole => {}
                 _ => {
                     let slot = self.done[factor];
                     above = Some(above.map_or(slot, |product| self.emit(Op::Mul(product, slot))));

@@ -26,23 +26,18 @@
 //! | `feed_forward` | 3 | 8 | 0 | 2 |
 //! | `feed_forward_independent` | 1 | 6 | 0 | 2 |
 //! | `feed_forward_dependent` | 0 | 2 | 0 | 0 |
-//! | `Physical::lump` | 1 | 3 | 0 | 0 |
-//! | `Pattern::reference` | 13 | 38 | 0 | 0 |
-//! | `Pattern::estimator_matrix` | 82 | 92 | 0 | 0 |
-//! | `Accumulator::push_at` | 107 | 332 | 0 | 0 |
+//! | `Physical::lump` | 1 | 2 | 0 | 0 |
+//! | `Pattern::reference` | 13 | 37 | 0 | 0 |
+//! | `Pattern::estimator_matrix` | 82 | 89 | 0 | 0 |
+//! | `Accumulator::push_at` | 107 | 288 | 0 | 0 |
+//!
+//! Beside `core` it needs the crate `libm`, and nothing else.
 
 #![cfg_attr(rustfmt, rustfmt_skip)]
 #![allow(non_snake_case, reason = "fields are named as in the model")]
-use ::tpm_runtime::harmonics::AccumulatorError;
-use ::tpm_runtime::model::{fixed, require_len, store};
-use ::tpm_runtime::{
-    Buffer, Dims, EvalError, Label, Model, Real, SolveError, least_squares,
-    weighted_least_squares,
+use self::support::{
+    AccumulatorError, Label, Real, SolveError, least_squares, weighted_least_squares,
 };
-
-/// The model `CartPendulum`, as the runtime takes any model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct CartPendulum;
 
 /// Names and units of the coordinates.
 pub const COORDINATES: [Label<'static>; 2] = [
@@ -71,16 +66,6 @@ pub const EQUATIONS: [Label<'static>; 2] = [
 
 /// A number that changes with the model, for logs and results to say what they belong to.
 pub const MODEL_HASH: u64 = 16995983481286049281;
-
-/// The sizes of the model.
-pub const DIMS: Dims = Dims {
-    coordinates: COORDINATES.len(),
-    order: 2,
-    inputs: INPUTS.len(),
-    rows: EQUATIONS.len(),
-    parameters: PARAMETERS.len(),
-    constants: CONSTANTS.len(),
-};
 
 /// The parameters that are estimated; every equation is linear in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -141,15 +126,16 @@ impl<T> Physical<T> {
 impl<T: Real> Physical<T> {
     /// The estimated parameters that belong to these physical ones.
     ///
-    /// Operations: 1 addition, 3 multiplications.
+    /// Operations: 1 addition, 2 multiplications.
     #[must_use]
     pub fn lump(&self) -> Parameters<T> {
         // M_plus_m = M + m
         let v0 = self.M + self.m;
         // m_L = m*L
-        let v1 = self.m * self.L;
+        let t0 = self.m * self.L;
+        let v1 = t0;
         // m_L_2 = m*L^2
-        let v2 = self.m * (self.L * self.L);
+        let v2 = t0 * self.L;
         Parameters {
             M_plus_m: v0,
             m_L: v1,
@@ -190,7 +176,7 @@ pub struct Motion<T> {
 }
 
 impl<T: Real> Motion<T> {
-    /// From the order that [`Model`] uses: derivative n of coordinate c stands at `n * coordinates + c`.
+    /// From one list: derivative n of coordinate c stands at `n * coordinates + c`.
     #[must_use]
     pub fn from_array(values: &[T; 6]) -> Self {
         let &[v0, v1, v2, v3, v4, v5] = values;
@@ -208,7 +194,7 @@ impl<T: Real> Motion<T> {
         }
     }
 
-    /// In the order that [`Model`] uses, with zeros for derivatives that no equation reads.
+    /// The same list, with zeros for derivatives that no equation reads.
     #[must_use]
     pub fn into_array(self) -> [T; 6] {
         [
@@ -420,103 +406,13 @@ pub fn feed_forward_dependent<T: Real>(
     }
 }
 
-impl<T: Real> Model<T> for CartPendulum {
-    fn name(&self) -> &str {
-        "CartPendulum"
-    }
-
-    fn dims(&self) -> Dims {
-        DIMS
-    }
-
-    fn coordinate(&self, index: usize) -> Label<'_> {
-        COORDINATES.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn input(&self, index: usize) -> Label<'_> {
-        INPUTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn parameter(&self, index: usize) -> Label<'_> {
-        PARAMETERS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn constant(&self, index: usize) -> Label<'_> {
-        CONSTANTS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn row(&self, index: usize) -> Label<'_> {
-        EQUATIONS.get(index).copied().unwrap_or(Label::bare(""))
-    }
-
-    fn workspace_len(&self) -> usize {
-        0
-    }
-
-    fn regressor(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(regressor(motion).as_flattened(), out)
-    }
-
-    fn known(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(&known(motion).into_array(), out)
-    }
-
-    fn input_map(
-        &self,
-        motion: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        require_len(Buffer::Motion, motion.len(), DIMS.motion_len())?;
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(input_map().as_flattened(), out)
-    }
-
-    fn inverse_workspace_len(&self) -> usize {
-        0
-    }
-
-    fn inverse_dynamics(
-        &self,
-        motion: &[T],
-        parameters: &[T],
-        constants: &[T],
-        _workspace: &mut [T],
-        out: &mut [T],
-    ) -> Result<(), EvalError> {
-        let motion = &Motion::from_array(fixed(Buffer::Motion, motion)?);
-        let parameters = &Parameters::from_array(
-            *fixed(Buffer::Parameters, parameters)?,
-        );
-        let [] = fixed(Buffer::Constants, constants)?;
-        store(&inverse_dynamics(motion, parameters).into_array(), out)
-    }
-}
-
 /// The feed-forward behind low passes, sample by sample.
 pub mod filtered {
     use super::{
         Inputs, Motion, Parameters, feed_forward_dependent, feed_forward_independent,
     };
 
-    use ::tpm_runtime::Real;
+    use super::support::Real;
 
     /// The low pass of the motion-dependent part, or of all of it: 100 rad/s, quality 1, for a sample every 0.001 s.
     ///
@@ -745,35 +641,35 @@ impl<T: Real> Pattern<T> {
 
     /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
     ///
-    /// Operations: 13 additions, 38 multiplications, one sine and cosine.
+    /// Operations: 13 additions, 37 multiplications, one sine and cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = cos * t2;
-        let t4 = T::from_f64(2.0) * (cos * t1);
-        let t5 = t3 - t4;
-        let t6 = sin * t2 + T::from_f64(2.0) * (sin * t0);
+        let t0 = cos * cos - sin * sin;
+        let t1 = cos * t0;
+        let t2 = cos * sin;
+        let t3 = T::from_f64(2.0) * t2;
+        let t4 = t3 * sin;
+        let t5 = t1 - t4;
+        let t6 = sin * t0 + t3 * cos;
         let t7 = self.w * self.w;
         let t8 = t5 * t5;
         let t9 = t6 * t6;
         let t10 = t8 - t9;
-        let t11 = t10 * t10 - T::from_f64(4.0) * (t8 * t9);
-        let t12 = t2 * t2 - T::from_f64(4.0) * (t0 * t1);
+        let t11 = t10 * t10 - T::from_f64(2.0) * T::from_f64(2.0) * t8 * t9;
+        let t12 = t0 * t0 - t3 * t3;
         Motion {
             x: XMotion {
                 value: (cos - T::from_f64(0.1111111111111111) * t5) * self.lambda1,
                 dot: self.w * self.lambda1
                     * (T::from_f64(0.3333333333333333) * t6 - sin),
-                ddot: self.lambda1 * (t3 - cos - t4) * t7,
+                ddot: self.lambda1 * (t1 - cos - t4) * t7,
             },
             theta: ThetaMotion {
                 value: (t12 - T::from_f64(0.1111111111111111) * t11) * self.lambda2,
                 dot: self.w * self.lambda2
                     * (T::from_f64(5.333333333333333) * (t5 * t6 * t10)
-                        - T::from_f64(16.0) * (cos * sin * t2)),
+                        - T::from_f64(16.0) * (t2 * t0)),
                 ddot: t7 * self.lambda2
                     * (T::from_f64(16.0) * t11 - T::from_f64(16.0) * t12),
             },
@@ -784,7 +680,7 @@ impl<T: Real> Pattern<T> {
     ///
     /// Rows are in the order of [`Harmonics`], columns in the order of [`Parameters`].
     ///
-    /// Operations: 82 additions, 92 multiplications.
+    /// Operations: 82 additions, 89 multiplications.
     #[must_use]
     pub fn estimator_matrix(&self) -> [[T; 3]; 68] {
         let mut matrix = [[T::ZERO; 3]; 68];
@@ -795,59 +691,59 @@ impl<T: Real> Pattern<T> {
         // F, cos 3, M_plus_m: lambda1*w^2
         matrix[1][0] = t1;
         // F, cos 4, m_L: -16*lambda2*w^2 + 148/81*lambda2^3*w^2 - 3467/52488*lambda2^5*w^2 + 445721/382637520*lambda2^7*w^2 - 84346501/6942575162880*lambda2^9*w^2
-        let t2 = T::from_f64(16.0) * (t0 * self.lambda2);
-        let t3 = self.lambda2 * self.lambda2;
-        let t4 = self.lambda2 * t3;
-        let t5 = t0 * t4;
-        let t6 = t3 * t3;
-        let t7 = t0 * (self.lambda2 * t6);
-        let t8 = t0 * (t4 * t6);
-        let t9 = t6 * t6;
-        let t10 = t0 * (self.lambda2 * t9);
+        let t2 = t0 * self.lambda2;
+        let t3 = T::from_f64(16.0) * t2;
+        let t4 = self.lambda2 * self.lambda2;
+        let t5 = t2 * t4;
+        let t6 = t4 * t4;
+        let t7 = t2 * t6;
+        let t8 = t6 * t4;
+        let t9 = t2 * t8;
+        let t10 = t0 * (self.lambda2 * (t6 * t6));
         matrix[2][1] = T::from_f64(1.8271604938271604) * t5
-            + T::from_f64(0.001164864856953913) * t8 - t2
+            + T::from_f64(0.001164864856953913) * t9 - t3
             - T::from_f64(0.06605319311080628) * t7
             - T::from_f64(1.2149166414643525e-5) * t10;
         // F, cos 12, m_L: 16*lambda2*w^2 + 160/81*lambda2^3*w^2 - 23083/157464*lambda2^5*w^2 + 2643473/765275040*lambda2^7*w^2 - 295544899/6942575162880*lambda2^9*w^2
-        matrix[3][1] = t2 + T::from_f64(1.9753086419753085) * t5
-            + T::from_f64(0.0034542783467758206) * t8
+        matrix[3][1] = t3 + T::from_f64(1.9753086419753085) * t5
+            + T::from_f64(0.0034542783467758206) * t9
             - T::from_f64(0.1465922369557486) * t7
             - T::from_f64(4.2569924281150834e-5) * t10;
         // F, cos 20, m_L: -400/81*lambda2^3*w^2 + 29195/157464*lambda2^5*w^2 - 134065/51018336*lambda2^7*w^2 + 14706005/793437161472*lambda2^9*w^2
         matrix[4][1] = T::from_f64(0.18540745821267082) * t7
             + T::from_f64(1.8534555367582145e-5) * t10
             - T::from_f64(4.938271604938271) * t5
-            - T::from_f64(0.0026277807257375075) * t8;
+            - T::from_f64(0.0026277807257375075) * t9;
         // F, cos 28, m_L: 98/81*lambda2^3*w^2 + 12593/157464*lambda2^5*w^2 - 208901/63772920*lambda2^7*w^2 + 188419567/3967185807360*lambda2^9*w^2
         matrix[5][1] = T::from_f64(1.2098765432098766) * t5
             + T::from_f64(0.07997383528933598) * t7
             + T::from_f64(4.749451529354646e-5) * t10
-            - T::from_f64(0.0032757007206193475) * t8;
+            - T::from_f64(0.0032757007206193475) * t9;
         // F, cos 36, m_L: -2/27*lambda2^3*w^2 - 1133/17496*lambda2^5*w^2 + 7219/7085880*lambda2^7*w^2 - 1885919/1322395269120*lambda2^9*w^2
-        matrix[6][1] = T::from_f64(0.0010187866574088186) * t8
+        matrix[6][1] = T::from_f64(0.0010187866574088186) * t9
             - T::from_f64(0.07407407407407407) * t5
             - T::from_f64(0.06475765889346136) * t7
             - T::from_f64(1.4261386470741098e-6) * t10;
         // F, cos 44, m_L: 2057/157464*lambda2^5*w^2 + 249623/510183360*lambda2^7*w^2 - 352718509/27770300651520*lambda2^9*w^2
         matrix[7][1] = T::from_f64(0.013063303358227913) * t7
-            + T::from_f64(0.0004892809518522909) * t8
+            + T::from_f64(0.0004892809518522909) * t9
             - T::from_f64(1.2701285212074003e-5) * t10;
         // F, cos 52, m_L: -169/157464*lambda2^5*w^2 - 138073/510183360*lambda2^7*w^2 + 5761379/2777030065152*lambda2^9*w^2
         matrix[8][1] = T::from_f64(2.0746548884355173e-6) * t10
             - T::from_f64(0.0010732611898592694) * t7
-            - T::from_f64(0.00027063407164043925) * t8;
+            - T::from_f64(0.00027063407164043925) * t9;
         // F, cos 60, m_L: 5/157464*lambda2^5*w^2 + 7895/153055008*lambda2^7*w^2 + 3336805/2777030065152*lambda2^9*w^2
         matrix[9][1] = T::from_f64(3.175328964080679e-5) * t7
-            + T::from_f64(5.158276166958222e-5) * t8
+            + T::from_f64(5.158276166958222e-5) * t9
             + T::from_f64(1.2015732353323877e-6) * t10;
         // F, cos 68, m_L: -3757/765275040*lambda2^7*w^2 - 7666303/13885150325760*lambda2^9*w^2
-        matrix[10][1] = -(T::from_f64(4.909346056811157e-6) * t8)
+        matrix[10][1] = -(T::from_f64(4.909346056811157e-6) * t9)
             - T::from_f64(5.521224344094659e-7) * t10;
         // F, cos 76, m_L: 361/1530550080*lambda2^7*w^2 + 205409/1983592903680*lambda2^9*w^2
-        matrix[11][1] = T::from_f64(2.358629127640175e-7) * t8
+        matrix[11][1] = T::from_f64(2.358629127640175e-7) * t9
             + T::from_f64(1.0355401031074534e-7) * t10;
         // F, cos 84, m_L: -7/1530550080*lambda2^7*w^2 - 8617/793437161472*lambda2^9*w^2
-        matrix[12][1] = -(T::from_f64(4.573519084066821e-9) * t8)
+        matrix[12][1] = -(T::from_f64(4.573519084066821e-9) * t9)
             - T::from_f64(1.0860343349703428e-8) * t10;
         // F, cos 92, m_L: 529/793437161472*lambda2^9*w^2
         matrix[13][1] = T::from_f64(6.667194652423249e-10) * t10;
@@ -856,19 +752,19 @@ impl<T: Real> Pattern<T> {
         // F, cos 108, m_L: 1/3085588961280*lambda2^9*w^2
         matrix[15][1] = T::from_f64(3.240872366827396e-13) * t10;
         // tau, cos 1, m_L: 41/162*lambda1*lambda2^2*w^2 - 2957/209952*lambda1*lambda2^4*w^2 + 409699/1224440064*lambda1*lambda2^6*w^2 - 69563329/15868743229440*lambda1*lambda2^8*w^2 - lambda1*w^2
-        let t11 = t1 * t3;
+        let t11 = t1 * t4;
         let t12 = T::from_f64(0.25308641975308643) * t11;
         let t13 = t1 * t6;
         let t14 = T::from_f64(0.014084171620179851) * t13;
-        let t15 = t1 * (t3 * t6);
+        let t15 = t1 * t8;
         let t16 = T::from_f64(0.00033460110628983795) * t15;
-        let t17 = t1 * t9;
+        let t17 = t13 * t6;
         let t18 = T::from_f64(4.383669708067666e-6) * t17;
         matrix[16][1] = t12 + t16 - t1 - t14 - t18;
         // tau, cos 3, m_L: -41/162*lambda1*lambda2^2*w^2 + 2957/209952*lambda1*lambda2^4*w^2 - 409699/1224440064*lambda1*lambda2^6*w^2 + 69563329/15868743229440*lambda1*lambda2^8*w^2 + lambda1*w^2
         matrix[17][1] = t1 + t14 + t18 - t12 - t16;
         // tau, cos 4, m_L_2: -16*lambda2*w^2
-        matrix[18][2] = -t2;
+        matrix[18][2] = -t3;
         // tau, cos 5, m_L: -7/72*lambda1*lambda2^2*w^2 + 85/11664*lambda1*lambda2^4*w^2 - 89549/453496320*lambda1*lambda2^6*w^2 + 1231931/440798423040*lambda1*lambda2^8*w^2
         let t19 = T::from_f64(0.09722222222222222) * t11;
         let t20 = T::from_f64(0.007287379972565158) * t13;
@@ -884,7 +780,7 @@ impl<T: Real> Pattern<T> {
         // tau, cos 11, m_L: -7/72*lambda1*lambda2^2*w^2 + 85/11664*lambda1*lambda2^4*w^2 - 89549/453496320*lambda1*lambda2^6*w^2 + 1231931/440798423040*lambda1*lambda2^8*w^2
         matrix[22][1] = t23;
         // tau, cos 12, m_L_2: 16*lambda2*w^2
-        matrix[23][2] = t2;
+        matrix[23][2] = t3;
         // tau, cos 13, m_L: 1/36*lambda1*lambda2^2*w^2 - 67/93312*lambda1*lambda2^4*w^2 - 253/56687040*lambda1*lambda2^6*w^2 + 1888669/6171177922560*lambda1*lambda2^8*w^2
         let t25 = T::from_f64(0.027777777777777776) * t11;
         let t26 = T::from_f64(0.0007180212620027435) * t13;
@@ -1427,144 +1323,130 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = cos * t2 - T::from_f64(2.0) * (cos * t1);
-        let t4 = t2 * t2;
-        let t5 = t0 * t1;
-        let t6 = t4 - T::from_f64(4.0) * t5;
-        let t7 = t3 * t3;
-        let t8 = sin * t2 + T::from_f64(2.0) * (sin * t0);
-        let t9 = t8 * t8;
-        let t10 = t7 - t9;
-        let t11 = t10 * t10;
-        let t12 = t7 * t9;
-        let t13 = t11 - T::from_f64(4.0) * t12;
-        let t14 = cos * sin;
-        let t15 = t2 * t3 - T::from_f64(2.0) * (t14 * t8);
-        let t16 = t15 * t15;
-        let t17 = t2 * t8 + T::from_f64(2.0) * (t14 * t3);
-        let t18 = t17 * t17;
-        let t19 = t16 - t18;
-        let t20 = t19 * t19;
-        let t21 = t16 * t18;
-        let t22 = t20 - T::from_f64(4.0) * t21;
-        let t23 = t14 * t2;
-        let t24 = t3 * t6 - T::from_f64(4.0) * (t23 * t8);
-        let t25 = t24 * t24;
-        let t26 = t8 * t6 + T::from_f64(4.0) * (t23 * t3);
-        let t27 = t26 * t26;
-        let t28 = t25 - t27;
-        let t29 = t28 * t28 - T::from_f64(4.0) * (t25 * t27);
-        let t30 = t6 * t15 - T::from_f64(4.0) * (t23 * t17);
-        let t31 = t30 * t30;
-        let t32 = t6 * t17 + T::from_f64(4.0) * (t23 * t15);
-        let t33 = t32 * t32;
-        let t34 = t31 - t33;
-        let t35 = t34 * t34 - T::from_f64(4.0) * (t31 * t33);
-        let t36 = t3 * t8;
-        let t37 = t10 * t15 - T::from_f64(2.0) * (t36 * t17);
-        let t38 = t37 * t37;
-        let t39 = t10 * t17 + T::from_f64(2.0) * (t36 * t15);
-        let t40 = t39 * t39;
-        let t41 = t38 - t40;
-        let t42 = t41 * t41 - T::from_f64(4.0) * (t38 * t40);
-        let t43 = t10 * t24 - T::from_f64(2.0) * (t36 * t26);
-        let t44 = t43 * t43;
-        let t45 = t10 * t26 + T::from_f64(2.0) * (t36 * t24);
-        let t46 = t45 * t45;
-        let t47 = t44 - t46;
-        let t48 = t6 * t6;
-        let t49 = t5 * t4;
-        let t50 = t48 - T::from_f64(16.0) * t49;
-        let t51 = t23 * t6;
-        let t52 = t24 * t50 - T::from_f64(8.0) * (t51 * t26);
-        let t53 = t52 * t52;
-        let t54 = t26 * t50 + T::from_f64(8.0) * (t51 * t24);
-        let t55 = t54 * t54;
-        let t56 = t53 - t55;
-        let t57 = t30 * t50 - T::from_f64(8.0) * (t51 * t32);
-        let t58 = t57 * t57;
-        let t59 = t32 * t50 + T::from_f64(8.0) * (t51 * t30);
-        let t60 = t59 * t59;
-        let t61 = t58 - t60;
-        let t62 = t15 * t17;
-        let t63 = t19 * t30 - T::from_f64(2.0) * (t62 * t32);
-        let t64 = t63 * t63;
-        let t65 = t19 * t32 + T::from_f64(2.0) * (t62 * t30);
-        let t66 = t65 * t65;
-        let t67 = t64 - t66;
-        let t68 = t19 * t37 - T::from_f64(2.0) * (t62 * t39);
-        let t69 = t68 * t68;
-        let t70 = t19 * t39 + T::from_f64(2.0) * (t62 * t37);
-        let t71 = t70 * t70;
-        let t72 = t69 - t71;
-        let t73 = t36 * t10;
-        let t74 = t13 * t37 - T::from_f64(4.0) * (t73 * t39);
-        let t75 = t74 * t74;
-        let t76 = t13 * t39 + T::from_f64(4.0) * (t73 * t37);
-        let t77 = t76 * t76;
-        let t78 = t75 - t77;
-        let t79 = t13 * t43 - T::from_f64(4.0) * (t73 * t45);
-        let t80 = t79 * t79;
-        let t81 = t13 * t45 + T::from_f64(4.0) * (t73 * t43);
-        let t82 = t81 * t81;
-        let t83 = t80 - t82;
-        let t84 = t24 * t26;
-        let t85 = t28 * t43 - T::from_f64(2.0) * (t84 * t45);
-        let t86 = t85 * t85;
-        let t87 = t28 * t45 + T::from_f64(2.0) * (t84 * t43);
-        let t88 = t87 * t87;
-        let t89 = t86 - t88;
-        let t90 = t28 * t52 - T::from_f64(2.0) * (t84 * t54);
-        let t91 = t50 * t50;
-        let t92 = t49 * t48;
-        let t93 = t91 - T::from_f64(64.0) * t92;
-        let t94 = t51 * t50;
-        let t95 = t52 * t93 - T::from_f64(16.0) * (t94 * t54);
-        let t96 = t57 * t93 - T::from_f64(16.0) * (t94 * t59);
-        let t97 = t30 * t32;
-        let t98 = t34 * t57 - T::from_f64(2.0) * (t97 * t59);
-        let t99 = t34 * t63 - T::from_f64(2.0) * (t97 * t65);
-        let t100 = t62 * t19;
-        let t101 = t22 * t63 - T::from_f64(4.0) * (t100 * t65);
-        let t102 = t22 * t68 - T::from_f64(4.0) * (t100 * t70);
-        let t103 = t37 * t39;
-        let t104 = t41 * t68 - T::from_f64(2.0) * (t103 * t70);
-        let t105 = t41 * t74 - T::from_f64(2.0) * (t103 * t76);
-        let t106 = t13 * t13;
-        let t107 = t12 * t11;
-        let t108 = t106 - T::from_f64(16.0) * t107;
-        let t109 = t73 * t13;
-        let t110 = t74 * t108 - T::from_f64(8.0) * (t109 * t76);
-        let t111 = t79 * t108 - T::from_f64(8.0) * (t109 * t81);
-        let t112 = t43 * t45;
-        let t113 = t84 * t28;
-        let t114 = t28 * t54 + T::from_f64(2.0) * (t84 * t52);
-        let t115 = t52 * t54;
-        let t116 = t54 * t93 + T::from_f64(16.0) * (t94 * t52);
-        let t117 = t93 * t93 - T::from_f64(256.0) * (t92 * t91);
-        let t118 = t94 * t93;
-        let t119 = t59 * t93 + T::from_f64(16.0) * (t94 * t57);
-        let t120 = t57 * t59;
-        let t121 = t34 * t59 + T::from_f64(2.0) * (t97 * t57);
-        let t122 = t97 * t34;
-        let t123 = t34 * t65 + T::from_f64(2.0) * (t97 * t63);
-        let t124 = t63 * t65;
-        let t125 = t22 * t65 + T::from_f64(4.0) * (t100 * t63);
-        let t126 = t22 * t22 - T::from_f64(16.0) * (t21 * t20);
-        let t127 = t100 * t22;
-        let t128 = t22 * t70 + T::from_f64(4.0) * (t100 * t68);
-        let t129 = t68 * t70;
-        let t130 = t41 * t70 + T::from_f64(2.0) * (t103 * t68);
-        let t131 = t103 * t41;
-        let t132 = t41 * t76 + T::from_f64(2.0) * (t103 * t74);
-        let t133 = t74 * t76;
-        let t134 = t76 * t108 + T::from_f64(8.0) * (t109 * t74);
-        let t135 = t108 * t108 - T::from_f64(64.0) * (t107 * t106);
-        let t136 = t109 * t108;
-        let t137 = t81 * t108 + T::from_f64(8.0) * (t109 * t79);
+        let t0 = cos * cos - sin * sin;
+        let t1 = cos * sin;
+        let t2 = T::from_f64(2.0) * t1;
+        let t3 = cos * t0 - t2 * sin;
+        let t4 = T::from_f64(2.0) * T::from_f64(2.0);
+        let t5 = t0 * t0 - t4 * t1 * t1;
+        let t6 = sin * t0 + t2 * cos;
+        let t7 = t3 * t3 - t6 * t6;
+        let t8 = t3 * t6;
+        let t9 = t7 * t7 - t4 * t8 * t8;
+        let t10 = t0 * t3 - t2 * t6;
+        let t11 = t0 * t6 + t2 * t3;
+        let t12 = t10 * t10 - t11 * t11;
+        let t13 = t10 * t11;
+        let t14 = t12 * t12 - t4 * t13 * t13;
+        let t15 = t1 * t0;
+        let t16 = t4 * t15;
+        let t17 = t3 * t5 - t16 * t6;
+        let t18 = t6 * t5 + t16 * t3;
+        let t19 = t17 * t17 - t18 * t18;
+        let t20 = t17 * t18;
+        let t21 = t4 * t20;
+        let t22 = t19 * t19 - t21 * t20;
+        let t23 = t5 * t10 - t16 * t11;
+        let t24 = t5 * t11 + t16 * t10;
+        let t25 = t23 * t23 - t24 * t24;
+        let t26 = t23 * t24;
+        let t27 = t4 * t26;
+        let t28 = t25 * t25 - t27 * t26;
+        let t29 = T::from_f64(2.0) * t8;
+        let t30 = t7 * t10 - t29 * t11;
+        let t31 = t7 * t11 + t29 * t10;
+        let t32 = t30 * t30 - t31 * t31;
+        let t33 = t30 * t31;
+        let t34 = t4 * t33;
+        let t35 = t32 * t32 - t34 * t33;
+        let t36 = t7 * t17 - t29 * t18;
+        let t37 = t7 * t18 + t29 * t17;
+        let t38 = t36 * t36 - t37 * t37;
+        let t39 = t36 * t37;
+        let t40 = t5 * t5 - T::from_f64(16.0) * (t15 * t15);
+        let t41 = T::from_f64(2.0) * t4;
+        let t42 = t15 * t5;
+        let t43 = t41 * t42;
+        let t44 = t17 * t40 - t43 * t18;
+        let t45 = t18 * t40 + t43 * t17;
+        let t46 = t44 * t44 - t45 * t45;
+        let t47 = t44 * t45;
+        let t48 = t23 * t40 - t43 * t24;
+        let t49 = t24 * t40 + t43 * t23;
+        let t50 = t48 * t48 - t49 * t49;
+        let t51 = t48 * t49;
+        let t52 = T::from_f64(2.0) * t13;
+        let t53 = t12 * t23 - t52 * t24;
+        let t54 = t12 * t24 + t52 * t23;
+        let t55 = t53 * t53 - t54 * t54;
+        let t56 = t53 * t54;
+        let t57 = t12 * t30 - t52 * t31;
+        let t58 = t12 * t31 + t52 * t30;
+        let t59 = t57 * t57 - t58 * t58;
+        let t60 = t57 * t58;
+        let t61 = t8 * t7;
+        let t62 = t4 * t61;
+        let t63 = t9 * t30 - t62 * t31;
+        let t64 = t9 * t31 + t62 * t30;
+        let t65 = t63 * t63 - t64 * t64;
+        let t66 = t63 * t64;
+        let t67 = t9 * t36 - t62 * t37;
+        let t68 = t67 * t67;
+        let t69 = t9 * t37 + t62 * t36;
+        let t70 = t69 * t69;
+        let t71 = t68 - t70;
+        let t72 = T::from_f64(2.0) * t20;
+        let t73 = t19 * t36 - t72 * t37;
+        let t74 = t73 * t73;
+        let t75 = t19 * t37 + t72 * t36;
+        let t76 = t75 * t75;
+        let t77 = t74 - t76;
+        let t78 = t19 * t44 - t72 * t45;
+        let t79 = t40 * t40 - T::from_f64(64.0) * (t42 * t42);
+        let t80 = t42 * t40;
+        let t81 = t44 * t79 - T::from_f64(16.0) * (t80 * t45);
+        let t82 = t48 * t79 - T::from_f64(16.0) * (t80 * t49);
+        let t83 = T::from_f64(2.0) * t26;
+        let t84 = t25 * t48 - t83 * t49;
+        let t85 = t25 * t53 - t83 * t54;
+        let t86 = t13 * t12;
+        let t87 = t4 * t86;
+        let t88 = t14 * t53 - t87 * t54;
+        let t89 = t14 * t57 - t87 * t58;
+        let t90 = T::from_f64(2.0) * t33;
+        let t91 = t32 * t57 - t90 * t58;
+        let t92 = t32 * t63 - t90 * t64;
+        let t93 = t9 * t9 - T::from_f64(16.0) * (t61 * t61);
+        let t94 = t61 * t9;
+        let t95 = t41 * t94;
+        let t96 = t63 * t93 - t95 * t64;
+        let t97 = t67 * t93 - t95 * t69;
+        let t98 = T::from_f64(2.0) * t39;
+        let t99 = t21 * t19;
+        let t100 = t19 * t45 + t72 * t44;
+        let t101 = T::from_f64(2.0) * t47;
+        let t102 = t45 * t79 + T::from_f64(16.0) * (t80 * t44);
+        let t103 = t79 * t79 - T::from_f64(256.0) * (t80 * t80);
+        let t104 = t80 * t79;
+        let t105 = t49 * t79 + T::from_f64(16.0) * (t80 * t48);
+        let t106 = T::from_f64(2.0) * t51;
+        let t107 = t25 * t49 + t83 * t48;
+        let t108 = t27 * t25;
+        let t109 = t25 * t54 + t83 * t53;
+        let t110 = T::from_f64(2.0) * t56;
+        let t111 = t14 * t54 + t87 * t53;
+        let t112 = t14 * t14 - T::from_f64(16.0) * (t86 * t86);
+        let t113 = t41 * t86 * t14;
+        let t114 = t14 * t58 + t87 * t57;
+        let t115 = T::from_f64(2.0) * t60;
+        let t116 = t32 * t58 + t90 * t57;
+        let t117 = t34 * t32;
+        let t118 = t32 * t64 + t90 * t63;
+        let t119 = T::from_f64(2.0) * t66;
+        let t120 = t64 * t93 + t95 * t63;
+        let t121 = t93 * t93 - T::from_f64(64.0) * (t94 * t94);
+        let t122 = t94 * t93;
+        let t123 = t69 * t93 + t95 * t67;
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13, v14, v15, v16,
         v17, v18, v19, v20, v21, v22, v23, v24, v25, v26, v27, v28, v29, v30, v31, v32,
         v33, v34, v35, v36, v37, v38, v39, v40, v41, v42, v43, v44, v45, v46, v47, v48,
@@ -1572,72 +1454,72 @@ impl<T: Real> Accumulator<T> {
         v65, v66, v67] = &mut self.sums;
         *v0 += sample.F * cos;
         *v1 += sample.F * t3;
-        *v2 += sample.F * t6;
-        *v3 += sample.F * t13;
-        *v4 += sample.F * t22;
-        *v5 += sample.F * t29;
-        *v6 += sample.F * t35;
-        *v7 += sample.F * t42;
-        *v8 += sample.F * (t47 * t47 - T::from_f64(4.0) * (t44 * t46));
-        *v9 += sample.F * (t56 * t56 - T::from_f64(4.0) * (t53 * t55));
-        *v10 += sample.F * (t61 * t61 - T::from_f64(4.0) * (t58 * t60));
-        *v11 += sample.F * (t67 * t67 - T::from_f64(4.0) * (t64 * t66));
-        *v12 += sample.F * (t72 * t72 - T::from_f64(4.0) * (t69 * t71));
-        *v13 += sample.F * (t78 * t78 - T::from_f64(4.0) * (t75 * t77));
-        *v14 += sample.F * (t83 * t83 - T::from_f64(4.0) * (t80 * t82));
-        *v15 += sample.F * (t89 * t89 - T::from_f64(4.0) * (t86 * t88));
+        *v2 += sample.F * t5;
+        *v3 += sample.F * t9;
+        *v4 += sample.F * t14;
+        *v5 += sample.F * t22;
+        *v6 += sample.F * t28;
+        *v7 += sample.F * t35;
+        *v8 += sample.F * (t38 * t38 - t4 * t39 * t39);
+        *v9 += sample.F * (t46 * t46 - t4 * t47 * t47);
+        *v10 += sample.F * (t50 * t50 - t4 * t51 * t51);
+        *v11 += sample.F * (t55 * t55 - t4 * t56 * t56);
+        *v12 += sample.F * (t59 * t59 - t4 * t60 * t60);
+        *v13 += sample.F * (t65 * t65 - t4 * t66 * t66);
+        *v14 += sample.F * (t71 * t71 - t4 * t68 * t70);
+        *v15 += sample.F * (t77 * t77 - t4 * t74 * t76);
         *v16 += sample.tau * cos;
         *v17 += sample.tau * t3;
-        *v18 += sample.tau * t6;
-        *v19 += sample.tau * t15;
-        *v20 += sample.tau * t24;
-        *v21 += sample.tau * t30;
-        *v22 += sample.tau * t37;
-        *v23 += sample.tau * t13;
-        *v24 += sample.tau * t43;
-        *v25 += sample.tau * t52;
-        *v26 += sample.tau * t57;
-        *v27 += sample.tau * t63;
-        *v28 += sample.tau * t68;
-        *v29 += sample.tau * t74;
-        *v30 += sample.tau * t79;
-        *v31 += sample.tau * t85;
-        *v32 += sample.tau * t90;
-        *v33 += sample.tau * t95;
-        *v34 += sample.tau * t96;
-        *v35 += sample.tau * t98;
-        *v36 += sample.tau * t99;
-        *v37 += sample.tau * t101;
-        *v38 += sample.tau * t102;
-        *v39 += sample.tau * t104;
-        *v40 += sample.tau * t105;
-        *v41 += sample.tau * t110;
-        *v42 += sample.tau * t111;
-        *v43 += sample.tau * (t47 * t79 - T::from_f64(2.0) * (t112 * t81));
-        *v44 += sample.tau * (t47 * t85 - T::from_f64(2.0) * (t112 * t87));
-        *v45 += sample.tau * (t29 * t85 - T::from_f64(4.0) * (t113 * t87));
-        *v46 += sample.tau * (t29 * t90 - T::from_f64(4.0) * (t113 * t114));
-        *v47 += sample.tau * (t56 * t90 - T::from_f64(2.0) * (t115 * t114));
-        *v48 += sample.tau * (t56 * t95 - T::from_f64(2.0) * (t115 * t116));
-        *v49 += sample.tau * (t95 * t117 - T::from_f64(32.0) * (t118 * t116));
-        *v50 += sample.tau * (t96 * t117 - T::from_f64(32.0) * (t118 * t119));
-        *v51 += sample.tau * (t61 * t96 - T::from_f64(2.0) * (t120 * t119));
-        *v52 += sample.tau * (t61 * t98 - T::from_f64(2.0) * (t120 * t121));
-        *v53 += sample.tau * (t35 * t98 - T::from_f64(4.0) * (t122 * t121));
-        *v54 += sample.tau * (t35 * t99 - T::from_f64(4.0) * (t122 * t123));
-        *v55 += sample.tau * (t67 * t99 - T::from_f64(2.0) * (t124 * t123));
-        *v56 += sample.tau * (t67 * t101 - T::from_f64(2.0) * (t124 * t125));
-        *v57 += sample.tau * (t101 * t126 - T::from_f64(8.0) * (t127 * t125));
-        *v58 += sample.tau * (t102 * t126 - T::from_f64(8.0) * (t127 * t128));
-        *v59 += sample.tau * (t72 * t102 - T::from_f64(2.0) * (t129 * t128));
-        *v60 += sample.tau * (t72 * t104 - T::from_f64(2.0) * (t129 * t130));
-        *v61 += sample.tau * (t42 * t104 - T::from_f64(4.0) * (t131 * t130));
-        *v62 += sample.tau * (t42 * t105 - T::from_f64(4.0) * (t131 * t132));
-        *v63 += sample.tau * (t78 * t105 - T::from_f64(2.0) * (t133 * t132));
-        *v64 += sample.tau * (t78 * t110 - T::from_f64(2.0) * (t133 * t134));
-        *v65 += sample.tau * (t110 * t135 - T::from_f64(16.0) * (t136 * t134));
-        *v66 += sample.tau * (t111 * t135 - T::from_f64(16.0) * (t136 * t137));
-        *v67 += sample.tau * (t83 * t111 - T::from_f64(2.0) * (t79 * t81 * t137));
+        *v18 += sample.tau * t5;
+        *v19 += sample.tau * t10;
+        *v20 += sample.tau * t17;
+        *v21 += sample.tau * t23;
+        *v22 += sample.tau * t30;
+        *v23 += sample.tau * t9;
+        *v24 += sample.tau * t36;
+        *v25 += sample.tau * t44;
+        *v26 += sample.tau * t48;
+        *v27 += sample.tau * t53;
+        *v28 += sample.tau * t57;
+        *v29 += sample.tau * t63;
+        *v30 += sample.tau * t67;
+        *v31 += sample.tau * t73;
+        *v32 += sample.tau * t78;
+        *v33 += sample.tau * t81;
+        *v34 += sample.tau * t82;
+        *v35 += sample.tau * t84;
+        *v36 += sample.tau * t85;
+        *v37 += sample.tau * t88;
+        *v38 += sample.tau * t89;
+        *v39 += sample.tau * t91;
+        *v40 += sample.tau * t92;
+        *v41 += sample.tau * t96;
+        *v42 += sample.tau * t97;
+        *v43 += sample.tau * (t38 * t67 - t98 * t69);
+        *v44 += sample.tau * (t38 * t73 - t98 * t75);
+        *v45 += sample.tau * (t22 * t73 - t99 * t75);
+        *v46 += sample.tau * (t22 * t78 - t99 * t100);
+        *v47 += sample.tau * (t46 * t78 - t101 * t100);
+        *v48 += sample.tau * (t46 * t81 - t101 * t102);
+        *v49 += sample.tau * (t81 * t103 - T::from_f64(32.0) * (t104 * t102));
+        *v50 += sample.tau * (t82 * t103 - T::from_f64(32.0) * (t104 * t105));
+        *v51 += sample.tau * (t50 * t82 - t106 * t105);
+        *v52 += sample.tau * (t50 * t84 - t106 * t107);
+        *v53 += sample.tau * (t28 * t84 - t108 * t107);
+        *v54 += sample.tau * (t28 * t85 - t108 * t109);
+        *v55 += sample.tau * (t55 * t85 - t110 * t109);
+        *v56 += sample.tau * (t55 * t88 - t110 * t111);
+        *v57 += sample.tau * (t88 * t112 - t113 * t111);
+        *v58 += sample.tau * (t89 * t112 - t113 * t114);
+        *v59 += sample.tau * (t59 * t89 - t115 * t114);
+        *v60 += sample.tau * (t59 * t91 - t115 * t116);
+        *v61 += sample.tau * (t35 * t91 - t117 * t116);
+        *v62 += sample.tau * (t35 * t92 - t117 * t118);
+        *v63 += sample.tau * (t65 * t92 - t119 * t118);
+        *v64 += sample.tau * (t65 * t96 - t119 * t120);
+        *v65 += sample.tau * (t96 * t121 - T::from_f64(16.0) * (t122 * t120));
+        *v66 += sample.tau * (t97 * t121 - T::from_f64(16.0) * (t122 * t123));
+        *v67 += sample.tau * (t71 * t97 - T::from_f64(2.0) * t67 * t69 * t123);
         self.samples = self.samples.saturating_add(1);
     }
 
@@ -1854,4 +1736,560 @@ pub struct Estimate<T> {
     /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number,
     /// and at most the number of parameters times that.
     pub condition: T,
+}
+
+/// What the functions above need beside `core` and the crate `libm`.
+#[allow(dead_code, unused_imports, reason = "no model needs all of it")]
+pub mod support {
+    pub use self::label::Label;
+    pub use self::real::Real;
+    pub use self::error::AccumulatorError;
+    pub use self::least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
+
+    mod error {
+        //! Faults of accumulating harmonics.
+
+        use core::fmt;
+
+        /// Why harmonics could not be accumulated.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum AccumulatorError {
+            /// The memory handed over is too short.
+            Memory {
+                /// Entries needed.
+                needed: usize,
+                /// Entries given.
+                given: usize,
+            },
+            /// A period of so few samples does not resolve the highest harmonic.
+            TooFewSamples {
+                /// Samples in a period.
+                samples: usize,
+                /// Highest harmonic asked for.
+                harmonics: usize,
+            },
+            /// A sample has another number of channels than the accumulator.
+            Channels {
+                /// Channels of the accumulator.
+                needed: usize,
+                /// Channels of the sample, or the channel that was asked for.
+                given: usize,
+            },
+            /// Coefficients were asked for before a whole period was there.
+            NotWhole {
+                /// Samples beyond the last whole period.
+                samples: usize,
+            },
+        }
+
+        impl fmt::Display for AccumulatorError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Memory { needed, given } => {
+                        write!(f, "{needed} entries of memory are needed, {given} were given")
+                    }
+                    Self::TooFewSamples { samples, harmonics } => write!(
+                        f,
+                        "a period of {samples} samples does not resolve harmonic {harmonics}; at least {} samples are needed",
+                        2 * harmonics + 1
+                    ),
+                    Self::Channels { needed, given } => {
+                        write!(f, "the accumulator has {needed} channels, {given} were named")
+                    }
+                    Self::NotWhole { samples } => write!(
+                        f,
+                        "{samples} samples stand beyond the last whole period (or none is complete); harmonics need whole periods"
+                    ),
+                }
+            }
+        }
+
+        impl core::error::Error for AccumulatorError {}
+    }
+
+    mod label {
+        //! Names of a model's quantities.
+
+        use core::fmt;
+
+        /// A name with its unit, as declared in the model.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Label<'a> {
+            /// Name as declared.
+            pub name: &'a str,
+            /// Unit as declared, without brackets; `None` when the model declares none.
+            pub unit: Option<&'a str>,
+        }
+
+        impl<'a> Label<'a> {
+            /// A name with a unit.
+            #[must_use]
+            pub const fn new(name: &'a str, unit: &'a str) -> Self {
+                Label { name, unit: Some(unit) }
+            }
+
+            /// A name without a unit.
+            #[must_use]
+            pub const fn bare(name: &'a str) -> Self {
+                Label { name, unit: None }
+            }
+        }
+
+        impl fmt::Display for Label<'_> {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self.unit {
+                    Some(unit) => write!(f, "{} [{unit}]", self.name),
+                    None => f.write_str(self.name),
+                }
+            }
+        }
+    }
+
+    mod least_squares {
+        //! Least squares with as many unknowns as a model has parameters, on the controller.
+        //!
+        //! Invariant: the matrix is a fixed-size array, nothing allocates and nothing indexes, so that no input can make it panic. The
+        //! method is Gram-Schmidt orthogonalisation, modified, with column pivoting, the right-hand side carried along as one more
+        //! column; that is as stable as Householder's (Björck, 1967) and needs no index arithmetic.
+
+        use super::Label;
+        use super::Real;
+        use core::fmt;
+
+        /// Why a linear system has no unique solution.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum SolveError {
+            /// The data do not determine this parameter: its column is zero, or a combination of others.
+            Unobservable {
+                /// Index of the parameter.
+                parameter: usize,
+                /// Its name.
+                name: &'static str,
+            },
+            /// An entry of the matrix or of the data is infinite or not a number.
+            NotFinite,
+        }
+
+        impl fmt::Display for SolveError {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self {
+                    Self::Unobservable { name, .. } => {
+                        write!(f, "the data do not determine the parameter {name}; vary the amplitudes' ratio or the pattern")
+                    }
+                    Self::NotFinite => f.write_str("the matrix or the data hold a number that is not finite"),
+                }
+            }
+        }
+
+        impl core::error::Error for SolveError {}
+
+        /// A column of the matrix with the place it came from.
+        #[derive(Clone, Copy)]
+        struct Column<T, const R: usize> {
+            index: usize,
+            values: [T; R],
+        }
+
+        /// One row of the triangular factor.
+        #[derive(Clone, Copy)]
+        struct Pivot<T, const C: usize> {
+            /// The column that was eliminated.
+            index: usize,
+            /// Its diagonal entry.
+            diagonal: T,
+            /// The projection of the right-hand side.
+            right: T,
+            /// Entries of the columns that were left, by their original places.
+            row: [T; C],
+        }
+
+        /// The x that minimises |A x - b|, A given by rows, with the labels of x's entries for errors.
+        ///
+        /// Columns are scaled to unit length first; a column whose part outside the span of the others is below the rounding error of
+        /// that scaling is reported, since any value of its parameter would fit as well.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`].
+        pub fn least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<[T; C], SolveError> {
+            factorised(matrix, right, labels).map(|factors| factors.solution)
+        }
+
+        /// Everything that the data say about x.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct LeastSquares<T, const C: usize> {
+            /// The x that minimises |A x - b|, rows counted by their deviations.
+            pub solution: [T; C],
+            /// Its covariance, when the rows' errors have the deviations that were given, or 1 where none were.
+            pub covariance: [[T; C]; C],
+            /// Euclidean length of what is left of b, in deviations.
+            pub residual: T,
+            /// Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the condition number, and at
+            /// most C times that.
+            pub condition: T,
+        }
+
+        /// The x that minimises |A x - b| with every row divided by the standard deviation of its error, and how well it is known.
+        ///
+        /// # Errors
+        /// [`SolveError::Unobservable`], [`SolveError::NotFinite`] (a deviation of zero leads there too).
+        pub fn weighted_least_squares<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            deviations: Option<&[T; R]>,
+            labels: &[Label<'static>; C],
+        ) -> Result<LeastSquares<T, C>, SolveError> {
+            let (mut matrix, mut right) = (*matrix, *right);
+            if let Some(deviations) = deviations {
+                for ((row, right), &deviation) in matrix.iter_mut().zip(&mut right).zip(deviations) {
+                    for entry in row {
+                        *entry /= deviation;
+                    }
+                    *right /= deviation;
+                }
+            }
+            let Factors { pivots, scales, solution, residual } = factorised(&matrix, &right, labels)?;
+            let mut covariance = [[T::ZERO; C]; C];
+            let mut square = T::ZERO;
+            for k in 0..C {
+                // A column of the inverse of the triangular factor; the covariance is the sum of their squares.
+                let column = substituted(&pivots, |j, _| if j == k { T::ONE } else { T::ZERO });
+                for ((row, &a), &scale) in covariance.iter_mut().zip(&column).zip(&scales) {
+                    square += a * a;
+                    for ((entry, &b), &other) in row.iter_mut().zip(&column).zip(&scales) {
+                        *entry += a / scale * (b / other);
+                    }
+                }
+            }
+            let condition = (T::from_f64(C as f64) * square).sqrt();
+            Ok(LeastSquares { solution, covariance, residual, condition })
+        }
+
+        /// The triangular factor with what follows from it at once.
+        struct Factors<T, const C: usize> {
+            pivots: [Pivot<T, C>; C],
+            /// Lengths of the columns.
+            scales: [T; C],
+            solution: [T; C],
+            residual: T,
+        }
+
+        fn factorised<T: Real, const R: usize, const C: usize>(
+            matrix: &[[T; C]; R],
+            right: &[T; R],
+            labels: &[Label<'static>; C],
+        ) -> Result<Factors<T, C>, SolveError> {
+            let mut columns = [Column { index: 0, values: [T::ZERO; R] }; C];
+            let mut scales = [T::ONE; C];
+            for (c, (column, scale)) in columns.iter_mut().zip(&mut scales).enumerate() {
+                column.index = c;
+                for (value, row) in column.values.iter_mut().zip(matrix) {
+                    *value = row.get(c).copied().unwrap_or(T::ZERO);
+                }
+                *scale = length(&column.values);
+                if !scale.is_finite() {
+                    return Err(SolveError::NotFinite);
+                }
+                if *scale > T::ZERO {
+                    for value in &mut column.values {
+                        *value /= *scale;
+                    }
+                }
+            }
+            let mut right = *right;
+            if !right.iter().all(|value| value.is_finite()) {
+                return Err(SolveError::NotFinite);
+            }
+            let tiny = T::EPSILON * T::from_f64(4.0 * (R + C) as f64);
+            let mut pivots = [Pivot { index: 0, diagonal: T::ONE, right: T::ZERO, row: [T::ZERO; C] }; C];
+            let mut left = columns.as_mut_slice();
+            for pivot in &mut pivots {
+                let Some((first, rest)) = left.split_first_mut() else { break };
+                let mut diagonal = length(&first.values);
+                for other in rest.iter_mut() {
+                    let size = length(&other.values);
+                    if size > diagonal {
+                        diagonal = size;
+                        core::mem::swap(first, other);
+                    }
+                }
+                pivot.index = first.index;
+                if diagonal <= tiny {
+                    let name = labels.get(first.index).map_or("", |label| label.name);
+                    return Err(SolveError::Unobservable { parameter: first.index, name });
+                }
+                pivot.diagonal = diagonal;
+                for value in &mut first.values {
+                    *value /= diagonal;
+                }
+                for other in rest.iter_mut() {
+                    let entry = project(&first.values, &mut other.values);
+                    if let Some(slot) = pivot.row.get_mut(other.index) {
+                        *slot = entry;
+                    }
+                }
+                pivot.right = project(&first.values, &mut right);
+                left = rest;
+            }
+            let mut solution = substituted(&pivots, |_, pivot| pivot.right);
+            for (value, &scale) in solution.iter_mut().zip(&scales) {
+                *value /= scale;
+            }
+            Ok(Factors { pivots, scales, solution, residual: length(&right) })
+        }
+
+        /// The solution of the triangular system, by original places; `right` is asked for every pivot and its number.
+        fn substituted<T: Real, const C: usize>(pivots: &[Pivot<T, C>; C], right: impl Fn(usize, &Pivot<T, C>) -> T) -> [T; C] {
+            let mut solution = [T::ZERO; C];
+            for (k, pivot) in pivots.iter().enumerate().rev() {
+                // Entries of columns that are not solved yet are zero in the row.
+                let mut sum = right(k, pivot);
+                for (&entry, &value) in pivot.row.iter().zip(&solution) {
+                    sum -= entry * value;
+                }
+                if let Some(slot) = solution.get_mut(pivot.index) {
+                    *slot = sum / pivot.diagonal;
+                }
+            }
+            solution
+        }
+
+        /// Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish.
+        fn length<T: Real>(values: &[T]) -> T {
+            let mut largest = T::ZERO;
+            for &value in values {
+                if !value.is_finite() {
+                    return value.abs();
+                }
+                largest = largest.max(value.abs());
+            }
+            if largest <= T::ZERO {
+                return T::ZERO;
+            }
+            let mut sum = T::ZERO;
+            for &value in values {
+                let part = value / largest;
+                sum += part * part;
+            }
+            largest * sum.sqrt()
+        }
+
+        /// Removes the part along the unit vector and returns its size.
+        fn project<T: Real>(unit: &[T], values: &mut [T]) -> T {
+            let mut along = T::ZERO;
+            for (&u, &value) in unit.iter().zip(values.iter()) {
+                along += u * value;
+            }
+            for (&u, value) in unit.iter().zip(values.iter_mut()) {
+                *value -= along * u;
+            }
+            along
+        }
+    }
+
+    mod real {
+        //! The scalar that models and estimators compute with.
+        //!
+        //! Invariant: every elementary function goes through `libm`, never through the platform's mathematics library, so that a
+        //! controller and a desk computer obtain the same bits from the same model.
+
+        use core::fmt::Debug;
+        use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+        /// A real number of fixed precision: `f32` or `f64`.
+        pub trait Real:
+            Copy
+            + Debug
+            + Default
+            + PartialOrd
+            + Send
+            + Sync
+            + Add<Output = Self>
+            + AddAssign
+            + Sub<Output = Self>
+            + SubAssign
+            + Mul<Output = Self>
+            + MulAssign
+            + Div<Output = Self>
+            + DivAssign
+            + Neg<Output = Self>
+            + 'static
+        {
+            /// Zero.
+            const ZERO: Self;
+            /// One.
+            const ONE: Self;
+            /// Half the circumference of the unit circle.
+            const PI: Self;
+            /// The distance from one to the next larger number.
+            const EPSILON: Self;
+
+            /// The nearest number of this precision.
+            fn from_f64(value: f64) -> Self;
+            /// A constant that was rounded to each precision by itself: `double` or `single`, whichever is of this precision. Rounding
+            /// a rational number to double and then to single precision is not always right.
+            fn rounded(double: f64, single: f32) -> Self;
+            /// The same value in double precision (exact for both scalars).
+            fn to_f64(self) -> f64;
+
+            /// Sine of an angle in radians.
+            fn sin(self) -> Self;
+            /// Cosine of an angle in radians.
+            fn cos(self) -> Self;
+            /// Tangent of an angle in radians.
+            fn tan(self) -> Self;
+            /// Principal arc sine in radians; not a number outside [-1, 1].
+            fn asin(self) -> Self;
+            /// Principal arc cosine in radians; not a number outside [-1, 1].
+            fn acos(self) -> Self;
+            /// Inverse tangent, in (-pi/2, pi/2).
+            fn atan(self) -> Self;
+            /// Angle of the point (`x`, `self`) in (-pi, pi].
+            fn atan2(self, x: Self) -> Self;
+            /// Square root; not a number below zero.
+            fn sqrt(self) -> Self;
+            /// Natural exponential.
+            fn exp(self) -> Self;
+            /// Natural logarithm.
+            fn ln(self) -> Self;
+            /// Largest whole number that is not above `self`.
+            fn floor(self) -> Self;
+            /// Absolute value.
+            fn abs(self) -> Self;
+            /// The larger of two numbers; the other one when one is not a number.
+            fn max(self, other: Self) -> Self;
+            /// The smaller of two numbers; the other one when one is not a number.
+            fn min(self, other: Self) -> Self;
+            /// Neither infinite nor not a number.
+            fn is_finite(self) -> bool;
+
+            /// The three-valued sign: -1, 0 or 1 (0 at zero, unlike `f64::signum`); not a number stays so.
+            ///
+            /// Coulomb friction needs the zero: at rest on a rest-to-rest pattern `sgn(x') = 0`.
+            fn sign(self) -> Self {
+                if self > Self::ZERO {
+                    Self::ONE
+                } else if self < Self::ZERO {
+                    -Self::ONE
+                } else {
+                    // Zero of either sign becomes +0; a NaN stays visible instead of turning into a force of zero.
+                    self + Self::ZERO
+                }
+            }
+
+            /// `self` to a whole power by repeated squaring; `x.powi(0)` is one.
+            fn powi(self, exponent: u32) -> Self {
+                let mut result = Self::ONE;
+                let mut base = self;
+                let mut left = exponent;
+                while left > 0 {
+                    if left & 1 == 1 {
+                        result *= base;
+                    }
+                    left >>= 1;
+                    if left > 0 {
+                        base *= base;
+                    }
+                }
+                result
+            }
+
+            /// Sine and cosine of the same angle.
+            fn sin_cos(self) -> (Self, Self) {
+                (self.sin(), self.cos())
+            }
+        }
+
+        macro_rules! real {
+            ($scalar:ident, $pick:expr, $sin:ident $cos:ident $tan:ident $asin:ident $acos:ident $atan:ident $atan2:ident $sqrt:ident $exp:ident $log:ident $floor:ident $fabs:ident $fmax:ident $fmin:ident) => {
+                impl Real for $scalar {
+                    const ZERO: Self = 0.0;
+                    const ONE: Self = 1.0;
+                    const PI: Self = core::$scalar::consts::PI;
+                    const EPSILON: Self = $scalar::EPSILON;
+
+                    // The identity for one of the two scalars, a rounding for the other.
+                    #[allow(clippy::unnecessary_cast)]
+                    #[inline]
+                    fn from_f64(value: f64) -> Self {
+                        value as $scalar
+                    }
+                    #[inline]
+                    fn rounded(double: f64, single: f32) -> Self {
+                        $pick(double, single)
+                    }
+                    #[inline]
+                    fn to_f64(self) -> f64 {
+                        f64::from(self)
+                    }
+                    #[inline]
+                    fn sin(self) -> Self {
+                        libm::$sin(self)
+                    }
+                    #[inline]
+                    fn cos(self) -> Self {
+                        libm::$cos(self)
+                    }
+                    #[inline]
+                    fn tan(self) -> Self {
+                        libm::$tan(self)
+                    }
+                    #[inline]
+                    fn asin(self) -> Self {
+                        libm::$asin(self)
+                    }
+                    #[inline]
+                    fn acos(self) -> Self {
+                        libm::$acos(self)
+                    }
+                    #[inline]
+                    fn atan(self) -> Self {
+                        libm::$atan(self)
+                    }
+                    #[inline]
+                    fn atan2(self, x: Self) -> Self {
+                        libm::$atan2(self, x)
+                    }
+                    #[inline]
+                    fn sqrt(self) -> Self {
+                        libm::$sqrt(self)
+                    }
+                    #[inline]
+                    fn exp(self) -> Self {
+                        libm::$exp(self)
+                    }
+                    #[inline]
+                    fn ln(self) -> Self {
+                        libm::$log(self)
+                    }
+                    #[inline]
+                    fn floor(self) -> Self {
+                        libm::$floor(self)
+                    }
+                    #[inline]
+                    fn abs(self) -> Self {
+                        libm::$fabs(self)
+                    }
+                    #[inline]
+                    fn max(self, other: Self) -> Self {
+                        libm::$fmax(self, other)
+                    }
+                    #[inline]
+                    fn min(self, other: Self) -> Self {
+                        libm::$fmin(self, other)
+                    }
+                    #[inline]
+                    fn is_finite(self) -> bool {
+                        $scalar::is_finite(self)
+                    }
+                }
+            };
+        }
+
+        real!(f64, |double, _| double, sin cos tan asin acos atan atan2 sqrt exp log floor fabs fmax fmin);
+        real!(f32, |_, single| single, sinf cosf tanf asinf acosf atanf atan2f sqrtf expf logf floorf fabsf fmaxf fminf);
+    }
 }

@@ -8,12 +8,12 @@ mod generated;
 
 use crate::support::root;
 use generated::filtered::{Common, Split};
+use generated::support::Real;
 use generated::{Inputs, Motion, Parameters, Pattern, feed_forward_dependent, feed_forward_independent};
 use std::process::Command;
 use tpm_codegen::emit::estimator::Estimator;
 use tpm_codegen::generate::{Filters, Language, LowPass, Options, Scalar, generate};
 use tpm_codegen::{Source, parse_model};
-use tpm_runtime::Real;
 use tpm_runtime::filter::SecondOrder;
 use tpm_symbolic::rational::{integer, ratio};
 
@@ -50,8 +50,8 @@ fn the_committed_file_is_what_is_generated() {
 }
 
 /// Common and split feed-forward of Feng, section 6.3, with the runtime's filters around the generated parts.
-fn expected<T: Real>() -> Vec<[T; 4]> {
-    let of = |value: f64| T::from_f64(value);
+fn expected<T: Real + tpm_runtime::Real>() -> Vec<[T; 4]> {
+    let of = |value: f64| <T as Real>::from_f64(value);
     let filter = |w: f64, quality: f64| SecondOrder::new(of(w), of(quality), of(SAMPLE_TIME)).expect("slow enough");
     let mut common = [filter(100.0, 1.0); 2];
     let mut slow = [filter(100.0, 1.0); 2];

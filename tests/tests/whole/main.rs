@@ -7,10 +7,22 @@ mod emitted;
 mod filtered;
 mod foundation;
 mod frequency;
-// As `tpm generate models/mass_spring_drag.tpm --lang rust -o tests/generated` wrote it; the command line's tests compare.
-#[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of it")]
-#[path = "../../generated/mass_spring_drag.rs"]
-mod generated;
+// As `tpm generate models/NAME.tpm --lang rust -o tests/generated` wrote them; the command line's tests compare. That they compile
+// here shows that they stand alone on `core` and `libm`.
+#[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]
+#[path = "../../generated"]
+mod generated {
+    pub mod brushless_motor;
+    pub mod cart_pendulum;
+    pub mod closed_loop_arm;
+    pub mod emps;
+    pub mod mass_spring_drag;
+    pub mod rotary_pendulum;
+    pub mod rotary_pendulum_down;
+    pub mod silverbox;
+    pub mod three_carts;
+    pub mod two_carts;
+}
 mod licences;
 mod pendulum;
 mod physical;

@@ -15,7 +15,7 @@ const FLATTEST: &str = "0.70710678118654752440084436210484903928";
 /// A target language.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Language {
-    /// A `no_std` module over the crate tpm-runtime.
+    /// A `no_std` module over `core` and the crate libm alone.
     Rust,
     /// A header and a source in C99, over math.h alone.
     C,

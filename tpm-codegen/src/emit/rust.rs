@@ -11,6 +11,8 @@ mod filter;
 mod names;
 mod pattern;
 mod record;
+#[cfg(feature = "generate")]
+mod support;
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
@@ -37,11 +39,13 @@ pub struct Options<'a> {
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward.
     pub filters: Option<&'a Filters>,
+    /// Whether a file brings what it needs of the runtime along instead of naming it, and does without the runtime's trait.
+    pub standalone: bool,
 }
 
 impl Default for Options<'_> {
     fn default() -> Self {
-        Self { command: "tpm generate", runtime: "::tpm_runtime", identified: None, filters: None }
+        Self { command: "tpm generate", runtime: "::tpm_runtime", identified: None, filters: None, standalone: false }
     }
 }
 
@@ -58,9 +62,20 @@ struct Context<'a> {
 impl<'a> Context<'a> {
     fn new(estimator: &'a Estimator, options: &'a Options<'a>, comments: bool) -> Self {
         let names = names::names(estimator);
-        let runtime = TokenStream::from_str(options.runtime).unwrap_or_else(|_| quote!(::tpm_runtime));
+        let runtime = match options.standalone {
+            true => quote!(self::support),
+            false => TokenStream::from_str(options.runtime).unwrap_or_else(|_| quote!(::tpm_runtime)),
+        };
         let comments = comments.then(RefCell::default);
         Self { estimator, options, names, runtime, comments }
+    }
+
+    /// The path of the runtime, or of what stands for it, in a module inside the module.
+    fn runtime_inside(&self) -> TokenStream {
+        match self.options.standalone {
+            true => quote!(super::support),
+            false => self.runtime.clone(),
+        }
     }
 
     /// A comment that [`file`] puts in; nothing in a macro, whose tokens cannot carry it.
@@ -204,6 +219,7 @@ pub fn file(estimator: &Estimator, options: &Options<'_>) -> Result<String, syn:
     let Module { docs, attributes, items } = module(&context);
     let parsed: syn::File = syn::parse2(items)?;
     let mut text = String::new();
+    let docs = if options.standalone { docs + ALONE } else { docs };
     for line in docs.lines() {
         text.push_str(if line.is_empty() { "//!" } else { "//! " });
         text.push_str(line);
@@ -242,8 +258,15 @@ pub fn file(estimator: &Estimator, options: &Options<'_>) -> Result<String, syn:
             }
         }
     }
+    if options.standalone {
+        text.push_str(&support::text(estimator.plan.patterns.iter().any(|pattern| pattern.table.is_ok())));
+    }
     Ok(text)
 }
+
+/// What the header of a file says that stands alone.
+#[cfg(feature = "generate")]
+const ALONE: &str = "\nBeside `core` it needs the crate `libm`, and nothing else.\n";
 
 /// Whether a blank line belongs between two lines: after what closes or ends an item or a method, before the next one.
 #[cfg(feature = "generate")]

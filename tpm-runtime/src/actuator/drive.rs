@@ -536,6 +536,18 @@ mod tests {
     }
 
     #[test]
+    fn steps_allocate_nothing() {
+        let motors: Vec<Option<Motor>> = vec![Some(Motor { ratio: 50.0, rotor_inertia: 1e-5, ..feng() }), None];
+        let (demand, split) = (demand(), scheme(true));
+        let drive = Drive::new(&demand, &FENG, &motors, &split);
+        let poles = drive.stability(&feng_6_8(), 4).expect("regular");
+        let allocations = |settle: usize| {
+            allocation_counter::measure(|| drop(drive.track(&feng_6_8(), settle, &poles).expect("stable"))).count_total
+        };
+        assert_eq!(allocations(0), allocations(1), "periods more are steps more, and nothing else");
+    }
+
+    #[test]
     fn feedback_inside_the_filter_is_unstable_before_it_is_run() {
         let demand = demand();
         let inside = Scheme { feedback_filtered: true, ..scheme(false) };

@@ -15,20 +15,6 @@ use std::vec::Vec;
 /// Points of a limit line.
 const POINTS: usize = 200;
 
-/// Share of an axis that is left free below the curves, for the legend.
-const LEGEND: f64 = 0.6;
-
-/// The axis over the curves, with room for the legend below them.
-fn with_room(axis: Axis, series: &[Series]) -> Axis {
-    let values = series.iter().flat_map(|series| match &series.curve {
-        Curve::Line(points) | Curve::Dashed(points) | Curve::Points(points) => points.as_slice(),
-        Curve::Band(_) => &[],
-    });
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (_, y)| (l.min(*y), h.max(*y)));
-    let span = high - low;
-    if span.is_finite() && span > 0.0 { axis.from_to(low - 0.7 * LEGEND * span, high + 0.05 * span) } else { axis }
-}
-
 /// Torque over speed with the limits, and the voltage over one period, for every motor; `names` are those of the inputs.
 #[must_use]
 pub fn torque_speed(title: &str, found: &[Requirement], motors: &[Option<Motor>], names: &[String]) -> Figure {
@@ -82,7 +68,7 @@ fn plane(requirement: &Requirement, motor: &Motor, name: &str) -> Panel {
     }
     Panel {
         x: Axis::linear(&format!("speed of the rotor of {name} [rad/s]")).from_to(-reach, reach),
-        y: Axis::linear("torque of the current [N m]").from_to(-(1.0 + LEGEND) * roof, roof),
+        y: Axis::linear("torque of the current [N m]").from_to(-roof, roof),
         series,
     }
 }
@@ -121,7 +107,7 @@ pub fn tracking_errors(title: &str, common: &Tracking, split: &Tracking, names: 
         ];
         panels.push(Panel {
             x: Axis::linear("time [s]").from_to(0.0, last),
-            y: with_room(Axis::linear(&format!("error of {name}")), &series),
+            y: Axis::linear(&format!("error of {name}")),
             series,
         });
     }

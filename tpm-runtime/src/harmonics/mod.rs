@@ -5,11 +5,13 @@
 //! mean a_0. Time starts at the first sample that is used.
 
 mod accumulate;
+mod error;
 mod hold;
 #[cfg(feature = "std")]
 mod spectrum;
 
-pub use accumulate::{Accumulator, AccumulatorError};
+pub use accumulate::Accumulator;
+pub use error::AccumulatorError;
 pub use hold::{Hold, hold_factor};
 #[cfg(feature = "std")]
 pub use spectrum::{Spectra, SpectrumError, Window};

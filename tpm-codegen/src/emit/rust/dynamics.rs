@@ -16,22 +16,33 @@ use super::record::{Field, count, doc, locals, record};
 
 /// What the module takes from the runtime.
 pub(super) fn imports(context: &Context<'_>) -> TokenStream {
-    let runtime = &context.runtime;
-    let model = ["fixed", "require_len", "store"];
-    let mut root = vec!["Buffer", "Dims", "EvalError", "Label", "Model", "Real"];
+    let (runtime, standalone) = (&context.runtime, context.options.standalone);
+    let mut root = match standalone {
+        true => vec!["Label", "Real"],
+        false => vec!["Buffer", "Dims", "EvalError", "Label", "Model", "Real"],
+    };
     let table_here = context.names.patterns.iter().zip(&context.estimator.plan.patterns);
     let table_here = table_here.filter(|(names, pattern)| names.module.is_none() && pattern.table.is_ok());
     let harmonics = if table_here.count() > 0 {
         root.extend(["SolveError", "least_squares", "weighted_least_squares"]);
-        quote!(use #runtime::harmonics::AccumulatorError;)
+        if standalone {
+            root.insert(0, "AccumulatorError");
+            quote!()
+        } else {
+            quote!(use #runtime::harmonics::AccumulatorError;)
+        }
     } else {
         quote!()
     };
+    let model = match standalone {
+        true => quote!(),
+        false => quote!(use #runtime::model::{fixed, require_len, store};),
+    };
     let idents = |names: &[&str]| names.iter().map(|name| ident(name)).collect::<Vec<Ident>>();
-    let (model, root) = (idents(&model), idents(&root));
+    let root = idents(&root);
     quote! {
         #harmonics
-        use #runtime::model::{#(#model),*};
+        #model
         use #runtime::{#(#root),*};
     }
 }
@@ -60,6 +71,9 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
 }
 
 fn model_type(context: &Context<'_>) -> TokenStream {
+    if context.options.standalone {
+        return TokenStream::new();
+    }
     let name = &context.names.model_type;
     let about = doc(&format!("The model `{}`, as the runtime takes any model.", context.estimator.model.name));
     quote! {
@@ -110,20 +124,26 @@ fn labels(context: &Context<'_>) -> TokenStream {
     });
     let order = count(plan.evaluation.order() as usize);
     let hash = proc_macro2::Literal::u64_unsuffixed(text::fingerprint(context.estimator));
+    let sizes = match context.options.standalone {
+        true => quote!(),
+        false => quote! {
+            /// The sizes of the model.
+            pub const DIMS: Dims = Dims {
+                coordinates: COORDINATES.len(),
+                order: #order,
+                inputs: INPUTS.len(),
+                rows: EQUATIONS.len(),
+                parameters: PARAMETERS.len(),
+                constants: CONSTANTS.len(),
+            };
+        },
+    };
     quote! {
         #(#lists)*
         /// A number that changes with the model, for logs and results to say what they belong to.
         pub const MODEL_HASH: u64 = #hash;
 
-        /// The sizes of the model.
-        pub const DIMS: Dims = Dims {
-            coordinates: COORDINATES.len(),
-            order: #order,
-            inputs: INPUTS.len(),
-            rows: EQUATIONS.len(),
-            parameters: PARAMETERS.len(),
-            constants: CONSTANTS.len(),
-        };
+        #sizes
     }
 }
 
@@ -276,14 +296,14 @@ fn motion(context: &Context<'_>) -> TokenStream {
         }
 
         impl<T: Real> Motion<T> {
-            /// From the order that [`Model`] uses: derivative n of coordinate c stands at `n * coordinates + c`.
+            /// From one list: derivative n of coordinate c stands at `n * coordinates + c`.
             #[must_use]
             pub fn from_array(values: &[T; #length]) -> Self {
                 let &[#(#patterns),*] = values;
                 Self { #(#built,)* #unmarked }
             }
 
-            /// In the order that [`Model`] uses, with zeros for derivatives that no equation reads.
+            /// The same list, with zeros for derivatives that no equation reads.
             #[must_use]
             pub fn into_array(self) -> [T; #length] {
                 [#(#read),*]
@@ -473,6 +493,9 @@ fn feed_forward_parts(context: &Context<'_>) -> TokenStream {
 }
 
 fn implementation(context: &Context<'_>) -> TokenStream {
+    if context.options.standalone {
+        return TokenStream::new();
+    }
     let name = &context.names.model_type;
     let text = &context.estimator.model.name;
     let orders = context.names.coordinates.iter().enumerate().filter_map(|(c, names)| {

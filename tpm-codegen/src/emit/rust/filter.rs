@@ -48,7 +48,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
     let constants_type = if context.has_constants() { quote!(Constants,) } else { quote!() };
     let constants = context.constants_parameter(Reads { constants: true, ..Reads::default() });
     let argument = context.constants_argument();
-    let runtime = &context.runtime;
+    let runtime = context.runtime_inside();
     let parts = quote! {
         let independent = feed_forward_independent(motion, parameters, #argument);
         let dependent = feed_forward_dependent(motion, parameters, #argument);

@@ -51,7 +51,7 @@ pub(super) fn names(estimator: &Estimator) -> Names {
     let mut style = Style {
         language: Language::Rust,
         type_name: &mut |wanted, suffix| types.type_name(wanted, suffix),
-        reserved: &["core", "filtered", "std"],
+        reserved: &["core", "filtered", "std", "support"],
     };
     names::Names::new(&mut style, &estimator.model, &estimator.form, &estimator.plan).map(ident)
 }

@@ -46,7 +46,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
 
 /// What a pattern's own module takes from around it.
 fn imports(context: &Context<'_>, pattern: &PatternPlan) -> TokenStream {
-    let runtime = &context.runtime;
+    let runtime = context.runtime_inside();
     let mut own: BTreeSet<Ident> = BTreeSet::new();
     let mut root: BTreeSet<&str> = BTreeSet::from(["Real"]);
     let mut harmonics = quote!();
@@ -57,7 +57,11 @@ fn imports(context: &Context<'_>, pattern: &PatternPlan) -> TokenStream {
     if pattern.table.is_ok() {
         own.extend(["Forces", "PARAMETERS", "Parameters"].map(ident));
         root.extend(["SolveError", "least_squares", "weighted_least_squares"]);
-        harmonics = quote!(use #runtime::harmonics::AccumulatorError;);
+        if context.options.standalone {
+            root.insert("AccumulatorError");
+        } else {
+            harmonics = quote!(use #runtime::harmonics::AccumulatorError;);
+        }
     }
     if context.has_constants() && (pattern.reference.is_ok() || pattern.table.is_ok()) {
         own.insert(ident("Constants"));

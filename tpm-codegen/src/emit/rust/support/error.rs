@@ -1,0 +1,1 @@
+../../../../../tpm-runtime/src/harmonics/error.rs

@@ -1,0 +1,1 @@
+../../../../../tpm-runtime/src/least_squares.rs

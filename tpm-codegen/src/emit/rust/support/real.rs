@@ -1,0 +1,1 @@
+../../../../../tpm-runtime/src/real.rs
