@@ -123,6 +123,8 @@ def symengine_cube(carts):
 
     def terms(cube):
         for monomial, c in cube.as_coefficients_dict().items():
+            if c == 0:
+                continue
             powers = {str(base): e for base, e in monomial.as_powers_dict().items()}
             yield [int(powers.get(name, 0)) for name in names], c
     return lambda: expand(chain_cube(carts, symbols, symengine.Integer(1), lambda x: expand(expand(x) ** 3))), terms
