@@ -231,7 +231,7 @@ impl Estimator for Linearised {
     fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
         let highest = highest_harmonic(&self.settings, run);
         let along = Along::new(model, &run.trial.constants, &run.trial.trajectory, highest)?;
-        let equations = self.kind.equations(run.trial, &along, run.spectra, highest)?;
+        let equations = self.kind.equations(run.trial, &along, run.spectra, run.hold, highest)?;
         self.harmonics = highest;
         pool_run(&mut self.pool, &equations, &self.settings, &run.trial.parameters).map(Some)
     }

@@ -8,14 +8,14 @@
 //! B Lambda theta = hold (f - C E) - known - J(theta') E ,
 //! ```
 //!
-//! with B Lambda from the exact table. The estimators differ in J: nothing (`effort`), its mean along the reference, which
+//! with B Lambda from the exact table (hold is one where inputs are not held). The estimators differ in J: nothing (`effort`), its mean along the reference, which
 //! is the linear part of the rows (`error`; dividing by `H^-1 = J + hold C` gives Feng's `E = H B Lambda P`, P = theta' - theta),
 //! or its periodic whole (`hill`). Invariant: a fixed point of the update is the true theta for all three when the machine
 //! obeys the model, since J is multiplied by an error that then vanishes.
 
 use super::along::Along;
 use super::{Equations, EstimateError};
-use crate::harmonics::Spectra;
+use crate::harmonics::{Hold, Spectra};
 use crate::procedure::Trial;
 use nalgebra::Complex;
 use realfft::RealFftPlanner;
@@ -38,7 +38,7 @@ pub enum FirstOrder {
 
 impl FirstOrder {
     /// The harmonic equations of one run: `spectra` has the measured coordinates as its first channels, over whole periods
-    /// that start at the phase zero of the trial.
+    /// that start at the phase zero of the trial; `hold` is how the inputs became forces.
     ///
     /// # Errors
     /// [`EstimateError::Channels`] when spectra or trial do not fit the model, [`EstimateError::NoSignal`] when the record does
@@ -48,6 +48,7 @@ impl FirstOrder {
         trial: &Trial,
         along: &Along,
         spectra: &Spectra,
+        hold: Hold,
         harmonics: usize,
     ) -> Result<Equations, EstimateError> {
         let dims = along.dims;
@@ -75,7 +76,11 @@ impl FirstOrder {
                 let mut right = -along.known[row][k];
                 let mut gain = vec![Complex::new(0.0, 0.0); coordinates];
                 for (i, lines) in forward.iter().enumerate() {
-                    let map = trial.control.drive(i, frequency) * along.map[row * dims.inputs + i];
+                    let drive = match hold {
+                        Hold::Zoh => trial.control.drive(i, frequency),
+                        Hold::None => trial.control.actuator(i).response(frequency),
+                    };
+                    let map = drive * along.map[row * dims.inputs + i];
                     right += map * lines[k];
                     for (c, gain) in gain.iter_mut().enumerate() {
                         *gain += map * trial.control.response(i, c, frequency);

@@ -4,6 +4,7 @@
 //! loop itself allocates nothing.
 
 mod closed_loop_arm;
+mod continuous;
 mod drive;
 mod plant;
 mod regulate;
@@ -11,6 +12,7 @@ mod sensor;
 mod transmission;
 
 pub use closed_loop_arm::{ArmGeometry, ClosedLoopArm};
+pub use continuous::simulate_continuous;
 pub use drive::drive;
 pub use plant::{Plant, PlantError};
 pub use regulate::{Regulated, Regulation, regulate};

@@ -29,6 +29,17 @@ pub enum PlantError {
     },
 }
 
+/// Where in a step the rates are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Instant {
+    Start = 0,
+    Middle = 1,
+    End = 2,
+}
+
+/// Inputs that follow from the motion at an instant of a step.
+pub(super) type Law<'l> = dyn FnMut(Instant, &[f64], &mut [f64]) -> Result<(), EvalError> + 'l;
+
 /// A simulated machine.
 #[derive(Clone)]
 pub struct Plant<'m> {
@@ -158,15 +169,35 @@ impl<'m> Plant<'m> {
     }
 
     /// One step of length `h` under inputs given at its start, middle and end.
-    pub(super) fn step(&mut self, [first, middle, last]: [&[f64]; 3], h: f64) -> Result<(), EvalError> {
+    pub(super) fn step(&mut self, inputs: [&[f64]; 3], h: f64) -> Result<(), EvalError> {
+        self.runge_kutta(h, |plant, at| plant.evaluate(inputs[at as usize]))
+    }
+
+    /// One step of length `h` under inputs that a law gives of the motion at the start, the middle and the end; `inputs` is
+    /// room for them.
+    pub(super) fn step_under(&mut self, inputs: &mut [f64], h: f64, law: &mut Law<'_>) -> Result<(), EvalError> {
+        self.runge_kutta(h, |plant, at| {
+            plant.place();
+            law(at, &plant.motion, inputs)?;
+            plant.evaluate(inputs)
+        })
+    }
+
+    fn runge_kutta(
+        &mut self,
+        h: f64,
+        mut evaluate: impl FnMut(&mut Self, Instant) -> Result<(), EvalError>,
+    ) -> Result<(), EvalError> {
         self.start.copy_from_slice(&self.state);
-        self.evaluate(first)?;
+        evaluate(self, Instant::Start)?;
         self.sum.copy_from_slice(&self.rate);
-        for (shift, weight, inputs) in [(0.5 * h, 2.0, middle), (0.5 * h, 2.0, middle), (h, 1.0, last)] {
+        for (shift, weight, at) in
+            [(0.5 * h, 2.0, Instant::Middle), (0.5 * h, 2.0, Instant::Middle), (h, 1.0, Instant::End)]
+        {
             for ((value, start), rate) in self.state.iter_mut().zip(&self.start).zip(&self.rate) {
                 *value = start + shift * rate;
             }
-            self.evaluate(inputs)?;
+            evaluate(self, at)?;
             for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
                 *sum += weight * rate;
             }
@@ -177,11 +208,16 @@ impl<'m> Plant<'m> {
         Ok(())
     }
 
-    /// Rates of the state under the inputs.
-    fn evaluate(&mut self, inputs: &[f64]) -> Result<(), EvalError> {
+    /// Puts the state into the motion.
+    fn place(&mut self) {
         for (&value, &slot) in self.state.iter().zip(&self.slots) {
             self.motion[slot] = value;
         }
+    }
+
+    /// Rates of the state under the inputs.
+    fn evaluate(&mut self, inputs: &[f64]) -> Result<(), EvalError> {
+        self.place();
         self.model.forward_dynamics(
             &mut self.motion,
             &self.parameters,
