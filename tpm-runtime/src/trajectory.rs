@@ -4,6 +4,7 @@
 //! model, in the model's units, with one fundamental w (rad/s) for all; a [`Pattern`] is the same with powers of amplitudes
 //! still open. Derivatives are taken term by term and are exact.
 
+use nalgebra::Complex;
 use std::string::String;
 use std::vec::Vec;
 
@@ -28,6 +29,15 @@ pub struct Series {
 }
 
 impl Series {
+    /// The series of one-sided phasors `a_k - j b_k`, from the mean on, with the harmonics that `keep` takes.
+    pub(crate) fn from_phasors(phasors: &[Complex<f64>], keep: impl Fn(usize, &Complex<f64>) -> bool) -> Self {
+        let kept = phasors.iter().enumerate().skip(1).filter(|(k, z)| keep(*k, z));
+        Series {
+            mean: phasors.first().map_or(0.0, |mean| mean.re),
+            lines: kept.map(|(k, z)| Line { harmonic: k as u32, cos: z.re, sin: -z.im }).collect(),
+        }
+    }
+
     /// The n-th derivative with respect to time at the phase `w t` (rad).
     #[must_use]
     pub fn derivative(&self, phase: f64, frequency: f64, order: usize) -> f64 {

@@ -711,7 +711,7 @@ impl Graph {
             }
             let waiting = stack.len();
             if matches!(self.node(id), Node::Sum(_) | Node::Product(_) | Node::Power(..)) {
-                let open = |operand: &ExprId| self.single_term(*operand).is_none() && !memo.contains_key(operand);
+                let open = |operand: &ExprId| !self.is_single_term(*operand) && !memo.contains_key(operand);
                 stack.extend(self.operands(id).filter(open));
             }
             if stack.len() > waiting {
@@ -720,13 +720,14 @@ impl Graph {
             stack.pop();
             let value = match self.node(id) {
                 Node::Sum(terms) => {
-                    let (single, others): (Vec<_>, Vec<_>) =
-                        terms.iter().map(|term| self.single_term(*term).ok_or(term)).partition(Result::is_ok);
-                    let sum: Polynomial<ExprId> = single.into_iter().flatten().collect();
-                    others.into_iter().filter_map(Result::err).fold(sum, |mut sum, term| {
-                        sum.add_assign(&memo[term]);
-                        sum
-                    })
+                    let mut sum = Vec::with_capacity(terms.len());
+                    for term in terms {
+                        match self.single_term(*term) {
+                            Some(single) => sum.push(single),
+                            None => sum.extend(memo[term].terms().map(|(m, c)| (m.clone(), c.clone()))),
+                        }
+                    }
+                    sum.into_iter().collect()
                 }
                 Node::Product(factors) => {
                     let mut single = (Monomial::one(), Rational::one());
@@ -762,14 +763,6 @@ impl Graph {
 
     /// A number, an atom, a power of an atom, or a product of these, as a term; `None` for anything else.
     fn single_term(&self, expr: ExprId) -> Option<(Monomial<ExprId>, Rational)> {
-        let factor = |id: ExprId| match self.node(id) {
-            Node::Number(_) | Node::Sum(_) | Node::Product(_) => None,
-            Node::Power(base, exponent) => match self.node(*base) {
-                Node::Number(_) | Node::Sum(_) | Node::Product(_) | Node::Power(..) => None,
-                _ => Some((*base, *exponent)),
-            },
-            _ => Some((id, 1)),
-        };
         match self.node(expr) {
             Node::Number(value) => Some((Monomial::one(), value.clone())),
             Node::Product(factors) => {
@@ -778,12 +771,33 @@ impl Graph {
                 for &id in factors {
                     match self.node(id) {
                         Node::Number(value) => coefficient *= value,
-                        _ => list.push(factor(id)?),
+                        _ => list.push(self.atom_power(id)?),
                     }
                 }
                 Some((list.into_iter().collect(), coefficient))
             }
-            _ => factor(expr).map(|(atom, exponent)| (Monomial::power_of(atom, exponent), Rational::one())),
+            _ => self.atom_power(expr).map(|(atom, exponent)| (Monomial::power_of(atom, exponent), Rational::one())),
+        }
+    }
+
+    /// Whether [`single_term`](Self::single_term) has a term.
+    fn is_single_term(&self, expr: ExprId) -> bool {
+        let factor = |id: ExprId| matches!(self.node(id), Node::Number(_)) || self.atom_power(id).is_some();
+        match self.node(expr) {
+            Node::Product(factors) => factors.iter().all(|&id| factor(id)),
+            _ => factor(expr),
+        }
+    }
+
+    /// An atom, or a power of one, as atom and exponent.
+    fn atom_power(&self, expr: ExprId) -> Option<(ExprId, i32)> {
+        match self.node(expr) {
+            Node::Number(_) | Node::Sum(_) | Node::Product(_) => None,
+            Node::Power(base, exponent) => match self.node(*base) {
+                Node::Number(_) | Node::Sum(_) | Node::Product(_) | Node::Power(..) => None,
+                _ => Some((*base, *exponent)),
+            },
+            _ => Some((expr, 1)),
         }
     }
 

@@ -500,7 +500,8 @@ pub mod filtered {
         }
     }
 
-    /// Feed-forward of which everything passes the low pass (Feng, Figure 6.3), with the past of the filters: memory of the caller.
+    /// Feed-forward of which everything passes the low pass (Feng, Figure 6.3),
+    /// with the past of the filters: memory of the caller.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Common<T> {
         /// Past of the inputs.
@@ -541,8 +542,8 @@ pub mod filtered {
         }
     }
 
-    /// Feed-forward of which the motion-dependent part passes the low pass and the motion-independent one a faster one (Feng,
-    /// Figure 6.4), with the past of the filters: memory of the caller.
+    /// Feed-forward of which the motion-dependent part passes the low pass and the motion-independent one a faster one (Feng, Figure 6.4),
+    /// with the past of the filters: memory of the caller.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Split<T> {
         /// Past of the motion-dependent part, per input.

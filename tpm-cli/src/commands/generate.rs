@@ -68,8 +68,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "RESULT.json")]
     params: Option<PathBuf>,
     /// Add the feed-forward behind a second-order low pass of this natural frequency (rad/s) and quality (1/sqrt(2) when
-    /// not given):
-    /// of everything (common), and of the motion-dependent part alone (split).
+    /// not given): of everything (common), and of the motion-dependent part alone (split).
     #[arg(long, value_name = "W[:Q]", requires = "sample_time")]
     low_pass: Option<String>,
     /// A low pass of the motion-independent part in the split scheme; none when not given.

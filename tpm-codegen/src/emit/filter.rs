@@ -114,6 +114,24 @@ impl Filters {
         Ok((self.dependent.coefficients(&self.sample_time)?, independent))
     }
 
+    /// What the common scheme is.
+    pub(super) const COMMON: &str = "Feed-forward of which everything passes the low pass (Feng, Figure 6.3)";
+
+    /// What the split scheme is.
+    pub(super) const fn split(&self) -> &'static str {
+        match self.independent {
+            Some(_) => {
+                "Feed-forward of which the motion-dependent part passes the low pass and the motion-independent one a faster one (Feng, Figure 6.4)"
+            }
+            None => "Feed-forward of which only the motion-dependent part passes the low pass (Feng, Figure 6.4)",
+        }
+    }
+
+    /// What passes the low pass of [`dependent`](Self::dependent).
+    pub(super) const DEPENDENT: &str = "the motion-dependent part, or of all of it";
+    /// What passes the low pass of [`independent`](Self::independent).
+    pub(super) const INDEPENDENT: &str = "the motion-independent part";
+
     /// What the documentation of one of them says.
     pub(super) fn about(&self, filter: &LowPass, part: &str) -> String {
         format!(

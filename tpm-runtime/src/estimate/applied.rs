@@ -12,7 +12,7 @@
 
 use super::EstimateError;
 use super::measured_motion::{MeasuredMotion, analyse, synthesise};
-use crate::harmonics::{Hold, Spectra, hold_factor};
+use crate::harmonics::{Hold, Spectra};
 use crate::model::Model;
 use nalgebra::{Complex, DMatrix, DVector};
 use realfft::RealFftPlanner;
@@ -110,14 +110,7 @@ impl Bins<'_> {
 
     /// A bin of an input as the force that was applied.
     fn applied(&self, coordinates: usize, input: usize, bin: isize) -> Complex<f64> {
-        let value = self.at(coordinates + input, bin);
-        match self.hold {
-            Hold::None => value,
-            Hold::Zoh => {
-                let (re, im) = hold_factor(self.frequency(bin) * self.spectra.sample_time);
-                value * Complex::new(re, im)
-            }
-        }
+        self.at(coordinates + input, bin) * self.hold.response(self.frequency(bin) * self.spectra.sample_time)
     }
 
     /// A bin between the lines, where a periodic signal has nothing.

@@ -15,7 +15,7 @@ use super::{
 use crate::harmonics::{Hold, Spectra};
 use crate::model::Model;
 use crate::procedure::Trial;
-use crate::trajectory::{Line, Series, Trajectory};
+use crate::trajectory::{Series, Trajectory};
 use nalgebra::Complex;
 use std::borrow::Cow;
 use std::boxed::Box;
@@ -55,15 +55,9 @@ impl Run<'_> {
         }
         let reach = 4 * reference.highest_harmonic().max(1) as usize;
         let series = |c: usize| {
-            let line = |(k, z): (usize, &Complex<f64>)| {
-                let certain = z.norm_sqr() > CERTAIN * self.spectra.noise[k][(c, c)].re;
-                certain.then_some(Line { harmonic: k as u32, cos: z.re, sin: -z.im })
-            };
-            let lines = &self.spectra.lines[c];
-            Series {
-                mean: lines[0].re,
-                lines: lines.iter().enumerate().take(reach + 1).skip(1).filter_map(line).collect(),
-            }
+            let certain =
+                |k: usize, z: &Complex<f64>| k <= reach && z.norm_sqr() > CERTAIN * self.spectra.noise[k][(c, c)].re;
+            Series::from_phasors(&self.spectra.lines[c], certain)
         };
         let coordinates = (0..reference.coordinates.len()).map(series).collect();
         Cow::Owned(Trajectory { frequency: self.spectra.fundamental, coordinates })

@@ -11,7 +11,7 @@ use crate::harmonics::Hold;
 use crate::model::Model;
 use crate::procedure::{LEAST_PERIODS, Record, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
 use crate::simulate::{Bench, Sensor, simulate};
-use crate::trajectory::{Line, Pattern, Series, Trajectory};
+use crate::trajectory::{Pattern, Series, Trajectory};
 use nalgebra::DMatrix;
 use realfft::RealFftPlanner;
 use serde::{Serialize, Serializer};
@@ -290,11 +290,7 @@ fn motion(trial: &Trial, record: &Record) -> Trajectory {
         let last = &channel[record.len() - samples..];
         let lines = analyse(&mut RealFftPlanner::new(), last, 0, 1, most.min(samples / 2));
         let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
-        let strong = lines.iter().enumerate().skip(1).filter(|(_, line)| line.norm() > LEAST_NOISE * largest);
-        Series {
-            mean: lines[0].re,
-            lines: strong.map(|(k, line)| Line { harmonic: k as u32, cos: line.re, sin: -line.im }).collect(),
-        }
+        Series::from_phasors(&lines, |_, line| line.norm() > LEAST_NOISE * largest)
     };
     let coordinates = record.coordinates.iter().map(series).collect();
     Trajectory { frequency: trial.trajectory.frequency, coordinates }

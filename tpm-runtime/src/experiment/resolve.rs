@@ -312,21 +312,16 @@ impl Experiment {
             seed: self.seed,
         };
         // Every gain that will be played; the loop that is reported is that of the first stage.
-        let mut gains: Vec<f64> = Vec::new();
+        let check = |gain: f64| stability::check(model, &setup.control.scaled(gain), &demand);
+        let mut checked = vec![setup.procedure.stages.first().map_or(1.0, |stage| stage.gain)];
+        let found = check(checked[0])?;
         for stage in &setup.procedure.stages {
-            if !gains.contains(&stage.gain) {
-                gains.push(stage.gain);
+            if !checked.contains(&stage.gain) {
+                check(stage.gain)?;
+                checked.push(stage.gain);
             }
         }
-        let mut found = None;
-        for gain in gains {
-            let own = stability::check(model, &setup.control.scaled(gain), &demand)?;
-            found.get_or_insert(own);
-        }
-        match found {
-            Some(found) => Ok(found),
-            None => Ok(stability::check(model, &setup.control, &demand)?),
-        }
+        Ok(found)
     }
 
     /// The campaign on a machine whose inputs are held between samples, with what its loop was found to be.

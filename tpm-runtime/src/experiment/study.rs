@@ -42,8 +42,8 @@ pub struct ParameterStudy {
     pub spread: Option<f64>,
     /// Root mean square of the stated standard deviations.
     pub stated: Option<f64>,
-    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, near their references; nothing when
-    /// it cannot be predicted.
+    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, along the motion that they have without
+    /// noise; nothing when it cannot be predicted.
     pub bound: Option<f64>,
     /// Share of the 95 % intervals that hold the truth.
     pub coverage: Option<f64>,
@@ -264,7 +264,7 @@ mod tests {
     #[test]
     fn the_spread_is_near_the_bound() {
         let mut experiment = short();
-        // White noise alone, and motions near their references: what the bound is of.
+        // White noise alone, which is what the bound is of, and nothing left to learn, so that all runs weigh alike.
         experiment.plant.sensors.entry("x".into()).or_default().counts = 0.0;
         for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
             experiment.prior.insert(name.into(), value);

@@ -136,9 +136,12 @@ fn lower_gains_show_more_and_are_checked() {
     }
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
     assert!(result.is_complete(), "{:?}", result.warnings);
-    // 800 N per rad on a machine that is known by then: the rate of the noise is fed back less, too.
-    let error = |run: usize| result.runs[run].tracking_rms[0];
-    assert!(error(1).is_finite() && result.parameters.iter().all(|p| p.std.is_some()));
+    assert!(result.parameters.iter().all(|p| p.std.is_some()));
+    // The first run, from estimates of zero: a quarter of the gains lets the error grow.
+    experiment.schedule.gains = std::vec![0.25];
+    let weak = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false).expect("runs");
+    let (error, larger) = (result.runs[0].tracking_rms[0], weak.runs[0].tracking_rms[0]);
+    assert!(larger > 2.0 * error, "{larger} {error}");
     // A spring that pushes away and a factor at which the loop no longer holds it.
     experiment.apply_override("prior", "{ m = 2.0, k1 = -900.0, k2 = 1.5 }").expect("known");
     experiment.schedule.gains.clear();

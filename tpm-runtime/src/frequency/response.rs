@@ -12,7 +12,7 @@
 //! H is that of the machine in continuous time. Lines whose coherence could be chance are marked and never fitted; the
 //! decision is made on neighbouring lines together, because a choice line by line would keep those with lucky noise.
 
-use crate::harmonics::{Hold, Window, hold_factor};
+use crate::harmonics::{Hold, Window};
 use nalgebra::Complex;
 use realfft::RealFftPlanner;
 use std::f64::consts::PI;
@@ -310,13 +310,7 @@ impl FrequencyResponse {
 
 /// What the hold does to a line.
 pub(super) fn hold_of(frequency: f64, sample_time: f64, hold: Hold) -> Complex<f64> {
-    match hold {
-        Hold::None => Complex::new(1.0, 0.0),
-        Hold::Zoh => {
-            let (re, im) = hold_factor(frequency * sample_time);
-            Complex::new(re, im)
-        }
-    }
+    hold.response(frequency * sample_time)
 }
 
 /// Samples from the start of a segment to the start of the next.

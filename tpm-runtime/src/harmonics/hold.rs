@@ -22,6 +22,17 @@ impl Hold {
             Hold::Zoh => Hold::None,
         }
     }
+
+    /// What the hold does to a harmonic at the angle `W T` (rad): [`hold_factor`], or nothing.
+    #[cfg(feature = "std")]
+    #[must_use]
+    pub fn response(self, angle: f64) -> nalgebra::Complex<f64> {
+        let (re, im) = match self {
+            Hold::None => (1.0, 0.0),
+            Hold::Zoh => hold_factor(angle),
+        };
+        nalgebra::Complex::new(re, im)
+    }
 }
 
 impl fmt::Display for Hold {

@@ -12,7 +12,7 @@ use super::settle::settled_from;
 use super::trial::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
 use crate::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
 use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status, analyse};
-use crate::harmonics::{Hold, Spectra, SpectrumError, hold_factor};
+use crate::harmonics::{Hold, Spectra, SpectrumError};
 use crate::model::Model;
 use crate::stability::natural_modes;
 use crate::trajectory::{Pattern, Trajectory};
@@ -514,7 +514,7 @@ impl<'m> Campaign<'m> {
             self.stop.clone_from(&report.limit);
         } else if converged || self.updates_in_stage >= procedure.updates_per_stage {
             let last = self.stage + 1 == procedure.stages.len();
-            if last && self.setup.estimation.forgetting < 1.0 && self.setup.estimation.forgetting > 0.0 {
+            if last && self.setup.estimation.forgets() {
                 self.updates_in_stage = 0;
             } else if last && converged {
                 self.outcome = Some(Outcome::Converged);
@@ -538,9 +538,9 @@ impl<'m> Campaign<'m> {
         self.reports.push(report);
         self.pending = None;
         if self.outcome.is_none() && self.reports.len() >= self.setup.procedure.max_runs {
-            let follows = self.setup.estimation.forgetting < 1.0 && self.setup.estimation.forgetting > 0.0;
             let there = self.stage + 1 == self.setup.procedure.stages.len() && self.estimate.is_some();
-            self.outcome = Some(if follows && there { Outcome::Followed } else { Outcome::RunsUsed });
+            let followed = there && self.setup.estimation.forgets();
+            self.outcome = Some(if followed { Outcome::Followed } else { Outcome::RunsUsed });
         }
         if self.outcome.is_none() {
             self.prepare()?;
@@ -593,6 +593,7 @@ impl<'m> Campaign<'m> {
     /// What values of the inputs, from the start of a period, take of the limits on them.
     fn command_use(&self, trial: &Trial, columns: &[Vec<f64>]) -> Option<LimitUse> {
         let samples = trial.samples_per_period;
+        let mut planner = RealFftPlanner::new();
         let mut most = None;
         for (i, (column, &limit)) in columns.iter().zip(&trial.input_limits).enumerate() {
             if !limit.is_finite() {
@@ -610,7 +611,7 @@ impl<'m> Campaign<'m> {
                 None => ("command", label.unit.map(Into::into)),
             };
             let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
-            let harmonic = strongest(last_period(column, samples, reach).into_iter().enumerate());
+            let harmonic = strongest(last_period(&mut planner, column, samples, reach).into_iter().enumerate());
             let used = LimitUse {
                 input: label.name.into(),
                 limit: name,
@@ -655,15 +656,9 @@ impl<'m> Campaign<'m> {
         let mut most = None;
         for (i, mounted) in self.setup.procedure.motors.iter().enumerate() {
             let Some(mounted) = mounted else { continue };
-            let force: Vec<_> = (0..=reach)
-                .map(|k| {
-                    let (re, im) = match self.setup.procedure.hold {
-                        Hold::None => (1.0, 0.0),
-                        Hold::Zoh => hold_factor(k as f64 * spectra.fundamental * spectra.sample_time),
-                    };
-                    spectra.lines[coordinates + i][k] * nalgebra::Complex::new(re, im)
-                })
-                .collect();
+            let hold =
+                |k: usize| self.setup.procedure.hold.response(k as f64 * spectra.fundamental * spectra.sample_time);
+            let force: Vec<_> = (0..=reach).map(|k| spectra.lines[coordinates + i][k] * hold(k)).collect();
             let motion = &spectra.lines[mounted.coordinate][..=reach];
             let name = self.model.input(i).name;
             let used = mounted.measured(name, &force, motion, spectra.fundamental, trial.samples_per_period);
@@ -783,20 +778,12 @@ fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
 }
 
 /// Amplitudes of the harmonics of the last whole period of a signal, from the mean on; none when there is no such period.
-fn last_period(column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
+fn last_period(planner: &mut RealFftPlanner<f64>, column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
     let Some(from) = (column.len() / samples.max(1)).checked_sub(1).map(|period| period * samples) else {
         return Vec::new();
     };
-    let amplitude = |k: usize| {
-        let turn = 2.0 * std::f64::consts::PI * k as f64 / samples as f64;
-        let line: nalgebra::Complex<f64> = column[from..from + samples]
-            .iter()
-            .enumerate()
-            .map(|(n, value)| nalgebra::Complex::from_polar(*value, -turn * n as f64))
-            .sum();
-        line.norm() * if k == 0 { 1.0 } else { 2.0 } / samples as f64
-    };
-    (0..=reach.min(samples / 2)).map(amplitude).collect()
+    let lines = analyse(planner, &column[from..from + samples], 0, 1, reach.min(samples / 2));
+    lines.iter().map(|line| line.norm()).collect()
 }
 
 /// Root mean square of the measured tracking error of every coordinate from a sample on.

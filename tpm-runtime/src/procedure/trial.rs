@@ -7,7 +7,7 @@
 use super::completion::{OpenReason, complete};
 use crate::actuator::Dynamics;
 use crate::control::{Differentiator, Gain};
-use crate::harmonics::{Spectra, hold_factor};
+use crate::harmonics::{Hold, Spectra};
 use crate::linear;
 use crate::model::{EvalError, Model};
 use crate::trajectory::Trajectory;
@@ -110,8 +110,7 @@ impl Loop {
     /// What the hold and the actuator do to an input's phasor at the frequency W (rad/s).
     #[must_use]
     pub fn drive(&self, input: usize, frequency: f64) -> Complex<f64> {
-        let (re, im) = hold_factor(frequency * self.sample_time);
-        Complex::new(re, im) * self.actuator(input).response(frequency)
+        Hold::Zoh.response(frequency * self.sample_time) * self.actuator(input).response(frequency)
     }
 }
 
@@ -362,8 +361,7 @@ fn undo_drive(samples: &mut [f64], inputs: usize, control: &Loop) {
             // The mean passes unchanged, and a line at half the sampling frequency has no phase that could be advanced.
             if k > 0 && 2 * k < count {
                 let angle = 2.0 * std::f64::consts::PI * k as f64 / count as f64;
-                let (re, im) = hold_factor(angle);
-                *line /= Complex::new(re, im);
+                *line /= Hold::Zoh.response(angle);
                 let actuator = control.actuator(i);
                 if !actuator.is_ideal() {
                     let response = actuator.response(angle / control.sample_time);

@@ -124,17 +124,13 @@ fn figure(run: &Regulated) -> Figure {
     let angle = |c: usize| {
         Curve::Line(run.record.coordinates[c].iter().enumerate().map(|(n, q)| (time(n), q.to_degrees())).collect())
     };
-    // Room below for the legend.
-    let all = run.record.coordinates.iter().flatten().map(|q| q.to_degrees());
-    let (low, high) = all.fold((0.0_f64, 0.0_f64), |(low, high), q| (low.min(q), high.max(q)));
-    let angles = Axis::linear("Angle [deg]").from_to(low - 0.6 * (high - low), high + 0.1 * (high - low));
     let voltage = Curve::Line(run.record.inputs[0].iter().enumerate().map(|(n, e)| (time(n), *e)).collect());
     Figure::new(
         "Balance from 15 degrees with the identified model",
         vec![
             Panel {
                 x: Axis::linear("Time [s]"),
-                y: angles,
+                y: Axis::linear("Angle [deg]"),
                 series: vec![Series::new("arm", 0, angle(0)), Series::new("pendulum", 1, angle(1))],
             },
             Panel {

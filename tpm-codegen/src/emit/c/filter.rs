@@ -24,16 +24,9 @@ pub(super) fn write(context: &mut Context<'_>) {
         "    filter->inputs[0] = filter->inputs[1] = value;\n    filter->outputs[0] = filter->outputs[1] = value;\n";
     let parameters = [Parameter::new(filter.clone()), Parameter::new(format!("{real} value"))];
     context.function(&context.global("low_pass_settle"), "Settles in a constant.", "void", &parameters, body);
-    low_pass(
-        context,
-        "dependent_low_pass",
-        filters,
-        &filters.dependent,
-        &dependent,
-        "the motion-dependent part, or of all of it",
-    );
+    low_pass(context, "dependent_low_pass", filters, &filters.dependent, &dependent, Filters::DEPENDENT);
     if let (Some(filter), Some(coefficients)) = (&filters.independent, &independent) {
-        low_pass(context, "independent_low_pass", filters, filter, coefficients, "the motion-independent part");
+        low_pass(context, "independent_low_pass", filters, filter, coefficients, Filters::INDEPENDENT);
     }
     let (of_slow, of_fast) = (context.global("dependent_low_pass"), context.global("independent_low_pass"));
     let settle = context.global("low_pass_settle");
@@ -44,7 +37,7 @@ pub(super) fn write(context: &mut Context<'_>) {
     scheme(
         context,
         "common",
-        "Feed-forward of which everything passes the low pass (Feng, Figure 6.3).",
+        Filters::COMMON,
         &whole,
         &|i, field| statement(1, &format!("{settle}(&filters->whole[{i}], independent.{field} + dependent.{field});")),
         &|i, field| format!("{of_slow}(&filters->whole[{i}], independent.{field} + dependent.{field})"),
@@ -57,11 +50,7 @@ pub(super) fn write(context: &mut Context<'_>) {
     scheme(
         context,
         "split",
-        if fast {
-            "Feed-forward of which the motion-dependent part passes the low pass and the motion-independent one a faster one (Feng, Figure 6.4)."
-        } else {
-            "Feed-forward of which only the motion-dependent part passes the low pass (Feng, Figure 6.4)."
-        },
+        filters.split(),
         &both,
         &|i, field| {
             let mut text = statement(1, &format!("{settle}(&filters->dependent[{i}], dependent.{field});"));
@@ -124,7 +113,7 @@ type OfInput<'a> = dyn Fn(usize, &str) -> String + 'a;
 fn scheme(context: &mut Context<'_>, name: &str, about: &str, state: &str, settle: &OfInput<'_>, next: &OfInput<'_>) {
     context.structure(
         &format!("{name}_filters"),
-        &format!("{about} The past of its filters: memory of the caller."),
+        &format!("{about}. The past of its filters: memory of the caller."),
         state,
     );
     let filters = format!("{} *filters", context.global(&format!("{name}_filters")));
@@ -153,6 +142,6 @@ fn scheme(context: &mut Context<'_>, name: &str, about: &str, state: &str, settl
     let stores =
         fields.iter().enumerate().map(|(i, field)| statement(1, &format!("inputs->{field} = {};", next(i, field))));
     let body: String = std::iter::once(parts).chain(stores).collect();
-    let about = format!("The inputs of the next sample. {about}");
+    let about = format!("The inputs of the next sample. {about}.");
     context.function(&context.global(&format!("{name}_feed_forward")), &about, "void", &parameters, &body);
 }

@@ -206,13 +206,7 @@ fn lumping(context: &Context<'_>) -> TokenStream {
     let columns = &context.names.columns;
     let values: Vec<Ident> = locals(columns.len());
     let writer = Writer::new(|node| context.leaf(node, &owner, &context.names.physical));
-    let body = writer.statements(context, &statements, |place, expression| match place {
-        Place::Value(index) => {
-            let value = &values[index];
-            quote!(let #value = #expression;)
-        }
-        Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
-    });
+    let body = stores(context, &statements, &writer, &values);
     let (about, constants) = (doc(&about), context.constants_parameter(reads));
     quote! {
         #physical
@@ -364,7 +358,7 @@ fn matrix(
         quote!([[T::ZERO; #columns]; #rows])
     } else {
         let owner = ident("self");
-        let body = entries(context, statements, &Writer::new(|node| context.leaf(node, &owner, &[])));
+        let body = stores(context, statements, &Writer::new(|node| context.leaf(node, &owner, &[])), &[]);
         quote! {
             let mut matrix = [[T::ZERO; #columns]; #rows];
             #body
@@ -380,18 +374,22 @@ fn matrix(
     }
 }
 
-/// Steps that fill `matrix`.
-pub(super) fn entries<L: Fn(&tpm_symbolic::expr::Node) -> TokenStream>(
+/// Steps that fill `matrix` and set the local variables `values`.
+pub(super) fn stores<L: Fn(&tpm_symbolic::expr::Node) -> TokenStream>(
     context: &Context<'_>,
     statements: &[Statement],
     writer: &Writer<L>,
+    values: &[Ident],
 ) -> TokenStream {
-    writer.statements(context, statements, |place, value| match place {
+    writer.statements(context, statements, |place, expression| match place {
         Place::Entry(row, column) => {
             let (row, column) = (count(row), count(column));
-            quote!(matrix[#row][#column] = #value;)
+            quote!(matrix[#row][#column] = #expression;)
         }
-        Place::Value(_) => unreachable!("invariant: a matrix has rows and columns"),
+        Place::Value(index) => {
+            let value = values.get(index).expect("invariant: every value that is stored has its variable");
+            quote!(let #value = #expression;)
+        }
     })
 }
 
@@ -456,16 +454,7 @@ fn feed_forward_with_regressor(context: &Context<'_>) -> TokenStream {
     let values = locals(fields.len());
     let owner = ident("self");
     let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
-    let body = writer.statements(context, &statements, |place, expression| match place {
-        Place::Entry(row, column) => {
-            let (row, column) = (count(row), count(column));
-            quote!(matrix[#row][#column] = #expression;)
-        }
-        Place::Value(index) => {
-            let value = &values[index];
-            quote!(let #value = #expression;)
-        }
-    });
+    let body = stores(context, &statements, &writer, &values);
     let changed = if statements.iter().any(|step| matches!(step, Statement::Store(Place::Entry(..), _))) {
         quote!(mut)
     } else {

@@ -22,17 +22,11 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
     let inputs = count(context.names.inputs.len());
     let fields: Vec<_> = context.names.inputs.iter().map(|(_, name)| name).collect();
     let indices: Vec<_> = (0..fields.len()).map(count).collect();
-    let slow = low_pass(
-        "DependentLowPass",
-        filters,
-        &filters.dependent,
-        &dependent,
-        "the motion-dependent part, or of all of it",
-    );
+    let slow = low_pass("DependentLowPass", filters, &filters.dependent, &dependent, Filters::DEPENDENT);
     let (mut fast, mut fast_field, mut fast_settled, mut fast_start) = Default::default();
     let mut independent_values: Vec<TokenStream> = fields.iter().map(|field| quote!(independent.#field)).collect();
     if let (Some(filter), Some(coefficients)) = (&filters.independent, &independent) {
-        fast = low_pass("IndependentLowPass", filters, filter, coefficients, "the motion-independent part");
+        fast = low_pass("IndependentLowPass", filters, filter, coefficients, Filters::INDEPENDENT);
         fast_field = quote! {
             /// Past of the motion-independent part, per input.
             independent: [IndependentLowPass<T>; #inputs],
@@ -59,7 +53,8 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
                   start: TokenStream,
                   settle: TokenStream,
                   next: Vec<TokenStream>| {
-        let (name, about) = (ident(name), doc(about));
+        let about = doc(&format!("{about},\nwith the past of the filters: memory of the caller."));
+        let name = ident(name);
         quote! {
             #about
             #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,7 +87,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
     };
     let common = scheme(
         "Common",
-        "Feed-forward of which everything passes the low pass (Feng, Figure 6.3), with the past of the filters: memory of the caller.",
+        Filters::COMMON,
         quote! {
             /// Past of the inputs.
             whole: [DependentLowPass<T>; #inputs],
@@ -105,17 +100,9 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
             .map(|(field, i)| quote!(self.whole[#i].push(independent.#field + dependent.#field)))
             .collect(),
     );
-    let about = match filters.independent {
-        Some(_) => {
-            "Feed-forward of which the motion-dependent part passes the low pass and the motion-independent one a faster one (Feng,\nFigure 6.4), with the past of the filters: memory of the caller."
-        }
-        None => {
-            "Feed-forward of which only the motion-dependent part passes the low pass (Feng, Figure 6.4), with the past of the\nfilters: memory of the caller."
-        }
-    };
     let split = scheme(
         "Split",
-        about,
+        filters.split(),
         quote! {
             /// Past of the motion-dependent part, per input.
             dependent: [DependentLowPass<T>; #inputs],

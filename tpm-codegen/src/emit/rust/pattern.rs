@@ -11,7 +11,7 @@ use super::super::function::{self, Body, Function};
 use super::super::number::Rounded;
 use super::super::text;
 use super::Context;
-use super::dynamics::entries;
+use super::dynamics::stores;
 use super::expression::{Writer, literal, literal_single};
 use super::names::{PatternNames, derivative_field, harmonic_field, ident};
 use super::record::{Field, count, doc, locals, record};
@@ -182,7 +182,7 @@ fn estimator_matrix(context: &Context<'_>, table: &TablePlan, names: &PatternNam
         }
         Body::Stores(statements) => {
             let owner = ident("self");
-            entries(context, statements, &Writer::new(|node| context.leaf(node, &owner, &names.fields)))
+            stores(context, statements, &Writer::new(|node| context.leaf(node, &owner, &names.fields)), &[])
         }
         Body::Values(..) => unreachable!("invariant: a matrix is written entry by entry"),
     };
@@ -375,13 +375,7 @@ fn direct(context: &Context<'_>, table: &TablePlan, names: &PatternNames) -> Tok
         }
         None => context.leaf(node, &owner, &names.fields),
     });
-    let body = writer.statements(context, &statements, |place, expression| match place {
-        Place::Value(index) => {
-            let value = &values[index];
-            quote!(let #value = #expression;)
-        }
-        Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
-    });
+    let body = stores(context, &statements, &writer, &values);
     let (about, constants) = (doc(&about), context.constants_parameter(reads));
     quote! {
         #about

@@ -106,10 +106,15 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Whether earlier runs lose weight, so that parameters that drift are followed.
+    pub(crate) fn forgets(&self) -> bool {
+        self.forgetting > 0.0 && self.forgetting < 1.0
+    }
+
     /// Share of its weight that a run has after `age` later ones.
     #[must_use]
     pub(super) fn memory(&self, age: usize) -> f64 {
-        if self.forgetting > 0.0 { self.forgetting.min(1.0).powi(age as i32) } else { 1.0 }
+        if self.forgets() { self.forgetting.powi(age as i32) } else { 1.0 }
     }
 }
 

@@ -4,7 +4,7 @@
 //! grid is fine enough that the harmonics of the rows no longer depend on it (up to [`MAX_GRID`]).
 
 use super::EstimateError;
-use crate::harmonics::{Hold, Spectra, hold_factor};
+use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, Model};
 use nalgebra::{Complex, DMatrix, RowDVector};
 use realfft::RealFftPlanner;
@@ -52,13 +52,7 @@ pub(super) struct Sampled {
 
 /// Input lines and channel noise with the hold taken into account.
 pub(super) fn hold_corrected(spectra: &Spectra, dims: Dims, hold: Hold) -> (Lines, Vec<DMatrix<Complex<f64>>>) {
-    let factor = |k: usize| match hold {
-        Hold::None => Complex::new(1.0, 0.0),
-        Hold::Zoh => {
-            let (re, im) = hold_factor(k as f64 * spectra.fundamental * spectra.sample_time);
-            Complex::new(re, im)
-        }
-    };
+    let factor = |k: usize| hold.response(k as f64 * spectra.fundamental * spectra.sample_time);
     let inputs = (0..dims.inputs)
         .map(|i| spectra.lines[dims.coordinates + i].iter().enumerate().map(|(k, line)| line * factor(k)).collect())
         .collect();
