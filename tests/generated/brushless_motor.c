@@ -92,14 +92,14 @@ void brushless_motor_feed_forward_with_regressor(const brushless_motor_motion *m
     matrix[0][0] = at.i.value;
     /* tau_m, J */
     matrix[0][1] = -at.phi.ddot;
+    /* tau_m */
+    inputs->tau_m = at.i.value * parameters->kt - at.phi.ddot * parameters->J;
     /* u, R */
     matrix[1][2] = at.i.value;
     /* u, L */
     matrix[1][3] = at.i.dot;
     /* u, kv */
     matrix[1][4] = at.phi.dot;
-    /* tau_m */
-    inputs->tau_m = at.i.value * parameters->kt - at.phi.ddot * parameters->J;
     /* u */
     inputs->u = at.i.value * parameters->R + at.i.dot * parameters->L + at.phi.dot * parameters->kv;
 }

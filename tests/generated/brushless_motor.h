@@ -182,9 +182,8 @@ void brushless_motor_feed_forward_with_regressor(const brushless_motor_motion *m
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own
- * coordinate
- * still while the others move. An actuator gives it as fast as its amplifier is, so that it needs
- * no low pass.
+ * coordinate still while the others move. An actuator gives it as fast as its amplifier is, so that
+ * it needs no low pass.
  *
  * Operations: 1 addition, 3 multiplications.
  */
@@ -193,8 +192,7 @@ void brushless_motor_feed_forward_independent(const brushless_motor_motion *moti
 
 /*
  * The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive.
- * With
- * `brushless_motor_feed_forward_independent` it adds up to `brushless_motor_feed_forward`.
+ * With `brushless_motor_feed_forward_independent` it adds up to `brushless_motor_feed_forward`.
  *
  * Operations: 1 addition, 2 multiplications.
  */
@@ -341,9 +339,9 @@ void brushless_motor_accumulate(brushless_motor_accumulator *accumulator, double
         const brushless_motor_forces *sample);
 
 /*
- * The same under a Hann window over so many whole periods, at least two: the sample counts `1 -
- * cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price of
- * some of the data.
+ * The same under a Hann window over so many whole periods, at least two: the sample counts
+ * `1 - cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price
+ * of some of the data.
  */
 void brushless_motor_accumulate_hann(brushless_motor_accumulator *accumulator, double phase,
         double periods, const brushless_motor_forces *sample);

@@ -40,6 +40,19 @@ void cart_pendulum_lump(const cart_pendulum_physical *physical,
     parameters->m_L_2 = t0 * physical->L;
 }
 
+void cart_pendulum_unlump(const cart_pendulum_parameters *parameters,
+        cart_pendulum_physical *physical)
+{
+    /* M = (M_plus_m*m_L_2 - m_L^2)/m_L_2 */
+    const double t0 = parameters->m_L * parameters->m_L;
+    const double t1 = (parameters->M_plus_m * parameters->m_L_2 - t0) / parameters->m_L_2;
+    physical->M = t1;
+    /* m = m_L^2/m_L_2 */
+    physical->m = t0 / parameters->m_L_2;
+    /* L = m_L_2/m_L */
+    physical->L = parameters->m_L_2 / parameters->m_L;
+}
+
 void cart_pendulum_regressor(const cart_pendulum_motion *motion,
         double matrix[CART_PENDULUM_EQUATIONS][CART_PENDULUM_PARAMETERS])
 {
@@ -105,13 +118,13 @@ void cart_pendulum_feed_forward_with_regressor(const cart_pendulum_motion *motio
     const double t0 = cos(at.theta.value);
     const double t1 = t0 * at.theta.ddot - at.theta.dot * at.theta.dot * sin(at.theta.value);
     matrix[0][1] = t1;
+    /* F */
+    inputs->F = at.x.ddot * parameters->M_plus_m + t1 * parameters->m_L;
     /* tau, m_L */
     const double t2 = t0 * at.x.ddot;
     matrix[1][1] = t2;
     /* tau, m_L_2 */
     matrix[1][2] = at.theta.ddot;
-    /* F */
-    inputs->F = at.x.ddot * parameters->M_plus_m + t1 * parameters->m_L;
     /* tau */
     inputs->tau = t2 * parameters->m_L + at.theta.ddot * parameters->m_L_2;
 }

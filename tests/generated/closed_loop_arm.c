@@ -186,6 +186,9 @@ void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *m
     const double t10 = t2 * t7;
     const double t11 = t8 * t1 + t10;
     matrix[0][8] = t11;
+    /* tau1 */
+    inputs->tau1 = t0 * parameters->a10 + t4 * parameters->a11 + t6 * parameters->a12 + at.th2.ddot
+            * parameters->a30 + t9 * parameters->a31 + t11 * parameters->a32;
     /* tau2, a11 */
     const double t12 = at.th1.dot * at.th1.dot;
     const double t13 = -t12;
@@ -209,9 +212,6 @@ void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *m
     /* tau2, a32 */
     const double t18 = t5 * t1;
     matrix[1][8] = t18;
-    /* tau1 */
-    inputs->tau1 = t0 * parameters->a10 + t4 * parameters->a11 + t6 * parameters->a12 + at.th2.ddot
-            * parameters->a30 + t9 * parameters->a31 + t11 * parameters->a32;
     /* tau2 */
     const double t19 = t13 * parameters->a11 - t14 * parameters->a12 + t15 * parameters->a20 + t16 *
             parameters->a21 + t17 * parameters->a22 + at.th1.ddot * parameters->a30 + t5 *

@@ -226,9 +226,8 @@ void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *m
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own
- * coordinate
- * still while the others move. An actuator gives it as fast as its amplifier is, so that it needs
- * no low pass.
+ * coordinate still while the others move. An actuator gives it as fast as its amplifier is, so that
+ * it needs no low pass.
  *
  * Operations: 10 additions, 18 multiplications.
  */
@@ -238,8 +237,7 @@ void closed_loop_arm_feed_forward_independent(const closed_loop_arm_motion *moti
 
 /*
  * The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive.
- * With
- * `closed_loop_arm_feed_forward_independent` it adds up to `closed_loop_arm_feed_forward`.
+ * With `closed_loop_arm_feed_forward_independent` it adds up to `closed_loop_arm_feed_forward`.
  *
  * Operations: 9 additions, 18 multiplications.
  */
@@ -416,9 +414,9 @@ void closed_loop_arm_accumulate(closed_loop_arm_accumulator *accumulator, double
         const closed_loop_arm_forces *sample);
 
 /*
- * The same under a Hann window over so many whole periods, at least two: the sample counts `1 -
- * cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price of
- * some of the data.
+ * The same under a Hann window over so many whole periods, at least two: the sample counts
+ * `1 - cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price
+ * of some of the data.
  */
 void closed_loop_arm_accumulate_hann(closed_loop_arm_accumulator *accumulator, double phase,
         double periods, const closed_loop_arm_forces *sample);

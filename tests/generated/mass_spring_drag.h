@@ -157,9 +157,8 @@ void mass_spring_drag_feed_forward_with_regressor(const mass_spring_drag_motion 
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own
- * coordinate
- * still while the others move. An actuator gives it as fast as its amplifier is, so that it needs
- * no low pass.
+ * coordinate still while the others move. An actuator gives it as fast as its amplifier is, so that
+ * it needs no low pass.
  *
  * Operations: 1 multiplication.
  */
@@ -168,8 +167,7 @@ void mass_spring_drag_feed_forward_independent(const mass_spring_drag_motion *mo
 
 /*
  * The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive.
- * With
- * `mass_spring_drag_feed_forward_independent` it adds up to `mass_spring_drag_feed_forward`.
+ * With `mass_spring_drag_feed_forward_independent` it adds up to `mass_spring_drag_feed_forward`.
  *
  * Operations: 1 addition, 3 multiplications.
  */
@@ -313,9 +311,9 @@ void mass_spring_drag_accumulate(mass_spring_drag_accumulator *accumulator, doub
         const mass_spring_drag_forces *sample);
 
 /*
- * The same under a Hann window over so many whole periods, at least two: the sample counts `1 -
- * cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price of
- * some of the data.
+ * The same under a Hann window over so many whole periods, at least two: the sample counts
+ * `1 - cos(w t / periods)` times. What is no harmonic leaks less into the harmonics, at the price
+ * of some of the data.
  */
 void mass_spring_drag_accumulate_hann(mass_spring_drag_accumulator *accumulator, double phase,
         double periods, const mass_spring_drag_forces *sample);
@@ -361,10 +359,8 @@ mass_spring_drag_status mass_spring_drag_identify(const mass_spring_drag_pattern
 
 /*
  * The parameters for which the harmonics of the pattern's own forces are `effort`, in the sense of
- * least squares: the
- * exact pseudo-inverse of the numbers in the estimator matrix, each rounded once, over the scales
- * of its columns. No
- * amplitude or frequency may be zero.
+ * least squares: the exact pseudo-inverse of the numbers in the estimator matrix, each rounded
+ * once, over the scales of its columns. No amplitude or frequency may be zero.
  *
  * Operations: 5 additions, 11 multiplications, 3 divisions.
  */

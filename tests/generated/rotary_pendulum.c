@@ -60,6 +60,26 @@ void rotary_pendulum_lump(const rotary_pendulum_physical *physical,
     parameters->m2_c2 = t0;
 }
 
+void rotary_pendulum_unlump(const rotary_pendulum_parameters *parameters,
+        const rotary_pendulum_constants *constants, rotary_pendulum_physical *physical)
+{
+    (void)constants;
+    /* J1 = (m2_l1_2_plus_J1*m2_c2_2 - m2_l1_c2^2)/m2_c2_2 */
+    const double t0 = (parameters->m2_l1_2_plus_J1 * parameters->m2_c2_2 - parameters->m2_l1_c2 *
+            parameters->m2_l1_c2) / parameters->m2_c2_2;
+    /* m2 = m2_c2^2/m2_c2_2 */
+    physical->m2 = parameters->m2_c2 * parameters->m2_c2 / parameters->m2_c2_2;
+    /* l1 = m2_l1_c2/m2_c2 */
+    physical->l1 = parameters->m2_l1_c2 / parameters->m2_c2;
+    /* c2 = m2_c2_2/m2_c2 */
+    physical->c2 = parameters->m2_c2_2 / parameters->m2_c2;
+    physical->J1 = t0;
+    physical->J2 = parameters->J2;
+    physical->C1 = parameters->C1;
+    physical->C2 = parameters->C2;
+    physical->Kb = parameters->Kb;
+}
+
 void rotary_pendulum_regressor(const rotary_pendulum_motion *motion,
         const rotary_pendulum_constants *constants,
         double matrix[ROTARY_PENDULUM_EQUATIONS][ROTARY_PENDULUM_PARAMETERS])
@@ -164,6 +184,10 @@ void rotary_pendulum_feed_forward_with_regressor(const rotary_pendulum_motion *m
     /* e, m2_l1_c2 */
     const double t5 = t1 * (at.th2.dot * at.th2.dot) - t2 * at.th2.ddot;
     matrix[0][6] = t5;
+    /* e */
+    inputs->e = (at.th1.dot * parameters->C1 + t0 * parameters->Kb + at.th1.ddot *
+            parameters->m2_l1_2_plus_J1 + t4 * parameters->m2_c2_2 + t5 * parameters->m2_l1_c2) /
+            (constants->Kt * constants->Ku / constants->Rm);
     /* eq2, J2 */
     matrix[1][0] = at.th2.ddot;
     /* eq2, C2 */
@@ -174,10 +198,6 @@ void rotary_pendulum_feed_forward_with_regressor(const rotary_pendulum_motion *m
     matrix[1][6] = -(t2 * at.th1.ddot);
     /* eq2, m2_c2 */
     matrix[1][7] = -(9.8 * t1);
-    /* e */
-    inputs->e = (at.th1.dot * parameters->C1 + t0 * parameters->Kb + at.th1.ddot *
-            parameters->m2_l1_2_plus_J1 + t4 * parameters->m2_c2_2 + t5 * parameters->m2_l1_c2) /
-            (constants->Kt * constants->Ku / constants->Rm);
 }
 
 void rotary_pendulum_feed_forward_independent(const rotary_pendulum_motion *motion,

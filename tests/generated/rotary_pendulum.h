@@ -28,6 +28,7 @@
  * | `rotary_pendulum_feed_forward_independent` | 1 | 5 | 2 | 2 |
  * | `rotary_pendulum_feed_forward_dependent` | 4 | 12 | 3 | 2 |
  * | `rotary_pendulum_lump` | 1 | 5 | 0 | 0 |
+ * | `rotary_pendulum_unlump` | 1 | 3 | 4 | 0 |
  */
 #ifndef ROTARY_PENDULUM_H_INCLUDED
 #define ROTARY_PENDULUM_H_INCLUDED
@@ -175,6 +176,14 @@ void rotary_pendulum_lump(const rotary_pendulum_physical *physical,
         const rotary_pendulum_constants *constants, rotary_pendulum_parameters *parameters);
 
 /*
+ * The physical parameters that belong to these estimated ones, in closed form.
+ *
+ * Operations: 1 addition, 3 multiplications, 4 divisions.
+ */
+void rotary_pendulum_unlump(const rotary_pendulum_parameters *parameters,
+        const rotary_pendulum_constants *constants, rotary_pendulum_physical *physical);
+
+/*
  * The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u.
  *
  * Equation `e`:
@@ -247,9 +256,8 @@ void rotary_pendulum_feed_forward_with_regressor(const rotary_pendulum_motion *m
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own
- * coordinate
- * still while the others move. An actuator gives it as fast as its amplifier is, so that it needs
- * no low pass.
+ * coordinate still while the others move. An actuator gives it as fast as its amplifier is, so that
+ * it needs no low pass.
  *
  * Operations: 1 addition, 5 multiplications, 2 divisions, 2 function calls.
  */
@@ -259,8 +267,7 @@ void rotary_pendulum_feed_forward_independent(const rotary_pendulum_motion *moti
 
 /*
  * The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive.
- * With
- * `rotary_pendulum_feed_forward_independent` it adds up to `rotary_pendulum_feed_forward`.
+ * With `rotary_pendulum_feed_forward_independent` it adds up to `rotary_pendulum_feed_forward`.
  *
  * Operations: 4 additions, 12 multiplications, 3 divisions, 2 function calls.
  */

@@ -61,6 +61,26 @@ void rotary_pendulum_down_lump(const rotary_pendulum_down_physical *physical,
     parameters->m2_c2 = t0;
 }
 
+void rotary_pendulum_down_unlump(const rotary_pendulum_down_parameters *parameters,
+        const rotary_pendulum_down_constants *constants, rotary_pendulum_down_physical *physical)
+{
+    (void)constants;
+    /* J1 = (m2_l1_2_plus_J1*m2_c2_2 - m2_l1_c2^2)/m2_c2_2 */
+    const double t0 = (parameters->m2_l1_2_plus_J1 * parameters->m2_c2_2 - parameters->m2_l1_c2 *
+            parameters->m2_l1_c2) / parameters->m2_c2_2;
+    /* m2 = m2_c2^2/m2_c2_2 */
+    physical->m2 = parameters->m2_c2 * parameters->m2_c2 / parameters->m2_c2_2;
+    /* l1 = m2_l1_c2/m2_c2 */
+    physical->l1 = parameters->m2_l1_c2 / parameters->m2_c2;
+    /* c2 = m2_c2_2/m2_c2 */
+    physical->c2 = parameters->m2_c2_2 / parameters->m2_c2;
+    physical->J1 = t0;
+    physical->J2 = parameters->J2;
+    physical->C1 = parameters->C1;
+    physical->C2 = parameters->C2;
+    physical->Kb = parameters->Kb;
+}
+
 void rotary_pendulum_down_regressor(const rotary_pendulum_down_motion *motion,
         const rotary_pendulum_down_constants *constants,
         double matrix[ROTARY_PENDULUM_DOWN_EQUATIONS][ROTARY_PENDULUM_DOWN_PARAMETERS])
@@ -170,6 +190,10 @@ void rotary_pendulum_down_feed_forward_with_regressor(const rotary_pendulum_down
     /* e, m2_l1_c2 */
     const double t6 = t2 * (at.alpha2.dot * at.alpha2.dot) - t3 * at.alpha2.ddot;
     matrix[0][6] = t6;
+    /* e */
+    inputs->e = (at.th1.dot * parameters->C1 + t0 * parameters->Kb + at.th1.ddot *
+            parameters->m2_l1_2_plus_J1 + t5 * parameters->m2_c2_2 + t6 * parameters->m2_l1_c2) /
+            (constants->Kt * constants->Ku / constants->Rm);
     /* eq2, J2 */
     matrix[1][0] = at.alpha2.ddot;
     /* eq2, C2 */
@@ -180,10 +204,6 @@ void rotary_pendulum_down_feed_forward_with_regressor(const rotary_pendulum_down
     matrix[1][6] = -(t3 * at.th1.ddot);
     /* eq2, m2_c2 */
     matrix[1][7] = -(9.8 * t2);
-    /* e */
-    inputs->e = (at.th1.dot * parameters->C1 + t0 * parameters->Kb + at.th1.ddot *
-            parameters->m2_l1_2_plus_J1 + t5 * parameters->m2_c2_2 + t6 * parameters->m2_l1_c2) /
-            (constants->Kt * constants->Ku / constants->Rm);
 }
 
 void rotary_pendulum_down_feed_forward_independent(const rotary_pendulum_down_motion *motion,

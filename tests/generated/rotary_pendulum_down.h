@@ -29,6 +29,7 @@
  * | `rotary_pendulum_down_feed_forward_independent` | 2 | 5 | 2 | 2 |
  * | `rotary_pendulum_down_feed_forward_dependent` | 5 | 12 | 3 | 2 |
  * | `rotary_pendulum_down_lump` | 1 | 5 | 0 | 0 |
+ * | `rotary_pendulum_down_unlump` | 1 | 3 | 4 | 0 |
  */
 #ifndef ROTARY_PENDULUM_DOWN_H_INCLUDED
 #define ROTARY_PENDULUM_DOWN_H_INCLUDED
@@ -177,6 +178,14 @@ void rotary_pendulum_down_lump(const rotary_pendulum_down_physical *physical,
         rotary_pendulum_down_parameters *parameters);
 
 /*
+ * The physical parameters that belong to these estimated ones, in closed form.
+ *
+ * Operations: 1 addition, 3 multiplications, 4 divisions.
+ */
+void rotary_pendulum_down_unlump(const rotary_pendulum_down_parameters *parameters,
+        const rotary_pendulum_down_constants *constants, rotary_pendulum_down_physical *physical);
+
+/*
  * The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u.
  *
  * Equation `e`:
@@ -249,9 +258,8 @@ void rotary_pendulum_down_feed_forward_with_regressor(const rotary_pendulum_down
 
 /*
  * The motion-independent part of the feed-forward: of every input the reaction that holds its own
- * coordinate
- * still while the others move. An actuator gives it as fast as its amplifier is, so that it needs
- * no low pass.
+ * coordinate still while the others move. An actuator gives it as fast as its amplifier is, so that
+ * it needs no low pass.
  *
  * Operations: 2 additions, 5 multiplications, 2 divisions, 2 function calls.
  */
@@ -261,8 +269,7 @@ void rotary_pendulum_down_feed_forward_independent(const rotary_pendulum_down_mo
 
 /*
  * The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive.
- * With
- * `rotary_pendulum_down_feed_forward_independent` it adds up to
+ * With `rotary_pendulum_down_feed_forward_independent` it adds up to
  * `rotary_pendulum_down_feed_forward`.
  *
  * Operations: 5 additions, 12 multiplications, 3 divisions, 2 function calls.

@@ -114,6 +114,38 @@ void three_carts_lump(const three_carts_physical *physical, three_carts_paramete
     parameters->c14 = physical->k2;
 }
 
+void three_carts_unlump(const three_carts_parameters *parameters, three_carts_physical *physical)
+{
+    /* g1 = (-3*c1*c10*c14 + 3*c2*c5*c14 - c5^2*c13)/c5^2 */
+    const double t0 = parameters->c1 * parameters->c14;
+    const double t1 = parameters->c14 * parameters->c5;
+    const double t2 = parameters->c5 * parameters->c5;
+    const double t3 = (3.0 * (t1 * parameters->c2) - 3.0 * (t0 * parameters->c10) - t2 *
+            parameters->c13) / t2;
+    /* m3/g2 = (3*c1*c14^2 - c5*c9*c14 + c5*c10*c13/3 + c5*c10*g1/3)/c5/c14/g1 */
+    const double t4 = parameters->c10 * parameters->c5;
+    const double t5 = (3.0 * (t0 * parameters->c14) + 0.3333333333333333 * (t4 * parameters->c13) +
+            0.3333333333333333 * (t4 * t3) - t1 * parameters->c9) / (parameters->c5 *
+            parameters->c14 * t3);
+    /* g2 = (-c5*g1/3 + c10*g1*(m3/g2)/3 - c14*g1*(m3/g2)^2)/c14/(m3/g2)^2 */
+    const double t6 = 0.3333333333333333 * (parameters->c5 * t3);
+    const double t7 = t3 * t5;
+    const double t8 = (0.3333333333333333 * (parameters->c10 * t7) - t6 - parameters->c14 * t7 * t5)
+            / (parameters->c14 * (t5 * t5));
+    /* m1 = 3*c1*c14/c5 */
+    physical->m1 = 3.0 * t0 / parameters->c5;
+    /* m2 = c5*g1/3/c14/(m3/g2) */
+    physical->m2 = t6 / (parameters->c14 * t5);
+    /* m3 = (m3/g2)*g2 */
+    physical->m3 = t5 * t8;
+    /* k1 = c13 */
+    physical->k1 = parameters->c13;
+    /* k2 = c14 */
+    physical->k2 = parameters->c14;
+    physical->g1 = t3;
+    physical->g2 = t8;
+}
+
 void three_carts_regressor(const three_carts_motion *motion,
         double matrix[THREE_CARTS_EQUATIONS][THREE_CARTS_PARAMETERS])
 {

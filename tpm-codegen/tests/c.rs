@@ -10,11 +10,11 @@ mod support;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use support::exact::{Point, Sum, exact, harmonic_power};
+use support::exact::{Point, Sum, exact, harmonic_power, unlumped};
 use support::{estimator, models_in};
 use tpm_codegen::emit::estimator::Estimator;
 use tpm_codegen::generate::{File, Language, Options, Scalar, generate};
-use tpm_symbolic::estimator::{PatternPlan, TablePlan};
+use tpm_symbolic::estimator::{PatternPlan, TablePlan, Unlumping};
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::rational;
@@ -88,6 +88,8 @@ struct Case {
     parameters: Vec<f64>,
     constants: Vec<f64>,
     physical: Vec<f64>,
+    /// The columns of `physical`, rounded, where the way back exists.
+    lumped: Vec<f64>,
     patterns: Vec<PatternCase>,
 }
 
@@ -104,7 +106,7 @@ struct PatternCase {
 
 impl Case {
     fn numbers(&self) -> Vec<f64> {
-        let mut list = [&self.motion[..], &self.parameters, &self.constants, &self.physical].concat();
+        let mut list = [&self.motion[..], &self.parameters, &self.constants, &self.physical, &self.lumped].concat();
         for pattern in &self.patterns {
             list.extend(&pattern.values);
             list.extend([pattern.phase, pattern.cosine, pattern.sine]);
@@ -130,6 +132,10 @@ fn driver(estimator: &Estimator, scalar: Scalar) -> String {
         declared.push_str("    t_physical physical; t_parameters lumped;\n");
         body.push_str("        FILL(physical);\n");
     }
+    if unlumping(estimator).is_some() {
+        declared.push_str("    t_parameters given; t_physical back;\n");
+        body.push_str("        FILL(given);\n");
+    }
     declared.push_str(&format!("    {real} phi[T_EQUATIONS][T_PARAMETERS]; {real} map[T_EQUATIONS][T_INPUTS];\n"));
     body.push_str(&format!(
         "        t_regressor(&motion{constants}, phi); SHOW(phi);
@@ -152,6 +158,9 @@ fn driver(estimator: &Estimator, scalar: Scalar) -> String {
     }
     if plan.lumping.is_some() {
         body.push_str(&format!("        t_lump(&physical{constants}, &lumped); SHOW(lumped);\n"));
+    }
+    if unlumping(estimator).is_some() {
+        body.push_str(&format!("        t_unlump(&given{constants}, &back); SHOW(back);\n"));
     }
     for (index, pattern) in plan.patterns.iter().enumerate() {
         let part = part(estimator, pattern);
@@ -268,6 +277,11 @@ int main(void)
     )
 }
 
+/// The way back from the columns, where there is one.
+fn unlumping(estimator: &Estimator) -> Option<&Unlumping> {
+    estimator.plan.unlumping.as_ref()?.as_ref().ok()
+}
+
 /// Whether the code has the exact pseudo-inverse.
 fn has_direct(estimator: &Estimator) -> bool {
     generated(estimator, Scalar::Double).iter().any(|file| file.text.contains("identify_direct("))
@@ -360,10 +374,16 @@ fn cases(estimator: &Estimator, scalar: Scalar, count: u64) -> Vec<Case> {
                 parameters: random.list(estimator.form.columns.len()),
                 constants: random.list(plan.evaluation.constants.len()),
                 physical: random.list(physical),
+                lumped: Vec::new(),
                 patterns: Vec::new(),
             };
             // Physical parameters stand in denominators too.
             case.physical.iter_mut().chain(&mut case.constants).filter(|value| **value == 0.0).for_each(|v| *v = 1.0);
+            if unlumping(estimator).is_some() {
+                let point = Point { estimator, motion: &[], constants: &case.constants, physical: &case.physical };
+                let lumped = estimator.form.columns.iter().map(|column| point.lumped(column).value);
+                case.lumped = lumped.map(|value| rounded(scalar, &value)).collect();
+            }
             // Where functions of positions have exact values.
             if seed % 4 == 3 {
                 let mut at = 0;
@@ -481,6 +501,25 @@ fn check_dynamics(estimator: &Estimator, case: &Case, found: &mut Found<'_>) {
     if estimator.plan.lumping.is_some() {
         for column in &estimator.form.columns {
             found.check("lump", &point.lumped(column), ROUNDINGS);
+        }
+    }
+    if let Some(Unlumping { inverse, .. }) = unlumping(estimator) {
+        let constant = |symbol: Symbol| {
+            let place = estimator.plan.evaluation.constants.iter().position(|present| *present == symbol);
+            exact(case.constants[place.expect("a constant of the model")])
+        };
+        // Exactly there and back, and then at what the code was given.
+        let columns: Vec<Rational> = estimator.form.columns.iter().map(|column| point.lumped(column).value).collect();
+        let back = unlumped(&estimator.model, inverse, &columns, constant);
+        for (back, physical) in back.iter().flatten().zip(&case.physical) {
+            assert_eq!(back.value, exact(*physical), "{}: the inverse is exact", found.what);
+        }
+        let columns: Vec<Rational> = case.lumped.iter().map(|value| exact(*value)).collect();
+        match unlumped(&estimator.model, inverse, &columns, constant) {
+            Some(parameters) => parameters.iter().for_each(|sum| found.check("unlump", sum, ROUNDINGS)),
+            None => (0..case.physical.len()).for_each(|_| {
+                found.next();
+            }),
         }
     }
 }

@@ -101,6 +101,31 @@ fn numbers_beyond_double_precision_are_refused() {
     assert!(error.to_string().contains("beyond double precision"), "{error}");
 }
 
+/// The generated C of a model in the language.
+fn header_of(text: &str) -> String {
+    let source = tpm_codegen::Source::from_bytes("model.tpm", text.as_bytes().to_vec());
+    let parsed = tpm_codegen::parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let estimator = Estimator::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message));
+    let files = generate(&estimator, &Options::new(Language::C, "tpm generate")).expect("emits");
+    // Lines are broken anywhere.
+    files[0].text.replace("\n * ", " ")
+}
+
+#[test]
+fn the_way_back_to_physical_parameters_is_there_or_said_to_be_missing() {
+    let model = |equation: &str| format!("model M {{ coordinate x; input u; parameter m, a, b; {equation} = u; }}");
+    let there = header_of(&model("m*ddot(x) + a*b*x + a^2*b*dot(x)"));
+    assert!(there.contains("void m_unlump(") && !there.contains("no way back"), "{there}");
+    let open = header_of(&model("m*ddot(x) + a*b*x"));
+    assert!(open.contains("void m_lump(") && !open.contains("unlump"), "{open}");
+    assert!(open.contains("the estimated parameters do not determine `a`, `b`"), "{open}");
+    let root = header_of(&model("m*ddot(x) + a^2*x + b*dot(x)"));
+    assert!(!root.contains("unlump") && root.contains("no rational function of the estimated"), "{root}");
+    assert!(root.contains("gives `a`."), "{root}");
+    let own = header_of(&model("m*ddot(x) + a*x + b*dot(x)"));
+    assert!(!own.contains("lump") && !own.contains("no way back"), "{own}");
+}
+
 #[test]
 fn a_model_without_a_pattern_is_whole_for_logs() {
     let mut model = mass_spring_drag();

@@ -164,7 +164,9 @@ impl PhysicalFit {
     /// The closed inverse, where there is one, of lumped parameters that need not be consistent.
     fn closed(&self, lumped: &[f64]) -> Vec<f64> {
         let mut closed = vec![f64::NAN; self.map.parameters().len()];
-        for (symbol, value) in self.inverse.evaluate(lumped) {
+        for (symbol, value) in
+            self.inverse.evaluate(lumped, |constant| self.fixed.constants.get(&constant).copied().unwrap_or(f64::NAN))
+        {
             if let Some(i) = self.map.parameters().iter().position(|parameter| *parameter == symbol) {
                 closed[i] = value;
             }

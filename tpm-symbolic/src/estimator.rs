@@ -9,9 +9,12 @@ use crate::evaluation::Evaluation;
 use crate::expand::{ExpandError, expand};
 use crate::expr::{Coordinate, ExprId, Function, Graph, Node, Symbol};
 use crate::fourier::{Fourier, Trig};
+use crate::fraction::Fraction;
 use crate::model::{Kind, Model};
+use crate::parameter_map::{Inverse, ParameterMap, Variable};
 use crate::pattern::{Motion, Pattern};
 use crate::plan::{Merger, Op, Plan, Slot};
+use crate::polynomial::Polynomial;
 use crate::rational;
 use crate::regressor::RegressorForm;
 use crate::split::split_form;
@@ -95,6 +98,34 @@ pub enum PatternGap {
     },
 }
 
+/// Why the physical parameters do not follow from the columns.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum UnlumpGap {
+    /// Different physical parameters have the same columns.
+    #[error("the estimated parameters do not determine {}", quoted(.0))]
+    NotDetermined(Vec<String>),
+    /// The columns determine the parameters, at least locally, but not by a rational function that was found.
+    #[error("no rational function of the estimated parameters was found that gives {}", quoted(.0))]
+    NoClosedForm(Vec<String>),
+}
+
+fn quoted(names: &[String]) -> String {
+    names.iter().map(|name| format!("`{name}`")).collect::<Vec<String>>().join(", ")
+}
+
+/// The exact inverse of the lumping.
+#[derive(Clone, Debug)]
+pub struct Unlumping {
+    /// The lumping.
+    pub map: ParameterMap,
+    /// Its inverse, complete: every parameter of the model is solved.
+    pub inverse: Inverse,
+    /// The intermediate quantities of the inverse that a parameter needs.
+    pub intermediates: Vec<usize>,
+    /// The outputs are those intermediates, then the model's parameters; leaves are columns and constants.
+    pub plan: Plan,
+}
+
 /// A row of the table: equation, harmonic, cosine or sine.
 pub type TableRow = (usize, usize, Trig);
 
@@ -145,6 +176,8 @@ pub struct EstimatorPlan {
     pub feed_forward_parts: Option<[Plan; 2]>,
     /// The columns from the physical parameters; `None` when every column is one of them.
     pub lumping: Option<Plan>,
+    /// The physical parameters from the columns, when `lumping` is some.
+    pub unlumping: Option<Result<Unlumping, UnlumpGap>>,
     /// One per pattern of the model.
     pub patterns: Vec<PatternPlan>,
 }
@@ -175,6 +208,7 @@ impl EstimatorPlan {
             feed_forward_parts: feed_forward_parts(model, leaves, form),
             inverse_dynamics,
             lumping: lumping(model, form),
+            unlumping: unlumping(model, leaves, form),
             patterns: model
                 .patterns
                 .iter()
@@ -266,6 +300,107 @@ fn lumping(model: &Model, form: &RegressorForm) -> Option<Plan> {
         })
         .collect();
     Some(Plan::new(&graph, &roots))
+}
+
+fn unlumping(model: &Model, leaves: Leaves, form: &RegressorForm) -> Option<Result<Unlumping, UnlumpGap>> {
+    if form.columns.iter().all(|column| column.parameter.is_some()) {
+        return None;
+    }
+    let map = ParameterMap::of(model, form);
+    let inverse = map.inverse();
+    let value = |parameter: Symbol| inverse.solved.iter().find(|(solved, _)| *solved == parameter).map(|(_, v)| v);
+    let parameters: Vec<Symbol> = model.parameters().collect();
+    let names = |chosen: &dyn Fn(Symbol) -> bool| -> Vec<String> {
+        let chosen = parameters.iter().filter(|parameter| chosen(**parameter));
+        chosen.map(|parameter| model.quantity(*parameter).name.to_string()).collect()
+    };
+    let missing = names(&|parameter| value(parameter).is_none());
+    if !missing.is_empty() {
+        let determined = map.local_identifiability().map(|local| local.determined).unwrap_or_default();
+        let is_open = |parameter: Symbol| match map.parameters().iter().position(|own| *own == parameter) {
+            Some(position) => determined.get(position) == Some(&false),
+            None => true,
+        };
+        let open = names(&is_open);
+        return Some(Err(match open.is_empty() {
+            true => UnlumpGap::NoClosedForm(missing),
+            false => UnlumpGap::NotDetermined(open),
+        }));
+    }
+    // An intermediate is made of those before it.
+    let mut needed = vec![false; inverse.intermediates.len()];
+    let mark = |needed: &mut Vec<bool>, value: &Fraction<Variable>| {
+        let factors = value.denominator().map(|(factor, _)| factor);
+        for variable in std::iter::once(value.numerator())
+            .chain(factors)
+            .flat_map(Polynomial::terms)
+            .flat_map(|(monomial, _)| monomial.factors().map(|(&variable, _)| variable).collect::<Vec<Variable>>())
+        {
+            if let Some(place) = variable.checked_sub(inverse.given()) {
+                needed[place] = true;
+            }
+        }
+    };
+    inverse.solved.iter().for_each(|(_, value)| mark(&mut needed, value));
+    for index in (0..inverse.intermediates.len()).rev() {
+        if needed[index] {
+            mark(&mut needed, &inverse.intermediates[index].value);
+        }
+    }
+    let intermediates: Vec<usize> = (0..needed.len()).filter(|&index| needed[index]).collect();
+    // An intermediate is a symbol of its own, so that what follows from it is computed from it, as the formulas say.
+    let own =
+        |index: usize| Symbol(leaves.sin().0 + 1 + u32::try_from(index).expect("invariant: intermediates are few"));
+    let given = (0..form.columns.len()).map(|index| leaves.column(index)).chain(inverse.constants.iter().copied());
+    let variables: Vec<Symbol> = given.chain((0..inverse.intermediates.len()).map(own)).collect();
+    let values = intermediates.iter().map(|&index| &inverse.intermediates[index].value);
+    let solved = parameters.iter().map(|&parameter| value(parameter).expect("invariant: no parameter is missing"));
+    let mut graph = Graph::new();
+    let roots: Vec<ExprId> = values.chain(solved).map(|value| fraction_expr(&mut graph, value, &variables)).collect();
+    let open = Plan::new(&graph, &roots);
+    let mut merger = Merger::default();
+    let mut slots: Vec<Slot> = Vec::with_capacity(open.ops.len());
+    for op in &open.ops {
+        let at = |slot: Slot| slots[slot.index()];
+        let slot = match op {
+            Op::Load(input) => {
+                let leaf = &open.inputs[*input as usize];
+                // Its own value stands before every use.
+                match intermediates.iter().position(|&index| *leaf == Node::Symbol(own(index))) {
+                    Some(output) => at(open.outputs[output]),
+                    None => merger.load(leaf),
+                }
+            }
+            op => merger.emit(op.map(at)),
+        };
+        slots.push(slot);
+    }
+    let plan = merger.finish(open.outputs.iter().map(|slot| slots[slot.index()]).collect());
+    Some(Ok(Unlumping { map, inverse, intermediates, plan }))
+}
+
+fn fraction_expr(graph: &mut Graph, value: &Fraction<Variable>, variables: &[Symbol]) -> ExprId {
+    let power = |graph: &mut Graph, (&variable, exponent): (&Variable, i32)| {
+        let base = graph.symbol(variables[variable]);
+        graph.pow(base, exponent)
+    };
+    let sum = |graph: &mut Graph, polynomial: &Polynomial<Variable>| {
+        let mut terms = Vec::with_capacity(polynomial.len());
+        for (monomial, coefficient) in polynomial.terms() {
+            let factors: Vec<ExprId> = monomial.factors().map(|factor| power(graph, factor)).collect();
+            let product = graph.product(&factors);
+            terms.push(graph.scale(product, coefficient.clone()));
+        }
+        graph.sum(&terms)
+    };
+    let (numerator, below) = value.cleared();
+    let mut factors = vec![sum(graph, &numerator)];
+    factors.extend(below.factors().map(|(variable, exponent)| power(graph, (variable, -exponent))));
+    for (factor, exponent) in value.denominator() {
+        let base = sum(graph, factor);
+        factors.push(graph.pow(base, -i32::try_from(exponent).expect("invariant: exponents are small")));
+    }
+    graph.product(&factors)
 }
 
 fn pattern_plan(

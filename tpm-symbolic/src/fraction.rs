@@ -229,6 +229,15 @@ impl<V: Ord + Clone> Fraction<V> {
         result
     }
 
+    /// The numerator as a polynomial without negative exponents, and the product that it stands over beside the factors of
+    /// [`Self::denominator`]: as one would write it.
+    #[must_use]
+    pub fn cleared(&self) -> (Polynomial<V>, Monomial<V>) {
+        let content = least_exponents(&self.numerator);
+        let below: Monomial<V> = content.factors().filter(|(_, e)| *e < 0).map(|(v, e)| (v.clone(), -e)).collect();
+        (self.numerator.mul_monomial(&below), below)
+    }
+
     /// The fraction in the model language, given the names of the variables.
     #[must_use]
     pub fn display(&self, mut name: impl FnMut(&V) -> String) -> String {
@@ -237,12 +246,8 @@ impl<V: Ord + Clone> Fraction<V> {
                 |(base, exponent): (String, u32)| if exponent == 1 { base } else { format!("{base}^{exponent}") };
             factors.into_iter().map(text).collect()
         };
-        // A common monomial denominator is moved out of the numerator, as one would write it.
-        let content = least_exponents(&self.numerator);
-        let (below, _): (Vec<_>, Vec<_>) = content.factors().partition(|(_, exponent)| *exponent < 0);
-        let lowered: Monomial<V> = below.iter().map(|(v, e)| ((*v).clone(), -e)).collect();
-        let numerator = self.numerator.mul_monomial(&lowered);
-        let mut divisors = powers(below.iter().map(|(v, e)| (name(v), e.unsigned_abs())).collect());
+        let (numerator, below) = self.cleared();
+        let mut divisors = powers(below.factors().map(|(v, e)| (name(v), e.unsigned_abs())).collect());
         let factors: Vec<(String, u32)> = self
             .denominator
             .iter()

@@ -12,16 +12,17 @@
 //! m2 = c2 - m1 - k1 m2/k3. A definition that reduces to nothing is a constraint among the c (c4 = c3^2/(3 c7),
 //! c5 = c3^3/(27 c7^2)). Sums that divide several definitions, such as m2/g1 + m3/g1 + m3/g2 in three carts, count as
 //! quantities of their own, so that relations between their powers come out as short as they are. A value that is more than a single product becomes an intermediate quantity with a name of its
-//! own, so that expressions do not grow from step to step.
+//! own, so that expressions do not grow from step to step. Constants are known from the beginning.
 
 use crate::expr::{Coordinate, ExprId, Graph, Names, Node, Symbol};
 use crate::fraction::{Fraction, display_polynomial, exact_quotient, primitive_part};
 use crate::generic;
 use crate::linalg;
-use crate::model::{Kind, Quantity};
+use crate::model::{Kind, Model, Quantity};
 use crate::polynomial::{Monomial, Polynomial};
 use crate::prepare::Prepared;
 use crate::rational::{self, Rational};
+use crate::regressor::RegressorForm;
 use num_traits::{One, Zero};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -45,7 +46,8 @@ pub struct LocalIdentifiability {
     pub determined: Vec<bool>,
 }
 
-/// A variable of an inverse: `Variable(j)` is column j, and beyond the columns come the intermediate quantities.
+/// A variable of an inverse: `Variable(j)` is column j; beyond the columns come the constants that are known at run time,
+/// and then the intermediate quantities.
 pub type Variable = usize;
 
 /// A product of parameters with a value of more than one term.
@@ -70,8 +72,10 @@ pub struct Constraint {
 #[derive(Clone, Debug)]
 pub struct Inverse {
     graph: Graph,
-    /// Number of columns, and index of the first intermediate.
+    /// Number of columns.
     pub columns: usize,
+    /// The constants that the definitions read and that have their values at run time only.
+    pub constants: Vec<Symbol>,
     /// Intermediate quantities, each in terms of the columns and those before it.
     pub intermediates: Vec<Intermediate>,
     /// Parameters with a closed form, in order of declaration.
@@ -83,12 +87,18 @@ pub struct Inverse {
 }
 
 impl Inverse {
-    /// An expression with the intermediates replaced; `None` when it grows beyond use.
+    /// Number of variables that are given, which is the index of the first intermediate.
+    #[must_use]
+    pub fn given(&self) -> usize {
+        self.columns + self.constants.len()
+    }
+
+    /// An expression with the intermediates replaced, over columns and constants; `None` when it grows beyond use.
     #[must_use]
     pub fn over_columns(&self, value: &Fraction<Variable>) -> Option<Fraction<usize>> {
         let mut value = value.clone();
         for (i, intermediate) in self.intermediates.iter().enumerate().rev() {
-            let index = self.columns + i;
+            let index = self.given() + i;
             let occurs = |polynomial: &Polynomial<Variable>| {
                 polynomial.terms().any(|(monomial, _)| monomial.exponent(&index) != 0)
             };
@@ -105,10 +115,11 @@ impl Inverse {
         Some(value)
     }
 
-    /// The solved parameters in double precision, given the columns.
+    /// The solved parameters in double precision, given the columns and the constants known at run time.
     #[must_use]
-    pub fn evaluate(&self, columns: &[f64]) -> Vec<(Symbol, f64)> {
+    pub fn evaluate(&self, columns: &[f64], constant: impl FnMut(Symbol) -> f64) -> Vec<(Symbol, f64)> {
         let mut values = columns.to_vec();
+        values.extend(self.constants.iter().copied().map(constant));
         for intermediate in &self.intermediates {
             let value = intermediate.value.evaluate_f64(|&variable| values[variable]);
             values.push(value);
@@ -121,6 +132,7 @@ impl Inverse {
     #[must_use]
     pub fn holds(&self, map: &ParameterMap) -> Option<bool> {
         let mut known = map.rational_definitions()?;
+        known.extend(self.constants.iter().map(|&constant| Fraction::variable(constant)));
         for intermediate in &self.intermediates {
             let product = Polynomial::term(intermediate.product.clone(), Rational::one());
             let product = map.rational_in(&self.graph, &product)?;
@@ -149,19 +161,26 @@ impl Inverse {
     /// An expression in the model language; intermediates appear as the products they stand for.
     #[must_use]
     pub fn display(&self, map: &ParameterMap, value: &Fraction<Variable>) -> String {
-        value.display(|&variable| match self.intermediates.get(variable.wrapping_sub(self.columns)) {
-            None => map.columns[variable].clone(),
+        value.display(|&variable| match self.intermediates.get(variable.wrapping_sub(self.given())) {
+            None => match self.constants.get(variable.wrapping_sub(self.columns)) {
+                None => map.columns[variable].clone(),
+                Some(&constant) => map.name(constant).to_owned(),
+            },
             Some(intermediate) => {
-                let mut factors = intermediate.product.factors();
-                match (factors.next(), factors.next()) {
-                    (Some((&atom, 1)), None) => self.graph.display(atom, map),
-                    _ => {
-                        let product = Polynomial::term(intermediate.product.clone(), Rational::one());
-                        format!("({})", display_polynomial(&product, |&atom| self.graph.display(atom, map)))
-                    }
+                let product = self.display_product(map, intermediate);
+                match intermediate.product.factors().next() {
+                    Some((_, 1)) if intermediate.product.factors().len() == 1 => product,
+                    _ => format!("({product})"),
                 }
             }
         })
+    }
+
+    /// The product that an intermediate stands for, in the model language.
+    #[must_use]
+    pub fn display_product(&self, map: &ParameterMap, intermediate: &Intermediate) -> String {
+        let product = Polynomial::term(intermediate.product.clone(), Rational::one());
+        display_polynomial(&product, |&atom| self.graph.display(atom, map))
     }
 }
 
@@ -169,15 +188,21 @@ impl ParameterMap {
     /// The map of a prepared model.
     #[must_use]
     pub fn new(prepared: &Prepared) -> Self {
-        let mut graph = prepared.model.graph.clone();
+        Self::of(&prepared.model, &prepared.form)
+    }
+
+    /// The map of a regressor form that belongs to `model`.
+    #[must_use]
+    pub fn of(model: &Model, form: &RegressorForm) -> Self {
+        let mut graph = model.graph.clone();
         let definitions: Vec<Polynomial<ExprId>> =
-            prepared.form.columns.iter().map(|column| column.definition.clone()).collect();
+            form.columns.iter().map(|column| column.definition.clone()).collect();
         let atoms = atoms_of(&definitions);
         let symbols: BTreeSet<Symbol> = atoms
             .iter()
             .flat_map(|&atom| graph.leaves(atom))
             .filter_map(|leaf| match graph.node(leaf) {
-                Node::Symbol(symbol) if prepared.model.quantity(*symbol).kind == Kind::Parameter => Some(*symbol),
+                Node::Symbol(symbol) if model.quantity(*symbol).kind == Kind::Parameter => Some(*symbol),
                 _ => None,
             })
             .collect();
@@ -200,8 +225,8 @@ impl ParameterMap {
             row.collect()
         });
         let jacobian = jacobian.collect();
-        let columns = prepared.form.columns.iter().map(|column| column.name.to_string()).collect();
-        Self { graph, quantities: prepared.model.symbols.clone(), columns, parameters, definitions, jacobian }
+        let columns = form.columns.iter().map(|column| column.name.to_string()).collect();
+        Self { graph, quantities: model.symbols.clone(), columns, parameters, definitions, jacobian }
     }
 
     /// The physical parameters, in order of declaration.
@@ -454,6 +479,8 @@ struct Inversion<'a> {
     graph: Graph,
     atoms: Vec<ExprId>,
     equations: Vec<Equation>,
+    /// Known at run time.
+    constants: Vec<Symbol>,
     lattice: Lattice,
     intermediates: Vec<Intermediate>,
     constraints: Vec<Constraint>,
@@ -492,16 +519,28 @@ impl<'a> Inversion<'a> {
         });
         let mut equations: Vec<Equation> = equations.collect();
         equations.sort_by_key(|equation| equation.weight);
-        Self {
-            map,
-            graph,
-            atoms,
-            equations,
-            lattice: Lattice { basis: Vec::new() },
-            intermediates: Vec::new(),
-            constraints: Vec::new(),
-            witness: map.evaluate_exact(|symbol| generic::value(0, symbol.0 as usize)),
+        let mut lattice = Lattice { basis: Vec::new() };
+        let mut constants = Vec::new();
+        for (position, &atom) in atoms.iter().enumerate() {
+            let Node::Symbol(symbol) = *graph.node(atom) else { continue };
+            let Kind::Constant { value } = &map.quantities[symbol.0 as usize].kind else { continue };
+            let known = match value {
+                // A product that is zero has no place among those that are divided by.
+                Some(value) if value.is_zero() => continue,
+                Some(value) => Fraction::constant(value.clone()),
+                None => {
+                    constants.push(symbol);
+                    Fraction::variable(map.definitions.len() + constants.len() - 1)
+                }
+            };
+            lattice.insert((0..atoms.len()).map(|other| i32::from(other == position)).collect(), known);
         }
+        let mut witness = map.evaluate_exact(|symbol| generic::value(0, symbol.0 as usize));
+        if let Some(point) = &mut witness {
+            point.extend(constants.iter().map(|constant| generic::value(0, constant.0 as usize)));
+        }
+        let (intermediates, constraints) = (Vec::new(), Vec::new());
+        Self { map, graph, atoms, equations, constants, lattice, intermediates, constraints, witness }
     }
 
     fn exponents(&self, monomial: &Monomial<ExprId>) -> Exponents {
@@ -573,6 +612,7 @@ impl<'a> Inversion<'a> {
         Inverse {
             graph: self.graph,
             columns,
+            constants: self.constants,
             intermediates: self.intermediates,
             solved,
             unsolved,
@@ -634,7 +674,7 @@ impl<'a> Inversion<'a> {
         }
         let factors = self.atoms.iter().zip(product).map(|(&atom, &exponent)| (atom, exponent));
         self.intermediates.push(Intermediate { product: factors.collect(), value });
-        Fraction::variable(self.map.definitions.len() + self.intermediates.len() - 1)
+        Fraction::variable(self.map.definitions.len() + self.constants.len() + self.intermediates.len() - 1)
     }
 
     /// Gauss-Jordan elimination of the unknown products; an equation that reduces to nothing keeps its own right-hand

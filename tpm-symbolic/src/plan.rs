@@ -120,6 +120,35 @@ impl Plan {
         builder.merger.finish(outputs)
     }
 
+    /// The same operations in the order in which the outputs, one after the other, need them.
+    #[must_use]
+    pub fn scheduled(&self) -> Self {
+        let mut merger = Merger::default();
+        let mut slots: Vec<Option<Slot>> = vec![None; self.ops.len()];
+        let mut outputs = Vec::with_capacity(self.outputs.len());
+        for &output in &self.outputs {
+            let mut stack = vec![output];
+            while let Some(&slot) = stack.last() {
+                let op = &self.ops[slot.index()];
+                let missing: Vec<Slot> = op.operands().filter(|operand| slots[operand.index()].is_none()).collect();
+                if slots[slot.index()].is_none() && !missing.is_empty() {
+                    // Reversed, so that the first operand is computed first.
+                    stack.extend(missing.into_iter().rev());
+                    continue;
+                }
+                stack.pop();
+                let at = |slot: Slot| slots[slot.index()].expect("invariant: operands come first");
+                let found = slots[slot.index()].unwrap_or_else(|| match op {
+                    Op::Load(index) => merger.load(&self.inputs[*index as usize]),
+                    op => merger.emit(op.map(at)),
+                });
+                slots[slot.index()] = Some(found);
+            }
+            outputs.push(slots[output.index()].expect("invariant: an output is computed"));
+        }
+        Self { inputs: merger.inputs, ops: merger.ops, outputs }
+    }
+
     /// The exact values of the outputs, given exact leaves; `None` when pi, a function without a rational value or a
     /// division by zero stands in the way.
     #[must_use]

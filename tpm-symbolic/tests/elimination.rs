@@ -268,7 +268,7 @@ fn the_inverse_of_two_carts_and_its_constraints() {
     assert_eq!(whole.as_polynomial().map(Polynomial::len), Some(3));
     // And in numbers.
     let point = |symbol: Symbol| 1.0 + 0.3 * f64::from(symbol.0);
-    for (parameter, value) in inverse.evaluate(&map.evaluate(point)) {
+    for (parameter, value) in inverse.evaluate(&map.evaluate(point), point) {
         assert!((value - point(parameter)).abs() < 1e-12, "{}", map.name(parameter));
     }
 }
@@ -287,7 +287,7 @@ fn longer_chains_have_closed_inverses_too() {
         let short = |c: &Constraint| c.value.as_polynomial().is_some_and(|value| value.len() == 1);
         assert!(inverse.constraints.iter().filter(|c| short(c)).count() >= constraints - masses as usize + 2);
         let point = |symbol: Symbol| 1.0 + 0.3 * f64::from(symbol.0);
-        for (parameter, value) in inverse.evaluate(&map.evaluate(point)) {
+        for (parameter, value) in inverse.evaluate(&map.evaluate(point), point) {
             assert!((value - point(parameter)).abs() < 1e-7, "{} {value}", map.name(parameter));
         }
     }

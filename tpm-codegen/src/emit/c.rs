@@ -52,7 +52,7 @@ pub struct Files {
 }
 
 /// What the functions and types of the dynamics are called behind the prefix: no name of a model may be one of them.
-const DYNAMICS: [&str; 33] = [
+const DYNAMICS: [&str; 34] = [
     "common_feed_forward",
     "common_feed_forward_settle",
     "common_filters",
@@ -86,6 +86,7 @@ const DYNAMICS: [&str; 33] = [
     "split_feed_forward",
     "split_feed_forward_settle",
     "split_filters",
+    "unlump",
 ];
 
 /// The same of a pattern.
@@ -220,6 +221,7 @@ impl<'a> Context<'a> {
             Role::FeedForwardIndependent => "feed_forward_independent".to_owned(),
             Role::FeedForwardDependent => "feed_forward_dependent".to_owned(),
             Role::Lump => "lump".to_owned(),
+            Role::Unlump => "unlump".to_owned(),
             Role::Reference(pattern) => self.of_pattern(pattern, "reference_at"),
             Role::EstimatorMatrix(pattern) => self.of_pattern(pattern, "estimator_matrix"),
             Role::Accumulate(pattern) => self.of_pattern(pattern, "accumulate_at"),

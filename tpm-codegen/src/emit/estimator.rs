@@ -147,6 +147,7 @@ impl Estimator {
             .chain([&plan.inverse_dynamics])
             .chain(plan.feed_forward_parts.iter().flatten())
             .chain(&plan.lumping)
+            .chain(plan.unlumping.iter().flatten().map(|unlumping| &unlumping.plan))
             .chain(references)
             .chain(tables)
     }

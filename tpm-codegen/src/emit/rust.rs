@@ -150,6 +150,7 @@ impl<'a> Context<'a> {
             Role::FeedForwardIndependent => "feed_forward_independent".to_owned(),
             Role::FeedForwardDependent => "feed_forward_dependent".to_owned(),
             Role::Lump => "Physical::lump".to_owned(),
+            Role::Unlump => "Parameters::unlump".to_owned(),
             Role::Reference(pattern) => of(pattern, "Pattern::reference"),
             Role::EstimatorMatrix(pattern) => of(pattern, "Pattern::estimator_matrix"),
             Role::Accumulate(pattern) => of(pattern, "Accumulator::push_at"),
@@ -220,7 +221,8 @@ pub fn file(estimator: &Estimator, options: &Options<'_>) -> Result<String, syn:
     let parsed: syn::File = syn::parse2(items)?;
     let mut text = String::new();
     let docs = if options.standalone { docs + ALONE } else { docs };
-    for line in docs.lines() {
+    for line in text::filled(&docs, record::WIDTH) {
+        let line = line.as_str();
         text.push_str(if line.is_empty() { "//!" } else { "//! " });
         text.push_str(line);
         text.push('\n');
@@ -245,10 +247,10 @@ pub fn file(estimator: &Estimator, options: &Options<'_>) -> Result<String, syn:
             Some(number) => {
                 let indent = &line[..line.len() - line.trim_start().len()];
                 let comment = number.parse().ok().and_then(|number: usize| comments.get(number));
-                for part in comment.map_or("", String::as_str).lines() {
+                for part in text::filled(comment.map_or("", String::as_str), record::WIDTH) {
                     text.push_str(indent);
                     text.push_str("// ");
-                    text.push_str(part);
+                    text.push_str(&part);
                     text.push('\n');
                 }
             }

@@ -16,6 +16,38 @@ use super::table::left_out;
 /// Longest line of an equation before it is broken.
 const WIDTH: usize = 100;
 
+/// Markdown in lines of at most so many characters: prose is filled, what is fenced, a list or a table keeps its lines.
+pub(super) fn filled(text: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    let (mut fenced, mut open) = (false, false);
+    for line in text.trim_end().lines() {
+        let fence = line.starts_with("```");
+        fenced ^= fence;
+        if fence || fenced || line.is_empty() || ["|", "#", "- "].iter().any(|mark| line.starts_with(mark)) {
+            lines.push(line.to_owned());
+            open = false;
+            continue;
+        }
+        // A name or a command stays in one piece.
+        let mut quoted = false;
+        let words = line.split_inclusive(|c: char| {
+            quoted ^= c == '`';
+            c == ' ' && !quoted
+        });
+        for word in words.map(str::trim_end) {
+            match lines.last_mut() {
+                Some(last) if open && last.chars().count() + 1 + word.chars().count() <= width => {
+                    last.push(' ');
+                    last.push_str(word);
+                }
+                _ => lines.push(word.to_owned()),
+            }
+            open = true;
+        }
+    }
+    lines
+}
+
 /// `2 additions, 5 multiplications`.
 fn counts(counts: OperationCounts) -> String {
     let parts = [
@@ -220,6 +252,11 @@ pub(super) fn header(estimator: &Estimator, command: &str, function_name: &dyn F
             "\nThe feed-forward is not parted into what holds the driven coordinates still and what moves them: such a \
              coordinate is eliminated or does not follow from the equations, or a term has a share in both.\n",
         );
+    }
+    if let Some(Err(gap)) = &plan.unlumping {
+        text.push_str(&format!(
+            "\nThere is no way back from the estimated parameters to the physical ones in closed form: {gap}.\n"
+        ));
     }
     text.push_str("\n| function | additions | multiplications | divisions | function calls |\n|---|---|---|---|---|\n");
     for (role, plan) in plans(estimator) {

@@ -3,8 +3,10 @@
 use tpm_codegen::emit::estimator::Estimator;
 use tpm_symbolic::expr::{ExprId, Node, Symbol};
 use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::model::Kind;
-use tpm_symbolic::polynomial::Monomial;
+use tpm_symbolic::fraction::Fraction;
+use tpm_symbolic::model::{Kind, Model};
+use tpm_symbolic::parameter_map::{Inverse, Variable};
+use tpm_symbolic::polynomial::{Monomial, Polynomial};
 use tpm_symbolic::rational;
 use tpm_symbolic::rational::Rational;
 use tpm_symbolic::regressor::{Column, Row};
@@ -66,6 +68,52 @@ pub(crate) fn harmonic_power(cosine: f64, sine: f64, harmonic: usize, function: 
     }
     let size = rational::power(&(rational::abs(&c) + rational::abs(&s)), i32::try_from(harmonic).expect("small"));
     Sum { value: if function == Trig::Cos { re } else { im }, magnitude: size }
+}
+
+/// The physical parameters that belong to columns, by the fractions of the inverse rather than by its plan; magnitudes bound
+/// the rounding errors of numerators and denominators, and to first order what those of intermediates come to. `None` where a
+/// denominator is zero.
+pub(crate) fn unlumped(
+    model: &Model,
+    inverse: &Inverse,
+    columns: &[Rational],
+    constants: impl FnMut(Symbol) -> Rational,
+) -> Option<Vec<Sum>> {
+    let given = columns.iter().cloned().chain(inverse.constants.iter().copied().map(constants));
+    let mut known: Vec<(Rational, Rational)> = given.map(|value| (value, rational::integer(0))).collect();
+    let at = |known: &[(Rational, Rational)], fraction: &Fraction<Variable>| {
+        let value = fraction.evaluate(|&variable| known[variable].0.clone())?;
+        let size = |polynomial: &Polynomial<Variable>| -> Option<(Rational, Rational)> {
+            let exact = polynomial.evaluate(|&variable| known[variable].0.clone())?;
+            let terms = polynomial.terms().map(|(monomial, c)| Polynomial::term(monomial.clone(), c.clone()));
+            let terms = terms.map(|term| Some(rational::abs(&term.evaluate(|&variable| known[variable].0.clone())?)));
+            Some((exact, terms.sum::<Option<Rational>>()?))
+        };
+        let mut error = size(fraction.numerator())?.1;
+        for (factor, exponent) in fraction.denominator() {
+            let exponent = i32::try_from(exponent).expect("small");
+            error /= rational::power(&rational::abs(&size(factor)?.0), exponent);
+        }
+        for (factor, exponent) in fraction.denominator() {
+            let (exact, magnitude) = size(factor)?;
+            error += rational::abs(&value) * magnitude / rational::abs(&exact) * rational::integer(i64::from(exponent));
+        }
+        for (variable, (_, own)) in known.iter().enumerate().filter(|(_, (_, own))| *own != rational::integer(0)) {
+            let rate = fraction.derivative(&variable).evaluate(|&variable| known[variable].0.clone())?;
+            error += rational::abs(&rate) * own;
+        }
+        Some((value, error))
+    };
+    for intermediate in &inverse.intermediates {
+        let value = at(&known, &intermediate.value)?;
+        known.push(value);
+    }
+    let parameters = model.parameters().map(|parameter| {
+        let (_, value) = inverse.solved.iter().find(|(solved, _)| *solved == parameter).expect("solved");
+        let (value, magnitude) = at(&known, value)?;
+        Some(Sum { value, magnitude })
+    });
+    parameters.collect()
 }
 
 /// Where a model is evaluated.

@@ -38,6 +38,7 @@ pub(super) fn write(context: &mut Context<'_>) {
     labels(context);
     identified(context);
     lump(context);
+    unlump(context);
     let estimator = context.estimator;
     let matrices = [
         ("regressor", function::regressor(estimator), true, context.names.columns.len(), "PARAMETERS"),
@@ -191,6 +192,22 @@ fn lump(context: &mut Context<'_>) {
         Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
     });
     context.function(&context.global("lump"), &context.linked(&about, None), "void", &parameters, &body);
+}
+
+fn unlump(context: &mut Context<'_>) {
+    let Some(Function { about, reads, body: Body::Stores(statements) }) = function::unlump(context.estimator) else {
+        return;
+    };
+    let declaration = format!("const {} *parameters", context.global("parameters"));
+    let mut parameters = vec![Parameter::read(declaration, "parameters", reads.parameters)];
+    push_constants(&mut parameters, context, reads);
+    parameters.push(Parameter::new(format!("{} *physical", context.global("physical"))));
+    let writer = Writer::new(context.scalar, |node| context.leaf(node, "", &[], ""));
+    let body = context.statements(&statements, &writer, |place| match place {
+        Place::Value(index) => format!("physical->{}", context.names.physical[index].1),
+        Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
+    });
+    context.function(&context.global("unlump"), &context.linked(&about, None), "void", &parameters, &body);
 }
 
 /// The places that steps store into.

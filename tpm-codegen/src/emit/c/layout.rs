@@ -2,6 +2,8 @@
 //!
 //! Invariant: no text of a model ends a comment early or begins one inside another.
 
+use super::super::text::filled;
+
 /// Widest line, unless a single word is wider.
 const WIDTH: usize = 100;
 
@@ -59,12 +61,10 @@ pub(super) fn comment(indent: usize, text: &str) -> String {
 /// A documentation comment: Markdown without its fences, fenced text indented.
 pub(super) fn doc(indent: usize, text: &str) -> String {
     let margin = " ".repeat(4 * indent);
-    let lines: Vec<&str> = text.trim_end().lines().collect();
-    if let [line] = lines.as_slice()
-        && margin.len() + line.chars().count() + 6 <= WIDTH
-    {
-        return format!("{margin}/* {} */\n", harmless(line));
+    if !text.contains('\n') && margin.len() + text.chars().count() + 6 <= WIDTH {
+        return format!("{margin}/* {} */\n", harmless(text));
     }
+    let lines = filled(text, WIDTH - margin.len() - 3);
     let mut fenced = false;
     let mut block = format!("{margin}/*\n");
     let mut lines = lines.into_iter().peekable();
@@ -76,13 +76,11 @@ pub(super) fn doc(indent: usize, text: &str) -> String {
             fenced = !fenced;
             continue;
         }
-        let line = harmless(line);
+        let line = harmless(&line);
         match (fenced, line.is_empty()) {
             (_, true) => block.push_str(&format!("{margin} *\n")),
             (true, false) => block.push_str(&format!("{margin} *     {line}\n")),
-            // A table's lines stay whole.
-            (false, false) if line.starts_with('|') => block.push_str(&format!("{margin} * {line}\n")),
-            (false, false) => block.push_str(&wrapped(&line, &format!("{margin} * "), &format!("{margin} * "))),
+            (false, false) => block.push_str(&format!("{margin} * {line}\n")),
         }
     }
     block.push_str(&format!("{margin} */\n"));

@@ -2,6 +2,7 @@
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
+use tpm_symbolic::estimator::Leaf;
 use tpm_symbolic::expr::Symbol;
 use tpm_symbolic::unit::Unit;
 
@@ -56,6 +57,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
         identified(context),
         constants(context),
         lumping(context),
+        unlumping(context),
         motion(context),
         forces(context),
         regressor(context),
@@ -217,6 +219,40 @@ fn lumping(context: &Context<'_>) -> TokenStream {
             pub fn lump(&self, #constants) -> Parameters<T> {
                 #body
                 Parameters { #(#columns: #values),* }
+            }
+        }
+    }
+}
+
+fn unlumping(context: &Context<'_>) -> TokenStream {
+    let Some(Function { about, reads, body: Body::Stores(statements) }) = function::unlump(context.estimator) else {
+        return TokenStream::new();
+    };
+    let physical: Vec<&Ident> = context.names.physical.iter().map(|(_, name)| name).collect();
+    let values: Vec<Ident> = locals(physical.len());
+    let owner = ident("self");
+    let writer = Writer::new(|node| match context.estimator.plan.leaves.leaf(node) {
+        Leaf::Column(index) => {
+            let column = &context.names.columns[index];
+            quote!(self.#column)
+        }
+        _ => context.leaf(node, &owner, &[]),
+    });
+    let body = writer.statements(context, &statements, |place, expression| match place {
+        Place::Value(index) => {
+            let value = &values[index];
+            quote!(let #value = #expression;)
+        }
+        Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
+    });
+    let (about, constants) = (doc(&about), context.constants_parameter(reads));
+    quote! {
+        impl<T: Real> Parameters<T> {
+            #about
+            #[must_use]
+            pub fn unlump(&self, #constants) -> Physical<T> {
+                #body
+                Physical { #(#physical: #values),* }
             }
         }
     }

@@ -3,6 +3,11 @@
 use proc_macro2::{Ident, Literal, TokenStream};
 use quote::{format_ident, quote};
 
+use super::super::text::filled;
+
+/// Widest line of documentation.
+pub(super) const WIDTH: usize = 110;
+
 /// One field.
 pub(super) struct Field {
     /// Its name.
@@ -23,7 +28,7 @@ pub(super) fn count(value: usize) -> Literal {
 
 /// A documentation attribute; an empty text gives an empty line.
 pub(super) fn doc(text: &str) -> TokenStream {
-    let lines = text.lines().map(|line| {
+    let lines = filled(text, WIDTH).into_iter().map(|line| {
         let line = if line.is_empty() { String::new() } else { format!(" {line}") };
         quote!(#[doc = #line])
     });
