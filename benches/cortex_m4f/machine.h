@@ -4,8 +4,9 @@
 
 void print(const char *text);
 void print_number(long value);
-void clock_start(void);
-/* Instructions since the start, to 40. */
-long clock_instructions(void);
+/* Seven digits and an exponent. */
+void print_float(float value);
+/* Runs something that makes so many calls, and prints the instructions of one (to 40 in all) and the bytes of stack. */
+void measure(const char *name, void (*what)(void), long calls);
 
 #endif

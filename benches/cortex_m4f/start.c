@@ -5,7 +5,7 @@
 #include "machine.h"
 
 extern uint32_t stack_top;
-extern uint32_t data_start, data_end, data_load, bss_start, bss_end;
+extern uint32_t data_start, data_end, data_load, bss_start, bss_end, end;
 
 int main(void);
 
@@ -22,7 +22,8 @@ void print(const char *text)
     semihost(0x04, text);
 }
 
-void print_number(long value)
+/* A number, without so many of its first characters. */
+static void print_without(long value, size_t first)
 {
     char text[16];
     size_t at = sizeof text;
@@ -36,7 +37,41 @@ void print_number(long value)
     if (value < 0) {
         text[--at] = '-';
     }
-    print(&text[at]);
+    print(&text[at + first]);
+}
+
+void print_number(long value)
+{
+    print_without(value, 0);
+}
+
+void print_float(float value)
+{
+    double size = value < 0.0f ? -(double)value : (double)value;
+    long digits, exponent = 0;
+
+    if (!(size <= 3.5e38)) {
+        print("not finite");
+        return;
+    }
+    while (size >= 10.0) {
+        size /= 10.0;
+        ++exponent;
+    }
+    while (size > 0.0 && size < 1.0) {
+        size *= 10.0;
+        --exponent;
+    }
+    if (value < 0.0f) {
+        print("-");
+    }
+    /* A leading one keeps the zeros behind the point. */
+    digits = (long)(size * 1e6 + 0.5);
+    print_number(digits / 1000000);
+    print(".");
+    print_without(digits % 1000000 + 1000000, 1);
+    print("e");
+    print_number(exponent);
 }
 
 /* SysTick at 25 MHz: with `-icount shift=0` an instruction takes 1 ns, a tick 40 of them. */
@@ -44,16 +79,56 @@ void print_number(long value)
 #define SYST_RVR (*(volatile uint32_t *)0xe000e014)
 #define SYST_CVR (*(volatile uint32_t *)0xe000e018)
 
-void clock_start(void)
+static void clock_start(void)
 {
     SYST_RVR = 0xffffff;
     SYST_CVR = 0;
     SYST_CSR = 5;
 }
 
-long clock_instructions(void)
+static long clock_instructions(void)
 {
     return (long)(0xffffff - SYST_CVR) * 40;
+}
+
+#define PAINT 0xa5a5a5a5U
+
+static void paint(void)
+{
+    uint32_t *word = &end;
+    uint32_t *const here = __builtin_frame_address(0);
+
+    while (word < here - 8) {
+        *word++ = PAINT;
+    }
+}
+
+/* Bytes of the stack that were in use since the last painting. */
+static long used(void)
+{
+    const uint32_t *word = &end;
+
+    while (*word == PAINT) {
+        ++word;
+    }
+    return 4 * (long)((uint32_t *)__builtin_frame_address(0) - word);
+}
+
+void measure(const char *name, void (*what)(void), long calls)
+{
+    long instructions, stack;
+
+    paint();
+    clock_start();
+    what();
+    instructions = clock_instructions();
+    stack = used();
+    print(name);
+    print(": ");
+    print_number((instructions + calls / 2) / calls);
+    print(" instructions, ");
+    print_number(stack);
+    print(" bytes of stack\n");
 }
 
 void _exit(int status)
