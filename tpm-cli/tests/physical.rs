@@ -73,3 +73,40 @@ fn a_negative_mass_is_no_success() {
     let run = identify(&["--log", path, "--bound", "m1=3:2"]);
     assert_eq!(run.status.code(), Some(2));
 }
+
+/// A log of the slider of Feng, Eqn 3.24, under a force that is given by position, rate and acceleration.
+fn slider(folder: &Path, force: impl Fn(f64, f64, f64) -> f64) -> String {
+    let (lambda, w, samples, periods) = (0.4, 3.0, 256, 6);
+    let mut text = String::from("t_s,x,u\n");
+    for n in 0..samples * periods {
+        let phase = std::f64::consts::TAU * f64::from(n) / f64::from(samples);
+        let x = lambda * (phase.cos() - (3.0 * phase).cos() / 9.0);
+        let rate = -lambda * w * 4.0 / 3.0 * phase.sin().powi(3);
+        let acceleration = -lambda * w * w * 4.0 * phase.sin().powi(2) * phase.cos();
+        let t = f64::from(n) * std::f64::consts::TAU / (w * f64::from(samples));
+        writeln!(text, "{t},{x},{}", force(x, rate, acceleration)).expect("a string");
+    }
+    let path = folder.join("slider.csv");
+    std::fs::write(&path, text).expect("a file");
+    path.to_str().expect("plain").to_owned()
+}
+
+#[test]
+fn a_fit_that_no_machine_has_and_one_that_explains_nothing_are_no_success() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let identify = |path: &str| {
+        let run = tpm(&["identify", "models/mass_spring_drag.tpm", "--log", path]);
+        let said = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (run.status.code(), said(&run.stdout), said(&run.stderr))
+    };
+    // A sign that is wrong fits exactly, with a negative mass.
+    let path = slider(folder.path(), |x, rate, acceleration| -2.0 * acceleration + 40.0 * x + 1.5 * rate * rate);
+    let (code, text, error) = identify(&path);
+    assert_eq!(code, Some(1), "{text}{error}");
+    assert!(text.contains("warning: m = -2") && error.contains("is negative"), "{text}{error}");
+    // Friction that the model does not have, stronger than all that it has.
+    let path = slider(folder.path(), |x, rate, acceleration| 2.0 * acceleration + 40.0 * x + 60.0 * rate);
+    let (code, text, error) = identify(&path);
+    assert_eq!(code, Some(1), "{text}{error}");
+    assert!(text.contains("is not explained by the model; terms") && error.contains("no result"), "{text}{error}");
+}

@@ -110,15 +110,25 @@ pub struct Part {
 /// A trajectory pattern whose amplitudes and frequency are open (Feng, chapter 2).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pattern {
+    /// Its name; nothing for one without.
+    pub name: Option<String>,
     /// Names of the amplitudes.
     pub amplitudes: Vec<String>,
     /// Name of the fundamental frequency.
     pub frequency: String,
     /// Per coordinate, the parts that add up to its motion; none where the pattern leaves the coordinate open.
     pub coordinates: Vec<Vec<Part>>,
+    /// Further patterns of the same model: a stage of a campaign may play one of them by its name.
+    pub others: Vec<Pattern>,
 }
 
 impl Pattern {
+    /// This pattern, or the one of the others, that has a name.
+    #[must_use]
+    pub fn named(&self, name: &str) -> Option<&Pattern> {
+        core::iter::once(self).chain(&self.others).find(|pattern| pattern.name.as_deref() == Some(name))
+    }
+
     /// Coordinates that the pattern leaves open: their motion follows from the rows without an input.
     #[must_use]
     pub fn open(&self) -> Vec<usize> {
@@ -263,9 +273,11 @@ impl Pattern {
             motions.push(parts);
         }
         Ok(Pattern {
+            name: pattern.name.as_deref().map(Into::into),
             amplitudes: pattern.amplitudes.iter().map(|&a| model.quantity(a).name.as_str().into()).collect(),
             frequency: model.quantity(pattern.frequency).name.as_str().into(),
             coordinates: motions,
+            others: Vec::new(),
         })
     }
 }
@@ -281,9 +293,11 @@ pub(crate) mod tests {
     pub(crate) fn rest_to_rest_3() -> Pattern {
         let lines = vec![Line { harmonic: 1, cos: 1.0, sin: 0.0 }, Line { harmonic: 3, cos: -1.0 / 9.0, sin: 0.0 }];
         Pattern {
+            name: None,
             amplitudes: vec!["lambda".to_string()],
             frequency: "w".to_string(),
             coordinates: vec![vec![Part { powers: vec![(0, 1)], series: Series { mean: 0.0, lines } }]],
+            others: vec![],
         }
     }
 

@@ -100,7 +100,7 @@ fn tracking(experiment: &Experiment, values: &[f64; 9]) -> [f64; 2] {
     experiment.plant.sensors.clear();
     experiment.schedule.multiples.clear();
     experiment.schedule.stages.truncate(1);
-    experiment.schedule.stages[0].insert("w".to_owned(), 3.6);
+    experiment.schedule.stages[0].values.insert("w".to_owned(), 3.6);
     experiment.schedule.max_runs = 1;
     experiment.prior = NAMES.iter().zip(values).map(|(name, value)| ((*name).to_owned(), *value)).collect();
     let machine = machine(&experiment);
@@ -118,7 +118,7 @@ fn the_thesis_pattern_shows_six_combinations() {
     for (rig, experiment) in experiments(THESIS).into_iter().enumerate() {
         let (result, values) = identified(&experiment);
         assert_eq!((result.rank, result.unobservable.len()), (6, 3), "{:?}", result.warnings);
-        let stage = &experiment.schedule.stages[0];
+        let stage = &experiment.schedule.stages[0].values;
         let (l1, l2) = (stage["lambda1"], stage["lambda2"]);
         let null = [l2 * l2, l1 * l1, -2.0 * l1 * l2];
         // Each reported direction is a combination of the three (lambda2^2, lambda1^2, -2 lambda1 lambda2) in (a1k, a2k, a3k).

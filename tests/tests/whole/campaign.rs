@@ -1,11 +1,13 @@
 //! From a model file and its experiment to parameters: parser, interpreter, simulated machine, campaign.
 
-use crate::support::{model as shipped, table_of};
+use crate::support::{model as shipped, parse, table_of};
+use std::collections::BTreeMap;
 use tpm_runtime::estimate::Along;
-use tpm_runtime::experiment::{Experiment, identify_simulated};
+use tpm_runtime::experiment::{CampaignIdentification, Experiment, Machine, Manifest, Store, identify_simulated};
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::trajectory::Pattern;
 use tpm_symbolic::fourier::Trig;
+use tpm_symbolic::prepare::prepare;
 use tpm_symbolic::regressor::regressor_form;
 
 const EXPERIMENT: &str = include_str!("../../../models/mass_spring_drag.toml");
@@ -67,4 +69,67 @@ fn harmonics_along_the_reference_are_those_of_the_exact_table() {
             assert!(difference < 1e-14 * scale, "column {column}, harmonic {harmonic}: {difference:e}");
         }
     }
+}
+
+/// The same machine with two patterns.
+const TWO_PATTERNS: &str = "
+    model MassSpringDrag {
+        coordinate x [m];
+        input u [N];
+        parameter m [kg], k1 [N/m], k2 [N*s^2/m^2];
+        m*ddot(x) + k1*x + k2*dot(x)^2 = u;
+        pattern near { amplitude lambda [m]; frequency w [rad/s]; x = rest_to_rest(lambda, w, 3); }
+        pattern far { amplitude mu [m]; frequency v [rad/s]; x = rest_to_rest(mu, v, 5); }
+    }";
+
+fn two_patterns(stages: &str) -> (Machine, Experiment) {
+    let prepared = prepare(parse("two_patterns", TWO_PATTERNS)).expect("linear");
+    let mut experiment = Experiment::parse(EXPERIMENT).expect("the shipped file is right");
+    experiment.apply_override("schedule.stages", stages).expect("stages");
+    experiment.schedule.measure_time = 6.0;
+    experiment.schedule.updates_per_stage = 1;
+    let near = prepared.model.pattern(Some("near")).expect("declared");
+    let machine = Machine::new(&prepared, near, &experiment, &BTreeMap::new()).expect("a machine");
+    (machine, experiment)
+}
+
+const STAGES: &str = "[
+    { lambda = 0.2, w = 3.2 },
+    { pattern = 'far', mu = 0.3, v = 2.5, multiples = { x = 2 } },
+    { pattern = 'near', lambda = 0.3, w = 4.0 },
+]";
+
+#[test]
+fn stages_play_patterns_and_multiples_of_their_own_and_a_stopped_campaign_goes_on() {
+    let (machine, experiment) = two_patterns(&STAGES.replace('\n', " "));
+    let whole = machine.identify(&experiment, &mut |_| true).expect("runs");
+    let patterns: Vec<Option<&str>> = whole.runs.iter().map(|run| run.pattern.as_deref()).collect();
+    assert_eq!(patterns[..2], [None, Some("far")], "{:?}", whole.warnings);
+    assert_eq!(patterns.last(), Some(&Some("near")));
+    assert_eq!(whole.runs[1].amplitudes, [("mu".to_owned(), 0.3)]);
+    for (parameter, truth) in whole.parameters.iter().zip([2.0, 40.0, 1.5]) {
+        assert!((parameter.value.expect("identified") / truth - 1.0).abs() < 1e-2, "{parameter:?}");
+    }
+    // Stopped after the run with the other pattern, the campaign goes on from its folder to the same result.
+    let folder = tempfile::tempdir().expect("a folder");
+    let manifest = Manifest::new("MassSpringDrag", TWO_PATTERNS.as_bytes(), b"two patterns");
+    let play = |most: usize| -> CampaignIdentification {
+        let store = Store::open(folder.path(), &manifest).expect("a folder");
+        let result = machine.identify_watched(&experiment, Some(&store), &mut |_, _, run| run.run < most);
+        result.expect("runs")
+    };
+    assert_eq!(play(2).runs.len(), 2);
+    let kept = std::fs::read_to_string(folder.path().join("run-002.json")).expect("a manifest");
+    assert!(kept.contains("\"pattern\": \"far\""), "{kept}");
+    assert_eq!(play(usize::MAX), whole);
+}
+
+#[test]
+fn a_pattern_that_the_model_does_not_have_is_named() {
+    let (machine, experiment) = two_patterns("[{ pattern = 'fra', mu = 0.3, v = 2.5 }]");
+    let error = machine.identify(&experiment, &mut |_| true).expect_err("no such pattern").to_string();
+    assert!(error.contains("`fra`") && error.contains("near, far") && error.contains("schedule.stages.0"), "{error}");
+    let (machine, experiment) = two_patterns("[{ pattern = 'far', lambda = 0.3, v = 2.5 }]");
+    let error = machine.identify(&experiment, &mut |_| true).expect_err("the other one's amplitude").to_string();
+    assert!(error.contains("`lambda`") && error.contains("mu, v"), "{error}");
 }

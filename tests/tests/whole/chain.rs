@@ -27,7 +27,7 @@ fn exact(mut experiment: Experiment) -> Experiment {
     for sensor in experiment.plant.sensors.values_mut() {
         sensor.noise = 0.0;
     }
-    let w = experiment.schedule.stages[0]["w"];
+    let w = experiment.schedule.stages[0].values["w"];
     experiment.control.sample_time = std::f64::consts::TAU / w / 8192.0;
     experiment.control.derivative_filter = None;
     experiment.schedule.measure_time = 0.0;
@@ -197,7 +197,7 @@ fn three_carts_without_noise() {
         .map(|((name, value), factor)| ((*name).to_owned(), factor * value))
         .collect();
     experiment.stability.range.clear();
-    experiment.schedule.stages[0].insert("w".to_owned(), 3.0);
+    experiment.schedule.stages[0].values.insert("w".to_owned(), 3.0);
     let mut experiment = exact(experiment);
     experiment.schedule.settle_periods = 24;
     experiment.schedule.max_runs = 2;

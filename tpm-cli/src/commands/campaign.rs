@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use tpm_runtime::experiment::{Experiment, GainManifest, Machine, Manifest, Store, summary};
 use tpm_runtime::log::Log;
 use tpm_runtime::model::Model as _;
-use tpm_runtime::procedure::{Campaign, Record, Trial, Velocity};
+use tpm_runtime::procedure::{Campaign, Record, RunEnding, Trial, Velocity};
 use tpm_runtime::stability::Stability;
 
 /// Files of a campaign's folder beside its runs.
@@ -309,12 +309,20 @@ fn submit(folder: &Path, log: &Path, columns: &ColumnArgs) -> Outcome {
     let at = |error: &dyn std::fmt::Display| Failure::Input(format!("{}: {error}", log.display()));
     let record = Record::of_samples(&trial, measured.sample_time, coordinates, inputs).map_err(|error| at(&error))?;
     let report = campaign.submit(&record).map_err(|error| at(&error))?;
-    let mut text = format!("run {}: {}", report.run, report.ending.replace('_', " "));
+    let mut text = format!("run {}: {}", report.run, report.ending);
     for parameter in &report.parameters {
         let _ = match (parameter.value, parameter.std) {
             (Some(value), Some(std)) => write!(text, "; {} = {value:.6} +- {std:.2e}", parameter.name),
             _ => write!(text, "; {} not shown", parameter.name),
         };
+    }
+    if report.ending == RunEnding::SensorLost {
+        let _ = write!(
+            text,
+            "\nnot kept: mend the sensor and play the run again: tpm campaign next {} -o run.csv\n",
+            folder.display()
+        );
+        return output::print(&text);
     }
     opened.store.append(plant, &trial, &record, None).map_err(|error| input(&error))?;
     match campaign.outcome() {

@@ -172,23 +172,34 @@ pub(crate) fn describe_campaign(
             result.model, result.estimator, result.hold
         ),
     };
-    let amplitudes: Vec<&str> =
-        result.runs.first().map_or_else(Vec::new, |run| run.amplitudes.iter().map(|(name, _)| name.as_str()).collect());
+    // Stages may have patterns of their own, with other amplitudes.
+    let mut amplitudes: Vec<&str> = Vec::new();
+    for (name, _) in result.runs.iter().flat_map(|run| &run.amplitudes) {
+        if !amplitudes.contains(&name.as_str()) {
+            amplitudes.push(name);
+        }
+    }
+    let several = result.runs.iter().any(|run| run.pattern.is_some());
     let frequency = model.patterns.first().map_or("w", |pattern| &model.quantity(pattern.frequency).name);
     let mut head = vec![("run", Align::Right)];
+    head.extend(several.then_some(("pattern", Align::Left)));
     head.extend(amplitudes.iter().map(|name| (*name, Align::Right)));
     head.extend([(frequency, Align::Right), ("periods", Align::Right), ("rms error", Align::Right)]);
     head.extend([("effort", Align::Right), ("condition", Align::Right), ("ending", Align::Left)]);
     let mut table = TextTable::new(&head);
     for run in &result.runs {
         let mut row = vec![run.run.to_string()];
-        row.extend(run.amplitudes.iter().map(|(_, value)| number(*value)));
+        row.extend(several.then(|| run.pattern.clone().unwrap_or_else(|| "-".to_owned())));
+        row.extend(amplitudes.iter().map(|name| {
+            let own = run.amplitudes.iter().find(|(own, _)| own == name);
+            own.map_or_else(|| "-".to_owned(), |(_, value)| number(*value))
+        }));
         row.push(number(run.frequency));
         row.push(run.periods.to_string());
         row.push(run.tracking_rms.iter().map(|rms| number(*rms)).collect::<Vec<_>>().join(" "));
         row.push(run.effort_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)));
         row.push(run.condition.map_or_else(|| "-".to_owned(), number));
-        row.push(run.ending.replace('_', " "));
+        row.push(run.ending.to_string());
         table.row(&row);
     }
     text.push_str(&table.finish());
@@ -267,6 +278,12 @@ fn from_log(args: &Args, prepared: &Prepared, model: &Interpreted, path: &Path) 
     output::emit(args.output.as_deref(), &text)?;
     if let Some(negative) = negative.into_iter().next() {
         return Err(Failure::Incomplete(negative));
+    }
+    if !result.is_explained() {
+        return Err(Failure::Incomplete(format!(
+            "{:.1} % of the force is not explained by the model; what was fitted is no result",
+            100.0 * result.residual
+        )));
     }
     if result.rank < result.parameters.iter().filter(|parameter| parameter.status != "frozen").count() {
         return Err(Failure::Incomplete(format!(

@@ -50,6 +50,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
             "remark: stopped at sample {sample}: the tracking error of {} passed its bound ({error})",
             plant.coordinate(coordinate).name
         )),
+        Ending::SensorLost { coordinate, sample } => output::remark(&format!(
+            "remark: stopped at sample {sample}: the sensor of {} gave no value",
+            plant.coordinate(coordinate).name
+        )),
         Ending::Diverged { sample } => {
             output::remark(&format!("remark: stopped at sample {sample}: the motion diverged"))
         }

@@ -123,9 +123,11 @@ mod tests {
     fn cosine() -> Pattern {
         let series = Series { mean: 0.0, lines: vec![Line { harmonic: 1, cos: 1.0, sin: 0.0 }] };
         Pattern {
+            name: None,
             amplitudes: vec!["lambda".into()],
             frequency: "w".into(),
             coordinates: vec![vec![Part { powers: vec![(0, 1)], series }]],
+            others: vec![],
         }
     }
 

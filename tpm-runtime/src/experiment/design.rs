@@ -9,7 +9,7 @@ use super::{Experiment, ExperimentError};
 use crate::estimate::{Along, analyse};
 use crate::harmonics::Hold;
 use crate::model::Model;
-use crate::procedure::{LEAST_PERIODS, Record, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
+use crate::procedure::{LEAST_PERIODS, Record, RunEnding, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
 use crate::simulate::{Bench, Sensor, simulate};
 use crate::trajectory::{Pattern, Series, Trajectory};
 use nalgebra::DMatrix;
@@ -115,6 +115,7 @@ pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment
         }
     }
     let last = setup.procedure.stages.last().ok_or(ExperimentError::NoStage)?;
+    let pattern = last.pattern(pattern);
     let moved = pattern.coordinates.len() - pattern.open().len();
     let varied = moved > 1 && moved <= VARIED;
     let mut multiples = vec![last.multiples.clone()];
@@ -137,7 +138,13 @@ pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment
                 // The fastest coordinate keeps to the frequency that the schedule allows it.
                 let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
                 let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
-                let stage = Stage { amplitudes, frequency, multiples: list.clone(), gain: last.gain };
+                let stage = Stage {
+                    pattern: last.pattern.clone(),
+                    amplitudes,
+                    frequency,
+                    multiples: list.clone(),
+                    gain: last.gain,
+                };
                 let period = 2.0 * PI / frequency;
                 let periods = ((setup.procedure.measure_time / period).ceil() as usize).max(LEAST_PERIODS);
                 let trial = trial(model, pattern, &setup, &stage, periods, &theta);
@@ -249,9 +256,10 @@ pub(super) fn bounds(
     let mut bench = noisy.clone();
     bench.sensors.fill(Sensor::default());
     let mut rows: Vec<DMatrix<f64>> = Vec::new();
-    for run in runs.iter().filter(|run| run.ending == "complete" && run.periods > 0) {
+    for run in runs.iter().filter(|run| run.ending == RunEnding::Complete && run.periods > 0) {
         let Some(asked) = setup.procedure.stages.get(run.stage.wrapping_sub(1)) else { return Ok(None) };
         let stage = Stage {
+            pattern: asked.pattern.clone(),
             amplitudes: run.amplitudes.iter().map(|(_, value)| *value).collect(),
             frequency: run.frequency,
             multiples: asked.multiples.clone(),
@@ -310,7 +318,8 @@ fn trial(
         TrialSettings {
             run: 0,
             trajectory: stage.trajectory(pattern, 1.0),
-            open: &pattern.open(),
+            open: &stage.pattern(pattern).open(),
+            pattern: None,
             amplitudes: stage.amplitudes.clone(),
             periods,
             control: &setup.control.scaled(stage.gain),
@@ -405,8 +414,8 @@ mod tests {
         for (lambda, w, bounds) in [(0.3, 1.0, [2.6e-4, 1.3e-4, 2.8e-4]), (0.6, 2.0, [1.6e-4, 3.1e-4, 4.9e-5])] {
             let mut experiment = experiment();
             experiment.schedule.stages.truncate(1);
-            experiment.schedule.stages[0].insert("lambda".to_string(), lambda);
-            experiment.schedule.stages[0].insert("w".to_string(), w * PI);
+            experiment.schedule.stages[0].values.insert("lambda".to_string(), lambda);
+            experiment.schedule.stages[0].values.insert("w".to_string(), w * PI);
             let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
             let full = found
                 .iter()

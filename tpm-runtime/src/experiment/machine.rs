@@ -3,7 +3,9 @@
 //! Invariant: the plant's parameters are those of the model's own equations. With coordinates eliminated they are the
 //! physical parameters behind the lumped ones, and the estimator gives them.
 
-use super::{CampaignIdentification, Equations, Experiment, ExperimentError, Store, Watch, play_campaign};
+use super::{
+    CampaignIdentification, Equations, Experiment, ExperimentError, StageSection, Store, Watch, play_campaign,
+};
 use crate::estimate::{Eliminated, EliminatedError, Method};
 use crate::interpret::Interpreted;
 use crate::model::Model as _;
@@ -14,6 +16,7 @@ use std::collections::BTreeMap;
 use std::string::String;
 use std::sync::Arc;
 use std::vec;
+use std::vec::Vec;
 use tpm_symbolic::prepare::{PrepareError, Prepared, prepare};
 
 /// Why a model is no machine.
@@ -61,7 +64,18 @@ impl Machine {
         };
         let plant = Interpreted::new(&whole.model, &whole.form);
         let constant = |name: &str| experiment.constants.get(name).copied();
-        let pattern = Pattern::of_rows(pattern, &whole.model, &whole.form, constant)?;
+        let of_rows = |pattern| Pattern::of_rows(pattern, &whole.model, &whole.form, constant);
+        let mut others = Vec::new();
+        for other in prepared.model.patterns.iter().filter(|other| other.name.is_some() && other.name != pattern.name) {
+            let named = |stage: &StageSection| stage.pattern.as_deref() == other.name.as_deref();
+            match of_rows(other) {
+                Ok(other) => others.push(other),
+                Err(fault) if experiment.schedule.stages.iter().any(named) => return Err(fault.into()),
+                // It needs a value that this experiment does not state, and is not played.
+                Err(_) => {}
+            }
+        }
+        let pattern = Pattern { others, ..of_rows(pattern)? };
         let eliminated = if prepared.model.eliminations.is_empty() {
             None
         } else {

@@ -284,6 +284,20 @@ impl Default for LimitsSection {
     }
 }
 
+/// One stage of the schedule: a value for every amplitude of its pattern and for its frequency (rad/s), by name.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageSection {
+    /// Name of its pattern in the model; that of the experiment when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
+    /// Multiple of the frequency by coordinate; that of the schedule where not given.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub multiples: BTreeMap<String, u32>,
+    /// Amplitudes and frequency.
+    #[serde(flatten)]
+    pub values: Named,
+}
+
 /// Amplitudes and frequencies, and when to move on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -291,8 +305,8 @@ pub struct ScheduleSection {
     /// Multiple of the frequency on which a coordinate plays its pattern; one where not given.
     #[serde(default)]
     pub multiples: BTreeMap<String, u32>,
-    /// Stages, growing: a value for every amplitude of the pattern and for its frequency (rad/s), by name.
-    pub stages: Vec<Named>,
+    /// Stages, growing.
+    pub stages: Vec<StageSection>,
     /// Factor on all gains of the feedback, stage by stage; one where not given. Lower gains make the tracking error larger,
     /// and with it what it shows (Feng, 3.2.2); every one of them must be stable.
     #[serde(default)]

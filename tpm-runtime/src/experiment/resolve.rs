@@ -11,6 +11,7 @@ use crate::procedure::{CampaignError, Loop, Procedure, Setup, Stage, Velocity};
 use crate::simulate::{Actuator, ArmGeometry, Bench, ClosedLoopArm, Sensor};
 use crate::stability::{self, Range, Stability, StabilityError};
 use crate::trajectory::Pattern;
+use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
@@ -151,6 +152,35 @@ pub(super) fn require(holds: bool, key: String, value: f64, must: &'static str) 
 
 pub(super) fn positive(key: &str, value: f64) -> Result<(), ExperimentError> {
     require(value.is_finite() && value > 0.0, key.to_string(), value, "the value must be positive")
+}
+
+/// The pattern that a stage names.
+fn pattern_of<'p>(pattern: &'p Pattern, place: &str, name: &str) -> Result<&'p Pattern, ExperimentError> {
+    pattern.named(name).ok_or_else(|| {
+        let all = std::iter::once(pattern).chain(&pattern.others);
+        let available: Vec<String> = all.filter_map(|pattern| pattern.name.clone()).collect();
+        ExperimentError::UnknownName {
+            place: place.to_string(),
+            kind: "pattern",
+            name: name.to_string(),
+            near: near(name, available.iter().map(String::as_str)),
+            available,
+        }
+    })
+}
+
+fn set_multiples(
+    multiples: &mut [u32],
+    coordinates: &Names,
+    place: &str,
+    given: &BTreeMap<String, u32>,
+) -> Result<(), ExperimentError> {
+    for (name, &multiple) in given {
+        let key = || std::format!("{place}.{name}");
+        require(multiple > 0, key(), f64::from(multiple), "the value must be a positive whole number")?;
+        multiples[coordinates.index(place, name)?] = multiple;
+    }
+    Ok(())
 }
 
 fn parameters(model: &dyn Model<f64>) -> Names {
@@ -378,24 +408,27 @@ impl Experiment {
             measured,
             "the value must not be negative",
         )?;
-        let mut names = pattern.amplitudes.clone();
-        names.push(pattern.frequency.clone());
-        let open = Names { kind: "amplitude or frequency", names };
         let mut multiples = vec![1; coordinates.names.len()];
-        for (name, &multiple) in &schedule.multiples {
-            let key = || std::format!("schedule.multiples.{name}");
-            require(multiple > 0, key(), f64::from(multiple), "the value must be a positive whole number")?;
-            multiples[coordinates.index("schedule.multiples", name)?] = multiple;
-        }
+        set_multiples(&mut multiples, &coordinates, "schedule.multiples", &schedule.multiples)?;
         let mut stages = Vec::with_capacity(schedule.stages.len());
         for (i, stage) in schedule.stages.iter().enumerate() {
             let place = std::format!("schedule.stages.{i}");
-            let mut amplitudes = open.all(&place, stage)?;
+            let own = match &stage.pattern {
+                None => None,
+                Some(name) => Some(pattern_of(pattern, &place, name)?),
+            };
+            let played = own.unwrap_or(pattern);
+            let mut names = played.amplitudes.clone();
+            names.push(played.frequency.clone());
+            let mut amplitudes = Names { kind: "amplitude or frequency", names }.all(&place, &stage.values)?;
             let frequency = amplitudes.pop().unwrap_or(f64::NAN);
-            positive(&std::format!("{place}.{}", pattern.frequency), frequency)?;
+            positive(&std::format!("{place}.{}", played.frequency), frequency)?;
+            let mut multiples = multiples.clone();
+            set_multiples(&mut multiples, &coordinates, &std::format!("{place}.multiples"), &stage.multiples)?;
+            let own = own.map(|own| Pattern { others: Vec::new(), ..own.clone() });
             let gain = schedule.gains.get(i).copied().unwrap_or(1.0);
             positive(&std::format!("schedule.gains.{i}"), gain)?;
-            stages.push(Stage { amplitudes, frequency, multiples: multiples.clone(), gain });
+            stages.push(Stage { pattern: own, amplitudes, frequency, multiples, gain });
         }
         let (given, needed) = (schedule.gains.len(), stages.len());
         require(given <= needed, "schedule.gains".into(), given as f64, "there must be no more factors than stages")?;

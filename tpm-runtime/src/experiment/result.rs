@@ -4,7 +4,7 @@ use super::{Experiment, ExperimentError, Store};
 use crate::actuator::LimitUse;
 use crate::estimate::{Estimate, Status};
 use crate::model::Model;
-use crate::procedure::{Campaign, Outcome, Record, RunReport, Trial};
+use crate::procedure::{Campaign, Outcome, Record, RunEnding, RunReport, Trial};
 use crate::report::{EstimateReport, ParameterReport};
 use crate::simulate::simulate;
 use crate::stability::Stability;
@@ -119,7 +119,7 @@ pub fn play_campaign(
         };
         let report = campaign.submit(&record)?;
         // A run in which a sensor dropped out is no finished run: it is played again when the campaign goes on.
-        let whole = report.ending != "sensor_lost";
+        let whole = report.ending != RunEnding::SensorLost;
         let go_on = watch(&trial, &record, report);
         if let Some(store) = store.filter(|_| is_new && whole) {
             store.append(model, &trial, &record, Some(experiment.seed))?;
@@ -171,14 +171,16 @@ fn warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Camp
     let mut warnings = Vec::new();
     for run in campaign.runs() {
         match run.ending {
-            "complete" => {}
-            "unsettled" => {
+            RunEnding::Complete => {}
+            RunEnding::Unsettled => {
                 warnings.push(format!("run {}: the motion had not settled; it was played again for longer", run.run))
             }
-            "sensor_lost" => {
+            RunEnding::SensorLost => {
                 warnings.push(format!("run {}: a sensor gave no value; the run is not used", run.run));
             }
-            _ => warnings.push(format!("run {}: aborted ({}), amplitudes reduced", run.run, run.ending)),
+            RunEnding::TrackingBound | RunEnding::Diverged => {
+                warnings.push(format!("run {}: aborted ({}), amplitudes reduced", run.run, run.ending))
+            }
         }
     }
     for run in campaign.runs() {

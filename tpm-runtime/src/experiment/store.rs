@@ -7,7 +7,7 @@
 
 use crate::control::Gain;
 use crate::model::Model;
-use crate::procedure::{Ending, Record, Trial};
+use crate::procedure::{Ending, Record, RunEnding, Trial};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::format;
@@ -97,6 +97,9 @@ pub struct RunManifest {
     pub version: String,
     /// Seed of the simulated noise; nothing for a real machine.
     pub seed: Option<u64>,
+    /// Name of its pattern, where the stage has its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
     /// Amplitudes of the pattern.
     pub amplitudes: Vec<f64>,
     /// Fundamental frequency, rad/s.
@@ -113,8 +116,8 @@ pub struct RunManifest {
     pub samples_per_period: usize,
     /// Samples in the record.
     pub samples: usize,
-    /// complete, tracking_bound or diverged.
-    pub ending: String,
+    /// How it ended.
+    pub ending: RunEnding,
     /// Coordinate and error where a run passed its tracking bound.
     pub passed: Option<(usize, f64)>,
     /// Samples in which an input was cut at its limit.
@@ -232,10 +235,9 @@ impl Store {
         seed: Option<u64>,
     ) -> Result<(), StoreError> {
         let text = samples_text(model, record);
-        let (ending, passed) = match record.ending {
-            Ending::Complete => ("complete", None),
-            Ending::TrackingBound { coordinate, error, .. } => ("tracking_bound", Some((coordinate, error))),
-            Ending::Diverged { .. } => ("diverged", None),
+        let passed = match record.ending {
+            Ending::TrackingBound { coordinate, error, .. } => Some((coordinate, error)),
+            Ending::Complete | Ending::SensorLost { .. } | Ending::Diverged { .. } => None,
         };
         let manifest = RunManifest {
             schema: RUN.to_string(),
@@ -245,6 +247,7 @@ impl Store {
             experiment_hash: self.manifest.experiment_hash.clone(),
             version: env!("CARGO_PKG_VERSION").to_string(),
             seed,
+            pattern: trial.pattern.clone(),
             amplitudes: trial.amplitudes.clone(),
             frequency: trial.trajectory.frequency,
             feedback: GainManifest::all(model, &trial.control.gains),
@@ -253,8 +256,8 @@ impl Store {
             sample_time: record.sample_time,
             samples_per_period: trial.samples_per_period,
             samples: record.len(),
-            ending: ending.to_string(),
-            passed: passed.filter(|(_, error)| error.is_finite()),
+            ending: record.ending.kind(),
+            passed,
             saturated: record.saturated,
             samples_hash: hash(text.as_bytes()),
         };
@@ -305,12 +308,17 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
     }
     let inputs = channels.split_off(dims.coordinates);
     let last = run.samples.saturating_sub(1);
-    let ending = match (run.ending.as_str(), run.passed) {
-        ("complete", _) => Ending::Complete,
-        ("tracking_bound", Some((coordinate, error))) => Ending::TrackingBound { coordinate, sample: last, error },
-        ("tracking_bound", None) => Ending::TrackingBound { coordinate: 0, sample: last, error: f64::NAN },
-        ("diverged", _) => Ending::Diverged { sample: last },
-        (other, _) => return Err(broken(path, &format!("`{other}` is no ending of a run"))),
+    let lost = || channels.iter().position(|channel| channel.last().is_some_and(|value: &f64| value.is_nan()));
+    let ending = match (run.ending, run.passed) {
+        (RunEnding::Complete | RunEnding::Unsettled, _) => Ending::Complete,
+        (RunEnding::TrackingBound, Some((coordinate, error))) => {
+            Ending::TrackingBound { coordinate, sample: last, error }
+        }
+        (RunEnding::TrackingBound, None) => {
+            return Err(broken(path, "the manifest beside it does not say which tracking error passed its bound"));
+        }
+        (RunEnding::SensorLost, _) => Ending::SensorLost { coordinate: lost().unwrap_or(0), sample: last },
+        (RunEnding::Diverged, _) => Ending::Diverged { sample: last },
     };
     Ok(Record { sample_time: run.sample_time, coordinates: channels, inputs, ending, saturated: run.saturated })
 }

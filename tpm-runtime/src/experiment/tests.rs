@@ -1,4 +1,5 @@
 use super::{Experiment, ExperimentError, identify_simulated};
+use crate::procedure::RunEnding;
 use crate::test_models::MassSpringDrag;
 use crate::trajectory::tests::rest_to_rest_3;
 use std::string::ToString;
@@ -42,7 +43,7 @@ fn limits_end_a_campaign() {
     let tight =
         [("plant.sensors.x.noise", "0"), ("counts", "0"), ("limits.inputs.u", "5"), ("limits.tracking.x", "0.01")];
     let backed = run(&tight);
-    assert_eq!(backed.runs[0].ending, "tracking_bound");
+    assert_eq!(backed.runs[0].ending, RunEnding::TrackingBound);
     assert!(backed.is_complete() && backed.runs[1].amplitudes[0].1 < 0.2, "{:?}", backed.warnings);
     let weak = run(&[&tight[..], &[("max_aborts", "0")]].concat());
     assert_eq!(weak.outcome.expect("ended"), crate::procedure::Outcome::Aborted);
@@ -60,7 +61,7 @@ fn overrides_reach_every_value_and_say_what_was_meant() {
     experiment.apply_override("kp", "1500").expect("occurs once");
     experiment.apply_override("harmonics", "12").expect("optional");
     assert_eq!((experiment.seed, experiment.plant.parameters["m"]), (7, 3.0));
-    assert_eq!(experiment.schedule.stages[0]["lambda"], 0.25);
+    assert_eq!(experiment.schedule.stages[0].values["lambda"], 0.25);
     assert_eq!((experiment.control.feedback[0].kp, experiment.harmonics), (1500.0, Some(12)));
     let before = experiment.clone();
     for (key, value, expected) in [
@@ -89,7 +90,7 @@ fn unknown_fields_and_names_are_refused() {
     missing.plant.parameters.remove("m");
     assert!(matches!(missing.bench(&MassSpringDrag), Err(ExperimentError::Missing { .. })));
     let mut still = experiment();
-    still.schedule.stages[0].insert("w".to_string(), 0.0);
+    still.schedule.stages[0].values.insert("w".to_string(), 0.0);
     let hold = crate::harmonics::Hold::Zoh;
     assert!(matches!(still.setup(&MassSpringDrag, &rest_to_rest_3(), hold), Err(ExperimentError::Invalid { .. })));
     let mut share = experiment();
@@ -160,7 +161,7 @@ fn a_sensor_that_drops_out_ends_the_campaign_and_what_was_known_stays() {
     experiment.apply_override("plant.sensors.x.dropout", "{ run = 2, time = 7.5 }").expect("known");
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
     assert_eq!(result.outcome, Some(crate::procedure::Outcome::SensorLost));
-    assert_eq!((result.runs.len(), result.runs[1].ending), (2, "sensor_lost"));
+    assert_eq!((result.runs.len(), result.runs[1].ending), (2, RunEnding::SensorLost));
     for (parameter, truth) in result.parameters.iter().zip([2.0, 40.0, 1.5]) {
         assert!((parameter.value.expect("of the first run") / truth - 1.0).abs() < 2e-2, "{parameter:?}");
     }
@@ -184,4 +185,22 @@ fn harmonics_near_a_natural_mode_are_said() {
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
     let near = result.runs[1].near_mode.as_ref().expect("seen");
     assert_eq!((near.signal.as_str(), near.harmonic), ("u", 2));
+}
+
+#[test]
+fn a_plant_that_diverges_leaves_what_was_known() {
+    let mut experiment = experiment();
+    experiment.limits.tracking.clear();
+    // From the second run on a spring that pushes away, far beyond what the feedback holds.
+    experiment.apply_override("plant.drift.k1", "-1e4").expect("known");
+    let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
+    assert_eq!(result.outcome, Some(crate::procedure::Outcome::Aborted));
+    let (first, later) = result.runs.split_first().expect("runs");
+    assert_eq!((first.ending, later.len()), (RunEnding::Complete, experiment.limits.max_aborts + 1));
+    assert!(later.iter().all(|run| run.ending == RunEnding::Diverged && !run.updated), "{later:?}");
+    for ((parameter, kept), truth) in result.parameters.iter().zip(&first.parameters).zip([2.0, 40.0, 1.5]) {
+        assert_eq!(parameter.value, kept.value);
+        assert!((parameter.value.expect("of the first run") / truth - 1.0).abs() < 2e-2, "{parameter:?}");
+    }
+    assert!(!result.is_complete() && result.warnings.iter().any(|w| w.contains("diverged")), "{:?}", result.warnings);
 }

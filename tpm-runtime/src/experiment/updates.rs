@@ -149,7 +149,7 @@ pub fn convergence(
 mod tests {
     use super::{STEPS, convergence, updates};
     use crate::estimate::Method;
-    use crate::experiment::{Experiment, Named};
+    use crate::experiment::{Experiment, StageSection};
     use crate::test_models::MassSpringDrag;
     use crate::trajectory::tests::rest_to_rest_3;
     use std::f64::consts::PI;
@@ -160,8 +160,9 @@ mod tests {
         Experiment::parse(file).expect("the shipped file is right")
     }
 
-    fn stage(lambda: f64, w: f64) -> Named {
-        [("lambda", lambda), ("w", w)].into_iter().map(|(name, value)| (name.into(), value)).collect()
+    fn stage(lambda: f64, w: f64) -> StageSection {
+        let values = [("lambda", lambda), ("w", w)].into_iter().map(|(name, value)| (name.into(), value)).collect();
+        StageSection { values, ..StageSection::default() }
     }
 
     /// Updates as they were found independently.

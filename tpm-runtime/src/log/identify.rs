@@ -15,8 +15,8 @@ use std::vec::Vec;
 
 /// The other hold explains a log clearly better when it leaves less than this share of the residual.
 const CLEARLY_BETTER: f64 = 0.7;
-/// A residual above this share of the force is flagged.
-const LARGE_RESIDUAL: f64 = 0.2;
+/// A residual above this share of the force is no success: the model does not explain the log.
+pub const LARGE_RESIDUAL: f64 = 0.2;
 /// A difference of successive periods above this share of the motion is flagged.
 const UNSTEADY: f64 = 0.02;
 
@@ -112,6 +112,14 @@ pub struct Identification {
     /// The estimate itself, for further computation.
     #[serde(skip)]
     pub estimate: Estimate,
+}
+
+impl Identification {
+    /// Whether the model explains the log: its residual is not above [`LARGE_RESIDUAL`].
+    #[must_use]
+    pub fn is_explained(&self) -> bool {
+        self.residual <= LARGE_RESIDUAL
+    }
 }
 
 /// Identifies the parameters of a model from one log.

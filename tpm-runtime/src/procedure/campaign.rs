@@ -7,7 +7,7 @@
 //! A stage is one amplitude and frequency (Feng, chapter 3, steps 1-5): play, let it settle, measure whole periods, update,
 //! repeat until the update no longer changes anything (or the tracking error's harmonics are small enough), then grow.
 
-use super::record::{Ending, Record};
+use super::record::{Ending, Record, RunEnding};
 use super::settle::settled_from;
 use super::trial::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
 use crate::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
@@ -41,6 +41,8 @@ const EXTENSIONS: usize = 3;
 /// One amplitude and frequency of the schedule.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
+    /// Its pattern; that of the campaign where none is given.
+    pub pattern: Option<Pattern>,
     /// Amplitudes, in the order of the pattern.
     pub amplitudes: Vec<f64>,
     /// Fundamental angular frequency asked for, rad/s.
@@ -52,11 +54,17 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// The reference of this stage with its amplitudes times a factor.
+    /// The pattern of this stage in a campaign with a pattern.
     #[must_use]
-    pub fn trajectory(&self, pattern: &Pattern, scale: f64) -> Trajectory {
+    pub fn pattern<'p>(&'p self, campaign: &'p Pattern) -> &'p Pattern {
+        self.pattern.as_ref().unwrap_or(campaign)
+    }
+
+    /// The reference of this stage, in a campaign with a pattern, with its amplitudes times a factor.
+    #[must_use]
+    pub fn trajectory(&self, campaign: &Pattern, scale: f64) -> Trajectory {
         let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
-        let mut trajectory = pattern.trajectory(&amplitudes, self.frequency);
+        let mut trajectory = self.pattern(campaign).trajectory(&amplitudes, self.frequency);
         for (series, &multiple) in trajectory.coordinates.iter_mut().zip(&self.multiples) {
             for line in &mut series.lines {
                 line.harmonic *= multiple;
@@ -183,6 +191,9 @@ pub struct RunReport {
     pub run: usize,
     /// Stage of the schedule, from 1.
     pub stage: usize,
+    /// Name of its pattern, where the stage has its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
     /// Names and values of the amplitudes.
     pub amplitudes: Vec<(String, f64)>,
     /// Fundamental angular frequency that was played, rad/s.
@@ -203,8 +214,8 @@ pub struct RunReport {
     /// The limit of which that was, and where.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit: Option<LimitUse>,
-    /// complete, tracking_bound, diverged, sensor_lost or unsettled.
-    pub ending: &'static str,
+    /// How it ended.
+    pub ending: RunEnding,
     /// A harmonic of the reference or of an input that lies near a natural mode, with the parameters behind the feed-forward.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_mode: Option<NearMode>,
@@ -441,8 +452,7 @@ impl<'m> Campaign<'m> {
             }
         }
         let mut report = self.report(&trial, record);
-        if matches!(record.ending, Ending::TrackingBound { error, .. } if error.is_nan()) {
-            report.ending = "sensor_lost";
+        if matches!(record.ending, Ending::SensorLost { .. }) {
             self.outcome = Some(Outcome::SensorLost);
             return self.finish(report);
         }
@@ -465,7 +475,7 @@ impl<'m> Campaign<'m> {
         let settled = settled_from(record, samples, self.setup.procedure.settle_periods)
             .filter(|from| from + LEAST_PERIODS <= trial.periods);
         let Some(from) = settled else {
-            report.ending = "unsettled";
+            report.ending = RunEnding::Unsettled;
             self.extensions += 1;
             if self.extensions > EXTENSIONS {
                 self.outcome = Some(Outcome::NotSettled);
@@ -559,7 +569,8 @@ impl<'m> Campaign<'m> {
         let settings = TrialSettings {
             run: self.reports.len(),
             trajectory: stage.trajectory(&self.setup.pattern, self.scale),
-            open: &self.setup.pattern.open(),
+            open: &stage.pattern(&self.setup.pattern).open(),
+            pattern: stage.pattern.as_ref().and_then(|pattern| pattern.name.clone()),
             amplitudes,
             periods: settle + measured,
             control: &self.setup.control.scaled(stage.gain),
@@ -694,10 +705,12 @@ impl<'m> Campaign<'m> {
 
     fn report(&self, trial: &Trial, record: &Record) -> RunReport {
         let limit = self.command_use(trial, &record.inputs);
+        let pattern = self.setup.procedure.stages[self.stage].pattern(&self.setup.pattern);
         RunReport {
             run: self.reports.len() + 1,
             stage: self.stage + 1,
-            amplitudes: self.setup.pattern.amplitudes.iter().cloned().zip(trial.amplitudes.iter().copied()).collect(),
+            pattern: trial.pattern.clone(),
+            amplitudes: pattern.amplitudes.iter().cloned().zip(trial.amplitudes.iter().copied()).collect(),
             frequency: trial.trajectory.frequency,
             samples_per_period: trial.samples_per_period,
             settled_after: None,
@@ -706,11 +719,7 @@ impl<'m> Campaign<'m> {
             tracking_rms: tracking_rms(trial, record, 0),
             effort_share: limit.as_ref().map(|limit| limit.share),
             limit,
-            ending: match record.ending {
-                Ending::Complete => "complete",
-                Ending::TrackingBound { .. } => "tracking_bound",
-                Ending::Diverged { .. } => "diverged",
-            },
+            ending: record.ending.kind(),
             near_mode: self.near_mode(trial),
             updated: false,
             parameters: Vec::new(),

@@ -16,7 +16,7 @@ pub use campaign::{
     Campaign, CampaignError, LEAST_PERIODS, NearMode, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
 };
 pub use completion::OpenReason;
-pub use record::{Ending, Record};
+pub use record::{Ending, Record, RunEnding};
 pub use settle::settled_from;
 pub use trial::{HoldCompensation, Loop, Trial, TrialError, TrialSettings, Velocity};
 pub(crate) use trial::{correct_actuators, demand};

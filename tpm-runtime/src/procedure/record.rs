@@ -1,6 +1,7 @@
 //! What comes back from an experiment.
 
 use super::{CampaignError, Trial};
+use serde::{Deserialize, Serialize};
 use std::vec::Vec;
 
 /// Relative difference of sample times that is rounding of a log's time column.
@@ -11,7 +12,7 @@ const SAME_RATE: f64 = 1e-6;
 pub enum Ending {
     /// All samples were played.
     Complete,
-    /// The tracking error of a coordinate passed its bound, or was no number.
+    /// The tracking error of a coordinate passed its bound.
     TrackingBound {
         /// The coordinate.
         coordinate: usize,
@@ -20,11 +21,69 @@ pub enum Ending {
         /// The error there.
         error: f64,
     },
+    /// A coordinate's sensor gave no number.
+    SensorLost {
+        /// The coordinate.
+        coordinate: usize,
+        /// The last sample that was recorded, the one without a number.
+        sample: usize,
+    },
     /// The plant's motion became infinite, or the model could not be evaluated.
     Diverged {
         /// The last sample that was recorded.
         sample: usize,
     },
+}
+
+impl Ending {
+    /// What the tracking error of a coordinate at a sample makes of a run: its ending, when that is no number or beyond the
+    /// bound.
+    #[must_use]
+    pub fn of_error(coordinate: usize, sample: usize, error: f64, bound: f64) -> Option<Self> {
+        if error.is_nan() {
+            return Some(Ending::SensorLost { coordinate, sample });
+        }
+        (error.abs() > bound).then_some(Ending::TrackingBound { coordinate, sample, error })
+    }
+
+    /// The same without its numbers.
+    #[must_use]
+    pub const fn kind(&self) -> RunEnding {
+        match self {
+            Ending::Complete => RunEnding::Complete,
+            Ending::TrackingBound { .. } => RunEnding::TrackingBound,
+            Ending::SensorLost { .. } => RunEnding::SensorLost,
+            Ending::Diverged { .. } => RunEnding::Diverged,
+        }
+    }
+}
+
+/// How a run ended, as reports and manifests say it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RunEnding {
+    /// All samples were played.
+    Complete,
+    /// The tracking error passed its bound.
+    TrackingBound,
+    /// A sensor gave no number.
+    SensorLost,
+    /// The motion became infinite.
+    Diverged,
+    /// All samples were played, but the motion had not settled.
+    Unsettled,
+}
+
+impl std::fmt::Display for RunEnding {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            RunEnding::Complete => "complete",
+            RunEnding::TrackingBound => "tracking bound",
+            RunEnding::SensorLost => "sensor lost",
+            RunEnding::Diverged => "diverged",
+            RunEnding::Unsettled => "unsettled",
+        })
+    }
 }
 
 /// Samples of one run, complete or not.
@@ -46,8 +105,8 @@ pub struct Record {
 }
 
 impl Record {
-    /// The record of a trial from the samples that a machine gave: it ends where a tracking error passes its bound, and a
-    /// sample in which an input stands at its limit counts as cut.
+    /// The record of a trial from the samples that a machine gave: it ends where a tracking error passes its bound, or is no
+    /// number, and a sample in which an input stands at its limit counts as cut.
     ///
     /// # Errors
     /// [`CampaignError::SampleTime`], [`CampaignError::Mismatch`] when samples are missing although no bound was passed.
@@ -68,11 +127,11 @@ impl Record {
             |n: usize, c: usize| record.coordinates[c][n] - trial.reference[n % trial.samples_per_period * width + c];
         let played = record.len().min(trial.samples());
         let passes = |n: usize| {
-            let beyond = |&c: &usize| error(n, c).is_nan() || error(n, c).abs() > trial.tracking_bounds[c];
-            (0..record.coordinates.len()).find(beyond).map(|c| (n, c, error(n, c)))
+            let ending = |c: usize| Ending::of_error(c, n, error(n, c), trial.tracking_bounds[c]);
+            (0..record.coordinates.len()).find_map(ending).map(|ending| (n, ending))
         };
         let passed = (0..played).find_map(passes);
-        let length = passed.map_or(played, |(n, _, _)| n + 1);
+        let length = passed.map_or(played, |(n, _)| n + 1);
         if passed.is_none() && record.len() < trial.samples() {
             let given = record.len();
             return Err(CampaignError::Mismatch { what: "samples", needed: trial.samples(), given });
@@ -80,8 +139,8 @@ impl Record {
         for channel in record.coordinates.iter_mut().chain(&mut record.inputs) {
             channel.truncate(length);
         }
-        if let Some((sample, coordinate, error)) = passed {
-            record.ending = Ending::TrackingBound { coordinate, sample, error };
+        if let Some((_, ending)) = passed {
+            record.ending = ending;
         }
         let cut = |n: &usize| record.inputs.iter().zip(&trial.input_limits).any(|(u, limit)| u[*n].abs() >= *limit);
         record.saturated = (0..length).filter(cut).count();

@@ -33,7 +33,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
         procedure: Procedure {
             stages: stages
                 .iter()
-                .map(|&(a, w)| Stage { amplitudes: vec![a], frequency: w, multiples: vec![], gain: 1.0 })
+                .map(|&(a, w)| Stage { pattern: None, amplitudes: vec![a], frequency: w, multiples: vec![], gain: 1.0 })
                 .collect(),
             settle_periods: 3,
             measure_time: 0.0,

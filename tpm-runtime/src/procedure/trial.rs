@@ -167,6 +167,8 @@ pub struct Trial {
     pub trajectory: Trajectory,
     /// Coordinates whose reference follows from the rows without an input, with the estimates for the feed-forward.
     pub open: Vec<usize>,
+    /// Name of the pattern, where the stage has its own.
+    pub pattern: Option<String>,
     /// Amplitudes behind the reference, in the order of the pattern.
     pub amplitudes: Vec<f64>,
     /// Samples in a period.
@@ -198,6 +200,8 @@ pub struct TrialSettings<'a> {
     pub trajectory: Trajectory,
     /// Coordinates whose motion follows from the rows without an input, with the estimates for the feed-forward.
     pub open: &'a [usize],
+    /// Name of its pattern, where the stage has its own.
+    pub pattern: Option<String>,
     /// Amplitudes behind it.
     pub amplitudes: Vec<f64>,
     /// Whole periods to play.
@@ -224,6 +228,7 @@ impl Trial {
             run,
             mut trajectory,
             open,
+            pattern,
             amplitudes,
             periods,
             control,
@@ -271,6 +276,7 @@ impl Trial {
             run,
             trajectory,
             open: open.to_vec(),
+            pattern,
             amplitudes,
             samples_per_period: samples,
             periods,
@@ -402,6 +408,7 @@ mod tests {
             run: 0,
             trajectory: rest_to_rest_3().trajectory(&[0.3], w),
             open: &[],
+            pattern: None,
             amplitudes: vec![0.3],
             periods: 3,
             control: &control,

@@ -87,7 +87,7 @@ mod tests {
         let error = |steps: f64| {
             let mut experiment = Experiment::parse(file).expect("the shipped file is right");
             experiment.prior = experiment.plant.parameters.clone();
-            let stage = &experiment.schedule.stages[0];
+            let stage = &experiment.schedule.stages[0].values;
             experiment.control.sample_time = 2.0 * std::f64::consts::PI / stage["w"] / steps;
             experiment.control.derivative_filter = None;
             let setup = experiment.setup(&MassSpringDrag, &rest_to_rest_3(), Hold::None).expect("fits");

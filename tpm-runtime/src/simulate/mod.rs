@@ -141,8 +141,8 @@ impl<'a> Session<'a> {
         let sample = self.sample;
         self.sample += 1;
         for (coordinate, (&error, bound)) in self.errors.iter().zip(&self.trial.tracking_bounds).enumerate() {
-            if error.is_nan() || error.abs() > *bound {
-                return Ok(Some(Ending::TrackingBound { coordinate, sample, error }));
+            if let Some(ending) = Ending::of_error(coordinate, sample, error, *bound) {
+                return Ok(Some(ending));
             }
         }
         let diverged = self.transmission.advance(&mut self.plant, &self.wanted)?;

@@ -98,10 +98,9 @@ pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'
             break;
         }
         found.last.copy_from_slice(&plant.motion()[..n]);
-        if let Some(coordinate) = (0..n).find(|&c| found.last[c].is_nan() || found.last[c].abs() > regulation.bounds[c])
-        {
-            let error = found.last[coordinate];
-            found.record.ending = Ending::TrackingBound { coordinate, sample, error };
+        let passed = |c: usize| Ending::of_error(c, sample, found.last[c], regulation.bounds[c]);
+        if let Some(ending) = (0..n).find_map(passed) {
+            found.record.ending = ending;
             break;
         }
         if sample >= settled {
