@@ -63,6 +63,7 @@ pub mod pattern;
 pub mod plan;
 pub mod polynomial;
 pub mod prepare;
+mod product;
 pub mod rational;
 pub mod regressor;
 pub mod regressor_rank;

@@ -39,6 +39,15 @@ fn reduced(numerator: i128, denominator: i128) -> Rational {
 }
 
 impl Rational {
+    /// `numerator / denominator`, the denominator positive.
+    pub(crate) fn from_wide(numerator: i128, denominator: i128) -> Self {
+        if denominator == 1 {
+            return reduced(numerator, 1);
+        }
+        let common = numerator.gcd(&denominator);
+        reduced(numerator / common, denominator / common)
+    }
+
     fn small(numerator: i64, denominator: i64) -> Self {
         Self(Value::Small(numerator, NonZeroI64::new(denominator).expect("invariant: denominators are positive")))
     }

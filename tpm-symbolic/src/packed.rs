@@ -6,11 +6,12 @@
 //! the order of the keys is lexicographic, the last variable first.
 
 use smallvec::{SmallVec, smallvec};
+use std::hash::Hash;
 
 /// Widths of the fields and numbers of words.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layout {
-    /// Bits of a field: 8, 16, 32 or 64.
+    /// Bits of a field: 4, 8, 16, 32 or 64.
     bits: u32,
     /// Number of variables.
     pub(crate) variables: usize,
@@ -19,7 +20,7 @@ pub(crate) struct Layout {
 impl Layout {
     /// For `variables` exponents of magnitude at most `largest`.
     pub(crate) fn new(variables: usize, largest: u64) -> Self {
-        let bits = [8, 16, 32].into_iter().find(|bits| largest < 1 << (bits - 1)).unwrap_or(64);
+        let bits = [4, 8, 16, 32].into_iter().find(|bits| largest < 1 << (bits - 1)).unwrap_or(64);
         Self { bits, variables }
     }
 
@@ -35,8 +36,18 @@ pub(crate) trait Key: Clone + Ord {
     fn variable(layout: Layout, variable: usize) -> Self;
     /// self += times * other.
     fn add(&mut self, other: &Self, times: i64);
-    /// Calls back with the variables, from the first, and their exponents, up to the last that is not zero.
+    /// Calls back with the variables, from the first, and their exponents, at least up to the last that is not zero.
     fn exponents(&self, layout: Layout, each: impl FnMut(usize, i64));
+}
+
+/// A key of one word.
+pub(crate) trait ShortKey: Key + Copy + Hash {
+    /// A word that compares as the lists of factors do: by the first variable that is in one of them only, a list being
+    /// larger without it unless it has ended; by the exponent where both have it.
+    ///
+    /// The fields, the first variable's in front, are 0 once the list has ended, all ones for a variable that is left out
+    /// before, and otherwise the exponent, counted from the lowest one on without the exponent 0.
+    fn listed(&self, layout: Layout) -> Self;
 }
 
 macro_rules! short_key {
@@ -66,6 +77,26 @@ macro_rules! short_key {
                     each(variable, field);
                     rest = rest.wrapping_sub(<$signed>::from(field) as Self).checked_shr(layout.bits).unwrap_or(0);
                 }
+            }
+        }
+
+        impl ShortKey for $key {
+            fn listed(&self, layout: Layout) -> Self {
+                let bits = layout.bits;
+                let absent = <$key>::MAX >> (<$key>::BITS - bits);
+                let (mut word, mut read, mut ended) = (0, 0, 0);
+                self.exponents(layout, |_, exponent| {
+                    let code = match exponent {
+                        0 => absent,
+                        _ => ((exponent - i64::from(exponent > 0)) as Self & absent) ^ (1 << (bits - 1)),
+                    };
+                    word = (word << (bits - 1) << 1) | code;
+                    read += 1;
+                    ended = if exponent == 0 { ended } else { read };
+                });
+                // What was read after the last factor goes, and the first variable's field moves to the front.
+                let word = word.checked_shr(bits * (read - ended)).unwrap_or(0);
+                word.checked_shl(bits * (layout.variables as u32 - ended)).unwrap_or(0)
             }
         }
     };

@@ -1,15 +1,15 @@
 //! Sparse multivariate Laurent polynomials with exact rational coefficients.
 //!
 //! Invariant: a [`Monomial`] lists its variables in increasing order with non-zero exponents; a [`Polynomial`] lists its
-//! terms in increasing order of the monomials, each once and with a coefficient that is not zero. Two equal polynomials are therefore equal as data, and iteration order is deterministic.
+//! terms in increasing order of the monomials, each once and with a coefficient that is not zero. Two equal polynomials are
+//! therefore equal as data, and iteration order is deterministic.
 
-use crate::packed::{Key, Layout};
+use crate::product;
 use crate::rational::{self, Rational};
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use smallvec::SmallVec;
 use std::cmp::Ordering;
-use std::collections::HashMap;
 
 /// The factors of a monomial.
 pub(crate) type Factorisation<V> = SmallVec<[(V, i32); 4]>;
@@ -74,25 +74,29 @@ impl<V: Ord + Clone> Monomial<V> {
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
         let mut factors = SmallVec::with_capacity(self.0.len() + other.0.len());
-        let (mut left, mut right) = (self.0.iter().peekable(), other.0.iter().peekable());
-        loop {
-            match (left.peek(), right.peek()) {
-                (Some(a), Some(b)) => match a.0.cmp(&b.0) {
-                    Ordering::Less => factors.extend(left.next().cloned()),
-                    Ordering::Greater => factors.extend(right.next().cloned()),
-                    Ordering::Equal => {
-                        if a.1 + b.1 != 0 {
-                            factors.push((a.0.clone(), a.1 + b.1));
-                        }
-                        left.next();
-                        right.next();
+        let (mut left, mut right) = (self.0.as_slice(), other.0.as_slice());
+        while let ([a, left_rest @ ..], [b, right_rest @ ..]) = (left, right) {
+            match a.0.cmp(&b.0) {
+                Ordering::Less => {
+                    factors.push(a.clone());
+                    left = left_rest;
+                }
+                Ordering::Greater => {
+                    factors.push(b.clone());
+                    right = right_rest;
+                }
+                Ordering::Equal => {
+                    if a.1 + b.1 != 0 {
+                        factors.push((a.0.clone(), a.1 + b.1));
                     }
-                },
-                (Some(_), None) => factors.extend(left.next().cloned()),
-                (None, Some(_)) => factors.extend(right.next().cloned()),
-                (None, None) => return Self(factors),
+                    (left, right) = (left_rest, right_rest);
+                }
             }
         }
+        for factor in left.iter().chain(right) {
+            factors.push(factor.clone());
+        }
+        Self(factors)
     }
 
     /// The monomial raised to an integer power.
@@ -130,7 +134,7 @@ pub struct Polynomial<V: Ord>(Terms<V>);
 type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
 
 /// From how many products on packing the exponents pays.
-const PACKED: usize = 128;
+const PACKED: usize = 24;
 
 /// How many products are collected before they are sorted and added up.
 const BATCH: usize = 1 << 16;
@@ -322,10 +326,15 @@ impl<V: Ord + Clone> Polynomial<V> {
     /// The product.
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
+        match (self.as_term(), other.as_term()) {
+            (_, Some((monomial, coefficient))) => return self.mul_term(monomial, coefficient),
+            (Some((monomial, coefficient)), _) => return other.mul_term(monomial, coefficient),
+            _ => {}
+        }
         if self.len() * other.len() >= PACKED
-            && let Some(product) = self.mul_packed(other)
+            && let Some(product) = product::product(&self.0, &other.0)
         {
-            return product;
+            return Self(product.into());
         }
         let mut result = Self::zero();
         let mut products = Terms::with_capacity((self.len() * other.len()).min(BATCH + other.len()));
@@ -339,63 +348,35 @@ impl<V: Ord + Clone> Polynomial<V> {
         if result.is_zero() { last } else { result.add(&last) }
     }
 
-    /// The product by way of exponents packed into one word; `None` when they do not fit.
-    fn mul_packed(&self, other: &Self) -> Option<Self> {
-        let factors = || self.0.iter().chain(&other.0).flat_map(|(monomial, _)| monomial.factors());
-        let mut variables: Vec<&V> = factors().map(|(variable, _)| variable).collect();
-        variables.sort_unstable();
-        variables.dedup();
-        let largest = factors().map(|(_, exponent)| exponent.unsigned_abs()).max().unwrap_or(0);
-        let layout = Layout::new(variables.len(), 2 * u64::from(largest));
-        if layout.key_bits() > u64::from(u128::BITS) {
-            return None;
-        }
-        let packed = |terms: &Terms<V>| -> Vec<u128> {
-            let key = |(monomial, _): &(Monomial<V>, Rational)| {
-                monomial.factors().fold(<u128 as Key>::one(layout), |mut key, (variable, exponent)| {
-                    let at = variables.binary_search(&variable).expect("invariant: every variable was collected");
-                    key.add(&<u128 as Key>::variable(layout, at), i64::from(exponent));
-                    key
-                })
-            };
-            terms.iter().map(key).collect()
-        };
-        let (left, right) = (packed(&self.0), packed(&other.0));
-        let mut sums: HashMap<u128, Rational> = HashMap::with_capacity(self.len() + other.len());
-        for (left, (_, a)) in left.iter().zip(&self.0) {
-            for (right, (_, b)) in right.iter().zip(&other.0) {
-                let mut key = *left;
-                key.add(right, 1);
-                *sums.entry(key).or_insert_with(Rational::zero) += a * b;
-            }
-        }
-        let unpacked = |(key, coefficient): (u128, Rational)| {
-            let mut factors = Factorisation::new();
-            key.exponents(layout, |at, exponent| {
-                if exponent != 0 {
-                    let exponent = i32::try_from(exponent).expect("invariant: exponents are small");
-                    factors.push((variables[at].clone(), exponent));
-                }
-            });
-            (Monomial::from_sorted(factors), coefficient)
-        };
-        Some(Self(collected(sums.into_iter().filter(|(_, sum)| !sum.is_zero()).map(unpacked).collect())))
-    }
-
     /// Every monomial multiplied by `monomial`.
     #[must_use]
     pub fn mul_monomial(&self, monomial: &Monomial<V>) -> Self {
-        Self(collected(self.0.iter().map(|(m, c)| (m.mul(monomial), c.clone())).collect()))
+        self.mul_term(monomial, &Rational::one())
+    }
+
+    fn mul_term(&self, monomial: &Monomial<V>, coefficient: &Rational) -> Self {
+        let times = |(m, c): &(Monomial<V>, Rational)| {
+            (m.mul(monomial), if coefficient.is_one() { c.clone() } else { c * coefficient })
+        };
+        Self(collected(self.0.iter().map(times).collect()))
     }
 
     /// A non-negative power.
     #[must_use]
     pub fn pow(&self, exponent: u32) -> Self {
-        let mut result = Self::one();
-        for _ in 0..exponent {
-            result = result.mul(self);
+        if let (Some((monomial, coefficient)), Ok(exponent)) = (self.as_term(), i32::try_from(exponent)) {
+            return Self::term(monomial.pow(exponent), rational::power(coefficient, exponent));
         }
-        result
+        if exponent > 1
+            && self.len() * self.len() >= PACKED
+            && let Some(power) = product::power(&self.0, exponent)
+        {
+            return Self(power.into());
+        }
+        match exponent {
+            0 => Self::one(),
+            _ => (1..exponent).fold(self.clone(), |power, _| power.mul(self)),
+        }
     }
 
     /// The partial derivative with respect to `variable`.
@@ -504,7 +485,7 @@ mod tests {
     #[test]
     fn exponents_that_no_word_holds_are_multiplied_all_the_same() {
         let wide: P = (0..40).map(|v| (Monomial::power_of(v, 1_000_000), integer(1))).collect();
-        assert_eq!(wide.mul_packed(&wide), None);
+        assert_eq!(crate::product::product(&wide.0, &wide.0), None);
         let square = wide.mul(&wide);
         assert_eq!(square.len(), 40 * 41 / 2);
         assert_eq!(square.evaluate(|_| integer(1)), Some(integer(1600)));
@@ -527,7 +508,7 @@ mod tests {
                 .terms()
                 .flat_map(|(m, x)| b.terms().map(move |(n, y)| (m.mul(n), x * y)))
                 .collect();
-            prop_assert_eq!(a.mul_packed(&b), Some(plain.clone()));
+            prop_assert_eq!(crate::product::product(&a.0, &b.0).map(|terms| Polynomial(terms.into())), Some(plain.clone()));
             prop_assert_eq!(a.mul(&b), plain);
         }
 
