@@ -12,7 +12,6 @@ mod interrupt;
 mod load;
 mod output;
 mod picture;
-mod point;
 mod progress;
 mod text_table;
 mod values;

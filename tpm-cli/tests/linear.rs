@@ -133,7 +133,8 @@ fn fong_29_is_not_consistent_with_28() {
 fn faults_of_a_linearisation_name_their_remedy() {
     fails(&["linearize", UP, "--at", "th2=pi/2"], 2, &["no equilibrium", "equation eq2", "-49*m2*c2/5"]);
     fails(&["linearize", UP, "--at", "th3=1"], 2, &["no such coordinate or input", "th1, th2, e"]);
-    fails(&["linearize", UP, "--at", "th2=2 pi"], 2, &["not expected here"]);
+    fails(&["linearize", UP, "--at", "th2=2 pi"], 2, &["--at th2:1:3", "`pi` is not expected here"]);
+    fails(&["linearize", UP, "--at", "th2=thh"], 2, &["`thh` is no parameter or constant", "it has"]);
     fails(&["linearize", UP, "--set", "m2=1"], 2, &["values are missing", "--set Rm=VALUE"]);
     fails(&["linearize", UP, "--set", "m9=1"], 2, &["no parameter or run-time constant `m9`", "Rm"]);
     fails(&["linearize", UP, "--set", "g=9.81"], 2, &["`g` is fixed to 49/5"]);

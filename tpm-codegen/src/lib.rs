@@ -66,5 +66,5 @@ pub mod source;
 
 pub use diagnostic::{Diagnostic, Diagnostics};
 pub use language::stream::TokenSource;
-pub use language::{Parsed, parse_model, parse_tokens};
+pub use language::{Parsed, parse_model, parse_tokens, parse_value};
 pub use source::{Source, Span};

@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 use proptest::prelude::*;
 use tpm_codegen::diagnostic::Diagnostics;
 use tpm_codegen::language;
+use tpm_codegen::parse_value;
 use tpm_codegen::source::Source;
+use tpm_symbolic::model::{Kind, Model};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -305,5 +307,39 @@ proptest! {
         if let Err((source, errors)) = judge(text.as_bytes()) {
             prop_assert!(!errors.render(&source).is_empty());
         }
+    }
+}
+
+#[test]
+fn values_are_exact_expressions_of_parameters_and_constants() {
+    let mut model = Model::default();
+    for name in ["m", "g", "k"] {
+        model.declare(name, None, Kind::Parameter);
+    }
+    model.declare("F", None, Kind::Input);
+    let mut shown = |text: &str| {
+        let source = Source::new("value", text);
+        parse_value(&source, &mut model).map(|value| model.display(value)).map_err(|faults| faults.render(&source))
+    };
+    assert_eq!(shown("0.1").as_deref(), Ok("1/10"));
+    assert_eq!(shown(" - pi / 2 ").as_deref(), Ok("-pi/2"));
+    assert_eq!(shown("m*g/k"), shown("(g/k)*m"));
+    assert_eq!(shown("1e-3+2").as_deref(), Ok("2001/1000"));
+    let deep = ["-".repeat(1000), "(".repeat(100_000)];
+    let wrong = [
+        ("", "value:1:1"),
+        ("2 pi", "`pi` is not expected here"),
+        ("F", "`F` is no parameter or constant"),
+        ("1/0", "a division by zero"),
+        ("(1", "value:1:3"),
+        ("1+", "value:1:3"),
+        ("^", "value:1:1"),
+        ("sin(m, g)", "cannot stand here"),
+        (&deep[0], "levels deep"),
+        (&deep[1], "levels deep"),
+    ];
+    for (text, expected) in wrong {
+        let message = shown(text).expect_err(text);
+        assert!(message.contains(expected), "{message}");
     }
 }

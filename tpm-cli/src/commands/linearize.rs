@@ -5,11 +5,13 @@ use crate::failure::Failure;
 use crate::load::Loaded;
 use crate::text_table::{Align, TextTable, number};
 use crate::values::{ValueArgs, Values};
-use crate::{Outcome, output, point};
+use crate::{Outcome, output};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use tpm_codegen::parse_value;
+use tpm_codegen::source::Source;
 use tpm_runtime::frequency::TransferFunction;
 use tpm_symbolic::expr::{Coordinate, ExprId};
 use tpm_symbolic::linearize::{self, Linearization, OperatingPoint, StateSpace};
@@ -414,8 +416,8 @@ fn operating_point(
     let mut point = OperatingPoint::default();
     once("--at", &args.at)?;
     for (name, text) in &args.at {
-        let value =
-            point::parse(text, model).map_err(|reason| Failure::Input(format!("--at {name}={text}: {reason}")))?;
+        let source = Source::new(format!("--at {name}"), text.as_str());
+        let value = parse_value(&source, model).map_err(|diagnostics| Failure::Model(diagnostics.render(&source)))?;
         if let Some(c) = coordinates.iter().position(|other| other == name) {
             point.coordinates.push((Coordinate(c as u32), value));
         } else if let Some(symbol) = inputs.iter().position(|other| other == name).and_then(|i| model.inputs().nth(i)) {

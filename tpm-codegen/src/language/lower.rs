@@ -11,7 +11,7 @@ mod motion;
 
 use std::collections::HashMap;
 
-use tpm_symbolic::expr::{Coordinate, ExprId, Symbol};
+use tpm_symbolic::expr::{Coordinate, ExprId, Names as _, Symbol};
 use tpm_symbolic::lagrange::Lagrangian;
 use tpm_symbolic::model::{Elimination, Kind, Lump, Model, TermId};
 use tpm_symbolic::rational::Rational;
@@ -91,6 +91,35 @@ pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut
     lowering.patterns(model);
     let Lowering { model, terms, lagrangian, taylor, harmonics, .. } = lowering;
     Lowered { model, terms, lagrangian, taylor, harmonics }
+}
+
+/// Lowers an expression of a model's parameters and constants; faults go to `diagnostics`.
+pub(crate) fn lower_value(expr: &ast::Expr, model: &mut Model, diagnostics: &mut Diagnostics) -> Option<ExprId> {
+    let known: Vec<(String, Symbol)> = model
+        .symbols_where(|kind| matches!(kind, Kind::Parameter | Kind::Constant { .. }))
+        .map(|symbol| (model.symbol_name(symbol), symbol))
+        .collect();
+    let mut names = HashMap::new();
+    for (name, symbol) in &known {
+        names.insert(name.as_str(), model.graph.symbol(*symbol));
+    }
+    let mut unknown = false;
+    expr.walk(&mut |part| {
+        if let ast::ExprKind::Name(name) = &part.kind
+            && name != "pi"
+            && !names.contains_key(name.as_str())
+        {
+            unknown = true;
+            let message = format!("`{name}` is no parameter or constant of model {}", model.name);
+            let has = known.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+            diagnostics.push(Diagnostic::error(part.span, message).help(format!("it has {has}")));
+        }
+    });
+    if unknown {
+        return None;
+    }
+    let lowered = Environment { model, names: &names, sizes: &mut expression::Sizes::default() }.lower(expr);
+    lowered.map_err(|error| diagnostics.push(error)).ok()
 }
 
 /// A fault that costs its own statement.

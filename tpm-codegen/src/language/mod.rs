@@ -196,6 +196,23 @@ pub fn parse_model(source: &Source) -> Result<Parsed, Diagnostics> {
     Ok(Parsed { model, ast, lagrangian, taylor, harmonics, warnings: sorted(diagnostics), terms })
 }
 
+/// Reads an expression of a model's parameters and constants, such as a value on a command line, into the model's graph.
+///
+/// # Errors
+/// Every fault of the text, and names of anything else.
+pub fn parse_value(source: &Source, model: &mut Model) -> Result<ExprId, Diagnostics> {
+    let mut diagnostics = Diagnostics::new();
+    let expr = parse::parse_expression(source, &mut diagnostics);
+    let value = match expr {
+        Some(expr) if !diagnostics.has_errors() => lower::lower_value(&expr, model, &mut diagnostics),
+        _ => None,
+    };
+    match value {
+        Some(value) if !diagnostics.has_errors() => Ok(value),
+        _ => Err(sorted(diagnostics)),
+    }
+}
+
 /// [`parse_model`] for the tokens of a macro call: the same model from the same text, with the way back to the user's tokens.
 ///
 /// # Errors

@@ -10,7 +10,7 @@ use std::collections::HashSet;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
-    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Force, Ident, Item, Model, Motion,
+    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, Force, Ident, Item, Model, Motion,
     Pattern, PatternItem, Quantity, Role, Series, Taylor, UnitExpr,
 };
 use crate::language::lex::{lex, shorten};
@@ -33,19 +33,24 @@ pub(crate) struct Syntax {
 
 /// Parses a source; faults go to `diagnostics`.
 pub(crate) fn parse(source: &Source, diagnostics: &mut Diagnostics) -> Syntax {
-    let tokens = lex(source, diagnostics);
-    let mut parser = Parser {
-        source,
-        tokens,
-        at: 0,
-        depth: 0,
-        diagnostics,
-        incomplete: false,
-        mentioned: HashSet::new(),
-        declared: HashSet::new(),
-    };
+    let mut parser = Parser::new(source, diagnostics);
     let model = if source.fault().is_some() { None } else { parser.file() };
     Syntax { model, incomplete: parser.incomplete, mentioned: parser.mentioned }
+}
+
+/// Parses a text that is one expression; faults go to `diagnostics`.
+pub(crate) fn parse_expression(source: &Source, diagnostics: &mut Diagnostics) -> Option<Expr> {
+    let mut parser = Parser::new(source, diagnostics);
+    if source.fault().is_some() {
+        return None;
+    }
+    let expr = parser.expr().ok()?;
+    if parser.kind() != TokenKind::End {
+        let (span, found) = (parser.peek().span, parser.found());
+        let unexpected = Diagnostic::error(span, format!("{found} is not expected here"));
+        parser.report(unexpected.help("write one expression, such as -pi/2 or m*g/k"));
+    }
+    Some(expr)
 }
 
 /// The fault is reported; the caller recovers.
@@ -83,7 +88,21 @@ struct Parser<'a, 'd> {
     declared: HashSet<&'a str>,
 }
 
-impl<'a> Parser<'a, '_> {
+impl<'a, 'd> Parser<'a, 'd> {
+    fn new(source: &'a Source, diagnostics: &'d mut Diagnostics) -> Self {
+        let tokens = lex(source, diagnostics);
+        Self {
+            source,
+            tokens,
+            at: 0,
+            depth: 0,
+            diagnostics,
+            incomplete: false,
+            mentioned: HashSet::new(),
+            declared: HashSet::new(),
+        }
+    }
+
     // Tokens.
 
     fn nth(&self, ahead: usize) -> Token {
