@@ -344,9 +344,5 @@ fn result(folder: &Path, json: bool, target: Option<&Path>) -> Outcome {
     result.stability = Some(stability);
     let model = &opened.simulation.symbolic.model;
     output::emit(target, &if json { output::json(&result)? } else { describe_campaign(&result, model, Runs::Kept) })?;
-    if result.is_complete() {
-        return Ok(());
-    }
-    let why = result.outcome.map_or("the campaign goes on", |outcome| outcome.describe());
-    Err(Failure::Incomplete(format!("not everything was identified: {why}")))
+    if result.is_complete() { Ok(()) } else { Err(Failure::Incomplete(result.shortfall())) }
 }

@@ -142,8 +142,7 @@ fn simulated(args: &Args) -> Outcome {
         return Err(Failure::Incomplete(negative));
     }
     if !result.is_complete() {
-        let why = result.outcome.map_or("the campaign was not finished", |outcome| outcome.describe());
-        return Err(Failure::Incomplete(format!("not everything was identified: {why}")));
+        return Err(Failure::Incomplete(result.shortfall()));
     }
     Ok(())
 }

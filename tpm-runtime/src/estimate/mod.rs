@@ -31,6 +31,8 @@ pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, estim
 pub use numerical::NumericalSettings;
 
 use nalgebra::DMatrix;
+use std::format;
+use std::string::String;
 use std::vec::Vec;
 
 /// What may be said of one estimated parameter.
@@ -82,4 +84,25 @@ pub struct Estimate {
     pub chi_squared: f64,
     /// Standard deviation that the model's own error adds to a harmonic of each row, units of the row.
     pub model_error: Vec<f64>,
+}
+
+/// A residual above this share of the force is flagged: what was fitted is no result.
+pub const LARGE_RESIDUAL: f64 = 0.2;
+
+impl Estimate {
+    /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
+    #[must_use]
+    pub fn is_explained(&self) -> bool {
+        self.residual <= LARGE_RESIDUAL
+    }
+
+    /// What to say when it does not.
+    pub(crate) fn unexplained(&self) -> Option<String> {
+        (!self.is_explained()).then(|| {
+            format!(
+                "{:.1} % of the force is not explained by the model; terms may be missing, or a scale, a sign or a column may be wrong",
+                100.0 * self.residual
+            )
+        })
+    }
 }

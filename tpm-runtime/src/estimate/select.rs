@@ -10,6 +10,10 @@ use std::vec::Vec;
 /// once in four hundred thousand lines.
 pub(super) const VISIBLE: f64 = 20.0;
 
+/// A line far above all others counts when its power is this many times that of its noise: in the records of hundreds of
+/// campaigns one of noise alone is [`VISIBLE`], and everything below it would count as motion.
+pub(super) const ALONE: f64 = 400.0;
+
 /// Lines of the tail are grouped by so many before their residuals are compared.
 const BLOCK: usize = 8;
 /// Fewest blocks for a comparison of the tail with the rest.
@@ -25,10 +29,12 @@ pub(super) fn visible(line: Complex<f64>, variance: f64, peak: f64) -> bool {
     power > VISIBLE * variance && power > (1e-13 * peak).powi(2)
 }
 
-/// Highest line of a signal that is visible; 0 when none is.
+/// Highest line of a signal that is visible and no straggler of noise; 0 when none is.
 pub(super) fn highest_visible(lines: &[Complex<f64>], variance: impl Fn(usize) -> f64, limit: usize) -> usize {
     let peak = strongest(lines);
-    (1..lines.len().min(limit + 1)).rev().find(|&k| visible(lines[k], variance(k), peak)).unwrap_or(0)
+    let found = (1..lines.len().min(limit + 1)).filter(|&k| visible(lines[k], variance(k), peak)).collect();
+    let found = without_stragglers(found, |k| lines[k].norm_sqr() > ALONE * variance(k));
+    found.last().copied().unwrap_or(0)
 }
 
 /// Largest modulus of a line above the mean.
@@ -80,7 +86,8 @@ pub(super) fn unexplained_tail(harmonics: &[usize], residual: &[f64], noise: &[f
 
 #[cfg(test)]
 mod tests {
-    use super::{unexplained_tail, without_stragglers};
+    use super::{highest_visible, unexplained_tail, without_stragglers};
+    use nalgebra::Complex;
     use std::vec;
     use std::vec::Vec;
 
@@ -91,6 +98,15 @@ mod tests {
         assert_eq!(without_stragglers(lines.clone(), |k| k == 40), [1, 3, 10, 40]);
         assert_eq!(without_stragglers(lines, |k| k == 300), [1, 3, 10, 40, 300]);
         assert!(without_stragglers(vec![], |_| false).is_empty());
+    }
+
+    #[test]
+    fn a_line_of_noise_far_above_all_others_does_not_widen_the_band() {
+        let mut lines = vec![Complex::new(0.0, 0.0); 1000];
+        (lines[1], lines[3], lines[988]) = (1.0.into(), 0.1.into(), 5e-3.into());
+        assert_eq!(highest_visible(&lines, |_| 1e-6, 999), 3);
+        // The same line above less noise is motion.
+        assert_eq!(highest_visible(&lines, |_| 1e-8, 999), 988);
     }
 
     #[test]

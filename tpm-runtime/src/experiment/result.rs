@@ -2,7 +2,7 @@
 
 use super::{Experiment, ExperimentError, Store};
 use crate::actuator::LimitUse;
-use crate::estimate::{Estimate, Status};
+use crate::estimate::{Estimate, LARGE_RESIDUAL, Status};
 use crate::model::Model;
 use crate::procedure::{Campaign, Outcome, Record, RunEnding, RunReport, Trial};
 use crate::report::{EstimateReport, ParameterReport};
@@ -65,14 +65,33 @@ pub struct CampaignIdentification {
 }
 
 impl CampaignIdentification {
-    /// Everything that was asked for was identified and the campaign ended as planned.
+    /// Everything that was asked for was identified, the model explains what was measured, and the campaign ended as planned.
     #[must_use]
     pub fn is_complete(&self) -> bool {
         // Where there are physical parameters the lumped ones are means to an end.
         let wanted = if self.physical.is_empty() { &self.parameters } else { &self.physical };
         let identified =
             wanted.iter().all(|p| p.status == Status::Identified.name() || p.status == Status::Frozen.name());
-        identified && self.estimate.is_some() && self.outcome.is_some_and(Outcome::is_normal)
+        identified && self.is_explained() && self.estimate.is_some() && self.outcome.is_some_and(Outcome::is_normal)
+    }
+
+    /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
+    #[must_use]
+    pub fn is_explained(&self) -> bool {
+        self.residual <= LARGE_RESIDUAL
+    }
+
+    /// Why it is not [complete](Self::is_complete).
+    #[must_use]
+    pub fn shortfall(&self) -> String {
+        match self.outcome {
+            None => "not everything was identified: the campaign is not finished".to_string(),
+            Some(_) if !self.is_explained() => format!(
+                "{:.1} % of the force is not explained by the model; what was fitted is no result",
+                100.0 * self.residual
+            ),
+            Some(outcome) => format!("not everything was identified: {}", outcome.describe()),
+        }
     }
 }
 
@@ -212,6 +231,7 @@ fn warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Camp
     match estimate {
         None => warnings.push("no run was accepted; nothing is identified".to_string()),
         Some(estimate) => {
+            warnings.extend(estimate.unexplained());
             for (j, status) in estimate.status.iter().enumerate() {
                 let name = model.parameter(j).name;
                 match status {

@@ -28,6 +28,19 @@ fn the_shipped_experiment_identifies_the_plant() {
 }
 
 #[test]
+fn a_line_of_noise_far_above_the_motion_is_no_motion() {
+    // In its second run harmonic 988 of the encoder has 25 times the power of its noise.
+    let mut unlucky = experiment();
+    unlucky.seed = 20389;
+    let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &unlucky, &mut |_| true).expect("runs");
+    assert!(result.is_complete(), "{:?}", result.warnings);
+    for (parameter, truth) in result.parameters.iter().zip([2.0, 40.0, 1.5]) {
+        let value = parameter.value.expect("identified");
+        assert!((value / truth - 1.0).abs() < 1e-3, "{parameter:?}");
+    }
+}
+
+#[test]
 fn limits_end_a_campaign() {
     let run = |sets: &[(&str, &str)]| {
         let mut experiment = experiment();

@@ -15,8 +15,6 @@ use std::vec::Vec;
 
 /// The other hold explains a log clearly better when it leaves less than this share of the residual.
 const CLEARLY_BETTER: f64 = 0.7;
-/// A residual above this share of the force is no success: the model does not explain the log.
-pub const LARGE_RESIDUAL: f64 = 0.2;
 /// A difference of successive periods above this share of the motion is flagged.
 const UNSTEADY: f64 = 0.02;
 
@@ -115,10 +113,10 @@ pub struct Identification {
 }
 
 impl Identification {
-    /// Whether the model explains the log: its residual is not above [`LARGE_RESIDUAL`].
+    /// Whether the model explains the log: its residual is not above [`LARGE_RESIDUAL`](crate::estimate::LARGE_RESIDUAL).
     #[must_use]
     pub fn is_explained(&self) -> bool {
-        self.residual <= LARGE_RESIDUAL
+        self.estimate.is_explained()
     }
 }
 
@@ -284,12 +282,7 @@ fn warnings(
             "harmonics {from} to {to} are excited but left out: the model does not explain them as it does the lower ones (--harmonics {to} takes them in)"
         ));
     }
-    if estimate.residual > LARGE_RESIDUAL {
-        warnings.push(format!(
-            "{:.1} % of the force is not explained by the model; terms may be missing, or a scale, a sign or a column may be wrong",
-            100.0 * estimate.residual
-        ));
-    }
+    warnings.extend(estimate.unexplained());
     for (j, status) in estimate.status.iter().enumerate() {
         let name = model.parameter(j).name;
         match status {

@@ -14,7 +14,7 @@ mod synthetic_tests;
 mod validate;
 
 pub use error::LogError;
-pub use identify::{ActuatorReport, HoldResiduals, Identification, LARGE_RESIDUAL, LogReport, identify_log};
+pub use identify::{ActuatorReport, HoldResiduals, Identification, LogReport, identify_log};
 pub use periodic::{Periodic, find_periodic};
 pub use read::{Log, LogOptions};
 pub use validate::{RowPrediction, Validation, validate_log};

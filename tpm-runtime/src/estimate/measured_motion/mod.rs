@@ -18,7 +18,7 @@ pub(in crate::estimate) use fit::{Fitted, Structure, estimate_structured};
 pub(crate) use sampling::analyse;
 pub(in crate::estimate) use sampling::synthesise;
 
-use super::select::{highest_visible, strongest, unexplained_tail, visible, without_stragglers};
+use super::select::{ALONE, highest_visible, strongest, unexplained_tail, visible, without_stragglers};
 use super::{Equations, Information, NumericalSettings};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, EvalError, Model};
@@ -30,11 +30,9 @@ use std::vec::Vec;
 
 /// A line of an input below this share of its neighbours is their distortion, not excitation.
 const DISTORTION: f64 = 1e-3;
-/// A line far above all others counts from this share of the strongest line on.
+/// An equation far above all others counts from this share of the strongest input on: one of feedback noise passes for
+/// excitation otherwise, and what it shows is the inverse of the feedback.
 const SUBSTANTIAL: f64 = 0.1;
-/// A line far above all others counts when its power is this many times that of its noise: among the lines of many campaigns
-/// one of feedback noise passes for excitation otherwise, and what it shows is the inverse of the feedback.
-const ALONE: f64 = 400.0;
 /// Lines on either side that count as neighbours.
 const NEIGHBOURS: usize = 8;
 /// The mean of an input is used from this share of its root mean square on.
