@@ -269,11 +269,9 @@ double brushless_motor_period(const brushless_motor_pattern *pattern)
     return 6.283185307179586 / pattern->w;
 }
 
-void brushless_motor_reference_at(const brushless_motor_pattern *pattern, double phase,
-        brushless_motor_motion *motion)
+void brushless_motor_reference_from(const brushless_motor_pattern *pattern, double cosine,
+        double sine, brushless_motor_motion *motion)
 {
-    const double cosine = cos(phase);
-    const double sine = sin(phase);
     const double t0 = cosine * pattern->lambda;
     const double t1 = pattern->w * sine;
     motion->phi.value = t0;
@@ -281,6 +279,12 @@ void brushless_motor_reference_at(const brushless_motor_pattern *pattern, double
     motion->phi.ddot = -(t0 * (pattern->w * pattern->w));
     motion->i.value = cosine * pattern->current;
     motion->i.dot = -(t1 * pattern->current);
+}
+
+void brushless_motor_reference_at(const brushless_motor_pattern *pattern, double phase,
+        brushless_motor_motion *motion)
+{
+    brushless_motor_reference_from(pattern, cos(phase), sin(phase), motion);
 }
 
 void brushless_motor_reference(const brushless_motor_pattern *pattern, double time,

@@ -19,7 +19,7 @@
  * | `brushless_motor_feed_forward` | 3 | 5 | 0 | 0 |
  * | `brushless_motor_feed_forward_independent` | 1 | 3 | 0 | 0 |
  * | `brushless_motor_feed_forward_dependent` | 1 | 2 | 0 | 0 |
- * | `brushless_motor_reference_at` | 3 | 7 | 0 | 0 |
+ * | `brushless_motor_reference_from` | 3 | 7 | 0 | 0 |
  * | `brushless_motor_estimator_matrix` | 2 | 3 | 0 | 0 |
  * | `brushless_motor_accumulate_at` | 0 | 0 | 0 | 0 |
  */
@@ -255,10 +255,15 @@ typedef struct brushless_motor_pattern {
 double brushless_motor_period(const brushless_motor_pattern *pattern);
 
 /*
- * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
+ * The reference motion where cosine and sine of the phase `w*t` are known, with every derivative
+ * that the equations read.
  *
- * Operations: 3 additions, 7 multiplications, one sine and cosine.
+ * Operations: 3 additions, 7 multiplications.
  */
+void brushless_motor_reference_from(const brushless_motor_pattern *pattern, double cosine,
+        double sine, brushless_motor_motion *motion);
+
+/* The reference motion at a phase `w*t` in radians: one sine and one cosine. */
 void brushless_motor_reference_at(const brushless_motor_pattern *pattern, double phase,
         brushless_motor_motion *motion);
 
@@ -314,7 +319,7 @@ void brushless_motor_estimator_matrix(const brushless_motor_pattern *pattern,
  * harmonics.
  */
 typedef struct brushless_motor_accumulator {
-    /* Sums of the signal times cosine or sine, in the order of the harmonics. */
+    /* Sums of the signal times cosine in the order of the harmonics, then of those times sine. */
     double sums[BRUSHLESS_MOTOR_HARMONICS];
     /* Samples taken in so far. */
     uint64_t samples;

@@ -22,7 +22,7 @@
 //! | `feed_forward` | 3 | 5 | 0 | 0 |
 //! | `feed_forward_independent` | 1 | 3 | 0 | 0 |
 //! | `feed_forward_dependent` | 1 | 2 | 0 | 0 |
-//! | `Pattern::reference` | 3 | 7 | 0 | 0 |
+//! | `Pattern::reference_from` | 3 | 7 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 2 | 3 | 0 | 0 |
 //! | `Accumulator::push_at` | 0 | 0 | 0 | 0 |
 //!
@@ -394,12 +394,19 @@ impl<T: Real> Pattern<T> {
         self.reference_at(self.w * time)
     }
 
-    /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
-    ///
-    /// Operations: 3 additions, 7 multiplications, one sine and cosine.
+    /// The reference motion at a phase `w*t` in radians: one sine and one cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
+        self.reference_from(cos, sin)
+    }
+
+    /// The reference motion where cosine and sine of the phase `w*t` are known, with every derivative that the
+    /// equations read.
+    ///
+    /// Operations: 3 additions, 7 multiplications.
+    #[must_use]
+    pub fn reference_from(&self, cos: T, sin: T) -> Motion<T> {
         let t0 = cos * self.lambda;
         let t1 = self.w * sin;
         Motion {

@@ -406,11 +406,10 @@ double closed_loop_arm_period(const closed_loop_arm_pattern *pattern)
     return 6.283185307179586 / pattern->w;
 }
 
-void closed_loop_arm_reference_at(const closed_loop_arm_pattern *pattern,
-        const closed_loop_arm_constants *constants, double phase, closed_loop_arm_motion *motion)
+void closed_loop_arm_reference_from(const closed_loop_arm_pattern *pattern,
+        const closed_loop_arm_constants *constants, double cosine, double sine,
+        closed_loop_arm_motion *motion)
 {
-    const double cosine = cos(phase);
-    const double sine = sin(phase);
     const double t0 = cosine * cosine;
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
@@ -425,6 +424,12 @@ void closed_loop_arm_reference_at(const closed_loop_arm_pattern *pattern,
     motion->th2.value = constants->th20 + t5 * pattern->lambda2;
     motion->th2.dot = t6 * pattern->lambda2;
     motion->th2.ddot = t7 * pattern->lambda2;
+}
+
+void closed_loop_arm_reference_at(const closed_loop_arm_pattern *pattern,
+        const closed_loop_arm_constants *constants, double phase, closed_loop_arm_motion *motion)
+{
+    closed_loop_arm_reference_from(pattern, constants, cos(phase), sin(phase), motion);
 }
 
 void closed_loop_arm_reference(const closed_loop_arm_pattern *pattern,
@@ -651,32 +656,32 @@ void closed_loop_arm_accumulate_at(closed_loop_arm_accumulator *accumulator, dou
         double sine, const closed_loop_arm_forces *sample)
 {
     const closed_loop_arm_forces now = *sample;
-    const double t0 = cosine * cosine - sine * sine;
-    const double t1 = 2.0 * cosine * sine;
-    const double t2 = cosine * t0 - t1 * sine;
-    const double t3 = t0 * t0 - t1 * t1;
-    const double t4 = sine * t0 + t1 * cosine;
-    const double t5 = t1 * t4;
-    const double t6 = t0 * t2 - t5;
-    const double t7 = t2 * t2 - t4 * t4;
-    const double t8 = 2.0 * t0;
-    const double t9 = t2 * t3 - t5 * t8;
-    const double t10 = t3 * t6 - t1 * t8 * (t0 * t4 + t1 * t2);
+    const double t0 = cosine * sine;
+    const double t1 = cosine * cosine - sine * sine;
+    const double t2 = t0 + t0;
+    const double t3 = cosine * t1 - sine * t2;
+    const double t4 = t1 * t2;
+    const double t5 = t1 * t1 - t2 * t2;
+    const double t6 = t4 + t4;
+    const double t7 = cosine * t5 - sine * t6;
+    const double t8 = t1 * t5 - t2 * t6;
+    const double t9 = t3 * t5 - (sine * t1 + cosine * t2) * t6;
+    const double t10 = t5 * t7 - t6 * (sine * t5 + cosine * t6);
     accumulator->sums[0] += now.tau1 * cosine;
-    accumulator->sums[1] += now.tau1 * t0;
-    accumulator->sums[2] += now.tau1 * t2;
-    accumulator->sums[3] += now.tau1 * t3;
-    accumulator->sums[4] += now.tau1 * t6;
-    accumulator->sums[5] += now.tau1 * t7;
+    accumulator->sums[1] += now.tau1 * t1;
+    accumulator->sums[2] += now.tau1 * t3;
+    accumulator->sums[3] += now.tau1 * t5;
+    accumulator->sums[4] += now.tau1 * t7;
+    accumulator->sums[5] += now.tau1 * t8;
     accumulator->sums[6] += now.tau1 * t9;
     accumulator->sums[7] += now.tau1 * t10;
     accumulator->sums[8] += now.tau2;
     accumulator->sums[9] += now.tau2 * cosine;
-    accumulator->sums[10] += now.tau2 * t0;
-    accumulator->sums[11] += now.tau2 * t2;
-    accumulator->sums[12] += now.tau2 * t3;
-    accumulator->sums[13] += now.tau2 * t6;
-    accumulator->sums[14] += now.tau2 * t7;
+    accumulator->sums[10] += now.tau2 * t1;
+    accumulator->sums[11] += now.tau2 * t3;
+    accumulator->sums[12] += now.tau2 * t5;
+    accumulator->sums[13] += now.tau2 * t7;
+    accumulator->sums[14] += now.tau2 * t8;
     accumulator->sums[15] += now.tau2 * t9;
     accumulator->sums[16] += now.tau2 * t10;
     if (accumulator->samples < UINT64_MAX) {

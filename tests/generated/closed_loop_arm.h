@@ -27,9 +27,9 @@
  * | `closed_loop_arm_feed_forward` | 20 | 32 | 0 | 0 |
  * | `closed_loop_arm_feed_forward_independent` | 10 | 18 | 0 | 0 |
  * | `closed_loop_arm_feed_forward_dependent` | 9 | 18 | 0 | 0 |
- * | `closed_loop_arm_reference_at` | 10 | 19 | 0 | 0 |
+ * | `closed_loop_arm_reference_from` | 10 | 19 | 0 | 0 |
  * | `closed_loop_arm_estimator_matrix` | 37 | 71 | 0 | 0 |
- * | `closed_loop_arm_accumulate_at` | 9 | 22 | 0 | 0 |
+ * | `closed_loop_arm_accumulate_at` | 11 | 20 | 0 | 0 |
  */
 #ifndef CLOSED_LOOP_ARM_H_INCLUDED
 #define CLOSED_LOOP_ARM_H_INCLUDED
@@ -301,10 +301,16 @@ typedef struct closed_loop_arm_pattern {
 double closed_loop_arm_period(const closed_loop_arm_pattern *pattern);
 
 /*
- * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
+ * The reference motion where cosine and sine of the phase `w*t` are known, with every derivative
+ * that the equations read.
  *
- * Operations: 10 additions, 19 multiplications, one sine and cosine.
+ * Operations: 10 additions, 19 multiplications.
  */
+void closed_loop_arm_reference_from(const closed_loop_arm_pattern *pattern,
+        const closed_loop_arm_constants *constants, double cosine, double sine,
+        closed_loop_arm_motion *motion);
+
+/* The reference motion at a phase `w*t` in radians: one sine and one cosine. */
 void closed_loop_arm_reference_at(const closed_loop_arm_pattern *pattern,
         const closed_loop_arm_constants *constants, double phase, closed_loop_arm_motion *motion);
 
@@ -389,7 +395,7 @@ void closed_loop_arm_estimator_matrix(const closed_loop_arm_pattern *pattern,
  * harmonics.
  */
 typedef struct closed_loop_arm_accumulator {
-    /* Sums of the signal times cosine or sine, in the order of the harmonics. */
+    /* Sums of the signal times cosine in the order of the harmonics, then of those times sine. */
     double sums[CLOSED_LOOP_ARM_HARMONICS];
     /* Samples taken in so far. */
     uint64_t samples;
@@ -401,7 +407,7 @@ void closed_loop_arm_accumulator_clear(closed_loop_arm_accumulator *accumulator)
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 9 additions, 22 multiplications.
+ * Operations: 11 additions, 20 multiplications.
  */
 void closed_loop_arm_accumulate_at(closed_loop_arm_accumulator *accumulator, double cosine,
         double sine, const closed_loop_arm_forces *sample);

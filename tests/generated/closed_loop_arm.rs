@@ -30,9 +30,9 @@
 //! | `feed_forward` | 20 | 32 | 0 | 0 |
 //! | `feed_forward_independent` | 10 | 18 | 0 | 0 |
 //! | `feed_forward_dependent` | 9 | 18 | 0 | 0 |
-//! | `Pattern::reference` | 10 | 19 | 0 | 0 |
+//! | `Pattern::reference_from` | 10 | 19 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 37 | 71 | 0 | 0 |
-//! | `Accumulator::push_at` | 9 | 22 | 0 | 0 |
+//! | `Accumulator::push_at` | 11 | 20 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -601,12 +601,19 @@ impl<T: Real> Pattern<T> {
         self.reference_at(constants, self.w * time)
     }
 
-    /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
-    ///
-    /// Operations: 10 additions, 19 multiplications, one sine and cosine.
+    /// The reference motion at a phase `w*t` in radians: one sine and one cosine.
     #[must_use]
     pub fn reference_at(&self, constants: &Constants<T>, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
+        self.reference_from(constants, cos, sin)
+    }
+
+    /// The reference motion where cosine and sine of the phase `w*t` are known, with every derivative that the
+    /// equations read.
+    ///
+    /// Operations: 10 additions, 19 multiplications.
+    #[must_use]
+    pub fn reference_from(&self, constants: &Constants<T>, cos: T, sin: T) -> Motion<T> {
         let t0 = cos * cos;
         let t1 = sin * sin;
         let t2 = t0 - t1;
@@ -1017,34 +1024,34 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos - sin * sin;
-        let t1 = T::from_f64(2.0) * cos * sin;
-        let t2 = cos * t0 - t1 * sin;
-        let t3 = t0 * t0 - t1 * t1;
-        let t4 = sin * t0 + t1 * cos;
-        let t5 = t1 * t4;
-        let t6 = t0 * t2 - t5;
-        let t7 = t2 * t2 - t4 * t4;
-        let t8 = T::from_f64(2.0) * t0;
-        let t9 = t2 * t3 - t5 * t8;
-        let t10 = t3 * t6 - t1 * t8 * (t0 * t4 + t1 * t2);
+        let t0 = cos * sin;
+        let t1 = cos * cos - sin * sin;
+        let t2 = t0 + t0;
+        let t3 = cos * t1 - sin * t2;
+        let t4 = t1 * t2;
+        let t5 = t1 * t1 - t2 * t2;
+        let t6 = t4 + t4;
+        let t7 = cos * t5 - sin * t6;
+        let t8 = t1 * t5 - t2 * t6;
+        let t9 = t3 * t5 - (sin * t1 + cos * t2) * t6;
+        let t10 = t5 * t7 - t6 * (sin * t5 + cos * t6);
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13, v14, v15, v16,
         ] = &mut self.sums;
         *v0 += sample.tau1 * cos;
-        *v1 += sample.tau1 * t0;
-        *v2 += sample.tau1 * t2;
-        *v3 += sample.tau1 * t3;
-        *v4 += sample.tau1 * t6;
-        *v5 += sample.tau1 * t7;
+        *v1 += sample.tau1 * t1;
+        *v2 += sample.tau1 * t3;
+        *v3 += sample.tau1 * t5;
+        *v4 += sample.tau1 * t7;
+        *v5 += sample.tau1 * t8;
         *v6 += sample.tau1 * t9;
         *v7 += sample.tau1 * t10;
         *v8 += sample.tau2;
         *v9 += sample.tau2 * cos;
-        *v10 += sample.tau2 * t0;
-        *v11 += sample.tau2 * t2;
-        *v12 += sample.tau2 * t3;
-        *v13 += sample.tau2 * t6;
-        *v14 += sample.tau2 * t7;
+        *v10 += sample.tau2 * t1;
+        *v11 += sample.tau2 * t3;
+        *v12 += sample.tau2 * t5;
+        *v13 += sample.tau2 * t7;
+        *v14 += sample.tau2 * t8;
         *v15 += sample.tau2 * t9;
         *v16 += sample.tau2 * t10;
         self.samples = self.samples.saturating_add(1);

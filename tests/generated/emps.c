@@ -253,10 +253,9 @@ double emps_period(const emps_pattern *pattern)
     return 6.283185307179586 / pattern->w;
 }
 
-void emps_reference_at(const emps_pattern *pattern, double phase, emps_motion *motion)
+void emps_reference_from(const emps_pattern *pattern, double cosine, double sine,
+        emps_motion *motion)
 {
-    const double cosine = cos(phase);
-    const double sine = sin(phase);
     const double t0 = cosine * cosine;
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
@@ -266,6 +265,11 @@ void emps_reference_at(const emps_pattern *pattern, double phase, emps_motion *m
     motion->q.value = (cosine - 0.1111111111111111 * (t3 - t4)) * pattern->lambda;
     motion->q.dot = t5 * (0.3333333333333333 * (sine * t2 + 2.0 * sine * t0) - sine);
     motion->q.ddot = t5 * (t3 - cosine - t4) * pattern->w;
+}
+
+void emps_reference_at(const emps_pattern *pattern, double phase, emps_motion *motion)
+{
+    emps_reference_from(pattern, cos(phase), sin(phase), motion);
 }
 
 void emps_reference(const emps_pattern *pattern, double time, emps_motion *motion)
@@ -333,32 +337,32 @@ void emps_accumulate_at(emps_accumulator *accumulator, double cosine, double sin
         const emps_forces *sample)
 {
     const emps_forces now = *sample;
-    const double t0 = cosine * cosine - sine * sine;
-    const double t1 = cosine * sine;
-    const double t2 = 2.0 * t1;
-    const double t3 = cosine * t0 - t2 * sine;
-    const double t4 = sine * t0 + t2 * cosine;
-    const double t5 = t0 * t4 + t2 * t3;
-    const double t6 = t0 * t0;
-    const double t7 = t6 - t2 * t2;
-    const double t8 = 2.0 * t2 * t0;
-    const double t9 = t4 * t7 + t8 * t3;
-    const double t10 = t0 * t3 - t2 * t4;
-    const double t11 = t3 * t3 - t4 * t4;
-    const double t12 = 2.0 * t3 * t4;
-    const double t13 = t3 * t7 - t8 * t4;
+    const double t0 = cosine * sine;
+    const double t1 = cosine * cosine - sine * sine;
+    const double t2 = t0 + t0;
+    const double t3 = cosine * t1 - sine * t2;
+    const double t4 = sine * t1 + cosine * t2;
+    const double t5 = t1 * t3 - t2 * t4;
+    const double t6 = t2 * t3 + t1 * t4;
+    const double t7 = t1 * t2;
+    const double t8 = t1 * t1 - t2 * t2;
+    const double t9 = t7 + t7;
+    const double t10 = t3 * t8 - t4 * t9;
+    const double t11 = t4 * t8 + t3 * t9;
+    const double t12 = t1 * t8 - t2 * t9;
+    const double t13 = t2 * t8 + t1 * t9;
+    const double t14 = t8 * t9;
     accumulator->sums[0] += now.force;
     accumulator->sums[1] += now.force * cosine;
-    accumulator->sums[2] += now.force * sine;
-    accumulator->sums[3] += now.force * t3;
+    accumulator->sums[2] += now.force * t3;
+    accumulator->sums[3] += now.force * sine;
     accumulator->sums[4] += now.force * t4;
-    accumulator->sums[5] += now.force * t5;
-    accumulator->sums[6] += now.force * t9;
-    accumulator->sums[7] += now.force * (t5 * t7 + t8 * t10);
-    accumulator->sums[8] += now.force * (t5 * t11 + t12 * t10);
-    accumulator->sums[9] += now.force * (t9 * t11 + t12 * t13);
-    accumulator->sums[10] += now.force * (t9 * (t7 * t7 - 16.0 * (t1 * t1 * t6)) + t8 * 2.0 * t7 *
-            t13);
+    accumulator->sums[5] += now.force * t6;
+    accumulator->sums[6] += now.force * t11;
+    accumulator->sums[7] += now.force * (t5 * t9 + t6 * t8);
+    accumulator->sums[8] += now.force * (t6 * t12 + t5 * t13);
+    accumulator->sums[9] += now.force * (t10 * t13 + t11 * t12);
+    accumulator->sums[10] += now.force * (t11 * (t8 * t8 - t9 * t9) + t10 * (t14 + t14));
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }
@@ -388,8 +392,8 @@ emps_status emps_accumulated(const emps_accumulator *accumulator, emps_harmonics
     const double twice = mean + mean;
     harmonics->force.cos0 = accumulator->sums[0] * mean;
     harmonics->force.cos1 = accumulator->sums[1] * twice;
-    harmonics->force.sin1 = accumulator->sums[2] * twice;
-    harmonics->force.cos3 = accumulator->sums[3] * twice;
+    harmonics->force.sin1 = accumulator->sums[3] * twice;
+    harmonics->force.cos3 = accumulator->sums[2] * twice;
     harmonics->force.sin3 = accumulator->sums[4] * twice;
     harmonics->force.sin5 = accumulator->sums[5] * twice;
     harmonics->force.sin7 = accumulator->sums[6] * twice;

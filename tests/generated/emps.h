@@ -20,9 +20,9 @@
  * | `emps_feed_forward` | 3 | 3 | 0 | 1 |
  * | `emps_feed_forward_independent` | 0 | 0 | 0 | 0 |
  * | `emps_feed_forward_dependent` | 2 | 3 | 0 | 1 |
- * | `emps_reference_at` | 7 | 15 | 0 | 0 |
+ * | `emps_reference_from` | 7 | 15 | 0 | 0 |
  * | `emps_estimator_matrix` | 10 | 12 | 8 | 1 |
- * | `emps_accumulate_at` | 14 | 38 | 0 | 0 |
+ * | `emps_accumulate_at` | 18 | 33 | 0 | 0 |
  */
 #ifndef EMPS_H_INCLUDED
 #define EMPS_H_INCLUDED
@@ -230,10 +230,15 @@ typedef struct emps_pattern {
 double emps_period(const emps_pattern *pattern);
 
 /*
- * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
+ * The reference motion where cosine and sine of the phase `w*t` are known, with every derivative
+ * that the equations read.
  *
- * Operations: 7 additions, 15 multiplications, one sine and cosine.
+ * Operations: 7 additions, 15 multiplications.
  */
+void emps_reference_from(const emps_pattern *pattern, double cosine, double sine,
+        emps_motion *motion);
+
+/* The reference motion at a phase `w*t` in radians: one sine and one cosine. */
 void emps_reference_at(const emps_pattern *pattern, double phase, emps_motion *motion);
 
 /*
@@ -296,7 +301,7 @@ void emps_estimator_matrix(const emps_pattern *pattern,
  * harmonics.
  */
 typedef struct emps_accumulator {
-    /* Sums of the signal times cosine or sine, in the order of the harmonics. */
+    /* Sums of the signal times cosine in the order of the harmonics, then of those times sine. */
     double sums[EMPS_HARMONICS];
     /* Samples taken in so far. */
     uint64_t samples;
@@ -308,7 +313,7 @@ void emps_accumulator_clear(emps_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 14 additions, 38 multiplications.
+ * Operations: 18 additions, 33 multiplications.
  */
 void emps_accumulate_at(emps_accumulator *accumulator, double cosine, double sine,
         const emps_forces *sample);

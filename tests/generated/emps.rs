@@ -23,9 +23,9 @@
 //! | `feed_forward` | 3 | 3 | 0 | 1 |
 //! | `feed_forward_independent` | 0 | 0 | 0 | 0 |
 //! | `feed_forward_dependent` | 2 | 3 | 0 | 1 |
-//! | `Pattern::reference` | 7 | 15 | 0 | 0 |
+//! | `Pattern::reference_from` | 7 | 15 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 10 | 12 | 8 | 1 |
-//! | `Accumulator::push_at` | 14 | 38 | 0 | 0 |
+//! | `Accumulator::push_at` | 18 | 33 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -338,12 +338,19 @@ impl<T: Real> Pattern<T> {
         self.reference_at(self.w * time)
     }
 
-    /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
-    ///
-    /// Operations: 7 additions, 15 multiplications, one sine and cosine.
+    /// The reference motion at a phase `w*t` in radians: one sine and one cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
+        self.reference_from(cos, sin)
+    }
+
+    /// The reference motion where cosine and sine of the phase `w*t` are known, with every derivative that the
+    /// equations read.
+    ///
+    /// Operations: 7 additions, 15 multiplications.
+    #[must_use]
+    pub fn reference_from(&self, cos: T, sin: T) -> Motion<T> {
         let t0 = cos * cos;
         let t1 = sin * sin;
         let t2 = t0 - t1;
@@ -605,35 +612,33 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos - sin * sin;
-        let t1 = cos * sin;
-        let t2 = T::from_f64(2.0) * t1;
-        let t3 = cos * t0 - t2 * sin;
-        let t4 = sin * t0 + t2 * cos;
-        let t5 = t0 * t4 + t2 * t3;
-        let t6 = t0 * t0;
-        let t7 = t6 - t2 * t2;
-        let t8 = T::from_f64(2.0) * t2 * t0;
-        let t9 = t4 * t7 + t8 * t3;
-        let t10 = t0 * t3 - t2 * t4;
-        let t11 = t3 * t3 - t4 * t4;
-        let t12 = T::from_f64(2.0) * t3 * t4;
-        let t13 = t3 * t7 - t8 * t4;
+        let t0 = cos * sin;
+        let t1 = cos * cos - sin * sin;
+        let t2 = t0 + t0;
+        let t3 = cos * t1 - sin * t2;
+        let t4 = sin * t1 + cos * t2;
+        let t5 = t1 * t3 - t2 * t4;
+        let t6 = t2 * t3 + t1 * t4;
+        let t7 = t1 * t2;
+        let t8 = t1 * t1 - t2 * t2;
+        let t9 = t7 + t7;
+        let t10 = t3 * t8 - t4 * t9;
+        let t11 = t4 * t8 + t3 * t9;
+        let t12 = t1 * t8 - t2 * t9;
+        let t13 = t2 * t8 + t1 * t9;
+        let t14 = t8 * t9;
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10] = &mut self.sums;
         *v0 += sample.force;
         *v1 += sample.force * cos;
-        *v2 += sample.force * sin;
-        *v3 += sample.force * t3;
+        *v2 += sample.force * t3;
+        *v3 += sample.force * sin;
         *v4 += sample.force * t4;
-        *v5 += sample.force * t5;
-        *v6 += sample.force * t9;
-        *v7 += sample.force * (t5 * t7 + t8 * t10);
-        *v8 += sample.force * (t5 * t11 + t12 * t10);
-        *v9 += sample.force * (t9 * t11 + t12 * t13);
-        *v10
-            += sample.force
-                * (t9 * (t7 * t7 - T::from_f64(16.0) * (t1 * t1 * t6))
-                    + t8 * T::from_f64(2.0) * t7 * t13);
+        *v5 += sample.force * t6;
+        *v6 += sample.force * t11;
+        *v7 += sample.force * (t5 * t9 + t6 * t8);
+        *v8 += sample.force * (t6 * t12 + t5 * t13);
+        *v9 += sample.force * (t10 * t13 + t11 * t12);
+        *v10 += sample.force * (t11 * (t8 * t8 - t9 * t9) + t10 * (t14 + t14));
         self.samples = self.samples.saturating_add(1);
     }
 
@@ -654,8 +659,8 @@ impl<T: Real> Accumulator<T> {
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10] = self.sums;
         let v0 = v0 * mean;
         let v1 = v1 * twice;
-        let v2 = v2 * twice;
         let v3 = v3 * twice;
+        let v2 = v2 * twice;
         let v4 = v4 * twice;
         let v5 = v5 * twice;
         let v6 = v6 * twice;
@@ -663,7 +668,7 @@ impl<T: Real> Accumulator<T> {
         let v8 = v8 * twice;
         let v9 = v9 * twice;
         let v10 = v10 * twice;
-        Some(Harmonics::from_array([v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10]))
+        Some(Harmonics::from_array([v0, v1, v3, v2, v4, v5, v6, v7, v8, v9, v10]))
     }
 }
 

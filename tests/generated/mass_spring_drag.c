@@ -240,11 +240,9 @@ double mass_spring_drag_period(const mass_spring_drag_pattern *pattern)
     return 6.283185307179586 / pattern->w;
 }
 
-void mass_spring_drag_reference_at(const mass_spring_drag_pattern *pattern, double phase,
-        mass_spring_drag_motion *motion)
+void mass_spring_drag_reference_from(const mass_spring_drag_pattern *pattern, double cosine,
+        double sine, mass_spring_drag_motion *motion)
 {
-    const double cosine = cos(phase);
-    const double sine = sin(phase);
     const double t0 = cosine * cosine;
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
@@ -254,6 +252,12 @@ void mass_spring_drag_reference_at(const mass_spring_drag_pattern *pattern, doub
     motion->x.value = (cosine - 0.1111111111111111 * (t3 - t4)) * pattern->lambda;
     motion->x.dot = t5 * (0.3333333333333333 * (sine * t2 + 2.0 * sine * t0) - sine);
     motion->x.ddot = t5 * (t3 - cosine - t4) * pattern->w;
+}
+
+void mass_spring_drag_reference_at(const mass_spring_drag_pattern *pattern, double phase,
+        mass_spring_drag_motion *motion)
+{
+    mass_spring_drag_reference_from(pattern, cos(phase), sin(phase), motion);
 }
 
 void mass_spring_drag_reference(const mass_spring_drag_pattern *pattern, double time,
@@ -307,19 +311,17 @@ void mass_spring_drag_accumulate_at(mass_spring_drag_accumulator *accumulator, d
         double sine, const mass_spring_drag_forces *sample)
 {
     const mass_spring_drag_forces now = *sample;
-    const double t0 = cosine * cosine;
-    const double t1 = sine * sine;
-    const double t2 = t0 - t1;
-    const double t3 = 2.0 * t1;
-    const double t4 = cosine * t2 - t3 * cosine;
-    const double t5 = 2.0 * t0;
-    const double t6 = sine * t2 + t5 * sine;
+    const double t0 = cosine * sine;
+    const double t1 = cosine * cosine - sine * sine;
+    const double t2 = t0 + t0;
+    const double t3 = t1 * t2;
+    const double t4 = t1 * t1 - t2 * t2;
     accumulator->sums[0] += now.u;
     accumulator->sums[1] += now.u * cosine;
-    accumulator->sums[2] += now.u * t2;
-    accumulator->sums[3] += now.u * t4;
-    accumulator->sums[4] += now.u * (t2 * t2 - t3 * t5);
-    accumulator->sums[5] += now.u * (t4 * t4 - t6 * t6);
+    accumulator->sums[2] += now.u * t1;
+    accumulator->sums[3] += now.u * (cosine * t1 - sine * t2);
+    accumulator->sums[4] += now.u * t4;
+    accumulator->sums[5] += now.u * (t1 * t4 - t2 * (t3 + t3));
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

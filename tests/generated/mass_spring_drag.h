@@ -17,9 +17,9 @@
  * | `mass_spring_drag_feed_forward` | 2 | 4 | 0 | 0 |
  * | `mass_spring_drag_feed_forward_independent` | 0 | 1 | 0 | 0 |
  * | `mass_spring_drag_feed_forward_dependent` | 1 | 3 | 0 | 0 |
- * | `mass_spring_drag_reference_at` | 7 | 15 | 0 | 0 |
+ * | `mass_spring_drag_reference_from` | 7 | 15 | 0 | 0 |
  * | `mass_spring_drag_estimator_matrix` | 4 | 9 | 0 | 0 |
- * | `mass_spring_drag_accumulate_at` | 5 | 12 | 0 | 0 |
+ * | `mass_spring_drag_accumulate_at` | 6 | 10 | 0 | 0 |
  */
 #ifndef MASS_SPRING_DRAG_H_INCLUDED
 #define MASS_SPRING_DRAG_H_INCLUDED
@@ -227,10 +227,15 @@ typedef struct mass_spring_drag_pattern {
 double mass_spring_drag_period(const mass_spring_drag_pattern *pattern);
 
 /*
- * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
+ * The reference motion where cosine and sine of the phase `w*t` are known, with every derivative
+ * that the equations read.
  *
- * Operations: 7 additions, 15 multiplications, one sine and cosine.
+ * Operations: 7 additions, 15 multiplications.
  */
+void mass_spring_drag_reference_from(const mass_spring_drag_pattern *pattern, double cosine,
+        double sine, mass_spring_drag_motion *motion);
+
+/* The reference motion at a phase `w*t` in radians: one sine and one cosine. */
 void mass_spring_drag_reference_at(const mass_spring_drag_pattern *pattern, double phase,
         mass_spring_drag_motion *motion);
 
@@ -286,7 +291,7 @@ void mass_spring_drag_estimator_matrix(const mass_spring_drag_pattern *pattern,
  * harmonics.
  */
 typedef struct mass_spring_drag_accumulator {
-    /* Sums of the signal times cosine or sine, in the order of the harmonics. */
+    /* Sums of the signal times cosine in the order of the harmonics, then of those times sine. */
     double sums[MASS_SPRING_DRAG_HARMONICS];
     /* Samples taken in so far. */
     uint64_t samples;
@@ -298,7 +303,7 @@ void mass_spring_drag_accumulator_clear(mass_spring_drag_accumulator *accumulato
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 5 additions, 12 multiplications.
+ * Operations: 6 additions, 10 multiplications.
  */
 void mass_spring_drag_accumulate_at(mass_spring_drag_accumulator *accumulator, double cosine,
         double sine, const mass_spring_drag_forces *sample);

@@ -20,9 +20,9 @@
 //! | `feed_forward` | 2 | 4 | 0 | 0 |
 //! | `feed_forward_independent` | 0 | 1 | 0 | 0 |
 //! | `feed_forward_dependent` | 1 | 3 | 0 | 0 |
-//! | `Pattern::reference` | 7 | 15 | 0 | 0 |
+//! | `Pattern::reference_from` | 7 | 15 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 4 | 9 | 0 | 0 |
-//! | `Accumulator::push_at` | 5 | 12 | 0 | 0 |
+//! | `Accumulator::push_at` | 6 | 10 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -323,12 +323,19 @@ impl<T: Real> Pattern<T> {
         self.reference_at(self.w * time)
     }
 
-    /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
-    ///
-    /// Operations: 7 additions, 15 multiplications, one sine and cosine.
+    /// The reference motion at a phase `w*t` in radians: one sine and one cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
+        self.reference_from(cos, sin)
+    }
+
+    /// The reference motion where cosine and sine of the phase `w*t` are known, with every derivative that the
+    /// equations read.
+    ///
+    /// Operations: 7 additions, 15 multiplications.
+    #[must_use]
+    pub fn reference_from(&self, cos: T, sin: T) -> Motion<T> {
         let t0 = cos * cos;
         let t1 = sin * sin;
         let t2 = t0 - t1;
@@ -534,20 +541,18 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos;
-        let t1 = sin * sin;
-        let t2 = t0 - t1;
-        let t3 = T::from_f64(2.0) * t1;
-        let t4 = cos * t2 - t3 * cos;
-        let t5 = T::from_f64(2.0) * t0;
-        let t6 = sin * t2 + t5 * sin;
+        let t0 = cos * sin;
+        let t1 = cos * cos - sin * sin;
+        let t2 = t0 + t0;
+        let t3 = t1 * t2;
+        let t4 = t1 * t1 - t2 * t2;
         let [v0, v1, v2, v3, v4, v5] = &mut self.sums;
         *v0 += sample.u;
         *v1 += sample.u * cos;
-        *v2 += sample.u * t2;
-        *v3 += sample.u * t4;
-        *v4 += sample.u * (t2 * t2 - t3 * t5);
-        *v5 += sample.u * (t4 * t4 - t6 * t6);
+        *v2 += sample.u * t1;
+        *v3 += sample.u * (cos * t1 - sin * t2);
+        *v4 += sample.u * t4;
+        *v5 += sample.u * (t1 * t4 - t2 * (t3 + t3));
         self.samples = self.samples.saturating_add(1);
     }
 

@@ -248,11 +248,9 @@ double silverbox_period(const silverbox_pattern *pattern)
     return 6.283185307179586 / pattern->w;
 }
 
-void silverbox_reference_at(const silverbox_pattern *pattern, double phase,
+void silverbox_reference_from(const silverbox_pattern *pattern, double cosine, double sine,
         silverbox_motion *motion)
 {
-    const double cosine = cos(phase);
-    const double sine = sin(phase);
     const double t0 = cosine * cosine;
     const double t1 = sine * sine;
     const double t2 = t0 - t1;
@@ -262,6 +260,12 @@ void silverbox_reference_at(const silverbox_pattern *pattern, double phase,
     motion->y.value = (cosine - 0.1111111111111111 * (t3 - t4)) * pattern->lambda;
     motion->y.dot = t5 * (0.3333333333333333 * (sine * t2 + 2.0 * sine * t0) - sine);
     motion->y.ddot = t5 * (t3 - cosine - t4) * pattern->w;
+}
+
+void silverbox_reference_at(const silverbox_pattern *pattern, double phase,
+        silverbox_motion *motion)
+{
+    silverbox_reference_from(pattern, cos(phase), sin(phase), motion);
 }
 
 void silverbox_reference(const silverbox_pattern *pattern, double time, silverbox_motion *motion)
@@ -321,21 +325,22 @@ void silverbox_accumulate_at(silverbox_accumulator *accumulator, double cosine, 
         const silverbox_forces *sample)
 {
     const silverbox_forces now = *sample;
-    const double t0 = cosine * cosine - sine * sine;
-    const double t1 = 2.0 * cosine * sine;
-    const double t2 = cosine * t0 - t1 * sine;
-    const double t3 = sine * t0 + t1 * cosine;
-    const double t4 = t1 * t3;
-    const double t5 = t0 * t2 - t4;
-    const double t6 = t0 * t0 - t1 * t1;
-    const double t7 = 2.0 * t0;
+    const double t0 = cosine * sine;
+    const double t1 = cosine * cosine - sine * sine;
+    const double t2 = t0 + t0;
+    const double t3 = cosine * t1 - sine * t2;
+    const double t4 = sine * t1 + cosine * t2;
+    const double t5 = t1 * t3 - t2 * t4;
+    const double t6 = t1 * t2;
+    const double t7 = t1 * t1 - t2 * t2;
+    const double t8 = t6 + t6;
     accumulator->sums[0] += now.u * cosine;
-    accumulator->sums[1] += now.u * sine;
-    accumulator->sums[2] += now.u * t2;
-    accumulator->sums[3] += now.u * t3;
-    accumulator->sums[4] += now.u * t5;
-    accumulator->sums[5] += now.u * (t2 * t6 - t4 * t7);
-    accumulator->sums[6] += now.u * (t5 * t6 - t1 * t7 * (t0 * t3 + t1 * t2));
+    accumulator->sums[1] += now.u * t3;
+    accumulator->sums[2] += now.u * t5;
+    accumulator->sums[3] += now.u * (t3 * t7 - t4 * t8);
+    accumulator->sums[4] += now.u * (t5 * t7 - (t2 * t3 + t1 * t4) * t8);
+    accumulator->sums[5] += now.u * sine;
+    accumulator->sums[6] += now.u * t4;
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }
@@ -366,12 +371,12 @@ silverbox_status silverbox_accumulated(const silverbox_accumulator *accumulator,
     const double mean = 1.0 / (double)accumulator->samples;
     const double twice = mean + mean;
     harmonics->u.cos1 = accumulator->sums[0] * twice;
-    harmonics->u.sin1 = accumulator->sums[1] * twice;
-    harmonics->u.cos3 = accumulator->sums[2] * twice;
-    harmonics->u.sin3 = accumulator->sums[3] * twice;
-    harmonics->u.cos5 = accumulator->sums[4] * twice;
-    harmonics->u.cos7 = accumulator->sums[5] * twice;
-    harmonics->u.cos9 = accumulator->sums[6] * twice;
+    harmonics->u.sin1 = accumulator->sums[5] * twice;
+    harmonics->u.cos3 = accumulator->sums[1] * twice;
+    harmonics->u.sin3 = accumulator->sums[6] * twice;
+    harmonics->u.cos5 = accumulator->sums[2] * twice;
+    harmonics->u.cos7 = accumulator->sums[3] * twice;
+    harmonics->u.cos9 = accumulator->sums[4] * twice;
     return SILVERBOX_OK;
 }
 

@@ -17,9 +17,9 @@
  * | `silverbox_feed_forward` | 3 | 6 | 0 | 0 |
  * | `silverbox_feed_forward_independent` | 1 | 4 | 0 | 0 |
  * | `silverbox_feed_forward_dependent` | 1 | 2 | 0 | 0 |
- * | `silverbox_reference_at` | 7 | 15 | 0 | 0 |
+ * | `silverbox_reference_from` | 7 | 15 | 0 | 0 |
  * | `silverbox_estimator_matrix` | 5 | 11 | 0 | 0 |
- * | `silverbox_accumulate_at` | 8 | 20 | 0 | 0 |
+ * | `silverbox_accumulate_at` | 10 | 18 | 0 | 0 |
  */
 #ifndef SILVERBOX_H_INCLUDED
 #define SILVERBOX_H_INCLUDED
@@ -229,10 +229,15 @@ typedef struct silverbox_pattern {
 double silverbox_period(const silverbox_pattern *pattern);
 
 /*
- * The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
+ * The reference motion where cosine and sine of the phase `w*t` are known, with every derivative
+ * that the equations read.
  *
- * Operations: 7 additions, 15 multiplications, one sine and cosine.
+ * Operations: 7 additions, 15 multiplications.
  */
+void silverbox_reference_from(const silverbox_pattern *pattern, double cosine, double sine,
+        silverbox_motion *motion);
+
+/* The reference motion at a phase `w*t` in radians: one sine and one cosine. */
 void silverbox_reference_at(const silverbox_pattern *pattern, double phase,
         silverbox_motion *motion);
 
@@ -288,7 +293,7 @@ void silverbox_estimator_matrix(const silverbox_pattern *pattern,
  * harmonics.
  */
 typedef struct silverbox_accumulator {
-    /* Sums of the signal times cosine or sine, in the order of the harmonics. */
+    /* Sums of the signal times cosine in the order of the harmonics, then of those times sine. */
     double sums[SILVERBOX_HARMONICS];
     /* Samples taken in so far. */
     uint64_t samples;
@@ -300,7 +305,7 @@ void silverbox_accumulator_clear(silverbox_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 8 additions, 20 multiplications.
+ * Operations: 10 additions, 18 multiplications.
  */
 void silverbox_accumulate_at(silverbox_accumulator *accumulator, double cosine, double sine,
         const silverbox_forces *sample);

@@ -20,9 +20,9 @@
 //! | `feed_forward` | 3 | 6 | 0 | 0 |
 //! | `feed_forward_independent` | 1 | 4 | 0 | 0 |
 //! | `feed_forward_dependent` | 1 | 2 | 0 | 0 |
-//! | `Pattern::reference` | 7 | 15 | 0 | 0 |
+//! | `Pattern::reference_from` | 7 | 15 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 5 | 11 | 0 | 0 |
-//! | `Accumulator::push_at` | 8 | 20 | 0 | 0 |
+//! | `Accumulator::push_at` | 10 | 18 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -339,12 +339,19 @@ impl<T: Real> Pattern<T> {
         self.reference_at(self.w * time)
     }
 
-    /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
-    ///
-    /// Operations: 7 additions, 15 multiplications, one sine and cosine.
+    /// The reference motion at a phase `w*t` in radians: one sine and one cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
+        self.reference_from(cos, sin)
+    }
+
+    /// The reference motion where cosine and sine of the phase `w*t` are known, with every derivative that the
+    /// equations read.
+    ///
+    /// Operations: 7 additions, 15 multiplications.
+    #[must_use]
+    pub fn reference_from(&self, cos: T, sin: T) -> Motion<T> {
         let t0 = cos * cos;
         let t1 = sin * sin;
         let t2 = t0 - t1;
@@ -576,22 +583,23 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos - sin * sin;
-        let t1 = T::from_f64(2.0) * cos * sin;
-        let t2 = cos * t0 - t1 * sin;
-        let t3 = sin * t0 + t1 * cos;
-        let t4 = t1 * t3;
-        let t5 = t0 * t2 - t4;
-        let t6 = t0 * t0 - t1 * t1;
-        let t7 = T::from_f64(2.0) * t0;
+        let t0 = cos * sin;
+        let t1 = cos * cos - sin * sin;
+        let t2 = t0 + t0;
+        let t3 = cos * t1 - sin * t2;
+        let t4 = sin * t1 + cos * t2;
+        let t5 = t1 * t3 - t2 * t4;
+        let t6 = t1 * t2;
+        let t7 = t1 * t1 - t2 * t2;
+        let t8 = t6 + t6;
         let [v0, v1, v2, v3, v4, v5, v6] = &mut self.sums;
         *v0 += sample.u * cos;
-        *v1 += sample.u * sin;
-        *v2 += sample.u * t2;
-        *v3 += sample.u * t3;
-        *v4 += sample.u * t5;
-        *v5 += sample.u * (t2 * t6 - t4 * t7);
-        *v6 += sample.u * (t5 * t6 - t1 * t7 * (t0 * t3 + t1 * t2));
+        *v1 += sample.u * t3;
+        *v2 += sample.u * t5;
+        *v3 += sample.u * (t3 * t7 - t4 * t8);
+        *v4 += sample.u * (t5 * t7 - (t2 * t3 + t1 * t4) * t8);
+        *v5 += sample.u * sin;
+        *v6 += sample.u * t4;
         self.samples = self.samples.saturating_add(1);
     }
 
@@ -611,13 +619,13 @@ impl<T: Real> Accumulator<T> {
         let twice = mean + mean;
         let [v0, v1, v2, v3, v4, v5, v6] = self.sums;
         let v0 = v0 * twice;
+        let v5 = v5 * twice;
         let v1 = v1 * twice;
+        let v6 = v6 * twice;
         let v2 = v2 * twice;
         let v3 = v3 * twice;
         let v4 = v4 * twice;
-        let v5 = v5 * twice;
-        let v6 = v6 * twice;
-        Some(Harmonics::from_array([v0, v1, v2, v3, v4, v5, v6]))
+        Some(Harmonics::from_array([v0, v5, v1, v6, v2, v3, v4]))
     }
 }
 

@@ -443,11 +443,9 @@ double three_carts_period(const three_carts_pattern *pattern)
     return 6.283185307179586 / pattern->w;
 }
 
-void three_carts_reference_at(const three_carts_pattern *pattern, double phase,
+void three_carts_reference_from(const three_carts_pattern *pattern, double cosine, double sine,
         three_carts_motion *motion)
 {
-    const double cosine = cos(phase);
-    const double sine = sin(phase);
     const double t0 = cosine * cosine - sine * sine;
     const double t1 = 2.0 * cosine * sine;
     const double t2 = cosine * t0 - t1 * sine;
@@ -471,6 +469,12 @@ void three_carts_reference_at(const three_carts_pattern *pattern, double phase,
     motion->x3.der4 = pattern->lambda * (cosine + 25.0 * t6 - 16.2 * t2 - 9.8 * t8) * t14;
     motion->x3.der5 = t11 * (48.6 * t4 + 68.6 * t10 - sine - 125.0 * t9) * t14;
     motion->x3.der6 = t13 * (145.8 * t2 + 480.2 * t8 - cosine - 625.0 * t6) * t14;
+}
+
+void three_carts_reference_at(const three_carts_pattern *pattern, double phase,
+        three_carts_motion *motion)
+{
+    three_carts_reference_from(pattern, cos(phase), sin(phase), motion);
 }
 
 void three_carts_reference(const three_carts_pattern *pattern, double time,
@@ -777,38 +781,39 @@ void three_carts_accumulate_at(three_carts_accumulator *accumulator, double cosi
         const three_carts_forces *sample)
 {
     const three_carts_forces now = *sample;
-    const double t0 = cosine * cosine - sine * sine;
-    const double t1 = cosine * sine;
-    const double t2 = 2.0 * t1;
-    const double t3 = cosine * t0 - t2 * sine;
-    const double t4 = sine * t0 + t2 * cosine;
-    const double t5 = t0 * t3 - t2 * t4;
-    const double t6 = t0 * t0;
-    const double t7 = t6 - t2 * t2;
-    const double t8 = 2.0 * t2 * t0;
-    const double t9 = t3 * t7 - t8 * t4;
-    const double t10 = t0 * t4 + t2 * t3;
-    const double t11 = t5 * t7 - t8 * t10;
-    const double t12 = t3 * t3 - t4 * t4;
-    const double t13 = 2.0 * t3 * t4;
-    const double t14 = t5 * t12 - t13 * t10;
-    const double t15 = t4 * t7 + t8 * t3;
-    const double t16 = t7 * t7 - 16.0 * (t1 * t1 * t6);
-    const double t17 = 2.0 * t8 * t7;
-    const double t18 = t10 * t7 + t8 * t5;
-    const double t19 = t5 * t5 - t10 * t10;
-    const double t20 = 2.0 * t5 * t10;
+    const double t0 = cosine * sine;
+    const double t1 = cosine * cosine - sine * sine;
+    const double t2 = t0 + t0;
+    const double t3 = cosine * t1 - sine * t2;
+    const double t4 = sine * t1 + cosine * t2;
+    const double t5 = t1 * t3 - t2 * t4;
+    const double t6 = t2 * t3 + t1 * t4;
+    const double t7 = t1 * t2;
+    const double t8 = t1 * t1 - t2 * t2;
+    const double t9 = t7 + t7;
+    const double t10 = t3 * t8 - t4 * t9;
+    const double t11 = t4 * t8 + t3 * t9;
+    const double t12 = t5 * t8 - t6 * t9;
+    const double t13 = t5 * t9 + t6 * t8;
+    const double t14 = t1 * t8 - t2 * t9;
+    const double t15 = t2 * t8 + t1 * t9;
+    const double t16 = t5 * t14 - t6 * t15;
+    const double t17 = t8 * t9;
+    const double t18 = t8 * t8 - t9 * t9;
+    const double t19 = t17 + t17;
+    const double t20 = t1 * t18 - t2 * t19;
+    const double t21 = t2 * t18 + t1 * t19;
     accumulator->sums[0] += now.F * cosine;
     accumulator->sums[1] += now.F * t3;
     accumulator->sums[2] += now.F * t5;
-    accumulator->sums[3] += now.F * t9;
-    accumulator->sums[4] += now.F * t11;
-    accumulator->sums[5] += now.F * t14;
-    accumulator->sums[6] += now.F * (t9 * t12 - t13 * t15);
-    accumulator->sums[7] += now.F * (t9 * t16 - t17 * t15);
-    accumulator->sums[8] += now.F * (t11 * t16 - t17 * t18);
-    accumulator->sums[9] += now.F * (t11 * t19 - t20 * t18);
-    accumulator->sums[10] += now.F * (t14 * t19 - t20 * (t10 * t12 + t13 * t5));
+    accumulator->sums[3] += now.F * t10;
+    accumulator->sums[4] += now.F * t12;
+    accumulator->sums[5] += now.F * t16;
+    accumulator->sums[6] += now.F * (t10 * t14 - t11 * t15);
+    accumulator->sums[7] += now.F * (t10 * t18 - t11 * t19);
+    accumulator->sums[8] += now.F * (t12 * t18 - t13 * t19);
+    accumulator->sums[9] += now.F * (t12 * t20 - t13 * t21);
+    accumulator->sums[10] += now.F * (t16 * t20 - (t6 * t14 + t5 * t15) * t21);
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

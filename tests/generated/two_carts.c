@@ -308,11 +308,9 @@ double two_carts_period(const two_carts_pattern *pattern)
     return 6.283185307179586 / pattern->w;
 }
 
-void two_carts_reference_at(const two_carts_pattern *pattern, double phase,
+void two_carts_reference_from(const two_carts_pattern *pattern, double cosine, double sine,
         two_carts_motion *motion)
 {
-    const double cosine = cos(phase);
-    const double sine = sin(phase);
     const double t0 = cosine * cosine - sine * sine;
     const double t1 = 2.0 * cosine * sine;
     const double t2 = cosine * t0 - t1 * sine;
@@ -326,6 +324,12 @@ void two_carts_reference_at(const two_carts_pattern *pattern, double phase,
     motion->x2.ddot = t7 * (1.5 * t2 - cosine - 0.5 * t4);
     motion->x2.der3 = t7 * (sine + 2.5 * t5 - 4.5 * t3) * pattern->w;
     motion->x2.der4 = t7 * (cosine + 12.5 * t4 - 13.5 * t2) * t6;
+}
+
+void two_carts_reference_at(const two_carts_pattern *pattern, double phase,
+        two_carts_motion *motion)
+{
+    two_carts_reference_from(pattern, cos(phase), sin(phase), motion);
 }
 
 void two_carts_reference(const two_carts_pattern *pattern, double time, two_carts_motion *motion)
@@ -449,28 +453,29 @@ void two_carts_accumulate_at(two_carts_accumulator *accumulator, double cosine, 
         const two_carts_forces *sample)
 {
     const two_carts_forces now = *sample;
-    const double t0 = cosine * cosine - sine * sine;
-    const double t1 = cosine * sine;
-    const double t2 = 2.0 * t1;
-    const double t3 = cosine * t0 - t2 * sine;
-    const double t4 = sine * t0 + t2 * cosine;
-    const double t5 = t0 * t3 - t2 * t4;
-    const double t6 = t0 * t0;
-    const double t7 = t6 - t2 * t2;
-    const double t8 = 2.0 * t2 * t0;
-    const double t9 = t3 * t7 - t8 * t4;
-    const double t10 = t0 * t4 + t2 * t3;
-    const double t11 = t3 * t3 - t4 * t4;
-    const double t12 = 2.0 * t3 * t4;
-    const double t13 = t4 * t7 + t8 * t3;
+    const double t0 = cosine * sine;
+    const double t1 = cosine * cosine - sine * sine;
+    const double t2 = t0 + t0;
+    const double t3 = cosine * t1 - sine * t2;
+    const double t4 = sine * t1 + cosine * t2;
+    const double t5 = t1 * t3 - t2 * t4;
+    const double t6 = t2 * t3 + t1 * t4;
+    const double t7 = t1 * t2;
+    const double t8 = t1 * t1 - t2 * t2;
+    const double t9 = t7 + t7;
+    const double t10 = t3 * t8 - t4 * t9;
+    const double t11 = t4 * t8 + t3 * t9;
+    const double t12 = t1 * t8 - t2 * t9;
+    const double t13 = t2 * t8 + t1 * t9;
+    const double t14 = t8 * t9;
     accumulator->sums[0] += now.F * cosine;
     accumulator->sums[1] += now.F * t3;
     accumulator->sums[2] += now.F * t5;
-    accumulator->sums[3] += now.F * t9;
-    accumulator->sums[4] += now.F * (t5 * t7 - t8 * t10);
-    accumulator->sums[5] += now.F * (t5 * t11 - t12 * t10);
-    accumulator->sums[6] += now.F * (t9 * t11 - t12 * t13);
-    accumulator->sums[7] += now.F * (t9 * (t7 * t7 - 16.0 * (t1 * t1 * t6)) - t8 * 2.0 * t7 * t13);
+    accumulator->sums[3] += now.F * t10;
+    accumulator->sums[4] += now.F * (t5 * t8 - t6 * t9);
+    accumulator->sums[5] += now.F * (t5 * t12 - t6 * t13);
+    accumulator->sums[6] += now.F * (t10 * t12 - t11 * t13);
+    accumulator->sums[7] += now.F * (t10 * (t8 * t8 - t9 * t9) - t11 * (t14 + t14));
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

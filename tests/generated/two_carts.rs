@@ -24,9 +24,9 @@
 //! | `feed_forward` | 6 | 13 | 0 | 0 |
 //! | `Physical::lump` | 2 | 10 | 5 | 0 |
 //! | `Parameters::unlump` | 2 | 11 | 3 | 0 |
-//! | `Pattern::reference` | 15 | 32 | 0 | 0 |
+//! | `Pattern::reference_from` | 15 | 32 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 18 | 47 | 0 | 0 |
-//! | `Accumulator::push_at` | 14 | 38 | 0 | 0 |
+//! | `Accumulator::push_at` | 18 | 33 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -470,12 +470,19 @@ impl<T: Real> Pattern<T> {
         self.reference_at(self.w * time)
     }
 
-    /// The reference motion at a phase `w*t` in radians, with every derivative that the equations read.
-    ///
-    /// Operations: 15 additions, 32 multiplications, one sine and cosine.
+    /// The reference motion at a phase `w*t` in radians: one sine and one cosine.
     #[must_use]
     pub fn reference_at(&self, phase: T) -> Motion<T> {
         let (sin, cos) = phase.sin_cos();
+        self.reference_from(cos, sin)
+    }
+
+    /// The reference motion where cosine and sine of the phase `w*t` are known, with every derivative that the
+    /// equations read.
+    ///
+    /// Operations: 15 additions, 32 multiplications.
+    #[must_use]
+    pub fn reference_from(&self, cos: T, sin: T) -> Motion<T> {
         let t0 = cos * cos - sin * sin;
         let t1 = T::from_f64(2.0) * cos * sin;
         let t2 = cos * t0 - t1 * sin;
@@ -831,32 +838,30 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * cos - sin * sin;
-        let t1 = cos * sin;
-        let t2 = T::from_f64(2.0) * t1;
-        let t3 = cos * t0 - t2 * sin;
-        let t4 = sin * t0 + t2 * cos;
-        let t5 = t0 * t3 - t2 * t4;
-        let t6 = t0 * t0;
-        let t7 = t6 - t2 * t2;
-        let t8 = T::from_f64(2.0) * t2 * t0;
-        let t9 = t3 * t7 - t8 * t4;
-        let t10 = t0 * t4 + t2 * t3;
-        let t11 = t3 * t3 - t4 * t4;
-        let t12 = T::from_f64(2.0) * t3 * t4;
-        let t13 = t4 * t7 + t8 * t3;
+        let t0 = cos * sin;
+        let t1 = cos * cos - sin * sin;
+        let t2 = t0 + t0;
+        let t3 = cos * t1 - sin * t2;
+        let t4 = sin * t1 + cos * t2;
+        let t5 = t1 * t3 - t2 * t4;
+        let t6 = t2 * t3 + t1 * t4;
+        let t7 = t1 * t2;
+        let t8 = t1 * t1 - t2 * t2;
+        let t9 = t7 + t7;
+        let t10 = t3 * t8 - t4 * t9;
+        let t11 = t4 * t8 + t3 * t9;
+        let t12 = t1 * t8 - t2 * t9;
+        let t13 = t2 * t8 + t1 * t9;
+        let t14 = t8 * t9;
         let [v0, v1, v2, v3, v4, v5, v6, v7] = &mut self.sums;
         *v0 += sample.F * cos;
         *v1 += sample.F * t3;
         *v2 += sample.F * t5;
-        *v3 += sample.F * t9;
-        *v4 += sample.F * (t5 * t7 - t8 * t10);
-        *v5 += sample.F * (t5 * t11 - t12 * t10);
-        *v6 += sample.F * (t9 * t11 - t12 * t13);
-        *v7
-            += sample.F
-                * (t9 * (t7 * t7 - T::from_f64(16.0) * (t1 * t1 * t6))
-                    - t8 * T::from_f64(2.0) * t7 * t13);
+        *v3 += sample.F * t10;
+        *v4 += sample.F * (t5 * t8 - t6 * t9);
+        *v5 += sample.F * (t5 * t12 - t6 * t13);
+        *v6 += sample.F * (t10 * t12 - t11 * t13);
+        *v7 += sample.F * (t10 * (t8 * t8 - t9 * t9) - t11 * (t14 + t14));
         self.samples = self.samples.saturating_add(1);
     }
 

@@ -16,6 +16,7 @@ use tpm_codegen::emit::estimator::Estimator;
 use tpm_codegen::generate::{File, Language, Options, Scalar, generate};
 use tpm_symbolic::estimator::{PatternPlan, TablePlan, Unlumping};
 use tpm_symbolic::expr::Symbol;
+use tpm_symbolic::fourier::Trig;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::rational;
 use tpm_symbolic::rational::Rational;
@@ -566,7 +567,8 @@ fn check_pattern(estimator: &Estimator, index: usize, case: &Case, scalar: Scala
         }
     }
     // One sample: the signal times the real or imaginary part of (cosine + j sine)^k.
-    for &(equation, harmonic, function) in &table.rows {
+    let of = |function: Trig| table.rows.iter().filter(move |row| row.2 == function);
+    for &(equation, harmonic, function) in of(Trig::Cos).chain(of(Trig::Sin)) {
         let power = harmonic_power(own.cosine, own.sine, harmonic, function);
         let mut sum = Sum::default();
         sum.add_scaled(&power, &exact(own.forces[equation]));

@@ -20,7 +20,7 @@ use crate::regressor::RegressorForm;
 use crate::split::split_form;
 use crate::table::{Entry, HarmonicTable};
 use num_traits::{One, Zero};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use thiserror::Error;
 
 /// The virtual symbols of a model's plans.
@@ -527,11 +527,45 @@ fn table_plan(model: &Model, leaves: Leaves, table: HarmonicTable) -> TablePlan 
     }
     let roots: Vec<ExprId> = sums.iter().map(|terms| graph.sum(terms)).collect();
     let matrix = Plan::new(&graph, &roots);
-    let mut graph = Graph::new();
-    let mut phasors = Phasors::new(&mut graph, leaves);
-    let roots: Vec<ExprId> = rows.iter().map(|&(_, harmonic, function)| phasors.of(harmonic, function)).collect();
-    let bank = Plan::new(&graph, &roots);
+    let bank = bank(leaves, &rows);
     TablePlan { table, rows, places, matrix, bank }
+}
+
+/// cos or sin of every row's harmonic from cos w t and sin w t, by angle addition as in [`Phasors`], but operation by operation:
+/// of many harmonics in a row those behind a power of two are made alike from those before it, and compilers put them into
+/// vectors unless the algebra has made each of them shorter in its own way.
+fn bank(leaves: Leaves, rows: &[TableRow]) -> Plan {
+    type Known = BTreeMap<usize, (Slot, Slot)>;
+    fn at(merger: &mut Merger, known: &mut Known, harmonic: usize) -> (Slot, Slot) {
+        if let Some(&pair) = known.get(&harmonic) {
+            return pair;
+        }
+        let power = 1 << (harmonic - 1).ilog2();
+        let both = known.contains_key(&power) && known.contains_key(&(harmonic - power));
+        let part = if both { harmonic - power } else { harmonic / 2 };
+        let ((ca, sa), (cb, sb)) = (at(merger, known, part), at(merger, known, harmonic - part));
+        let [cc, ss, sc, cs] = [(ca, cb), (sa, sb), (sa, cb), (ca, sb)].map(|(a, b)| {
+            // The order of the operands does not matter: a product is one operation either way.
+            merger.emit(Op::Mul(a.min(b), a.max(b)))
+        });
+        let pair = (merger.emit(Op::Sub(cc, ss)), merger.emit(Op::Add(sc, cs)));
+        known.insert(harmonic, pair);
+        pair
+    }
+    let mut merger = Merger::default();
+    let number = |merger: &mut Merger, value: i64| merger.emit(Op::Constant(rational::integer(value)));
+    let still = (number(&mut merger, 1), number(&mut merger, 0));
+    let first = (merger.load(&Node::Symbol(leaves.cos())), merger.load(&Node::Symbol(leaves.sin())));
+    let mut known = Known::from([(0, still), (1, first)]);
+    let outputs = rows.iter().map(|&(_, harmonic, function)| {
+        let (cos, sin) = at(&mut merger, &mut known, harmonic);
+        match function {
+            Trig::Cos => cos,
+            Trig::Sin => sin,
+        }
+    });
+    let outputs: Vec<Slot> = outputs.collect();
+    merger.finish(outputs)
 }
 
 fn entry_expr(model: &Model, graph: &mut Graph, entry: &Entry) -> ExprId {

@@ -169,6 +169,7 @@ impl Inverse {
             Some(intermediate) => {
                 let product = self.display_product(map, intermediate);
                 match intermediate.product.factors().next() {
+                    // A parameter, or a sum in parentheses.
                     Some((_, 1)) if intermediate.product.factors().len() == 1 => product,
                     _ => format!("({product})"),
                 }
@@ -180,7 +181,10 @@ impl Inverse {
     #[must_use]
     pub fn display_product(&self, map: &ParameterMap, intermediate: &Intermediate) -> String {
         let product = Polynomial::term(intermediate.product.clone(), Rational::one());
-        display_polynomial(&product, |&atom| self.graph.display(atom, map))
+        display_polynomial(&product, |&atom| match self.graph.node(atom) {
+            Node::Sum(_) => format!("({})", self.graph.display(atom, map)),
+            _ => self.graph.display(atom, map),
+        })
     }
 }
 

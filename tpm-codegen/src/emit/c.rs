@@ -90,7 +90,7 @@ const DYNAMICS: [&str; 34] = [
 ];
 
 /// The same of a pattern.
-const PATTERN: [&str; 19] = [
+const PATTERN: [&str; 20] = [
     "accumulate",
     "accumulate_at",
     "accumulate_hann",
@@ -106,6 +106,7 @@ const PATTERN: [&str; 19] = [
     "period",
     "reference",
     "reference_at",
+    "reference_from",
     "solve",
     "status",
     "transform",
@@ -222,7 +223,7 @@ impl<'a> Context<'a> {
             Role::FeedForwardDependent => "feed_forward_dependent".to_owned(),
             Role::Lump => "lump".to_owned(),
             Role::Unlump => "unlump".to_owned(),
-            Role::Reference(pattern) => self.of_pattern(pattern, "reference_at"),
+            Role::Reference(pattern) => self.of_pattern(pattern, "reference_from"),
             Role::EstimatorMatrix(pattern) => self.of_pattern(pattern, "estimator_matrix"),
             Role::Accumulate(pattern) => self.of_pattern(pattern, "accumulate_at"),
         })

@@ -6,6 +6,7 @@ use num_traits::Zero;
 use std::collections::BTreeSet;
 use tpm_symbolic::estimator::{Leaf, PatternPlan, TablePlan, Unlumping, entry_formula};
 use tpm_symbolic::expr::{ExprId, Function as Elementary, Graph, Node, Symbol};
+use tpm_symbolic::fourier::Trig;
 use tpm_symbolic::linalg;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::plan::{Merger, Op, Plan};
@@ -342,12 +343,19 @@ pub(super) fn unlump(estimator: &Estimator) -> Option<Function> {
     Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
 }
 
-/// The reference motion at a phase.
+/// What the reference motion at a phase is.
+pub(super) fn reference_at(estimator: &Estimator, pattern: &PatternPlan) -> String {
+    let w = &estimator.model.quantity(pattern.frequency).name;
+    format!("The reference motion at a phase `{w}*t` in radians: one sine and one cosine.")
+}
+
+/// The reference motion where cosine and sine of the phase are known.
 pub(super) fn reference(estimator: &Estimator, pattern: &PatternPlan, plan: &Plan) -> Function {
     let about = format!(
-        "The reference motion at a phase `{}*t` in radians, with every derivative that the equations read.{}, one sine and cosine.",
+        "The reference motion where cosine and sine of the phase `{}*t` are known, with every derivative that the equations \
+         read.{}",
         estimator.model.quantity(pattern.frequency).name,
-        text::operations(plan).trim_end_matches('.')
+        text::operations(plan)
     );
     Function::values(estimator, plan, about)
 }
@@ -531,6 +539,15 @@ pub(super) fn direct(estimator: &Estimator, table: &TablePlan) -> Option<Functio
 fn row_of(table: &TablePlan, entry: &Entry) -> usize {
     let found = table.rows.iter().position(|row| *row == (entry.equation, entry.harmonic, entry.function));
     found.expect("invariant: every entry has its row")
+}
+
+/// Where the sum of every row stands: those of cosines, then those of sines, so that neighbours are computed alike.
+pub(super) fn storage(table: &TablePlan) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..table.rows.len()).collect();
+    order.sort_by_key(|&row| table.rows[row].2 == Trig::Sin);
+    let mut places = vec![0; order.len()];
+    order.into_iter().enumerate().for_each(|(place, row)| places[row] = place);
+    places
 }
 
 /// cos or sin of every row's harmonic at a phase; `None` for a mean, whose factor is one.

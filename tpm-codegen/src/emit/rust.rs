@@ -151,7 +151,7 @@ impl<'a> Context<'a> {
             Role::FeedForwardDependent => "feed_forward_dependent".to_owned(),
             Role::Lump => "Physical::lump".to_owned(),
             Role::Unlump => "Parameters::unlump".to_owned(),
-            Role::Reference(pattern) => of(pattern, "Pattern::reference"),
+            Role::Reference(pattern) => of(pattern, "Pattern::reference_from"),
             Role::EstimatorMatrix(pattern) => of(pattern, "Pattern::estimator_matrix"),
             Role::Accumulate(pattern) => of(pattern, "Accumulator::push_at"),
         }

@@ -71,23 +71,15 @@ fn reference(context: &mut Context<'_>, index: usize, pattern: &PatternPlan, pla
     };
     let scalar = context.scalar;
     let motion = format!("{} *motion", context.global("motion"));
-    let name = context.global(&context.of_pattern(index, "reference_at"));
+    let from = context.global(&context.of_pattern(index, "reference_from"));
     let mut parameters = vec![pattern_parameter(context, index, reads.own)];
     push_constants(&mut parameters, context, reads);
-    parameters.push(Parameter::read(format!("{} phase", scalar.name()), "phase", reads.cos || reads.sin));
+    parameters.push(Parameter::read(format!("{} cosine", scalar.name()), "cosine", reads.cos));
+    parameters.push(Parameter::read(format!("{} sine", scalar.name()), "sine", reads.sin));
     parameters.push(Parameter::new(motion.clone()));
     let writer =
         Writer::new(scalar, |node| context.leaf(node, "pattern->", &context.names.patterns[index].fields, "motion->"));
-    let mut body = String::new();
-    for (read, local, function) in [(reads.cos, "cosine", "cos"), (reads.sin, "sine", "sin")] {
-        if read {
-            body.push_str(&statement(
-                1,
-                &format!("const {} {local} = {}(phase);", scalar.name(), scalar.function(function)),
-            ));
-        }
-    }
-    body.push_str(&context.statements(&statements, &writer, |_| String::new()));
+    let mut body = context.statements(&statements, &writer, |_| String::new());
     let fields = context
         .names
         .coordinates
@@ -96,13 +88,22 @@ fn reference(context: &mut Context<'_>, index: usize, pattern: &PatternPlan, pla
     for (field, value) in fields.zip(&values) {
         body.push_str(&statement(1, &format!("motion->{field} = {};", writer.expression(value))));
     }
-    context.function(&name, &context.linked(&about, Some(index)), "void", &parameters, &body);
+    context.function(&from, &context.linked(&about, Some(index)), "void", &parameters, &body);
+    let name = context.global(&context.of_pattern(index, "reference_at"));
+    let mut parameters = vec![pattern_parameter(context, index, true)];
+    parameters.extend(context.constants_parameter(true));
+    parameters.push(Parameter::new(format!("{} phase", scalar.name())));
+    parameters.push(Parameter::new(motion.clone()));
+    let argument = context.constants_argument();
+    let (cos, sin) = (scalar.function("cos"), scalar.function("sin"));
+    let body = statement(1, &format!("{from}(pattern{argument}, {cos}(phase), {sin}(phase), motion);"));
+    let about = function::reference_at(context.estimator, pattern);
+    context.function(&name, &about, "void", &parameters, &body);
     let mut parameters = vec![pattern_parameter(context, index, true)];
     parameters.extend(context.constants_parameter(true));
     parameters.push(Parameter::new(format!("{} time", scalar.name())));
     parameters.push(Parameter::new(motion));
     let frequency = context.names.patterns[index].frequency(pattern);
-    let argument = context.constants_argument();
     let body = statement(1, &format!("{name}(pattern{argument}, pattern->{frequency} * time, motion);"));
     let about = "The reference motion at a time in seconds. Reduce long times to one period, so that the phase keeps its digits.";
     context.function(&context.global(&context.of_pattern(index, "reference")), about, "void", &parameters, &body);
@@ -217,7 +218,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let rows = context.constant(&context.of_pattern(index, "harmonics").to_uppercase());
     let fields = format!(
         "{}    {real} sums[{rows}];\n{}    uint64_t samples;\n",
-        doc(1, "Sums of the signal times cosine or sine, in the order of the harmonics."),
+        doc(1, "Sums of the signal times cosine in the order of the harmonics, then of those times sine."),
         doc(1, "Samples taken in so far.")
     );
     let about = "Fourier sums of one signal per equation, sample by sample, over whole periods.\n\n\
@@ -237,11 +238,14 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     // A copy: the sums might otherwise be the sample itself, for all the compiler knows.
     let mut body = statement(1, &format!("const {} now = *sample;", context.global("forces")));
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
-    for (row, (&(equation, ..), factor)) in table.rows.iter().zip(&factors).enumerate() {
+    let storage = function::storage(table);
+    let mut products: Vec<_> = table.rows.iter().zip(&factors).zip(&storage).collect();
+    products.sort_by_key(|(_, place)| **place);
+    for ((&(equation, ..), factor), place) in products {
         let field = &context.names.rows[equation].field;
         let factor =
             factor.as_ref().map_or_else(String::new, |factor| format!(" * {}", writer.at(factor, Level::Unary)));
-        body.push_str(&statement(1, &format!("accumulator->sums[{row}] += now.{field}{factor};")));
+        body.push_str(&statement(1, &format!("accumulator->sums[{place}] += now.{field}{factor};")));
     }
     body.push_str("    if (accumulator->samples < UINT64_MAX) {\n        accumulator->samples += 1;\n    }\n");
     let at = of(context, "accumulate_at");
@@ -289,9 +293,9 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     if table.rows.iter().any(|(_, harmonic, _)| *harmonic > 0) {
         body.push_str(&statement(1, &format!("const {real} twice = mean + mean;")));
     }
-    for (row, (path, &(_, harmonic, _))) in paths(context, table).iter().zip(&table.rows).enumerate() {
+    for ((path, &(_, harmonic, _)), place) in paths(context, table).iter().zip(&table.rows).zip(&storage) {
         let factor = if harmonic == 0 { "mean" } else { "twice" };
-        body.push_str(&statement(1, &format!("harmonics->{path} = accumulator->sums[{row}] * {factor};")));
+        body.push_str(&statement(1, &format!("harmonics->{path} = accumulator->sums[{place}] * {factor};")));
     }
     body.push_str(&statement(1, &format!("return {};", context.constant("OK"))));
     let parameters = [

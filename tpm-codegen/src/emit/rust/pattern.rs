@@ -136,12 +136,9 @@ fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &
         quote!(#field: #motion_type { #(#entries),* })
     });
     let coordinates: Vec<TokenStream> = coordinates.collect();
-    let phase = match (reads.cos, reads.sin) {
-        (true, true) => quote!(let (sin, cos) = phase.sin_cos();),
-        (true, false) => quote!(let cos = phase.cos();),
-        (false, true) => quote!(let sin = phase.sin();),
-        (false, false) => quote!(let _ = phase;),
-    };
+    let cos = ident(if reads.cos { "cos" } else { "_cos" });
+    let sin = ident(if reads.sin { "sin" } else { "_sin" });
+    let at = doc(&function::reference_at(context.estimator, pattern));
     let constants = context.constants_parameter(reads);
     let outer = context.constants_handed_on();
     let argument = context.constants_argument();
@@ -153,10 +150,16 @@ fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &
             self.reference_at(#argument self.#w * time)
         }
 
+        #at
+        #[must_use]
+        pub fn reference_at(&self, #outer phase: T) -> Motion<T> {
+            let (sin, cos) = phase.sin_cos();
+            self.reference_from(#argument cos, sin)
+        }
+
         #about
         #[must_use]
-        pub fn reference_at(&self, #constants phase: T) -> Motion<T> {
-            #phase
+        pub fn reference_from(&self, #constants #cos: T, #sin: T) -> Motion<T> {
             #statements
             Motion { #(#coordinates),* }
         }
@@ -480,7 +483,12 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     let locals = locals(table.rows.len());
     let cos = ident(if reads.cos { "cos" } else { "_cos" });
     let sin = ident(if reads.sin { "sin" } else { "_sin" });
-    let products = table.rows.iter().zip(&factors).zip(&locals).map(|((&(equation, ..), factor), sum)| {
+    let storage = function::storage(table);
+    let stored: Vec<&Ident> = storage.iter().map(|&place| &locals[place]).collect();
+    let mut products: Vec<_> = table.rows.iter().zip(&factors).zip(&storage).collect();
+    products.sort_by_key(|(_, place)| **place);
+    let products = products.into_iter().map(|((&(equation, ..), factor), &place)| {
+        let sum = &locals[place];
         let field = &context.names.rows[equation].field;
         match factor {
             None => quote!(*#sum += sample.#field;),
@@ -490,7 +498,7 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
             }
         }
     });
-    let scaled = table.rows.iter().zip(&locals).map(|(&(_, harmonic, _), local)| match harmonic {
+    let scaled = table.rows.iter().zip(&stored).map(|(&(_, harmonic, _), local)| match harmonic {
         0 => quote!(let #local = #local * mean;),
         _ => quote!(let #local = #local * twice;),
     });
@@ -560,7 +568,7 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
                 #twice
                 let [#(#locals),*] = self.sums;
                 #(#scaled)*
-                Some(Harmonics::from_array([#(#locals),*]))
+                Some(Harmonics::from_array([#(#stored),*]))
             }
         }
 
