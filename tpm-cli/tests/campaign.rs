@@ -61,6 +61,27 @@ fn files_alone_give_the_result_of_identify() {
 }
 
 #[test]
+fn measured_rates_go_by_file_too() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    let model = root().join("models/mass_spring_drag.tpm");
+    let model = model.to_str().expect("plain");
+    let tachometer = ["--set", "estimator=error", "--set", "plant.sensors.x.rate_noise=1e-3"];
+    let sets = [&SHORT[..], &tachometer[..], &["--set", "schedule.max_runs=2"]].concat();
+    run(at, &[&["campaign", "start", model, "c"], &sets[..]].concat());
+    for _ in 0..2 {
+        run(at, &["campaign", "next", "c", "-o", "run.csv"]);
+        run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &sets[..]].concat());
+        let log = std::fs::read_to_string(at.join("log.csv")).expect("a log");
+        assert!(log.starts_with("t_s,x,u,dot(x)\n"), "{}", &log[..40]);
+        run(at, &["campaign", "submit", "c", "log.csv"]);
+    }
+    let files = json(&tpm_in(at, &["campaign", "result", "c", "--json"]));
+    let whole = json(&tpm(&[&["identify", model, "--json"], &sets[..]].concat()));
+    assert_eq!(files, whole);
+}
+
+#[test]
 fn a_stopped_campaign_goes_on_where_it_was() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = folder.path();

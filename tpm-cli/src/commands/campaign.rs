@@ -50,7 +50,7 @@ enum Step {
     Submit {
         /// The campaign's folder.
         folder: PathBuf,
-        /// The log: CSV with t_s, coordinates and applied inputs by name.
+        /// The log: CSV with t_s, coordinates and applied inputs by name; measured rates, if any, in columns like dot(x).
         log: PathBuf,
         #[command(flatten)]
         columns: ColumnArgs,
@@ -303,11 +303,13 @@ fn submit(folder: &Path, log: &Path, columns: &ColumnArgs) -> Outcome {
     let Some(trial) = campaign.next().cloned() else {
         return Err(Failure::Input("the campaign has ended; no log is expected".to_owned()));
     };
-    let measured = Log::open(log, plant, &columns.options(plant)?).map_err(|error| input(&error))?;
+    let (measured, rates) = Log::open_rated(log, plant, &columns.options(plant)?).map_err(|error| input(&error))?;
     let mut coordinates = measured.channels;
     let inputs = coordinates.split_off(plant.dims().coordinates);
     let at = |error: &dyn std::fmt::Display| Failure::Input(format!("{}: {error}", log.display()));
-    let record = Record::of_samples(&trial, measured.sample_time, coordinates, inputs).map_err(|error| at(&error))?;
+    let mut record =
+        Record::of_samples(&trial, measured.sample_time, coordinates, inputs).map_err(|error| at(&error))?;
+    record.rates = rates;
     let report = campaign.submit(&record).map_err(|error| at(&error))?;
     let mut text = format!("run {}: {}", report.run, report.ending);
     for parameter in &report.parameters {

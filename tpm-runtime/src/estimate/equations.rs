@@ -46,6 +46,15 @@ impl Equations {
         self.harmonic.push(harmonic);
     }
 
+    /// Adds the equations of others.
+    pub fn append(&mut self, mut others: Self) {
+        self.regressors.append(&mut others.regressors);
+        self.right.append(&mut others.right);
+        self.variance.append(&mut others.variance);
+        self.row.append(&mut others.row);
+        self.harmonic.append(&mut others.harmonic);
+    }
+
     /// Number of complex rows.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -37,6 +37,9 @@ pub struct Run<'a> {
     pub trial: &'a Trial,
     /// Spectra of the coordinates, then the inputs, over whole periods that start at phase zero.
     pub spectra: &'a Spectra,
+    /// The same with every measured rate, integrated, in place of its coordinate (whose mean it does not show); nothing when
+    /// no rate was measured.
+    pub rates: Option<&'a Spectra>,
     /// How the recorded inputs became forces.
     pub hold: Hold,
 }
@@ -132,7 +135,8 @@ impl Method {
     /// The estimator, with everything still to learn.
     #[must_use]
     pub fn estimator(self, settings: &Settings) -> Box<dyn Estimator> {
-        let first_order = |kind| Box::new(Linearised { kind, settings: settings.clone(), pool: None, harmonics: 0 });
+        let first_order =
+            |kind| Box::new(Linearised { kind, settings: settings.clone(), pool: None, reference: None, harmonics: 0 });
         match self {
             Method::MeasuredMotion => {
                 Box::new(PooledMotion { settings: settings.clone(), records: Vec::new(), design: None })
@@ -210,7 +214,29 @@ struct Linearised {
     kind: FirstOrder,
     settings: Settings,
     pool: Option<Pool>,
+    /// The rows along the last reference, which the next run of a stage has too.
+    reference: Option<Reference>,
     harmonics: usize,
+}
+
+/// The rows along a reference, up to a harmonic.
+struct Reference {
+    trajectory: Trajectory,
+    constants: Vec<f64>,
+    highest: usize,
+    along: Along,
+}
+
+impl Reference {
+    fn new(model: &dyn Model<f64>, trial: &Trial, highest: usize) -> Result<Self, EstimateError> {
+        let (trajectory, constants) = (trial.trajectory.clone(), trial.constants.clone());
+        let along = Along::new(model, &constants, &trajectory, highest)?;
+        Ok(Reference { trajectory, constants, highest, along })
+    }
+
+    fn is_of(&self, trial: &Trial, highest: usize) -> bool {
+        self.highest == highest && self.trajectory == trial.trajectory && self.constants == trial.constants
+    }
 }
 
 impl Estimator for Linearised {
@@ -224,8 +250,22 @@ impl Estimator for Linearised {
 
     fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
         let highest = highest_harmonic(&self.settings, run);
-        let along = Along::new(model, &run.trial.constants, &run.trial.trajectory, highest)?;
-        let equations = self.kind.equations(run.trial, &along, run.spectra, run.hold, highest)?;
+        let reference = match self.reference.take().filter(|reference| reference.is_of(run.trial, highest)) {
+            Some(reference) => reference,
+            None => Reference::new(model, run.trial, highest)?,
+        };
+        let along = &self.reference.insert(reference).along;
+        let equations = match run.rates {
+            None => self.kind.equations(run.trial, along, run.spectra, run.hold, highest)?,
+            Some(rates) => {
+                let mut both = self.kind.applied_equations(run.trial, along, run.spectra, run.hold, (0, highest))?;
+                // The effort is the same with either error.
+                if self.kind != FirstOrder::Effort {
+                    both.append(self.kind.applied_equations(run.trial, along, rates, run.hold, (1, highest))?);
+                }
+                both
+            }
+        };
         self.harmonics = highest;
         pool_run(&mut self.pool, &equations, &self.settings, &run.trial.parameters).map(Some)
     }

@@ -120,6 +120,77 @@ impl FirstOrder {
     }
 }
 
+impl FirstOrder {
+    /// The harmonic equations of a run whose rates were measured (Feng, 3.4: the velocity error as further data): with the
+    /// inputs as they were applied, since the feedback need not have seen the positions alone, from harmonic `least` on.
+    ///
+    /// `spectra` has the coordinates, measured or integrated from their measured rates, as its first channels, then the inputs.
+    /// The noise of a rate is none of its position's, so that both sets of equations count; means of rates show nothing.
+    ///
+    /// # Errors
+    /// As [`equations`](Self::equations).
+    pub fn applied_equations(
+        self,
+        trial: &Trial,
+        along: &Along,
+        spectra: &Spectra,
+        hold: Hold,
+        (least, harmonics): (usize, usize),
+    ) -> Result<Equations, EstimateError> {
+        let dims = along.dims;
+        let coordinates = dims.coordinates;
+        let mut equations = Equations::new(dims.parameters);
+        if spectra.lines.len() < coordinates + dims.inputs || trial.parameters.len() != dims.parameters {
+            return Err(EstimateError::Channels { needed: coordinates + dims.inputs, given: spectra.lines.len() });
+        }
+        let kept = along.known.first().map_or(0, |lines| lines.len().saturating_sub(1));
+        let highest = harmonics.min(spectra.highest()).min(kept);
+        let mut error = error_lines(trial, spectra, coordinates, 2 * highest);
+        for lines in &mut error {
+            // The mean is no part of a rate.
+            for line in lines.iter_mut().take(least) {
+                *line = Complex::new(0.0, 0.0);
+            }
+        }
+        let peak = error.iter().flatten().map(|line| line.norm()).fold(0.0, f64::max);
+        for row in 0..dims.rows {
+            let coupled = match self {
+                FirstOrder::Hill => along.applied(row, &trial.parameters, &error, highest),
+                FirstOrder::Effort | FirstOrder::Error => Vec::new(),
+            };
+            for k in least..=highest {
+                let frequency = k as f64 * along.frequency;
+                let linear = along.response(row, &trial.parameters, k);
+                let felt = match self {
+                    FirstOrder::Effort => Complex::new(0.0, 0.0),
+                    FirstOrder::Error => linear.iter().zip(&error).map(|(j, e)| j * e[k]).sum(),
+                    FirstOrder::Hill => coupled[k],
+                };
+                let mut right = -along.known[row][k] - felt;
+                // Noise of the coordinates and of the inputs, on which it comes back round the loop.
+                let mut through: Vec<Complex<f64>> = linear.iter().map(|j| -j).collect();
+                for i in 0..dims.inputs {
+                    let held = hold.response(frequency * trial.control.sample_time);
+                    let map = held * along.map[row * dims.inputs + i];
+                    right += map * spectra.lines[coordinates + i][k];
+                    through.push(map);
+                }
+                let noise = &spectra.noise[k];
+                let mut variance = f64::MIN_POSITIVE;
+                for (a, x) in through.iter().enumerate() {
+                    for (b, y) in through.iter().enumerate() {
+                        variance += (x * noise[(a, b)] * y.conj()).re;
+                    }
+                }
+                variance += linear.iter().map(|j| j.norm_sqr()).sum::<f64>() * (ROUNDING * peak).powi(2);
+                let phi: Vec<Complex<f64>> = (0..dims.parameters).map(|j| along.regressor(row, j)[k]).collect();
+                equations.push(row, k, &phi, right, variance);
+            }
+        }
+        Ok(equations)
+    }
+}
+
 /// Lines of the tracking error of every coordinate: measured minus reference.
 pub(crate) fn error_lines(
     trial: &Trial,

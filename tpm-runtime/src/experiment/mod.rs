@@ -190,6 +190,10 @@ pub struct SensorSection {
     pub jitter: f64,
     /// Largest magnitude that is read; zero for no end.
     pub range: f64,
+    /// Standard deviation of the white noise on the rate, unit of the coordinate per second, where a tachometer measures it;
+    /// none when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_noise: Option<f64>,
     /// Where the sensor drops out; nowhere when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dropout: Option<DropoutSection>,

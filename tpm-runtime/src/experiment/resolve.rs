@@ -224,6 +224,7 @@ impl Experiment {
                 ("step", section.step),
                 ("jitter", section.jitter),
                 ("range", section.range),
+                ("rate_noise", section.rate_noise.unwrap_or(0.0)),
             ] {
                 require(value.is_finite() && value >= 0.0, key(field), value, "the value must not be negative")?;
             }
@@ -243,6 +244,7 @@ impl Experiment {
                 jitter: section.jitter,
                 range: section.range,
                 dropout,
+                rate_noise: section.rate_noise,
             };
         }
         let inputs = inputs(model);

@@ -281,11 +281,15 @@ pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
     for i in 0..record.inputs.len() {
         let _ = write!(text, ",{}", model.input(i).name);
     }
+    let rates = || record.rates.iter().enumerate().filter_map(|(c, rates)| Some((c, rates.as_ref()?)));
+    for (c, _) in rates() {
+        let _ = write!(text, ",{}", rate_name(model, c));
+    }
     text.push('\n');
     for n in 0..record.len() {
         // A string takes everything.
         let _ = write!(text, "{}", n as f64 * record.sample_time);
-        for channel in record.coordinates.iter().chain(&record.inputs) {
+        for channel in record.coordinates.iter().chain(&record.inputs).chain(rates().map(|(_, rates)| rates)) {
             let _ = write!(text, ",{}", channel[n]);
         }
         text.push('\n');
@@ -293,10 +297,19 @@ pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
     text
 }
 
+/// Column of a measured rate, as models write it.
+fn rate_name(model: &dyn Model<f64>, coordinate: usize) -> String {
+    format!("dot({})", model.coordinate(coordinate).name)
+}
+
 fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManifest) -> Result<Record, StoreError> {
     let dims = model.dims();
     let mut channels = vec![Vec::with_capacity(run.samples); dims.coordinates + dims.inputs];
     let mut reader = csv::ReaderBuilder::new().from_reader(text);
+    let head = reader.headers().map_err(|error| broken(path, &error.to_string()))?.clone();
+    let measured = |c: usize| head.iter().any(|name| name == rate_name(model, c));
+    let rated: Vec<bool> = (0..dims.coordinates).map(measured).collect();
+    channels.resize(channels.len() + rated.iter().filter(|rated| **rated).count(), Vec::with_capacity(run.samples));
     for row in reader.records() {
         let row = row.map_err(|error| broken(path, &error.to_string()))?;
         if row.len() != channels.len() + 1 {
@@ -306,7 +319,13 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
             channel.push(field.parse().map_err(|_| broken(path, &format!("`{field}` is not a number")))?);
         }
     }
+    let mut rates = channels.split_off(dims.coordinates + dims.inputs).into_iter();
     let inputs = channels.split_off(dims.coordinates);
+    let rates = if rates.len() > 0 {
+        rated.iter().map(|rated| if *rated { rates.next() } else { None }).collect()
+    } else {
+        Vec::new()
+    };
     let last = run.samples.saturating_sub(1);
     let lost = || channels.iter().position(|channel| channel.last().is_some_and(|value: &f64| value.is_nan()));
     let ending = match (run.ending, run.passed) {
@@ -320,7 +339,7 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
         (RunEnding::SensorLost, _) => Ending::SensorLost { coordinate: lost().unwrap_or(0), sample: last },
         (RunEnding::Diverged, _) => Ending::Diverged { sample: last },
     };
-    Ok(Record { sample_time: run.sample_time, coordinates: channels, inputs, ending, saturated: run.saturated })
+    Ok(Record { sample_time: run.sample_time, coordinates: channels, inputs, rates, ending, saturated: run.saturated })
 }
 
 /// Hash of a file's bytes (FNV-1a, 64 bits): it tells files apart, it is no protection against forgery.

@@ -217,3 +217,52 @@ fn a_plant_that_diverges_leaves_what_was_known() {
     }
     assert!(!result.is_complete() && result.warnings.iter().any(|w| w.contains("diverged")), "{:?}", result.warnings);
 }
+
+#[test]
+fn a_measured_rate_adds_what_its_noise_allows() {
+    // One update each, from other noise; with the rate its own equations are added.
+    let errors = |rate_noise: Option<&str>, seed: u64| {
+        let mut experiment = experiment();
+        let sets = [
+            ("estimator", "error"),
+            ("counts", "0"),
+            ("control.derivative_filter", "2e-3"),
+            ("prior", "{ m = 2.0, k1 = 40.0, k2 = 1.5 }"),
+            ("schedule.stages", "[{ lambda = 0.3, w = 3.14159265 }]"),
+            ("schedule.updates_per_stage", "1"),
+        ];
+        for (key, value) in sets {
+            experiment.apply_override(key, value).expect("known");
+        }
+        experiment.seed = seed;
+        if let Some(noise) = rate_noise {
+            experiment.apply_override("plant.sensors.x.rate_noise", noise).expect("known");
+        }
+        let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
+        let off = |(p, truth): (&crate::report::ParameterReport, f64)| {
+            (p.value.expect("identified") - truth, p.std.expect("identified"))
+        };
+        result.parameters.iter().zip([2.0, 40.0, 1.5]).map(off).collect::<std::vec::Vec<_>>()
+    };
+    let seeds = 12;
+    // Mean square of errors and of stated deviations, and of their ratios, parameter by parameter.
+    let spread = |rate_noise: Option<&str>| {
+        let mut sums = [[0.0; 3]; 3];
+        for seed in 1..=seeds {
+            for (sum, (error, std)) in sums.iter_mut().zip(errors(rate_noise, seed)) {
+                let n = seeds as f64;
+                sum[0] += error * error / n;
+                sum[1] += std * std / n;
+                sum[2] += (error / std).powi(2) / n;
+            }
+        }
+        sums
+    };
+    let (without, with) = (spread(None), spread(Some("1e-3")));
+    // Of m and k1; k2 hangs on the mean of the squared rate, to which noise adds whatever measures it.
+    for (without, with) in without.iter().zip(&with).take(2) {
+        assert!(with[1] < 0.25 * without[1] && with[0] < 0.5 * without[0], "{without:?} {with:?}");
+        // Noise is read between the lines, where the plant passes more of it than at them: stated too large rather than too small.
+        assert!(with[2] < 2.0, "{with:?}");
+    }
+}

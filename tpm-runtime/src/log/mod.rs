@@ -16,5 +16,5 @@ mod validate;
 pub use error::LogError;
 pub use identify::{ActuatorReport, HoldResiduals, Identification, LogReport, identify_log};
 pub use periodic::{Periodic, find_periodic};
-pub use read::{Log, LogOptions};
+pub use read::{Log, LogOptions, Rates};
 pub use validate::{RowPrediction, Validation, validate_log};

@@ -51,6 +51,9 @@ pub struct LogOptions {
     pub frozen: Vec<Frozen>,
 }
 
+/// Measured rates by coordinate.
+pub type Rates = Vec<Option<Vec<f64>>>;
+
 /// A run, read and checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
@@ -111,6 +114,35 @@ impl Log {
     /// [`LogError`] for anything that is not right, with its line.
     pub fn read(input: impl Read, name: &str, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
         Self::read_signals(input, name, &signals(model), options)
+    }
+
+    /// Reads a CSV file with one header line, and what it holds of the coordinates' rates: columns called `dot(x)`, or mapped
+    /// so, as long as the log. Nothing stands for a coordinate without one, and for all when there is none.
+    ///
+    /// # Errors
+    /// [`LogError`] for anything that is not right, with its line.
+    pub fn open_rated(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<(Self, Rates), LogError> {
+        let name = path.display().to_string();
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(|error| of_csv(error, &name))?;
+        let header = reader.headers().map_err(|error| of_csv(error, &name))?.clone();
+        let coordinates = model.dims().coordinates;
+        let rates: Vec<Option<String>> = (0..coordinates)
+            .map(|c| std::format!("dot({})", model.coordinate(c).name))
+            .map(|rate| {
+                let column = options.map.get(&rate).map_or(rate.as_str(), String::as_str);
+                header.iter().any(|name| name == column).then_some(rate)
+            })
+            .collect();
+        let own = signals(model);
+        let all: Vec<String> = own.iter().chain(rates.iter().flatten()).cloned().collect();
+        let mut log = Self::open_signals(path, &all, options)?;
+        let mut measured = log.channels.split_off(own.len()).into_iter();
+        if measured.len() == 0 {
+            return Ok((log, Vec::new()));
+        }
+        let rates = rates.iter().map(|rate| rate.as_ref().and_then(|_| measured.next())).collect();
+        Ok((log, rates))
     }
 
     /// Reads the named signals of a CSV file with one header line, in this order, without a model.

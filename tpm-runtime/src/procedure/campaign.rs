@@ -13,7 +13,7 @@ use super::trial::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
 use crate::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
 use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status, analyse};
 use crate::harmonics::{Hold, Spectra, SpectrumError};
-use crate::model::Model;
+use crate::model::{Dims, Model};
 use crate::stability::natural_modes;
 use crate::trajectory::{Pattern, Trajectory};
 use nalgebra::Complex;
@@ -468,8 +468,12 @@ impl<'m> Campaign<'m> {
             return Err(CampaignError::Mismatch { what: "samples", needed: trial.samples(), given: record.len() });
         }
         let not_finite = |channel: &Vec<f64>| channel.iter().position(|x| !x.is_finite());
-        if let Some(sample) = record.coordinates.iter().chain(&record.inputs).find_map(not_finite) {
+        let rates = || record.rates.iter().flatten();
+        if let Some(sample) = record.coordinates.iter().chain(&record.inputs).chain(rates()).find_map(not_finite) {
             return Err(CampaignError::NotFinite { sample });
+        }
+        if let Some(short) = rates().map(Vec::len).find(|length| *length < trial.samples()) {
+            return Err(CampaignError::Mismatch { what: "samples of a rate", needed: trial.samples(), given: short });
         }
         let samples = trial.samples_per_period;
         let settled = settled_from(record, samples, self.setup.procedure.settle_periods)
@@ -483,13 +487,24 @@ impl<'m> Campaign<'m> {
             return self.finish(report);
         };
         let run = self.reports.len() + 1;
-        let channels: Vec<&[f64]> =
-            record.coordinates.iter().chain(&record.inputs).map(|c| &c[from * samples..trial.samples()]).collect();
+        let channels: Vec<&[f64]> = record
+            .coordinates
+            .iter()
+            .chain(&record.inputs)
+            .chain(rates())
+            .map(|c| &c[from * samples..trial.samples()])
+            .collect();
         let periods = trial.periods - from;
         let mut spectra = Spectra::analyse(&channels, trial.control.sample_time, samples as f64, periods)
             .map_err(|source| CampaignError::Spectrum { run, source })?;
         correct_actuators(&mut spectra, dims.coordinates, &trial.control.actuators);
-        let seen = Run { trial: &trial, spectra: &spectra, hold: self.setup.procedure.hold };
+        let rates = integrated_rates(&spectra, &record.rates, dims);
+        if rates.is_some() {
+            let own: Vec<usize> = (0..dims.coordinates + dims.inputs).collect();
+            spectra = spectra.select(&own);
+        }
+        let hold = self.setup.procedure.hold;
+        let seen = Run { trial: &trial, spectra: &spectra, rates: rates.as_ref(), hold };
         let update =
             self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
         self.aborts = 0;
@@ -776,6 +791,25 @@ impl<'m> Campaign<'m> {
             })
             .collect()
     }
+}
+
+/// Spectra with the measured rates, which stand behind coordinates and inputs, integrated and in place of their coordinates.
+fn integrated_rates(spectra: &Spectra, rates: &[Option<Vec<f64>>], dims: Dims) -> Option<Spectra> {
+    let own = dims.coordinates + dims.inputs;
+    let measured: Vec<usize> = (0..rates.len()).filter(|&c| rates[c].is_some()).collect();
+    let mut channels: Vec<usize> = (0..own).collect();
+    for (behind, &c) in measured.iter().enumerate() {
+        channels[c] = own + behind;
+    }
+    if measured.is_empty() {
+        return None;
+    }
+    let mut integrated = spectra.select(&channels);
+    for c in measured {
+        let zero = Complex::new(0.0, 0.0);
+        integrated.pass(c, |frequency| if frequency > 0.0 { Complex::new(0.0, -1.0 / frequency) } else { zero });
+    }
+    Some(integrated)
 }
 
 /// The one that takes the larger share of what there is.

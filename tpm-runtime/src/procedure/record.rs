@@ -88,8 +88,8 @@ impl std::fmt::Display for RunEnding {
 
 /// Samples of one run, complete or not.
 ///
-/// Invariant: all signals have the same length; sample n of an input was applied from n to n + 1 sample times, sample n of
-/// a coordinate was measured at its start.
+/// Invariant: all signals have the same length, rates at least that; sample n of an input was applied from n to n + 1 sample
+/// times, sample n of a coordinate was measured at its start.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Record {
     /// Time between samples, s.
@@ -98,6 +98,8 @@ pub struct Record {
     pub coordinates: Vec<Vec<f64>>,
     /// Applied values, per input.
     pub inputs: Vec<Vec<f64>>,
+    /// Measured rates, per coordinate: none where no sensor measures one, and empty when there is no such sensor at all.
+    pub rates: Vec<Option<Vec<f64>>>,
     /// How the run ended.
     pub ending: Ending,
     /// Samples in which an input was cut at its limit.
@@ -121,7 +123,14 @@ impl Record {
         if off.is_nan() || off > SAME_RATE {
             return Err(CampaignError::SampleTime { needed, given: sample_time });
         }
-        let mut record = Record { sample_time: needed, coordinates, inputs, ending: Ending::Complete, saturated: 0 };
+        let mut record = Record {
+            sample_time: needed,
+            coordinates,
+            inputs,
+            rates: Vec::new(),
+            ending: Ending::Complete,
+            saturated: 0,
+        };
         let width = trial.reference.len() / trial.samples_per_period.max(1);
         let error =
             |n: usize, c: usize| record.coordinates[c][n] - trial.reference[n % trial.samples_per_period * width + c];

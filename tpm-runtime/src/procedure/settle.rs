@@ -53,7 +53,14 @@ mod tests {
                 phase.cos() + transient * (-f64::from(n) / (100.0 * decay)).exp() + noise * random
             })
             .collect();
-        Record { sample_time: 0.01, coordinates: vec![x], inputs: vec![], ending: Ending::Complete, saturated: 0 }
+        Record {
+            sample_time: 0.01,
+            coordinates: vec![x],
+            inputs: vec![],
+            rates: vec![],
+            ending: Ending::Complete,
+            saturated: 0,
+        }
     }
 
     #[test]

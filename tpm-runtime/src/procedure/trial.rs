@@ -35,7 +35,7 @@ pub enum HoldCompensation {
 /// Where the rate of the tracking error comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Velocity {
-    /// It is measured, without noise.
+    /// It is measured, without noise where no sensor of its own is stated.
     Measured,
     /// It is formed from the measured error by a filtered difference with this time constant, s.
     Filtered(f64),

@@ -46,6 +46,7 @@ pub fn simulate_continuous(model: &dyn Model<f64>, parameters: &[f64], trial: &T
         sample_time: trial.control.sample_time,
         coordinates: reserve(n),
         inputs: reserve(dims.inputs),
+        rates: Vec::new(),
         ending: Ending::Complete,
         saturated: 0,
     };

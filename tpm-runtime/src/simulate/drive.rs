@@ -34,6 +34,7 @@ pub fn drive(
         sample_time,
         coordinates: vec![Vec::with_capacity(samples); n],
         inputs: vec![Vec::with_capacity(samples); dims.inputs],
+        rates: Vec::new(),
         ending: Ending::Complete,
         saturated: 0,
     };

@@ -58,6 +58,8 @@ pub struct Session<'a> {
     wanted: Vec<f64>,
     coordinates: Vec<Vec<f64>>,
     inputs: Vec<Vec<f64>>,
+    rated: Vec<f64>,
+    rate_columns: Vec<Option<Vec<f64>>>,
     order: usize,
     sample: usize,
     saturated: usize,
@@ -97,6 +99,13 @@ impl<'a> Session<'a> {
             wanted: vec![0.0; dims.inputs],
             coordinates: reserve(n),
             inputs: reserve(dims.inputs),
+            rated: vec![0.0; n],
+            rate_columns: if bench.sensors.iter().any(|sensor| sensor.rate_noise.is_some()) {
+                let column = |sensor: &Sensor| sensor.rate_noise.map(|_| Vec::with_capacity(trial.samples()));
+                bench.sensors.iter().map(column).collect()
+            } else {
+                Vec::new()
+            },
             order: dims.order,
             sample: 0,
             saturated: 0,
@@ -116,6 +125,12 @@ impl<'a> Session<'a> {
         let at = self.sample % self.trial.samples_per_period;
         let reference = &self.trial.reference[at * width..(at + 1) * width];
         self.measurement.sample(self.plant.motion(), &mut self.measured);
+        self.measurement.rates(self.plant.motion(), &mut self.rated);
+        for (column, &value) in self.rate_columns.iter_mut().zip(&self.rated) {
+            if let Some(column) = column {
+                column.push(value);
+            }
+        }
         for ((error, measured), wanted) in self.errors.iter_mut().zip(&self.measured).zip(reference) {
             *error = measured - wanted;
         }
@@ -124,7 +139,11 @@ impl<'a> Session<'a> {
         let rates = match self.trial.control.velocity {
             Velocity::Measured => {
                 for (c, rate) in self.rates.iter_mut().enumerate() {
-                    *rate = match (self.plant.motion().get(n + c), reference.get(n + c)) {
+                    let actual = match self.bench.sensors.get(c).and_then(|sensor| sensor.rate_noise) {
+                        Some(_) => self.rated.get(c),
+                        None => self.plant.motion().get(n + c),
+                    };
+                    *rate = match (actual, reference.get(n + c)) {
                         (Some(actual), Some(wanted)) => actual - wanted,
                         _ => 0.0,
                     };
@@ -168,6 +187,7 @@ impl<'a> Session<'a> {
             sample_time: self.trial.control.sample_time,
             coordinates: self.coordinates,
             inputs: self.inputs,
+            rates: self.rate_columns,
             ending,
             saturated: self.saturated,
         }

@@ -71,6 +71,7 @@ pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'
             sample_time,
             coordinates: vec![Vec::with_capacity(regulation.samples); n],
             inputs: vec![Vec::with_capacity(regulation.samples); dims.inputs],
+            rates: Vec::new(),
             ending: Ending::Complete,
             saturated: 0,
         },

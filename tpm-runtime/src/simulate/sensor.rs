@@ -27,6 +27,9 @@ pub struct Sensor {
     pub range: f64,
     /// Number of the run, from 0, and sample in it from which nothing is read any more.
     pub dropout: Option<(usize, usize)>,
+    /// Standard deviation of the white noise on the rate, unit of the coordinate per second, where a sensor of its own (a
+    /// tachometer) measures it.
+    pub rate_noise: Option<f64>,
 }
 
 /// The drive of one input.
@@ -127,6 +130,17 @@ impl Measurement {
             *slot = past[(self.count + 1) % length];
         }
         self.count += 1;
+    }
+
+    /// Measures the rates that have a sensor, at the same sample; others are left as they are.
+    pub(crate) fn rates(&mut self, motion: &[f64], out: &mut [f64]) {
+        let coordinates = self.sensors.len();
+        for (c, (sensor, slot)) in self.sensors.iter().zip(out.iter_mut()).enumerate() {
+            if let Some(deviation) = sensor.rate_noise {
+                let normal: f64 = StandardNormal.sample(&mut self.random);
+                *slot = motion.get(coordinates + c).copied().unwrap_or(0.0) + deviation * normal;
+            }
+        }
     }
 }
 
