@@ -11,7 +11,6 @@ use crate::rational::Rational;
 use num_integer::Integer;
 use num_traits::Zero;
 use rustc_hash::FxHashMap;
-use std::hash::Hash;
 use std::ops::{AddAssign, Mul};
 
 /// A term of a polynomial.
@@ -19,12 +18,12 @@ type Term<V> = (Monomial<V>, Rational);
 
 /// The terms of left * right, in the order of the monomials; `None` when no word holds their exponents.
 pub(crate) fn product<V: Ord + Clone>(left: &[Term<V>], right: &[Term<V>]) -> Option<Vec<Term<V>>> {
-    Packing::new(&[left, right], 2).multiplied(&[left, right])
+    Packing::new(&[left, right], 2).multiplied(left, right, 1)
 }
 
-/// The terms of base^exponent, in the order of the monomials; `None` when no word holds their exponents.
+/// The terms of base^exponent, in the order of the monomials; `None` when no word holds their exponents, and for the exponent 0.
 pub(crate) fn power<V: Ord + Clone>(base: &[Term<V>], exponent: u32) -> Option<Vec<Term<V>>> {
-    Packing::new(&[base], exponent.into()).multiplied(&vec![base; exponent as usize])
+    Packing::new(&[base], exponent.into()).multiplied(base, base, exponent.checked_sub(1)?)
 }
 
 /// Variables and the width of their exponents.
@@ -47,25 +46,31 @@ impl<'v, V: Ord + Clone> Packing<'v, V> {
         Self { variables, layout }
     }
 
-    fn multiplied(&self, factors: &[&[Term<V>]]) -> Option<Vec<Term<V>>> {
+    /// The terms of first * base^times.
+    fn multiplied(&self, first: &[Term<V>], base: &[Term<V>], times: u32) -> Option<Vec<Term<V>>> {
         match self.layout.key_bits() {
-            0..=64 => Some(self.over_integers::<u64>(factors)),
-            65..=128 => Some(self.over_integers::<u128>(factors)),
+            0..=64 => Some(self.over_integers::<u64>(first, base, times)),
+            65..=128 => Some(self.over_integers::<u128>(first, base, times)),
             _ => None,
         }
     }
 
-    fn over_integers<K: ShortKey>(&self, factors: &[&[Term<V>]]) -> Vec<Term<V>> {
-        let keys: Vec<Vec<K>> = factors.iter().map(|factor| self.keys(factor)).collect();
-        let Some((numerators, denominator)) = numerators(factors) else {
-            let coefficients = |terms: &&[Term<V>]| terms.iter().map(|term| term.1.clone()).collect();
-            let product = chain(&keys, &factors.iter().map(coefficients).collect::<Vec<_>>());
-            return self.terms(product, |coefficient| coefficient);
-        };
-        self.terms(chain(&keys, &numerators), |numerator| Rational::from_wide(numerator, denominator))
+    fn over_integers<K: ShortKey>(&self, first: &[Term<V>], base: &[Term<V>], times: u32) -> Vec<Term<V>> {
+        match numerators(first, base, times) {
+            Some((a, b, denominator)) => {
+                let product = chain(self.keyed::<K, _>(first, a), &self.keyed(base, b), times);
+                self.terms(product, |numerator| Rational::from_wide(numerator, denominator))
+            }
+            None => {
+                let own = |terms: &[Term<V>]| terms.iter().map(|term| term.1.clone()).collect();
+                let product = chain(self.keyed::<K, _>(first, own(first)), &self.keyed(base, own(base)), times);
+                self.terms(product, |coefficient| coefficient)
+            }
+        }
     }
 
-    fn keys<K: Key>(&self, terms: &[Term<V>]) -> Vec<K> {
+    /// Packed monomials with these coefficients.
+    fn keyed<K: Key, C>(&self, terms: &[Term<V>], coefficients: Vec<C>) -> Vec<(K, C)> {
         let key = |(monomial, _): &Term<V>| {
             let mut key = K::one(self.layout);
             for (variable, exponent) in monomial.factors() {
@@ -74,7 +79,7 @@ impl<'v, V: Ord + Clone> Packing<'v, V> {
             }
             key
         };
-        terms.iter().map(key).collect()
+        terms.iter().map(key).zip(coefficients).collect()
     }
 
     fn terms<K: ShortKey, C>(&self, mut sums: Vec<(K, C)>, value: impl Fn(C) -> Rational) -> Vec<Term<V>> {
@@ -95,42 +100,41 @@ impl<'v, V: Ord + Clone> Packing<'v, V> {
     }
 }
 
-/// The coefficients of every factor as whole numbers, and the product of their denominators; `None` when a sum of products
-/// might not fit.
-fn numerators<V>(factors: &[&[Term<V>]]) -> Option<(Vec<Vec<i128>>, i128)> {
-    let (mut all, mut denominator, mut bound) = (Vec::with_capacity(factors.len()), 1i128, 1i128);
-    for terms in factors {
-        let mut common = 1i64;
-        for (_, coefficient) in *terms {
-            let own = coefficient.as_words()?.1;
-            common = (common / common.gcd(&own)).checked_mul(own)?;
-        }
-        let over = |(_, coefficient): &Term<V>| {
-            coefficient.as_words().map(|(numerator, own)| i128::from(numerator) * i128::from(common / own))
-        };
-        let numerators: Vec<i128> = terms.iter().map(over).collect::<Option<_>>()?;
-        let sum = numerators.iter().try_fold(0i128, |sum, numerator| sum.checked_add(numerator.abs()))?;
-        (bound, denominator) = (bound.checked_mul(sum)?, denominator.checked_mul(common.into())?);
-        all.push(numerators);
-    }
-    Some((all, denominator))
+/// The coefficients of both as whole numbers, and the denominator of first * base^times; `None` when a sum of products might not
+/// fit.
+fn numerators<V>(first: &[Term<V>], base: &[Term<V>], times: u32) -> Option<(Vec<i128>, Vec<i128>, i128)> {
+    let ((a, a_sum, a_below), (b, b_sum, b_below)) = (over_one_denominator(first)?, over_one_denominator(base)?);
+    a_sum.checked_mul(b_sum.checked_pow(times)?)?;
+    Some((a, b, a_below.checked_mul(b_below.checked_pow(times)?)?))
 }
 
-/// The terms of a product of several factors, from their keys and coefficients, in no order.
-fn chain<K, C>(keys: &[Vec<K>], coefficients: &[Vec<C>]) -> Vec<(K, C)>
+/// The numerators, the sum of their magnitudes, and the denominator.
+fn over_one_denominator<V>(terms: &[Term<V>]) -> Option<(Vec<i128>, i128, i128)> {
+    let mut common = 1i64;
+    for (_, coefficient) in terms {
+        let own = coefficient.as_words()?.1;
+        common = (common / common.gcd(&own)).checked_mul(own)?;
+    }
+    let over = |(_, coefficient): &Term<V>| {
+        coefficient.as_words().map(|(numerator, own)| i128::from(numerator) * i128::from(common / own))
+    };
+    let numerators: Vec<i128> = terms.iter().map(over).collect::<Option<_>>()?;
+    let sum = numerators.iter().try_fold(0i128, |sum, numerator| sum.checked_add(numerator.abs()))?;
+    Some((numerators, sum, common.into()))
+}
+
+/// The terms of product * base^times, in no order.
+fn chain<K, C>(mut product: Vec<(K, C)>, base: &[(K, C)], times: u32) -> Vec<(K, C)>
 where
-    K: ShortKey + Hash,
-    C: Clone + Zero + AddAssign,
+    K: ShortKey,
+    C: Zero + AddAssign,
     for<'c> &'c C: Mul<&'c C, Output = C>,
 {
-    let mut factors = keys.iter().zip(coefficients);
-    let Some((keys, coefficients)) = factors.next() else { return Vec::new() };
-    let mut product: Vec<(K, C)> = keys.iter().copied().zip(coefficients.iter().cloned()).collect();
-    for (keys, coefficients) in factors {
+    for _ in 0..times {
         let mut sums = FxHashMap::default();
-        sums.reserve(product.len() + keys.len());
+        sums.reserve(product.len() + base.len());
         for (left, a) in &product {
-            for (right, b) in keys.iter().zip(coefficients) {
+            for (right, b) in base {
                 let mut key = *left;
                 key.add(right, 1);
                 *sums.entry(key).or_insert_with(C::zero) += a * b;

@@ -278,19 +278,7 @@ fn from_log(args: &Args, prepared: &Prepared, model: &Interpreted, path: &Path) 
     if let Some(negative) = negative.into_iter().next() {
         return Err(Failure::Incomplete(negative));
     }
-    if !result.is_explained() {
-        return Err(Failure::Incomplete(format!(
-            "{:.1} % of the force is not explained by the model; what was fitted is no result",
-            100.0 * result.residual
-        )));
-    }
-    if result.rank < result.parameters.iter().filter(|parameter| parameter.status != "frozen").count() {
-        return Err(Failure::Incomplete(format!(
-            "the data determine {} independent combinations of the parameters, not all of them",
-            result.rank
-        )));
-    }
-    Ok(())
+    result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
 }
 
 /// Names of the physical parameters behind lumped ones; none when nothing was lumped.

@@ -8,16 +8,17 @@
 //! B Lambda theta = hold (f - C E) - known - J(theta') E ,
 //! ```
 //!
-//! with B Lambda from the exact table (hold is one where inputs are not held). The estimators differ in J: nothing (`effort`), its mean along the reference, which
-//! is the linear part of the rows (`error`; dividing by `H^-1 = J + hold C` gives Feng's `E = H B Lambda P`, P = theta' - theta),
-//! or its periodic whole (`hill`). Invariant: a fixed point of the update is the true theta for all three when the machine
-//! obeys the model, since J is multiplied by an error that then vanishes.
+//! with B Lambda from the exact table (hold is one where inputs are not held). The estimators differ in J: nothing (`effort`),
+//! its mean along the reference, which is the linear part of the rows (`error`; dividing by `H^-1 = J + hold C` gives Feng's
+//! `E = H B Lambda P`, P = theta' - theta), or its periodic whole (`hill`). Invariant: a fixed point of the update is the true
+//! theta for all three when the machine obeys the model, since J is multiplied by an error that then vanishes.
 
 use super::along::Along;
 use super::{Equations, EstimateError};
 use crate::harmonics::{Hold, Spectra};
+use crate::model::Dims;
 use crate::procedure::Trial;
-use nalgebra::Complex;
+use nalgebra::{Complex, DMatrix};
 use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
@@ -51,76 +52,34 @@ impl FirstOrder {
         hold: Hold,
         harmonics: usize,
     ) -> Result<Equations, EstimateError> {
-        let dims = along.dims;
-        let coordinates = dims.coordinates;
-        if spectra.lines.len() < coordinates || trial.parameters.len() != dims.parameters {
-            return Err(EstimateError::Channels { needed: coordinates + dims.inputs, given: spectra.lines.len() });
-        }
-        let kept = along.known.first().map_or(0, |lines| lines.len().saturating_sub(1));
-        let highest = harmonics.min(spectra.highest()).min(kept);
+        let Dims { coordinates, inputs, .. } = along.dims;
+        let highest = highest(trial, along, spectra, coordinates, harmonics)?;
         if highest == 0 {
             return Err(EstimateError::NoSignal);
         }
         let error = error_lines(trial, spectra, coordinates, 2 * highest);
-        let forward = feed_forward_lines(trial, dims.inputs, highest);
-        let peak = error.iter().flatten().map(|line| line.norm()).fold(0.0, f64::max);
-        let mut equations = Equations::new(dims.parameters);
-        let mut phi = vec![Complex::new(0.0, 0.0); dims.parameters];
-        for row in 0..dims.rows {
-            let coupled = match self {
-                FirstOrder::Hill => along.applied(row, &trial.parameters, &error, highest),
-                FirstOrder::Effort | FirstOrder::Error => Vec::new(),
-            };
-            for k in 0..=highest {
-                let frequency = k as f64 * along.frequency;
-                let mut right = -along.known[row][k];
-                let mut gain = vec![Complex::new(0.0, 0.0); coordinates];
-                for (i, lines) in forward.iter().enumerate() {
-                    let drive = match hold {
-                        Hold::Zoh => trial.control.drive(i, frequency),
-                        Hold::None => trial.control.actuator(i).response(frequency),
-                    };
-                    let map = drive * along.map[row * dims.inputs + i];
-                    right += map * lines[k];
-                    for (c, gain) in gain.iter_mut().enumerate() {
-                        *gain += map * trial.control.response(i, c, frequency);
-                    }
+        let forward = feed_forward_lines(trial, inputs, highest);
+        Ok(self.assemble(trial, along, &error, (0, highest), &spectra.noise, |row, k, linear, right| {
+            let frequency = k as f64 * along.frequency;
+            let mut gain = vec![Complex::new(0.0, 0.0); coordinates];
+            for (i, lines) in forward.iter().enumerate() {
+                let map = trial.control.drive(i, frequency, hold) * along.map[row * inputs + i];
+                *right += map * lines[k];
+                for (c, gain) in gain.iter_mut().enumerate() {
+                    *gain += map * trial.control.response(i, c, frequency);
                 }
-                let feedback: Complex<f64> = gain.iter().zip(&error).map(|(g, e)| g * e[k]).sum();
-                right -= feedback;
-                // The noise passes through H^-1 whatever part of the plant an estimator leaves out of its equation.
-                let linear = along.response(row, &trial.parameters, k);
-                match self {
-                    FirstOrder::Effort => {}
-                    FirstOrder::Error => {
-                        right -= linear.iter().zip(&error).map(|(j, e)| j * e[k]).sum::<Complex<f64>>();
-                    }
-                    FirstOrder::Hill => right -= coupled[k],
-                }
-                if self != FirstOrder::Effort {
-                    for (gain, linear) in gain.iter_mut().zip(&linear) {
-                        *gain += linear;
-                    }
-                }
-                for (j, entry) in phi.iter_mut().enumerate() {
-                    *entry = along.regressor(row, j)[k];
-                }
-                let noise = &spectra.noise[k];
-                let mut variance = f64::MIN_POSITIVE;
-                for (a, x) in gain.iter().enumerate() {
-                    for (b, y) in gain.iter().enumerate() {
-                        variance += (x * noise[(a, b)] * y.conj()).re;
-                    }
-                    variance += x.norm_sqr() * (ROUNDING * peak).powi(2);
-                }
-                equations.push(row, k, &phi, right, variance);
             }
-        }
-        Ok(equations)
+            *right -= gain.iter().zip(&error).map(|(g, e)| g * e[k]).sum::<Complex<f64>>();
+            // The noise passes through H^-1 whatever part of the plant an estimator leaves out of its equation.
+            if self != FirstOrder::Effort {
+                for (gain, linear) in gain.iter_mut().zip(linear) {
+                    *gain += linear;
+                }
+            }
+            gain
+        }))
     }
-}
 
-impl FirstOrder {
     /// The harmonic equations of a run whose rates were measured (Feng, 3.4: the velocity error as further data): with the
     /// inputs as they were applied, since the feedback need not have seen the positions alone, from harmonic `least` on.
     ///
@@ -128,7 +87,7 @@ impl FirstOrder {
     /// The noise of a rate is none of its position's, so that both sets of equations count; means of rates show nothing.
     ///
     /// # Errors
-    /// As [`equations`](Self::equations).
+    /// [`EstimateError::Channels`] when spectra or trial do not fit the model.
     pub fn applied_equations(
         self,
         trial: &Trial,
@@ -137,14 +96,8 @@ impl FirstOrder {
         hold: Hold,
         (least, harmonics): (usize, usize),
     ) -> Result<Equations, EstimateError> {
-        let dims = along.dims;
-        let coordinates = dims.coordinates;
-        let mut equations = Equations::new(dims.parameters);
-        if spectra.lines.len() < coordinates + dims.inputs || trial.parameters.len() != dims.parameters {
-            return Err(EstimateError::Channels { needed: coordinates + dims.inputs, given: spectra.lines.len() });
-        }
-        let kept = along.known.first().map_or(0, |lines| lines.len().saturating_sub(1));
-        let highest = harmonics.min(spectra.highest()).min(kept);
+        let Dims { coordinates, inputs, .. } = along.dims;
+        let highest = highest(trial, along, spectra, coordinates + inputs, harmonics)?;
         let mut error = error_lines(trial, spectra, coordinates, 2 * highest);
         for lines in &mut error {
             // The mean is no part of a rate.
@@ -152,43 +105,84 @@ impl FirstOrder {
                 *line = Complex::new(0.0, 0.0);
             }
         }
+        Ok(self.assemble(trial, along, &error, (least, highest), &spectra.noise, |row, k, linear, right| {
+            // Noise of the coordinates and of the inputs, on which it comes back round the loop.
+            let mut through: Vec<Complex<f64>> = linear.iter().map(|j| -j).collect();
+            let held = hold.response(k as f64 * along.frequency * trial.control.sample_time);
+            for i in 0..inputs {
+                let map = held * along.map[row * inputs + i];
+                *right += map * spectra.lines[coordinates + i][k];
+                through.push(map);
+            }
+            through
+        }))
+    }
+
+    /// The equations of harmonics `least` to `highest`. `drive` adds to the right of a row and harmonic, whose linear response is
+    /// given, what the inputs do, and says through what the noise of every channel enters.
+    fn assemble(
+        self,
+        trial: &Trial,
+        along: &Along,
+        error: &[Vec<Complex<f64>>],
+        (least, highest): (usize, usize),
+        noise: &[DMatrix<Complex<f64>>],
+        drive: impl Fn(usize, usize, &[Complex<f64>], &mut Complex<f64>) -> Vec<Complex<f64>>,
+    ) -> Equations {
+        let dims = along.dims;
         let peak = error.iter().flatten().map(|line| line.norm()).fold(0.0, f64::max);
+        let mut equations = Equations::new(dims.parameters);
+        let mut phi = vec![Complex::new(0.0, 0.0); dims.parameters];
         for row in 0..dims.rows {
             let coupled = match self {
-                FirstOrder::Hill => along.applied(row, &trial.parameters, &error, highest),
+                FirstOrder::Hill => along.applied(row, &trial.parameters, error, highest),
                 FirstOrder::Effort | FirstOrder::Error => Vec::new(),
             };
             for k in least..=highest {
-                let frequency = k as f64 * along.frequency;
                 let linear = along.response(row, &trial.parameters, k);
-                let felt = match self {
-                    FirstOrder::Effort => Complex::new(0.0, 0.0),
-                    FirstOrder::Error => linear.iter().zip(&error).map(|(j, e)| j * e[k]).sum(),
-                    FirstOrder::Hill => coupled[k],
-                };
-                let mut right = -along.known[row][k] - felt;
-                // Noise of the coordinates and of the inputs, on which it comes back round the loop.
-                let mut through: Vec<Complex<f64>> = linear.iter().map(|j| -j).collect();
-                for i in 0..dims.inputs {
-                    let held = hold.response(frequency * trial.control.sample_time);
-                    let map = held * along.map[row * dims.inputs + i];
-                    right += map * spectra.lines[coordinates + i][k];
-                    through.push(map);
+                let mut right = -along.known[row][k];
+                let through = drive(row, k, &linear, &mut right);
+                match self {
+                    FirstOrder::Effort => {}
+                    FirstOrder::Error => {
+                        right -= linear.iter().zip(error).map(|(j, e)| j * e[k]).sum::<Complex<f64>>();
+                    }
+                    FirstOrder::Hill => right -= coupled[k],
                 }
-                let noise = &spectra.noise[k];
+                for (j, entry) in phi.iter_mut().enumerate() {
+                    *entry = along.regressor(row, j)[k];
+                }
                 let mut variance = f64::MIN_POSITIVE;
                 for (a, x) in through.iter().enumerate() {
                     for (b, y) in through.iter().enumerate() {
-                        variance += (x * noise[(a, b)] * y.conj()).re;
+                        variance += (x * noise[k][(a, b)] * y.conj()).re;
+                    }
+                    if a < dims.coordinates {
+                        variance += x.norm_sqr() * (ROUNDING * peak).powi(2);
                     }
                 }
-                variance += linear.iter().map(|j| j.norm_sqr()).sum::<f64>() * (ROUNDING * peak).powi(2);
-                let phi: Vec<Complex<f64>> = (0..dims.parameters).map(|j| along.regressor(row, j)[k]).collect();
                 equations.push(row, k, &phi, right, variance);
             }
         }
-        Ok(equations)
+        equations
     }
+}
+
+/// The highest harmonic that is wanted, resolved and known along the reference.
+fn highest(
+    trial: &Trial,
+    along: &Along,
+    spectra: &Spectra,
+    needed: usize,
+    harmonics: usize,
+) -> Result<usize, EstimateError> {
+    let dims = along.dims;
+    if spectra.lines.len() < needed || trial.parameters.len() != dims.parameters {
+        let needed = dims.coordinates + dims.inputs;
+        return Err(EstimateError::Channels { needed, given: spectra.lines.len() });
+    }
+    let kept = along.known.first().map_or(0, |lines| lines.len().saturating_sub(1));
+    Ok(harmonics.min(spectra.highest()).min(kept))
 }
 
 /// Lines of the tracking error of every coordinate: measured minus reference.

@@ -89,6 +89,11 @@ pub struct Estimate {
 /// A residual above this share of the force is flagged: what was fitted is no result.
 pub const LARGE_RESIDUAL: f64 = 0.2;
 
+/// What such a residual means.
+pub(crate) fn no_result(residual: f64) -> String {
+    format!("{:.1} % of the force is not explained by the model; what was fitted is no result", 100.0 * residual)
+}
+
 impl Estimate {
     /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
     #[must_use]
@@ -96,7 +101,7 @@ impl Estimate {
         self.residual <= LARGE_RESIDUAL
     }
 
-    /// What to say when it does not.
+    /// What to warn of when it does not.
     pub(crate) fn unexplained(&self) -> Option<String> {
         (!self.is_explained()).then(|| {
             format!(

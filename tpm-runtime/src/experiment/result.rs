@@ -2,7 +2,7 @@
 
 use super::{Experiment, ExperimentError, Store};
 use crate::actuator::LimitUse;
-use crate::estimate::{Estimate, LARGE_RESIDUAL, Status};
+use crate::estimate::{Estimate, LARGE_RESIDUAL, Status, no_result};
 use crate::model::Model;
 use crate::procedure::{Campaign, Outcome, Record, RunEnding, RunReport, Trial};
 use crate::report::{EstimateReport, ParameterReport};
@@ -86,10 +86,7 @@ impl CampaignIdentification {
     pub fn shortfall(&self) -> String {
         match self.outcome {
             None => "not everything was identified: the campaign is not finished".to_string(),
-            Some(_) if !self.is_explained() => format!(
-                "{:.1} % of the force is not explained by the model; what was fitted is no result",
-                100.0 * self.residual
-            ),
+            Some(_) if !self.is_explained() => no_result(self.residual),
             Some(outcome) => format!("not everything was identified: {}", outcome.describe()),
         }
     }

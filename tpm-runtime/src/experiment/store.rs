@@ -6,6 +6,7 @@
 //! the same number back, so that a campaign that goes on from a folder is the unbroken one.
 
 use crate::control::Gain;
+use crate::log::rate_column;
 use crate::model::Model;
 use crate::procedure::{Ending, Record, RunEnding, Trial};
 use serde::{Deserialize, Serialize};
@@ -283,7 +284,7 @@ pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
     }
     let rates = || record.rates.iter().enumerate().filter_map(|(c, rates)| Some((c, rates.as_ref()?)));
     for (c, _) in rates() {
-        let _ = write!(text, ",{}", rate_name(model, c));
+        let _ = write!(text, ",{}", rate_column(model, c));
     }
     text.push('\n');
     for n in 0..record.len() {
@@ -297,17 +298,12 @@ pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
     text
 }
 
-/// Column of a measured rate, as models write it.
-fn rate_name(model: &dyn Model<f64>, coordinate: usize) -> String {
-    format!("dot({})", model.coordinate(coordinate).name)
-}
-
 fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManifest) -> Result<Record, StoreError> {
     let dims = model.dims();
     let mut channels = vec![Vec::with_capacity(run.samples); dims.coordinates + dims.inputs];
     let mut reader = csv::ReaderBuilder::new().from_reader(text);
     let head = reader.headers().map_err(|error| broken(path, &error.to_string()))?.clone();
-    let measured = |c: usize| head.iter().any(|name| name == rate_name(model, c));
+    let measured = |c: usize| head.iter().any(|name| name == rate_column(model, c));
     let rated: Vec<bool> = (0..dims.coordinates).map(measured).collect();
     channels.resize(channels.len() + rated.iter().filter(|rated| **rated).count(), Vec::with_capacity(run.samples));
     for row in reader.records() {

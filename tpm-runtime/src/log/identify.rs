@@ -2,7 +2,7 @@
 
 use super::periodic::{Periodic, PeriodicFault, find_periodic};
 use super::{Log, LogError, LogOptions};
-use crate::estimate::{Estimate, EstimateError, MeasuredMotion, Settings, Status, estimate_measured_motion};
+use crate::estimate::{Estimate, EstimateError, MeasuredMotion, Settings, Status, estimate_measured_motion, no_result};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::Model;
 use crate::procedure::correct_actuators;
@@ -113,10 +113,16 @@ pub struct Identification {
 }
 
 impl Identification {
-    /// Whether the model explains the log: its residual is not above [`LARGE_RESIDUAL`](crate::estimate::LARGE_RESIDUAL).
+    /// Why this is not all that was asked for, when it is not.
     #[must_use]
-    pub fn is_explained(&self) -> bool {
-        self.estimate.is_explained()
+    pub fn shortfall(&self) -> Option<String> {
+        if !self.estimate.is_explained() {
+            return Some(no_result(self.residual));
+        }
+        let wanted = self.estimate.status.iter().filter(|status| **status != Status::Frozen).count();
+        (self.rank < wanted).then(|| {
+            format!("the data determine {} independent combinations of the parameters, not all of them", self.rank)
+        })
     }
 }
 

@@ -16,5 +16,6 @@ mod validate;
 pub use error::LogError;
 pub use identify::{ActuatorReport, HoldResiduals, Identification, LogReport, identify_log};
 pub use periodic::{Periodic, find_periodic};
+pub(crate) use read::rate_column;
 pub use read::{Log, LogOptions, Rates};
 pub use validate::{RowPrediction, Validation, validate_log};

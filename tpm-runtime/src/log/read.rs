@@ -54,6 +54,11 @@ pub struct LogOptions {
 /// Measured rates by coordinate.
 pub type Rates = Vec<Option<Vec<f64>>>;
 
+/// Column of a coordinate's measured rate, called as models write it.
+pub(crate) fn rate_column(model: &dyn Model<f64>, coordinate: usize) -> String {
+    std::format!("dot({})", model.coordinate(coordinate).name)
+}
+
 /// A run, read and checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
@@ -103,9 +108,7 @@ impl Log {
     /// # Errors
     /// [`LogError`] for anything that is not right, with its line.
     pub fn open(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
-        let name = path.display().to_string();
-        let file = std::fs::File::open(path).map_err(|source| LogError::Io { path: name.clone(), source })?;
-        Self::read(std::io::BufReader::new(file), &name, model, options)
+        Self::open_signals(path, &signals(model), options)
     }
 
     /// Reads CSV text with one header line; `name` stands in messages.
@@ -113,7 +116,7 @@ impl Log {
     /// # Errors
     /// [`LogError`] for anything that is not right, with its line.
     pub fn read(input: impl Read, name: &str, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
-        Self::read_signals(input, name, &signals(model), options)
+        Ok(Self::read_some(input, name, &signals(model), &[], options)?.0)
     }
 
     /// Reads a CSV file with one header line, and what it holds of the coordinates' rates: columns called `dot(x)`, or mapped
@@ -122,27 +125,14 @@ impl Log {
     /// # Errors
     /// [`LogError`] for anything that is not right, with its line.
     pub fn open_rated(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<(Self, Rates), LogError> {
-        let name = path.display().to_string();
-        let mut reader =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(|error| of_csv(error, &name))?;
-        let header = reader.headers().map_err(|error| of_csv(error, &name))?.clone();
-        let coordinates = model.dims().coordinates;
-        let rates: Vec<Option<String>> = (0..coordinates)
-            .map(|c| std::format!("dot({})", model.coordinate(c).name))
-            .map(|rate| {
-                let column = options.map.get(&rate).map_or(rate.as_str(), String::as_str);
-                header.iter().any(|name| name == column).then_some(rate)
-            })
-            .collect();
         let own = signals(model);
-        let all: Vec<String> = own.iter().chain(rates.iter().flatten()).cloned().collect();
-        let mut log = Self::open_signals(path, &all, options)?;
+        let rates: Vec<String> = (0..model.dims().coordinates).map(|c| rate_column(model, c)).collect();
+        let (mut log, found) = Self::open_some(path, &own, &rates, options)?;
         let mut measured = log.channels.split_off(own.len()).into_iter();
         if measured.len() == 0 {
             return Ok((log, Vec::new()));
         }
-        let rates = rates.iter().map(|rate| rate.as_ref().and_then(|_| measured.next())).collect();
-        Ok((log, rates))
+        Ok((log, found.into_iter().map(|found| if found { measured.next() } else { None }).collect()))
     }
 
     /// Reads the named signals of a CSV file with one header line, in this order, without a model.
@@ -150,13 +140,29 @@ impl Log {
     /// # Errors
     /// [`LogError`] for anything that is not right, with its line.
     pub fn open_signals(path: &Path, signals: &[String], options: &LogOptions) -> Result<Self, LogError> {
-        let name = path.display().to_string();
-        let file = std::fs::File::open(path).map_err(|source| LogError::Io { path: name.clone(), source })?;
-        Self::read_signals(std::io::BufReader::new(file), &name, signals, options)
+        Ok(Self::open_some(path, signals, &[], options)?.0)
     }
 
-    fn read_signals(input: impl Read, name: &str, signals: &[String], options: &LogOptions) -> Result<Self, LogError> {
-        check_names(signals, options)?;
+    fn open_some(
+        path: &Path,
+        signals: &[String],
+        optional: &[String],
+        options: &LogOptions,
+    ) -> Result<(Self, Vec<bool>), LogError> {
+        let name = path.display().to_string();
+        let file = std::fs::File::open(path).map_err(|source| LogError::Io { path: name.clone(), source })?;
+        Self::read_some(std::io::BufReader::new(file), &name, signals, optional, options)
+    }
+
+    /// Reads the signals, and behind them those of the optional ones that have a column or are mapped to one; also, which have.
+    fn read_some(
+        input: impl Read,
+        name: &str,
+        signals: &[String],
+        optional: &[String],
+        options: &LogOptions,
+    ) -> Result<(Self, Vec<bool>), LogError> {
+        check_names(&[signals, optional].concat(), options)?;
         let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
         let header = reader.headers().map_err(|error| of_csv(error, name))?.clone();
         let find = |signal: &str| -> Result<(usize, String), LogError> {
@@ -174,6 +180,10 @@ impl Log {
             }
         };
         let time_at = find(TIME)?;
+        let has = |signal: &String| options.map.contains_key(signal) || header.iter().any(|h| h == signal);
+        let found: Vec<bool> = optional.iter().map(has).collect();
+        let present = optional.iter().zip(&found).filter_map(|(signal, found)| found.then_some(signal));
+        let signals: Vec<&String> = signals.iter().chain(present).collect();
         let places: Vec<(usize, String)> = signals.iter().map(|s| find(s)).collect::<Result<_, _>>()?;
         let mut time = Vec::new();
         // Trailing zeros may be left out, so that the finest digit is the one that stamps are rounded to.
@@ -197,9 +207,9 @@ impl Log {
             };
             time.push(number(&time_at)?);
             resolution = resolution.min(last_digit(record.get(time_at.0).unwrap_or("")));
-            for ((channel, place), signal) in channels.iter_mut().zip(&places).zip(signals) {
-                let scale = options.scale.get(signal).copied().unwrap_or(1.0);
-                let offset = options.offset.get(signal).copied().unwrap_or(0.0);
+            for ((channel, place), signal) in channels.iter_mut().zip(&places).zip(&signals) {
+                let scale = options.scale.get(*signal).copied().unwrap_or(1.0);
+                let offset = options.offset.get(*signal).copied().unwrap_or(0.0);
                 channel.push(scale * number(place)? + offset);
             }
             lines.push(line);
@@ -221,7 +231,7 @@ impl Log {
                 });
             }
         }
-        Ok(Log { path: name.into(), sample_time, channels, lines })
+        Ok((Log { path: name.into(), sample_time, channels, lines }, found))
     }
 
     /// Number of samples.

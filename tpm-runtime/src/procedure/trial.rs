@@ -109,8 +109,8 @@ impl Loop {
 
     /// What the hold and the actuator do to an input's phasor at the frequency W (rad/s).
     #[must_use]
-    pub fn drive(&self, input: usize, frequency: f64) -> Complex<f64> {
-        Hold::Zoh.response(frequency * self.sample_time) * self.actuator(input).response(frequency)
+    pub fn drive(&self, input: usize, frequency: f64, hold: Hold) -> Complex<f64> {
+        hold.response(frequency * self.sample_time) * self.actuator(input).response(frequency)
     }
 }
 

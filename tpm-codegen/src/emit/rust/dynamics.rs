@@ -238,13 +238,7 @@ fn unlumping(context: &Context<'_>) -> TokenStream {
         }
         _ => context.leaf(node, &owner, &[]),
     });
-    let body = writer.statements(context, &statements, |place, expression| match place {
-        Place::Value(index) => {
-            let value = &values[index];
-            quote!(let #value = #expression;)
-        }
-        Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
-    });
+    let body = stores(context, &statements, &writer, &values);
     let (about, constants) = (doc(&about), context.constants_parameter(reads));
     quote! {
         impl<T: Real> Parameters<T> {
