@@ -14,6 +14,8 @@ pub mod control;
 #[cfg(feature = "std")]
 mod differences;
 #[cfg(feature = "std")]
+mod eigenvalues;
+#[cfg(feature = "std")]
 pub mod estimate;
 #[cfg(feature = "std")]
 pub mod experiment;

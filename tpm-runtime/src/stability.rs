@@ -8,6 +8,7 @@
 
 use crate::control::Differentiator;
 use crate::differences::FIVE_POINT;
+use crate::eigenvalues::eigenvalues;
 use crate::model::{EvalError, Model};
 use crate::procedure::{Loop, TrialError, Velocity, demand};
 use crate::regulator::held;
@@ -246,13 +247,6 @@ fn at(
         return Err(StabilityError::Sampled { parameters: named(), sample_time: control.sample_time, size });
     }
     Ok(poles.iter().map(|pole| (pole.re, pole.im)).collect())
-}
-
-fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
-    if matrix.iter().any(|x| !x.is_finite()) {
-        return vec![Complex::new(f64::NAN, 0.0); matrix.nrows()];
-    }
-    matrix.complex_eigenvalues().iter().copied().collect()
 }
 
 /// Coefficients of `det(s - A / scale)`, from s^0 on (Faddeev and LeVerrier).

@@ -15,6 +15,7 @@
 use super::demand::Demand;
 use super::motor::{Limits, LowPass, Motor};
 use crate::control::Gain;
+use crate::eigenvalues::eigenvalues;
 use crate::linear;
 use crate::model::EvalError;
 use crate::procedure::TrialError;
@@ -366,11 +367,12 @@ impl<'a> Drive<'a> {
             // States of filters and motors that are not there have no poles.
             let used: Vec<usize> = (0..len).filter(|&j| self.is_used(j)).collect();
             let jacobian = DMatrix::from_fn(used.len(), used.len(), |r, c| jacobian[(used[r], used[c])]);
-            let mut poles: Vec<Complex<f64>> = jacobian.complex_eigenvalues().iter().copied().collect();
+            let mut poles = eigenvalues(&jacobian);
             poles.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
             let right = |stability: &Stability| stability.poles.first().map_or(f64::NEG_INFINITY, |pole| pole.re);
             let found = Stability { phase, poles };
-            if worst.as_ref().is_none_or(|worst| right(&found) > right(worst)) {
+            // Poles that are not numbers come behind all others.
+            if worst.as_ref().is_none_or(|worst| right(&found).total_cmp(&right(worst)).is_gt()) {
                 worst = Some(found);
             }
         }

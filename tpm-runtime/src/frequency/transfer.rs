@@ -3,6 +3,7 @@
 //! Invariant: coefficients stand from s^0 upwards; the denominator's last one is 1, the numerator's last one is not zero
 //! unless it is the only one.
 
+use crate::eigenvalues::eigenvalues;
 use nalgebra::{Complex, DMatrix};
 use std::vec;
 use std::vec::Vec;
@@ -123,7 +124,7 @@ pub(super) fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
                 },
             );
         let slope = derivative(rest);
-        found.extend(companion.complex_eigenvalues().iter().map(|z| polish(rest, &slope, *z * scale)));
+        found.extend(eigenvalues(&companion).iter().map(|z| polish(rest, &slope, *z * scale)));
     }
     found.sort_by(|a, b| {
         let close = (a.re - b.re).abs() <= 1e-9 * (a.norm() + b.norm());

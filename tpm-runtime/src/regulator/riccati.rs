@@ -10,6 +10,7 @@
 //! stabilising solution when A, B can be stabilised and Q sees every mode that is not stable (E. K.-W. Chu, H.-Y. Fan,
 //! W.-W. Lin, C.-S. Wang, 2004). Invariant: what is returned solves the equation to rounding and stabilises; both are tested.
 
+use crate::eigenvalues::eigenvalues;
 use nalgebra::{Complex, DMatrix};
 use std::vec::Vec;
 
@@ -117,12 +118,12 @@ pub fn riccati(
     let seen = b.transpose() * &solution;
     let gain = (r + &seen * b).lu().solve(&(&seen * a)).ok_or(RiccatiError::NotStabilisable)?;
     let closed = a - b * &gain;
-    let poles: Vec<Complex<f64>> = closed.complex_eigenvalues().iter().copied().collect();
+    let poles = eigenvalues(&closed);
     let terms = [q.clone(), a.transpose() * &solution * a, a.transpose() * &solution * b * &gain, solution.clone()];
     let largest = terms.iter().map(DMatrix::amax).fold(0.0, f64::max);
     let left = (&terms[0] + &terms[1] - &terms[2] - &terms[3]).amax();
     let residual = if largest > 0.0 { left / largest } else { 0.0 };
-    if residual > SOLVED || poles.iter().any(|z| z.norm() >= 1.0) {
+    if residual > SOLVED || !poles.iter().all(|z| z.norm() < 1.0) {
         return Err(RiccatiError::NotStabilisable);
     }
     Ok(Riccati { solution, gain, poles, residual })
