@@ -118,9 +118,10 @@ fn c_is_a_header_and_a_source() {
         .expect("writable");
     let large = large.to_str().expect("a readable path");
     let file = folder.path().join("one.c");
-    let cases: [(&[&str], &str); 6] = [
+    let cases: [(&[&str], &str); 7] = [
         (&[SLIDER, "--lang", "c"], "(mass_spring_drag.h, mass_spring_drag.c): give a folder with -o"),
         (&[SLIDER, "--lang", "c", "-o", file.to_str().expect("a readable path")], "-o must be a folder"),
+        (&[SLIDER, "--lang", "c", "-o", large], "is no folder: give one, which is made when there is none\n"),
         (&[SLIDER, "--lang", "c", "--prefix", "2nd", "-o", out], "`2nd` cannot begin names of C"),
         (&[SLIDER, "--lang", "c", "--prefix", "größe", "-o", out], "all ASCII"),
         (&[large, "--lang", "c", "--real", "float", "-o", out], "beyond single precision"),

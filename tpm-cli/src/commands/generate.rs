@@ -123,6 +123,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
             files.len(),
             out.display()
         ))),
+        Some(out) if out.exists() && !out.is_dir() && !is_file(out, &files) => Err(Failure::Input(format!(
+            "-o {} is no folder: give one, which is made when there is none{}",
+            out.display(),
+            if files.len() == 1 { ", or a file whose name ends as the language's do" } else { "" }
+        ))),
         None => files.iter().try_for_each(|file| output::print(&file.text)),
         Some(out) if args.check => check(out, &files, &command),
         Some(out) => write(out, &files),
