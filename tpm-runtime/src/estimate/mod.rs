@@ -24,6 +24,7 @@ pub use equations::Equations;
 pub use estimator::{Estimator, Method, Run};
 pub use first_order::FirstOrder;
 pub(crate) use first_order::error_lines;
+#[cfg(feature = "interpret")]
 pub(crate) use information::complement;
 pub use information::{Information, Solution};
 pub(crate) use measured_motion::analyse;

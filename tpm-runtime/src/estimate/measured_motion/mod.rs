@@ -14,6 +14,7 @@ mod noise;
 mod sampling;
 
 pub use fit::estimate_measured_motion;
+#[cfg(feature = "interpret")]
 pub(in crate::estimate) use fit::{Fitted, Structure, estimate_structured};
 pub(crate) use sampling::analyse;
 pub(in crate::estimate) use sampling::synthesise;
