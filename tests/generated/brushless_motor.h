@@ -21,7 +21,7 @@
  * | `brushless_motor_feed_forward_dependent` | 1 | 2 | 0 | 0 |
  * | `brushless_motor_reference_from` | 3 | 7 | 0 | 0 |
  * | `brushless_motor_estimator_matrix` | 2 | 3 | 0 | 0 |
- * | `brushless_motor_accumulate_at` | 0 | 0 | 0 | 0 |
+ * | `brushless_motor_accumulate_at` | 0 | 3 | 0 | 0 |
  */
 #ifndef BRUSHLESS_MOTOR_H_INCLUDED
 #define BRUSHLESS_MOTOR_H_INCLUDED
@@ -331,7 +331,7 @@ void brushless_motor_accumulator_clear(brushless_motor_accumulator *accumulator)
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * No operations.
+ * Operations: 3 multiplications.
  */
 void brushless_motor_accumulate_at(brushless_motor_accumulator *accumulator, double cosine,
         double sine, const brushless_motor_forces *sample);

@@ -24,7 +24,7 @@
 //! | `feed_forward_dependent` | 1 | 2 | 0 | 0 |
 //! | `Pattern::reference_from` | 3 | 7 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 2 | 3 | 0 | 0 |
-//! | `Accumulator::push_at` | 0 | 0 | 0 | 0 |
+//! | `Accumulator::push_at` | 0 | 3 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 

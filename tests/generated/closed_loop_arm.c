@@ -666,7 +666,7 @@ void closed_loop_arm_accumulate_at(closed_loop_arm_accumulator *accumulator, dou
     const double t7 = cosine * t5 - sine * t6;
     const double t8 = t1 * t5 - t2 * t6;
     const double t9 = t3 * t5 - (sine * t1 + cosine * t2) * t6;
-    const double t10 = t5 * t7 - t6 * (sine * t5 + cosine * t6);
+    const double t10 = t7 * (t5 + t5) - cosine;
     accumulator->sums[0] += now.tau1 * cosine;
     accumulator->sums[1] += now.tau1 * t1;
     accumulator->sums[2] += now.tau1 * t3;

@@ -29,7 +29,7 @@
  * | `closed_loop_arm_feed_forward_dependent` | 9 | 18 | 0 | 0 |
  * | `closed_loop_arm_reference_from` | 10 | 19 | 0 | 0 |
  * | `closed_loop_arm_estimator_matrix` | 37 | 71 | 0 | 0 |
- * | `closed_loop_arm_accumulate_at` | 11 | 20 | 0 | 0 |
+ * | `closed_loop_arm_accumulate_at` | 11 | 33 | 0 | 0 |
  */
 #ifndef CLOSED_LOOP_ARM_H_INCLUDED
 #define CLOSED_LOOP_ARM_H_INCLUDED
@@ -407,7 +407,7 @@ void closed_loop_arm_accumulator_clear(closed_loop_arm_accumulator *accumulator)
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 11 additions, 20 multiplications.
+ * Operations: 11 additions, 33 multiplications.
  */
 void closed_loop_arm_accumulate_at(closed_loop_arm_accumulator *accumulator, double cosine,
         double sine, const closed_loop_arm_forces *sample);

@@ -32,7 +32,7 @@
 //! | `feed_forward_dependent` | 9 | 18 | 0 | 0 |
 //! | `Pattern::reference_from` | 10 | 19 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 37 | 71 | 0 | 0 |
-//! | `Accumulator::push_at` | 11 | 20 | 0 | 0 |
+//! | `Accumulator::push_at` | 11 | 33 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -1034,7 +1034,7 @@ impl<T: Real> Accumulator<T> {
         let t7 = cos * t5 - sin * t6;
         let t8 = t1 * t5 - t2 * t6;
         let t9 = t3 * t5 - (sin * t1 + cos * t2) * t6;
-        let t10 = t5 * t7 - t6 * (sin * t5 + cos * t6);
+        let t10 = t7 * (t5 + t5) - cos;
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13, v14, v15, v16,
         ] = &mut self.sums;
         *v0 += sample.tau1 * cos;

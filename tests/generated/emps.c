@@ -337,32 +337,32 @@ void emps_accumulate_at(emps_accumulator *accumulator, double cosine, double sin
         const emps_forces *sample)
 {
     const emps_forces now = *sample;
-    const double t0 = cosine * sine;
-    const double t1 = cosine * cosine - sine * sine;
-    const double t2 = t0 + t0;
-    const double t3 = cosine * t1 - sine * t2;
-    const double t4 = sine * t1 + cosine * t2;
-    const double t5 = t1 * t3 - t2 * t4;
-    const double t6 = t2 * t3 + t1 * t4;
-    const double t7 = t1 * t2;
-    const double t8 = t1 * t1 - t2 * t2;
-    const double t9 = t7 + t7;
-    const double t10 = t3 * t8 - t4 * t9;
-    const double t11 = t4 * t8 + t3 * t9;
-    const double t12 = t1 * t8 - t2 * t9;
-    const double t13 = t2 * t8 + t1 * t9;
-    const double t14 = t8 * t9;
+    const double t0 = now.force * sine;
+    const double t1 = cosine * sine;
+    const double t2 = cosine * cosine - sine * sine;
+    const double t3 = t1 + t1;
+    const double t4 = cosine * t2 - sine * t3;
+    const double t5 = sine * t2 + cosine * t3;
+    const double t6 = now.force * t4;
+    const double t7 = now.force * t5;
+    const double t8 = t4 * (now.force * t3) + t5 * (now.force * t2);
+    const double t9 = t2 * t3;
+    const double t10 = t2 * t2 - t3 * t3;
+    const double t11 = t7 * t10 + t6 * (t9 + t9);
+    const double t12 = t10 + t10;
+    const double t13 = t8 * t12 - t0;
+    const double t14 = t11 * t12 - t7;
     accumulator->sums[0] += now.force;
     accumulator->sums[1] += now.force * cosine;
-    accumulator->sums[2] += now.force * t3;
-    accumulator->sums[3] += now.force * sine;
-    accumulator->sums[4] += now.force * t4;
-    accumulator->sums[5] += now.force * t6;
-    accumulator->sums[6] += now.force * t11;
-    accumulator->sums[7] += now.force * (t5 * t9 + t6 * t8);
-    accumulator->sums[8] += now.force * (t6 * t12 + t5 * t13);
-    accumulator->sums[9] += now.force * (t10 * t13 + t11 * t12);
-    accumulator->sums[10] += now.force * (t11 * (t8 * t8 - t9 * t9) + t10 * (t14 + t14));
+    accumulator->sums[2] += t6;
+    accumulator->sums[3] += t0;
+    accumulator->sums[4] += t7;
+    accumulator->sums[5] += t8;
+    accumulator->sums[6] += t11;
+    accumulator->sums[7] += t13;
+    accumulator->sums[8] += t14;
+    accumulator->sums[9] += t12 * t13 - t8;
+    accumulator->sums[10] += t12 * t14 - t11;
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

@@ -22,7 +22,7 @@
  * | `emps_feed_forward_dependent` | 2 | 3 | 0 | 1 |
  * | `emps_reference_from` | 7 | 15 | 0 | 0 |
  * | `emps_estimator_matrix` | 10 | 12 | 8 | 1 |
- * | `emps_accumulate_at` | 18 | 33 | 0 | 0 |
+ * | `emps_accumulate_at` | 13 | 24 | 0 | 0 |
  */
 #ifndef EMPS_H_INCLUDED
 #define EMPS_H_INCLUDED
@@ -313,7 +313,7 @@ void emps_accumulator_clear(emps_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 18 additions, 33 multiplications.
+ * Operations: 13 additions, 24 multiplications.
  */
 void emps_accumulate_at(emps_accumulator *accumulator, double cosine, double sine,
         const emps_forces *sample);

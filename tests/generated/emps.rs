@@ -25,7 +25,7 @@
 //! | `feed_forward_dependent` | 2 | 3 | 0 | 1 |
 //! | `Pattern::reference_from` | 7 | 15 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 10 | 12 | 8 | 1 |
-//! | `Accumulator::push_at` | 18 | 33 | 0 | 0 |
+//! | `Accumulator::push_at` | 13 | 24 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -612,33 +612,33 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * sin;
-        let t1 = cos * cos - sin * sin;
-        let t2 = t0 + t0;
-        let t3 = cos * t1 - sin * t2;
-        let t4 = sin * t1 + cos * t2;
-        let t5 = t1 * t3 - t2 * t4;
-        let t6 = t2 * t3 + t1 * t4;
-        let t7 = t1 * t2;
-        let t8 = t1 * t1 - t2 * t2;
-        let t9 = t7 + t7;
-        let t10 = t3 * t8 - t4 * t9;
-        let t11 = t4 * t8 + t3 * t9;
-        let t12 = t1 * t8 - t2 * t9;
-        let t13 = t2 * t8 + t1 * t9;
-        let t14 = t8 * t9;
+        let t0 = sample.force * sin;
+        let t1 = cos * sin;
+        let t2 = cos * cos - sin * sin;
+        let t3 = t1 + t1;
+        let t4 = cos * t2 - sin * t3;
+        let t5 = sin * t2 + cos * t3;
+        let t6 = sample.force * t4;
+        let t7 = sample.force * t5;
+        let t8 = t4 * (sample.force * t3) + t5 * (sample.force * t2);
+        let t9 = t2 * t3;
+        let t10 = t2 * t2 - t3 * t3;
+        let t11 = t7 * t10 + t6 * (t9 + t9);
+        let t12 = t10 + t10;
+        let t13 = t8 * t12 - t0;
+        let t14 = t11 * t12 - t7;
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10] = &mut self.sums;
         *v0 += sample.force;
         *v1 += sample.force * cos;
-        *v2 += sample.force * t3;
-        *v3 += sample.force * sin;
-        *v4 += sample.force * t4;
-        *v5 += sample.force * t6;
-        *v6 += sample.force * t11;
-        *v7 += sample.force * (t5 * t9 + t6 * t8);
-        *v8 += sample.force * (t6 * t12 + t5 * t13);
-        *v9 += sample.force * (t10 * t13 + t11 * t12);
-        *v10 += sample.force * (t11 * (t8 * t8 - t9 * t9) + t10 * (t14 + t14));
+        *v2 += t6;
+        *v3 += t0;
+        *v4 += t7;
+        *v5 += t8;
+        *v6 += t11;
+        *v7 += t13;
+        *v8 += t14;
+        *v9 += t12 * t13 - t8;
+        *v10 += t12 * t14 - t11;
         self.samples = self.samples.saturating_add(1);
     }
 

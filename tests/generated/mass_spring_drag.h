@@ -19,7 +19,7 @@
  * | `mass_spring_drag_feed_forward_dependent` | 1 | 3 | 0 | 0 |
  * | `mass_spring_drag_reference_from` | 7 | 15 | 0 | 0 |
  * | `mass_spring_drag_estimator_matrix` | 4 | 9 | 0 | 0 |
- * | `mass_spring_drag_accumulate_at` | 6 | 10 | 0 | 0 |
+ * | `mass_spring_drag_accumulate_at` | 6 | 15 | 0 | 0 |
  */
 #ifndef MASS_SPRING_DRAG_H_INCLUDED
 #define MASS_SPRING_DRAG_H_INCLUDED
@@ -303,7 +303,7 @@ void mass_spring_drag_accumulator_clear(mass_spring_drag_accumulator *accumulato
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 6 additions, 10 multiplications.
+ * Operations: 6 additions, 15 multiplications.
  */
 void mass_spring_drag_accumulate_at(mass_spring_drag_accumulator *accumulator, double cosine,
         double sine, const mass_spring_drag_forces *sample);

@@ -22,7 +22,7 @@
 //! | `feed_forward_dependent` | 1 | 3 | 0 | 0 |
 //! | `Pattern::reference_from` | 7 | 15 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 4 | 9 | 0 | 0 |
-//! | `Accumulator::push_at` | 6 | 10 | 0 | 0 |
+//! | `Accumulator::push_at` | 6 | 15 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 

@@ -325,22 +325,24 @@ void silverbox_accumulate_at(silverbox_accumulator *accumulator, double cosine, 
         const silverbox_forces *sample)
 {
     const silverbox_forces now = *sample;
-    const double t0 = cosine * sine;
-    const double t1 = cosine * cosine - sine * sine;
-    const double t2 = t0 + t0;
-    const double t3 = cosine * t1 - sine * t2;
-    const double t4 = sine * t1 + cosine * t2;
-    const double t5 = t1 * t3 - t2 * t4;
-    const double t6 = t1 * t2;
-    const double t7 = t1 * t1 - t2 * t2;
-    const double t8 = t6 + t6;
-    accumulator->sums[0] += now.u * cosine;
-    accumulator->sums[1] += now.u * t3;
-    accumulator->sums[2] += now.u * t5;
-    accumulator->sums[3] += now.u * (t3 * t7 - t4 * t8);
-    accumulator->sums[4] += now.u * (t5 * t7 - (t2 * t3 + t1 * t4) * t8);
+    const double t0 = now.u * cosine;
+    const double t1 = cosine * sine;
+    const double t2 = cosine * cosine - sine * sine;
+    const double t3 = t1 + t1;
+    const double t4 = cosine * t2 - sine * t3;
+    const double t5 = sine * t2 + cosine * t3;
+    const double t6 = now.u * t4;
+    const double t7 = now.u * t5;
+    const double t8 = t4 * (now.u * t2) - t5 * (now.u * t3);
+    const double t9 = t2 * t3;
+    const double t10 = t2 * t2 - t3 * t3;
+    accumulator->sums[0] += t0;
+    accumulator->sums[1] += t6;
+    accumulator->sums[2] += t8;
+    accumulator->sums[3] += t6 * t10 - t7 * (t9 + t9);
+    accumulator->sums[4] += t8 * (t10 + t10) - t0;
     accumulator->sums[5] += now.u * sine;
-    accumulator->sums[6] += now.u * t4;
+    accumulator->sums[6] += t7;
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

@@ -19,7 +19,7 @@
  * | `silverbox_feed_forward_dependent` | 1 | 2 | 0 | 0 |
  * | `silverbox_reference_from` | 7 | 15 | 0 | 0 |
  * | `silverbox_estimator_matrix` | 5 | 11 | 0 | 0 |
- * | `silverbox_accumulate_at` | 10 | 18 | 0 | 0 |
+ * | `silverbox_accumulate_at` | 10 | 21 | 0 | 0 |
  */
 #ifndef SILVERBOX_H_INCLUDED
 #define SILVERBOX_H_INCLUDED
@@ -305,7 +305,7 @@ void silverbox_accumulator_clear(silverbox_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 10 additions, 18 multiplications.
+ * Operations: 10 additions, 21 multiplications.
  */
 void silverbox_accumulate_at(silverbox_accumulator *accumulator, double cosine, double sine,
         const silverbox_forces *sample);

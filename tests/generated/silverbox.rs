@@ -22,7 +22,7 @@
 //! | `feed_forward_dependent` | 1 | 2 | 0 | 0 |
 //! | `Pattern::reference_from` | 7 | 15 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 5 | 11 | 0 | 0 |
-//! | `Accumulator::push_at` | 10 | 18 | 0 | 0 |
+//! | `Accumulator::push_at` | 10 | 21 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -583,23 +583,25 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * sin;
-        let t1 = cos * cos - sin * sin;
-        let t2 = t0 + t0;
-        let t3 = cos * t1 - sin * t2;
-        let t4 = sin * t1 + cos * t2;
-        let t5 = t1 * t3 - t2 * t4;
-        let t6 = t1 * t2;
-        let t7 = t1 * t1 - t2 * t2;
-        let t8 = t6 + t6;
+        let t0 = sample.u * cos;
+        let t1 = cos * sin;
+        let t2 = cos * cos - sin * sin;
+        let t3 = t1 + t1;
+        let t4 = cos * t2 - sin * t3;
+        let t5 = sin * t2 + cos * t3;
+        let t6 = sample.u * t4;
+        let t7 = sample.u * t5;
+        let t8 = t4 * (sample.u * t2) - t5 * (sample.u * t3);
+        let t9 = t2 * t3;
+        let t10 = t2 * t2 - t3 * t3;
         let [v0, v1, v2, v3, v4, v5, v6] = &mut self.sums;
-        *v0 += sample.u * cos;
-        *v1 += sample.u * t3;
-        *v2 += sample.u * t5;
-        *v3 += sample.u * (t3 * t7 - t4 * t8);
-        *v4 += sample.u * (t5 * t7 - (t2 * t3 + t1 * t4) * t8);
+        *v0 += t0;
+        *v1 += t6;
+        *v2 += t8;
+        *v3 += t6 * t10 - t7 * (t9 + t9);
+        *v4 += t8 * (t10 + t10) - t0;
         *v5 += sample.u * sin;
-        *v6 += sample.u * t4;
+        *v6 += t7;
         self.samples = self.samples.saturating_add(1);
     }
 

@@ -25,7 +25,7 @@
  * | `three_carts_unlump` | 7 | 30 | 5 | 0 |
  * | `three_carts_reference_from` | 29 | 55 | 0 | 0 |
  * | `three_carts_estimator_matrix` | 61 | 134 | 0 | 0 |
- * | `three_carts_accumulate_at` | 25 | 47 | 0 | 0 |
+ * | `three_carts_accumulate_at` | 24 | 48 | 0 | 0 |
  */
 #ifndef THREE_CARTS_H_INCLUDED
 #define THREE_CARTS_H_INCLUDED
@@ -399,7 +399,7 @@ void three_carts_accumulator_clear(three_carts_accumulator *accumulator);
 /*
  * Takes in one sample where cosine and sine of the phase are known.
  *
- * Operations: 25 additions, 47 multiplications.
+ * Operations: 24 additions, 48 multiplications.
  */
 void three_carts_accumulate_at(three_carts_accumulator *accumulator, double cosine, double sine,
         const three_carts_forces *sample);

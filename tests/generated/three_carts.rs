@@ -27,7 +27,7 @@
 //! | `Parameters::unlump` | 7 | 30 | 5 | 0 |
 //! | `Pattern::reference_from` | 29 | 55 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 61 | 134 | 0 | 0 |
-//! | `Accumulator::push_at` | 25 | 47 | 0 | 0 |
+//! | `Accumulator::push_at` | 24 | 48 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -1181,34 +1181,31 @@ impl<T: Real> Accumulator<T> {
         let t3 = cos * t1 - sin * t2;
         let t4 = sin * t1 + cos * t2;
         let t5 = t1 * t3 - t2 * t4;
-        let t6 = t2 * t3 + t1 * t4;
-        let t7 = t1 * t2;
-        let t8 = t1 * t1 - t2 * t2;
-        let t9 = t7 + t7;
-        let t10 = t3 * t8 - t4 * t9;
-        let t11 = t4 * t8 + t3 * t9;
-        let t12 = t5 * t8 - t6 * t9;
-        let t13 = t5 * t9 + t6 * t8;
-        let t14 = t1 * t8 - t2 * t9;
-        let t15 = t2 * t8 + t1 * t9;
-        let t16 = t5 * t14 - t6 * t15;
-        let t17 = t8 * t9;
-        let t18 = t8 * t8 - t9 * t9;
-        let t19 = t17 + t17;
-        let t20 = t1 * t18 - t2 * t19;
-        let t21 = t2 * t18 + t1 * t19;
+        let t6 = t1 * t2;
+        let t7 = t1 * t1 - t2 * t2;
+        let t8 = t6 + t6;
+        let t9 = t3 * t7 - t4 * t8;
+        let t10 = t7 + t7;
+        let t11 = t5 * t10 - cos;
+        let t12 = (t2 * t3 + t1 * t4) * t10 - sin;
+        let t13 = t9 * t10 - t3;
+        let t14 = t7 * t8;
+        let t15 = t7 * t7 - t8 * t8;
+        let t16 = t14 + t14;
+        let t17 = t1 * t15 - t2 * t16;
+        let t18 = t2 * t15 + t1 * t16;
         let [v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10] = &mut self.sums;
         *v0 += sample.F * cos;
         *v1 += sample.F * t3;
         *v2 += sample.F * t5;
-        *v3 += sample.F * t10;
-        *v4 += sample.F * t12;
-        *v5 += sample.F * t16;
-        *v6 += sample.F * (t10 * t14 - t11 * t15);
-        *v7 += sample.F * (t10 * t18 - t11 * t19);
-        *v8 += sample.F * (t12 * t18 - t13 * t19);
-        *v9 += sample.F * (t12 * t20 - t13 * t21);
-        *v10 += sample.F * (t16 * t20 - (t6 * t14 + t5 * t15) * t21);
+        *v3 += sample.F * t9;
+        *v4 += sample.F * t11;
+        *v5 += sample.F * t13;
+        *v6 += sample.F * (t10 * t11 - t5);
+        *v7 += sample.F * (t10 * t13 - t9);
+        *v8 += sample.F * (t11 * t15 - t12 * t16);
+        *v9 += sample.F * (t11 * t17 - t12 * t18);
+        *v10 += sample.F * (t13 * t17 - ((t4 * t7 + t3 * t8) * t10 - t4) * t18);
         self.samples = self.samples.saturating_add(1);
     }
 

@@ -453,29 +453,28 @@ void two_carts_accumulate_at(two_carts_accumulator *accumulator, double cosine, 
         const two_carts_forces *sample)
 {
     const two_carts_forces now = *sample;
-    const double t0 = cosine * sine;
-    const double t1 = cosine * cosine - sine * sine;
-    const double t2 = t0 + t0;
-    const double t3 = cosine * t1 - sine * t2;
-    const double t4 = sine * t1 + cosine * t2;
-    const double t5 = t1 * t3 - t2 * t4;
-    const double t6 = t2 * t3 + t1 * t4;
-    const double t7 = t1 * t2;
-    const double t8 = t1 * t1 - t2 * t2;
-    const double t9 = t7 + t7;
-    const double t10 = t3 * t8 - t4 * t9;
-    const double t11 = t4 * t8 + t3 * t9;
-    const double t12 = t1 * t8 - t2 * t9;
-    const double t13 = t2 * t8 + t1 * t9;
-    const double t14 = t8 * t9;
-    accumulator->sums[0] += now.F * cosine;
-    accumulator->sums[1] += now.F * t3;
-    accumulator->sums[2] += now.F * t5;
-    accumulator->sums[3] += now.F * t10;
-    accumulator->sums[4] += now.F * (t5 * t8 - t6 * t9);
-    accumulator->sums[5] += now.F * (t5 * t12 - t6 * t13);
-    accumulator->sums[6] += now.F * (t10 * t12 - t11 * t13);
-    accumulator->sums[7] += now.F * (t10 * (t8 * t8 - t9 * t9) - t11 * (t14 + t14));
+    const double t0 = now.F * cosine;
+    const double t1 = cosine * sine;
+    const double t2 = cosine * cosine - sine * sine;
+    const double t3 = t1 + t1;
+    const double t4 = cosine * t2 - sine * t3;
+    const double t5 = sine * t2 + cosine * t3;
+    const double t6 = now.F * t4;
+    const double t7 = t4 * (now.F * t2) - t5 * (now.F * t3);
+    const double t8 = t2 * t3;
+    const double t9 = t2 * t2 - t3 * t3;
+    const double t10 = t6 * t9 - now.F * t5 * (t8 + t8);
+    const double t11 = t9 + t9;
+    const double t12 = t7 * t11 - t0;
+    const double t13 = t10 * t11 - t6;
+    accumulator->sums[0] += t0;
+    accumulator->sums[1] += t6;
+    accumulator->sums[2] += t7;
+    accumulator->sums[3] += t10;
+    accumulator->sums[4] += t12;
+    accumulator->sums[5] += t13;
+    accumulator->sums[6] += t11 * t12 - t7;
+    accumulator->sums[7] += t11 * t13 - t10;
     if (accumulator->samples < UINT64_MAX) {
         accumulator->samples += 1;
     }

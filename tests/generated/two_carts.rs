@@ -26,7 +26,7 @@
 //! | `Parameters::unlump` | 2 | 11 | 3 | 0 |
 //! | `Pattern::reference_from` | 15 | 32 | 0 | 0 |
 //! | `Pattern::estimator_matrix` | 18 | 47 | 0 | 0 |
-//! | `Accumulator::push_at` | 18 | 33 | 0 | 0 |
+//! | `Accumulator::push_at` | 13 | 23 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
 
@@ -838,30 +838,29 @@ impl<T: Real> Accumulator<T> {
 
     /// Takes in one sample where cosine and sine of the phase are known.
     pub fn push_at(&mut self, cos: T, sin: T, sample: &Forces<T>) {
-        let t0 = cos * sin;
-        let t1 = cos * cos - sin * sin;
-        let t2 = t0 + t0;
-        let t3 = cos * t1 - sin * t2;
-        let t4 = sin * t1 + cos * t2;
-        let t5 = t1 * t3 - t2 * t4;
-        let t6 = t2 * t3 + t1 * t4;
-        let t7 = t1 * t2;
-        let t8 = t1 * t1 - t2 * t2;
-        let t9 = t7 + t7;
-        let t10 = t3 * t8 - t4 * t9;
-        let t11 = t4 * t8 + t3 * t9;
-        let t12 = t1 * t8 - t2 * t9;
-        let t13 = t2 * t8 + t1 * t9;
-        let t14 = t8 * t9;
+        let t0 = sample.F * cos;
+        let t1 = cos * sin;
+        let t2 = cos * cos - sin * sin;
+        let t3 = t1 + t1;
+        let t4 = cos * t2 - sin * t3;
+        let t5 = sin * t2 + cos * t3;
+        let t6 = sample.F * t4;
+        let t7 = t4 * (sample.F * t2) - t5 * (sample.F * t3);
+        let t8 = t2 * t3;
+        let t9 = t2 * t2 - t3 * t3;
+        let t10 = t6 * t9 - sample.F * t5 * (t8 + t8);
+        let t11 = t9 + t9;
+        let t12 = t7 * t11 - t0;
+        let t13 = t10 * t11 - t6;
         let [v0, v1, v2, v3, v4, v5, v6, v7] = &mut self.sums;
-        *v0 += sample.F * cos;
-        *v1 += sample.F * t3;
-        *v2 += sample.F * t5;
-        *v3 += sample.F * t10;
-        *v4 += sample.F * (t5 * t8 - t6 * t9);
-        *v5 += sample.F * (t5 * t12 - t6 * t13);
-        *v6 += sample.F * (t10 * t12 - t11 * t13);
-        *v7 += sample.F * (t10 * (t8 * t8 - t9 * t9) - t11 * (t14 + t14));
+        *v0 += t0;
+        *v1 += t6;
+        *v2 += t7;
+        *v3 += t10;
+        *v4 += t12;
+        *v5 += t13;
+        *v6 += t11 * t12 - t7;
+        *v7 += t11 * t13 - t10;
         self.samples = self.samples.saturating_add(1);
     }
 

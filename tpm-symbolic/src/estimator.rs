@@ -1,8 +1,8 @@
 //! Everything that an emitted estimator computes, as straight-line plans.
 //!
 //! Invariants of [`EstimatorPlan`]: the leaves of its plans are derivatives of the evaluation's coordinates, symbols of the
-//! model, and the virtual symbols of [`Leaves`] (one per column, and cosine and sine of the pattern's phase), which stand
-//! behind the model's own; no plan has an operation that no output needs. Emitters print these plans and decide no
+//! model, and the virtual symbols of [`Leaves`] (one per column, cosine and sine of the pattern's phase, and one signal per
+//! equation), which stand behind the model's own; no plan has an operation that no output needs. Emitters print these plans and decide no
 //! mathematics.
 
 use crate::evaluation::Evaluation;
@@ -20,7 +20,7 @@ use crate::regressor::RegressorForm;
 use crate::split::split_form;
 use crate::table::{Entry, HarmonicTable};
 use num_traits::{One, Zero};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use thiserror::Error;
 
 /// The virtual symbols of a model's plans.
@@ -43,6 +43,8 @@ pub enum Leaf {
     Cos,
     /// sin w t
     Sin,
+    /// A sample of an equation's signal.
+    Signal(usize),
 }
 
 impl Leaves {
@@ -65,6 +67,10 @@ impl Leaves {
         Symbol(self.symbols + self.columns + 1)
     }
 
+    fn signal(self, equation: usize) -> Symbol {
+        Symbol(self.sin().0 + 1 + u32::try_from(equation).expect("invariant: fewer than 2^31 equations"))
+    }
+
     /// What a leaf of one of this model's plans is.
     #[must_use]
     pub fn leaf(self, node: &Node) -> Leaf {
@@ -73,6 +79,7 @@ impl Leaves {
             Node::Symbol(symbol) if symbol.0 < self.symbols => Leaf::Symbol(symbol),
             Node::Symbol(symbol) if symbol == self.cos() => Leaf::Cos,
             Node::Symbol(symbol) if symbol == self.sin() => Leaf::Sin,
+            Node::Symbol(symbol) if symbol > self.sin() => Leaf::Signal((symbol.0 - self.signal(0).0) as usize),
             Node::Symbol(Symbol(index)) => Leaf::Column((index - self.symbols) as usize),
             _ => unreachable!("invariant: a plan loads leaves only"),
         }
@@ -140,7 +147,8 @@ pub struct TablePlan {
     pub places: Vec<(usize, Option<usize>)>,
     /// The entries at `places`; leaves are amplitudes, frequency and constants.
     pub matrix: Plan,
-    /// cos or sin of `harmonic * w t` for every row, from cos w t and sin w t.
+    /// What a sample of the equations' signals adds to the sum of every row, the signal times cos or sin of `harmonic * w t`;
+    /// leaves are the signals, cos w t and sin w t.
     pub bank: Plan,
 }
 
@@ -531,41 +539,110 @@ fn table_plan(model: &Model, leaves: Leaves, table: HarmonicTable) -> TablePlan 
     TablePlan { table, rows, places, matrix, bank }
 }
 
-/// cos or sin of every row's harmonic from cos w t and sin w t, by angle addition as in [`Phasors`], but operation by operation:
-/// of many harmonics in a row those behind a power of two are made alike from those before it, and compilers put them into
-/// vectors unless the algebra has made each of them shorter in its own way.
+/// Every row's signal times cos or sin of its harmonic. Each equation's signal is multiplied either into every harmonic, or into
+/// the first ones, from which the others then follow, whichever is less work.
 fn bank(leaves: Leaves, rows: &[TableRow]) -> Plan {
-    type Known = BTreeMap<usize, (Slot, Slot)>;
-    fn at(merger: &mut Merger, known: &mut Known, harmonic: usize) -> (Slot, Slot) {
-        if let Some(&pair) = known.get(&harmonic) {
+    let mut carried = BTreeSet::new();
+    let mut best = Bank::plan(leaves, rows, &carried);
+    for &(equation, ..) in rows {
+        if carried.insert(equation) {
+            let plan = Bank::plan(leaves, rows, &carried);
+            if plan.ops.len() < best.ops.len() {
+                best = plan;
+            } else {
+                carried.remove(&equation);
+            }
+        }
+    }
+    best
+}
+
+/// Harmonics that follow from the fundamental; those behind them from these.
+const FIRST: usize = 4;
+
+/// Phasors of harmonics, alone or times a signal, operation by operation: harmonics in a row are made alike from those before
+/// them, and compilers put them into vectors unless the algebra has made each of them shorter in its own way.
+struct Bank {
+    merger: Merger,
+    leaves: Leaves,
+    known: BTreeMap<(Option<usize>, usize), (Slot, Slot)>,
+}
+
+impl Bank {
+    fn plan(leaves: Leaves, rows: &[TableRow], carried: &BTreeSet<usize>) -> Plan {
+        let mut bank = Self { merger: Merger::default(), leaves, known: BTreeMap::new() };
+        let add = |&(equation, harmonic, function): &TableRow| {
+            let through = carried.contains(&equation).then_some(equation);
+            let (cos, sin) = bank.at(through, harmonic);
+            let base = if function == Trig::Cos { cos } else { sin };
+            if through.is_some() {
+                return base;
+            }
+            let signal = bank.signal(equation);
+            if harmonic == 0 { signal } else { bank.merger.emit(Op::Mul(signal, base)) }
+        };
+        let outputs = rows.iter().map(add).collect();
+        bank.merger.finish(outputs)
+    }
+
+    fn signal(&mut self, equation: usize) -> Slot {
+        self.merger.load(&Node::Symbol(self.leaves.signal(equation)))
+    }
+
+    /// The order of the operands does not matter: a product is one operation either way.
+    fn mul(&mut self, a: Slot, b: Slot) -> Slot {
+        self.merger.emit(Op::Mul(a.min(b), a.max(b)))
+    }
+
+    /// cos and sin of k w t, times an equation's signal if one is given.
+    fn at(&mut self, signal: Option<usize>, harmonic: usize) -> (Slot, Slot) {
+        if let Some(&pair) = self.known.get(&(signal, harmonic)) {
             return pair;
         }
-        let power = 1 << (harmonic - 1).ilog2();
-        let both = known.contains_key(&power) && known.contains_key(&(harmonic - power));
-        let part = if both { harmonic - power } else { harmonic / 2 };
-        let ((ca, sa), (cb, sb)) = (at(merger, known, part), at(merger, known, harmonic - part));
-        let [cc, ss, sc, cs] = [(ca, cb), (sa, sb), (sa, cb), (ca, sb)].map(|(a, b)| {
-            // The order of the operands does not matter: a product is one operation either way.
-            merger.emit(Op::Mul(a.min(b), a.max(b)))
-        });
-        let pair = (merger.emit(Op::Sub(cc, ss)), merger.emit(Op::Add(sc, cs)));
-        known.insert(harmonic, pair);
+        let known = |k: usize| self.known.get(&(signal, k)).copied();
+        let pair = match (signal, harmonic) {
+            (None, 0) => {
+                let [one, zero] = [1, 0].map(|value| self.merger.emit(Op::Constant(rational::integer(value))));
+                (one, zero)
+            }
+            (None, 1) => {
+                [self.leaves.cos(), self.leaves.sin()].map(|leaf| self.merger.load(&Node::Symbol(leaf))).into()
+            }
+            (Some(equation), 0) => {
+                let zero = self.merger.emit(Op::Constant(rational::integer(0)));
+                (self.signal(equation), zero)
+            }
+            (Some(equation), 1..=FIRST) => {
+                let (signal, (cos, sin)) = (self.signal(equation), self.at(None, harmonic));
+                (self.merger.emit(Op::Mul(signal, cos)), self.merger.emit(Op::Mul(signal, sin)))
+            }
+            _ => match (harmonic.checked_sub(FIRST).and_then(known), harmonic.checked_sub(2 * FIRST).and_then(known)) {
+                // The three-term recurrence doubles the rounding errors over two steps, and grows them as k^2 over many: two it is.
+                (Some(near), Some(far)) if (2 * FIRST + 1..=4 * FIRST).contains(&harmonic) => {
+                    let (cos, _) = self.at(None, FIRST);
+                    let twice = self.merger.emit(Op::Add(cos, cos));
+                    let [cos, sin] = [(near.0, far.0), (near.1, far.1)].map(|(near, far)| {
+                        let turned = self.mul(twice, near);
+                        self.merger.emit(Op::Sub(turned, far))
+                    });
+                    (cos, sin)
+                }
+                _ => self.sum(signal, harmonic),
+            },
+        };
+        self.known.insert((signal, harmonic), pair);
         pair
     }
-    let mut merger = Merger::default();
-    let number = |merger: &mut Merger, value: i64| merger.emit(Op::Constant(rational::integer(value)));
-    let still = (number(&mut merger, 1), number(&mut merger, 0));
-    let first = (merger.load(&Node::Symbol(leaves.cos())), merger.load(&Node::Symbol(leaves.sin())));
-    let mut known = Known::from([(0, still), (1, first)]);
-    let outputs = rows.iter().map(|&(_, harmonic, function)| {
-        let (cos, sin) = at(&mut merger, &mut known, harmonic);
-        match function {
-            Trig::Cos => cos,
-            Trig::Sin => sin,
-        }
-    });
-    let outputs: Vec<Slot> = outputs.collect();
-    merger.finish(outputs)
+
+    /// The same by angle addition: from a power of two and the rest where both are known, else by halves.
+    fn sum(&mut self, signal: Option<usize>, harmonic: usize) -> (Slot, Slot) {
+        let power = 1 << (harmonic - 1).ilog2();
+        let both = self.known.contains_key(&(None, power)) && self.known.contains_key(&(signal, harmonic - power));
+        let part = if both { harmonic - power } else { harmonic / 2 };
+        let ((ca, sa), (cb, sb)) = (self.at(signal, part), self.at(None, harmonic - part));
+        let [cc, ss, sc, cs] = [(ca, cb), (sa, sb), (sa, cb), (ca, sb)].map(|(a, b)| self.mul(a, b));
+        (self.merger.emit(Op::Sub(cc, ss)), self.merger.emit(Op::Add(sc, cs)))
+    }
 }
 
 fn entry_expr(model: &Model, graph: &mut Graph, entry: &Entry) -> ExprId {
@@ -683,6 +760,7 @@ mod tests {
             Leaf::Column(index) => ratio(i64::try_from(index).expect("small") + 1, 11),
             Leaf::Cos => ratio(3, 5),
             Leaf::Sin => ratio(4, 5),
+            Leaf::Signal(_) => integer(7),
         })
     }
 
@@ -724,7 +802,7 @@ mod tests {
         assert_eq!(bank.len(), table.rows.len());
         for (found, &(_, harmonic, function)) in bank.iter().zip(&table.rows) {
             let (cos, sin) = &powers[harmonic];
-            assert_eq!(found, if function == Trig::Cos { cos } else { sin });
+            assert_eq!(*found, integer(7) * if function == Trig::Cos { cos } else { sin });
         }
     }
 

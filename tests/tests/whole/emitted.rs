@@ -402,7 +402,7 @@ macro_rules! pattern_single {
                 sums.push_at(T::from_f64(phase.cos()), T::from_f64(phase.sin()), &code::known(&motion $(, $constants)?));
                 let mut forces = code::known(&motion $(, $constants)?).into_array();
                 forces.fill(T::ONE);
-                sums.push_at(T::from_f64(0.75), T::from_f64(0.625), &code::Forces::from_array(forces));
+                sums.push_at(T::from_f64(0.8), T::from_f64(0.6), &code::Forces::from_array(forces));
                 let sums = sums.harmonics().expect("samples were taken in").into_array();
                 [motion.into_array().to_vec(), matrix.as_flattened().to_vec(), sums.to_vec()]
                     .map(|list| list.into_iter().map(T::to_f64).collect())
@@ -831,4 +831,26 @@ fn lumped_parameters_follow_from_the_physical_ones() {
         Ok(())
     });
     result.expect("lumped parameters agree");
+}
+
+/// After ten million samples the phasor is as good as after one: the harmonics of a signal that is zero but for one sample say
+/// what cosine and sine that sample met. Errors at most 1e-12 in double precision, 4 units in the last place of 1 in single.
+#[test]
+fn ten_million_samples_without_drift() {
+    fn worst<T: Real>(value: fn(T) -> f64) -> f64 {
+        use tpm_models::emps::{Forces, harmonics};
+        const COUNT: usize = 10_000_000;
+        let mut samples = vec![Forces { force: T::ZERO }; COUNT];
+        let mut worst: f64 = 0.0;
+        for place in [2_500_000, 4_999_999, 9_999_999] {
+            let phase = std::f64::consts::TAU * place as f64 / COUNT as f64;
+            samples[place].force = T::from_f64(COUNT as f64 / 2.0);
+            let found = harmonics(&samples).expect("enough samples").force;
+            samples[place].force = T::ZERO;
+            worst = worst.max((value(found.cos1) - phase.cos()).abs()).max((value(found.sin1) - phase.sin()).abs());
+        }
+        worst
+    }
+    assert!(worst::<f64>(|value| value) <= 1e-12);
+    assert!(worst::<f32>(f64::from) <= 4.0 * f64::from(f32::EPSILON));
 }

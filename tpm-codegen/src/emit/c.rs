@@ -272,6 +272,7 @@ impl<'a> Context<'a> {
             Leaf::Column(index) => format!("parameters->{}", self.names.columns[index]),
             Leaf::Cos => "cosine".to_owned(),
             Leaf::Sin => "sine".to_owned(),
+            Leaf::Signal(equation) => format!("now.{}", self.names.rows[equation].field),
             Leaf::Symbol(symbol) => {
                 if let Some((_, field)) = self.names.constants.iter().find(|(present, _)| *present == symbol) {
                     return format!("constants->{field}");

@@ -66,6 +66,8 @@ impl Reads {
                 Leaf::Column(_) => reads.parameters = true,
                 Leaf::Cos => reads.cos = true,
                 Leaf::Sin => reads.sin = true,
+                // Every sample has all of them.
+                Leaf::Signal(_) => {}
                 Leaf::Symbol(symbol) => reads.symbol(estimator, symbol),
             }
         }
@@ -550,11 +552,10 @@ pub(super) fn storage(table: &TablePlan) -> Vec<usize> {
     places
 }
 
-/// cos or sin of every row's harmonic at a phase; `None` for a mean, whose factor is one.
-pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Statement>, Vec<Option<Expression>>) {
-    let (statements, values) = Reader::new(&table.bank).outputs();
-    let factors = table.rows.iter().zip(values).map(|(&(_, harmonic, _), value)| (harmonic > 0).then_some(value));
-    (Reads::of(estimator, &table.bank), statements, factors.collect())
+/// What a sample adds to the sum of every row.
+pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Statement>, Vec<Expression>) {
+    let (statements, addends) = Reader::new(&table.bank).outputs();
+    (Reads::of(estimator, &table.bank), statements, addends)
 }
 
 /// The terms of a table that belong somewhere, with the bases of their powers.

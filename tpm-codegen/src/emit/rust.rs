@@ -110,6 +110,10 @@ impl<'a> Context<'a> {
             }
             Leaf::Cos => quote!(cos),
             Leaf::Sin => quote!(sin),
+            Leaf::Signal(equation) => {
+                let field = &self.names.rows[equation].field;
+                quote!(sample.#field)
+            }
             Leaf::Symbol(symbol) => {
                 if let Some((_, field)) = self.names.constants.iter().find(|(present, _)| *present == symbol) {
                     return quote!(constants.#field);

@@ -233,19 +233,17 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let parameters = [Parameter::new(accumulator.clone())];
     context.function(&of(context, "accumulator_clear"), "No sample yet.", "void", &parameters, &clear);
 
-    let (reads, statements, factors) = function::bank(context.estimator, table);
+    let (reads, statements, addends) = function::bank(context.estimator, table);
     let writer = Writer::new(scalar, |node| context.leaf(node, "", &[], ""));
     // A copy: the sums might otherwise be the sample itself, for all the compiler knows.
     let mut body = statement(1, &format!("const {} now = *sample;", context.global("forces")));
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
     let storage = function::storage(table);
-    let mut products: Vec<_> = table.rows.iter().zip(&factors).zip(&storage).collect();
-    products.sort_by_key(|(_, place)| **place);
-    for ((&(equation, ..), factor), place) in products {
-        let field = &context.names.rows[equation].field;
-        let factor =
-            factor.as_ref().map_or_else(String::new, |factor| format!(" * {}", writer.at(factor, Level::Unary)));
-        body.push_str(&statement(1, &format!("accumulator->sums[{place}] += now.{field}{factor};")));
+    let mut addends: Vec<_> = addends.iter().zip(&storage).collect();
+    addends.sort_by_key(|(_, place)| **place);
+    for (addend, place) in addends {
+        let addend = writer.at(addend, Level::Sum);
+        body.push_str(&statement(1, &format!("accumulator->sums[{place}] += {addend};")));
     }
     body.push_str("    if (accumulator->samples < UINT64_MAX) {\n        accumulator->samples += 1;\n    }\n");
     let at = of(context, "accumulate_at");

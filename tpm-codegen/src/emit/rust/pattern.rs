@@ -476,7 +476,7 @@ fn harmonics(context: &Context<'_>, table: &TablePlan) -> TokenStream {
 }
 
 fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
-    let (reads, statements, factors) = function::bank(context.estimator, table);
+    let (reads, statements, addends) = function::bank(context.estimator, table);
     let owner = ident("self");
     let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
     let statements = writer.statements(context, &statements, |_, _| TokenStream::new());
@@ -485,18 +485,11 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     let sin = ident(if reads.sin { "sin" } else { "_sin" });
     let storage = function::storage(table);
     let stored: Vec<&Ident> = storage.iter().map(|&place| &locals[place]).collect();
-    let mut products: Vec<_> = table.rows.iter().zip(&factors).zip(&storage).collect();
-    products.sort_by_key(|(_, place)| **place);
-    let products = products.into_iter().map(|((&(equation, ..), factor), &place)| {
-        let sum = &locals[place];
-        let field = &context.names.rows[equation].field;
-        match factor {
-            None => quote!(*#sum += sample.#field;),
-            Some(factor) => {
-                let factor = writer.at(factor, Level::Unary);
-                quote!(*#sum += sample.#field * #factor;)
-            }
-        }
+    let mut addends: Vec<_> = addends.iter().zip(&storage).collect();
+    addends.sort_by_key(|(_, place)| **place);
+    let sums = addends.into_iter().map(|(addend, &place)| {
+        let (sum, addend) = (&locals[place], writer.at(addend, Level::Sum));
+        quote!(*#sum += #addend;)
     });
     let scaled = table.rows.iter().zip(&stored).map(|(&(_, harmonic, _), local)| match harmonic {
         0 => quote!(let #local = #local * mean;),
@@ -548,7 +541,7 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
             pub fn push_at(&mut self, #cos: T, #sin: T, sample: &Forces<T>) {
                 #statements
                 let [#(#locals),*] = &mut self.sums;
-                #(#products)*
+                #(#sums)*
                 self.samples = self.samples.saturating_add(1);
             }
 
