@@ -38,6 +38,8 @@ pub struct Along {
     points: usize,
     /// `[slot][(row * (parameters + 1) + j) * points + i]`; j = parameters is the known term.
     jacobian: Vec<Vec<f64>>,
+    /// `[slot][row * (parameters + 1) + j]`: their sums over the period.
+    sums: Vec<Vec<f64>>,
 }
 
 impl Along {
@@ -166,22 +168,33 @@ impl Along {
         &self.phi[row * self.dims.parameters + parameter]
     }
 
+    /// (coordinate, derivative) of every slot that the rows read.
+    pub(super) fn slots(&self) -> &[(usize, usize)] {
+        &self.slots
+    }
+
+    /// d(row)/d(slot) along the period.
+    pub(super) fn derivative(&self, slot: usize, row: usize, theta: &[f64]) -> Vec<f64> {
+        let width = self.dims.parameters + 1;
+        let mut series = vec![0.0; self.points];
+        for (j, factor) in theta.iter().copied().chain([1.0]).enumerate() {
+            let at = (row * width + j) * self.points;
+            for (sum, value) in series.iter_mut().zip(&self.jacobian[slot][at..at + self.points]) {
+                *sum += factor * value;
+            }
+        }
+        series
+    }
+
     /// Response of a row to the coordinates' phasors at one harmonic, from the mean of the derivatives along the reference:
     /// the linear terms `k1 - m W^2 + ...`, and what even powers of the reference add to them.
     pub(super) fn response(&self, row: usize, theta: &[f64], harmonic: usize) -> Vec<Complex<f64>> {
         let turn = Complex::new(0.0, harmonic as f64 * self.frequency);
         let width = self.dims.parameters + 1;
         let mut response = vec![Complex::new(0.0, 0.0); self.dims.coordinates];
-        for (&(c, d), values) in self.slots.iter().zip(&self.jacobian) {
-            let sum: f64 = theta
-                .iter()
-                .chain(&[1.0])
-                .enumerate()
-                .map(|(j, factor)| {
-                    let at = (row * width + j) * self.points;
-                    factor * values[at..at + self.points].iter().sum::<f64>()
-                })
-                .sum();
+        for (&(c, d), sums) in self.slots.iter().zip(&self.sums) {
+            let own = &sums[row * width..(row + 1) * width];
+            let sum: f64 = theta.iter().chain(&[1.0]).zip(own).map(|(factor, sum)| factor * sum).sum();
             response[c] += turn.powu(d as u32) * (sum / self.points as f64);
         }
         response
@@ -315,7 +328,9 @@ impl Sampled {
             }
             jacobian.push(values);
         }
-        Ok(Along { dims, frequency, phi, known, map: self.map, slots, points: self.points, jacobian })
+        let of_slot = |values: &Vec<f64>| values.chunks_exact(self.points).map(|column| column.iter().sum()).collect();
+        let sums = jacobian.iter().map(of_slot).collect();
+        Ok(Along { dims, frequency, phi, known, map: self.map, slots, points: self.points, jacobian, sums })
     }
 }
 

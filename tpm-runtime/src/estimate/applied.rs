@@ -10,10 +10,12 @@
 //! since nu follows from the inputs, this shift is worked out and the mean can be used. Invariant: a record is refined at
 //! estimates that were found without all this; what is added are corrections of second order in the noise.
 
-use super::EstimateError;
+use super::along::Along;
 use super::measured_motion::{MeasuredMotion, analyse, synthesise};
+use super::select::strongest;
+use super::{EstimateError, Run};
 use crate::harmonics::{Hold, Spectra};
-use crate::model::Model;
+use crate::model::{Dims, Model};
 use nalgebra::{Complex, DMatrix, DVector};
 use realfft::RealFftPlanner;
 use std::vec;
@@ -41,6 +43,8 @@ const NEGLIGIBLE: f64 = 1e-4;
 const TOGETHER: f64 = 1.94;
 /// Least standard deviation of a shift of a mean as a share of it.
 const SHIFT_UNCERTAINTY: f64 = 0.02;
+/// Power of noise below the square of this share of a signal's strongest line is rounding.
+const ROUNDING: f64 = 1e-9;
 
 /// The estimates from all records before the last one is refined.
 pub(super) type First<'a> = dyn FnMut(&mut [MeasuredMotion]) -> Result<Vec<f64>, EstimateError> + 'a;
@@ -58,37 +62,76 @@ pub(super) fn refine_last(
     first: &mut First<'_>,
 ) -> Result<(), EstimateError> {
     let dims = model.dims();
-    // Broken periods have no bins between the lines in common with the shifts of the periodic derivative.
-    let whole = (spectra.samples_per_period - spectra.samples_per_period.round()).abs() < 1e-9;
-    if !whole || dims.rows != dims.coordinates || spectra.periods < 4 || spectra.bins.is_empty() {
-        return Ok(());
-    }
+    let Some(bins) = Bins::of(spectra, hold, dims) else { return Ok(()) };
     let theta = first(records)?;
     let Some(record) = records.last_mut() else { return Ok(()) };
-    let bins = Bins { spectra, hold, periods: spectra.periods as isize };
     let slots = record.slots().to_vec();
-    let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| record.gains(row, &theta)).collect();
-    let noisy = (0..dims.coordinates).any(|c| bins.level(c, 0, spectra.highest().min(32)) > 0.0);
-    if !noisy {
+    let gains: Vec<Vec<Vec<Complex<f64>>>> =
+        (0..dims.rows).map(|row| gains(slots.len(), |slot| record.derivative(slot, row, &theta))).collect();
+    if !bins.hold_noise(dims.coordinates) {
         return Ok(());
     }
     let white: Vec<f64> = (0..dims.coordinates).map(|c| bins.white(c)).collect();
-    // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
-    let samples = spectra.samples_per_period * spectra.periods as f64;
-    let counted = white
-        .iter()
-        .zip(&spectra.steps)
-        .any(|(power, step)| step * step / 12.0 > REPEATING * power * samples / spectra.window.bandwidth());
-    let of_row =
-        |(row, gain): (usize, &Vec<Vec<Complex<f64>>>)| row_variance(&bins, record, &slots, row, gain, &white, counted);
-    let (variance, apart) = gains.iter().enumerate().map(of_row).unzip();
+    let counted = bins.counted(&white);
+    let maps: Vec<Vec<f64>> = (0..dims.rows).map(|row| record.input_map(row)).collect();
+    let of_row = |row: usize| {
+        let highest = record.used(row).last().copied().unwrap_or(0);
+        row_variance(&bins, (&maps[row], highest), &slots, &gains[row], &white, counted)
+    };
+    let (variance, apart) = (0..dims.rows).map(of_row).unzip();
     record.set_variance(variance, apart, (!counted).then_some(white));
-    let motion = true_motion(&bins, record, &slots, &gains, dims.coordinates);
+    let motion = true_motion(&bins, &maps, &slots, &gains, dims.coordinates);
     if let Some((motion, uncertainty)) = motion {
         let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;
         record.admit_means(&shift, &theta, uncertainty);
     }
     Ok(())
+}
+
+/// What noise does to harmonic equations along a reference.
+pub(super) struct NoiseAlong {
+    /// Variance of every row's phasors by harmonic.
+    pub(super) variance: Vec<Vec<f64>>,
+    /// What the motion that noise causes on its way round the loop adds to the means of the regressors and, last, of the known
+    /// term, per row, with the standard deviation of it as a share; nothing where that motion is not known.
+    pub(super) shifts: Option<(Vec<Vec<f64>>, f64)>,
+}
+
+/// What noise does to the equations along a reference up to a harmonic; nothing where none stands out of rounding.
+///
+/// # Errors
+/// [`EstimateError::Model`].
+pub(super) fn noise_along(
+    model: &dyn Model<f64>,
+    run: &Run<'_>,
+    along: &Along,
+    theta: &[f64],
+    highest: usize,
+) -> Result<Option<NoiseAlong>, EstimateError> {
+    let (dims, spectra) = (model.dims(), run.spectra);
+    let Some(bins) = Bins::of(spectra, run.hold, dims) else { return Ok(None) };
+    let white: Vec<f64> = (0..dims.coordinates).map(|c| bins.white(c)).collect();
+    let noisy = |(c, power): (usize, &f64)| *power > (ROUNDING * strongest(&spectra.lines[c])).powi(2);
+    if !white.iter().enumerate().any(noisy) {
+        return Ok(None);
+    }
+    let counted = bins.counted(&white);
+    let slots = along.slots();
+    let maps: Vec<Vec<f64>> = along.map.chunks_exact(dims.inputs.max(1)).map(<[f64]>::to_vec).collect();
+    let gains: Vec<Vec<Vec<Complex<f64>>>> =
+        (0..dims.rows).map(|row| gains(slots.len(), |slot| along.derivative(slot, row, theta))).collect();
+    let of_row = |row: usize| {
+        let (variance, apart) = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &white, counted);
+        variance.iter().zip(&apart).map(|(noise, apart)| noise + apart).collect()
+    };
+    let variance = (0..dims.rows).map(of_row).collect();
+    let shifts = match true_motion(&bins, &maps, slots, &gains, dims.coordinates) {
+        Some((motion, uncertainty)) => {
+            Some((shifts(model, &run.trial.constants, spectra, highest, slots, &motion)?, uncertainty))
+        }
+        None => None,
+    };
+    Ok(Some(NoiseAlong { variance, shifts }))
 }
 
 /// The windowed transforms of a record of whole periods.
@@ -98,7 +141,29 @@ struct Bins<'a> {
     periods: isize,
 }
 
-impl Bins<'_> {
+impl<'a> Bins<'a> {
+    /// Nothing where the record does not have them for a machine of these sizes: broken periods have no bins between the lines
+    /// in common with the shifts of the periodic derivative.
+    fn of(spectra: &'a Spectra, hold: Hold, dims: Dims) -> Option<Self> {
+        let whole = (spectra.samples_per_period - spectra.samples_per_period.round()).abs() < 1e-9;
+        let channels = spectra.bins.len() == dims.coordinates + dims.inputs;
+        let usable = whole && dims.rows == dims.coordinates && spectra.periods >= 4 && channels;
+        usable.then_some(Bins { spectra, hold, periods: spectra.periods as isize })
+    }
+
+    /// Whether rounding to counts makes up so much of the sensors' noise, given in every bin, that it repeats.
+    fn counted(&self, white: &[f64]) -> bool {
+        // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
+        let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
+        let share = REPEATING * samples / self.spectra.window.bandwidth();
+        white.iter().zip(&self.spectra.steps).any(|(power, step)| step * step / 12.0 > share * power)
+    }
+
+    /// Whether anything stands between the lowest lines of the coordinates.
+    fn hold_noise(&self, coordinates: usize) -> bool {
+        (0..coordinates).any(|c| self.level(c, 0, self.spectra.highest().min(32)) > 0.0)
+    }
+
     fn at(&self, channel: usize, bin: isize) -> Complex<f64> {
         let value = self.spectra.bins[channel].get(bin.unsigned_abs()).copied().unwrap_or_default();
         if bin < 0 { value.conj() } else { value }
@@ -169,13 +234,12 @@ fn response(
     response
 }
 
-/// E|n|^2 of the row's phasors, from harmonic 0 to the highest used one: the part that the sensors' white noise has, and what the
-/// nearest bins show beside it (motion that leaks where the rows hardly feel it, errors of counts).
+/// E|n|^2 of the phasors of a row with these factors of the inputs, from harmonic 0 to the highest one: the part that the sensors'
+/// white noise has, and what the nearest bins show beside it (motion that leaks where the rows hardly feel it, errors of counts).
 fn row_variance(
     bins: &Bins<'_>,
-    record: &MeasuredMotion,
+    (map, highest): (&[f64], usize),
     slots: &[(usize, usize)],
-    row: usize,
     gain: &[Vec<Complex<f64>>],
     white: &[f64],
     counted: bool,
@@ -190,7 +254,6 @@ fn row_variance(
                 || gain.iter().zip(&strongest).any(|(lines, peak)| lines[m.unsigned_abs()].norm_sqr() > 1e-14 * peak)
         })
         .collect();
-    let highest = record.used(row).last().copied().unwrap_or(0);
     (0..=highest)
         .map(|k| {
             let shape = |bin: isize| -> f64 {
@@ -210,7 +273,7 @@ fn row_variance(
                         residual += z * bins.at(c, source);
                     }
                 }
-                for (i, &b) in record.input_map(row).iter().enumerate() {
+                for (i, &b) in map.iter().enumerate() {
                     residual -= bins.applied(coordinates, i, bin) * b;
                 }
                 (residual.norm_sqr(), shape(bin))
@@ -237,7 +300,7 @@ fn row_variance(
 /// largest share: the mean over a record weighs this motion otherwise than the bins do, and some bins are hidden by the lines.
 fn true_motion(
     bins: &Bins<'_>,
-    record: &MeasuredMotion,
+    maps: &[Vec<f64>],
     slots: &[(usize, usize)],
     gains: &[Vec<Vec<Complex<f64>>>],
     coordinates: usize,
@@ -271,8 +334,7 @@ fn true_motion(
                 for (c, z) in response(slots, gain, 0, frequency, coordinates).into_iter().enumerate() {
                     matrix[(row, c)] = z;
                 }
-                force[row] =
-                    record.input_map(row).iter().enumerate().map(|(i, &b)| bins.applied(coordinates, i, bin) * b).sum();
+                force[row] = maps[row].iter().enumerate().map(|(i, &b)| bins.applied(coordinates, i, bin) * b).sum();
             }
             let explained = matrix.lu().solve(&force)?;
             for (c, power) in powers.iter_mut().enumerate() {
@@ -376,20 +438,18 @@ const fn slot_index(slot: (usize, usize), coordinates: usize) -> usize {
     slot.1 * coordinates + slot.0
 }
 
-impl MeasuredMotion {
-    /// Two-sided Fourier coefficients of d(row)/d(slot) along the period, per slot.
-    fn gains(&self, row: usize, theta: &[f64]) -> Vec<Vec<Complex<f64>>> {
-        let mut planner = RealFftPlanner::new();
-        (0..self.slots().len())
-            .map(|s| {
-                let series = self.derivative(s, row, theta);
-                let half = series.len() / 2;
-                let mut lines = analyse(&mut planner, &series, 0, 1, half.saturating_sub(1));
-                for line in lines.iter_mut().skip(1) {
-                    *line *= 0.5;
-                }
-                lines
-            })
-            .collect()
-    }
+/// Two-sided Fourier coefficients of the derivatives of a row with respect to every slot along the period.
+fn gains(slots: usize, derivative: impl Fn(usize) -> Vec<f64>) -> Vec<Vec<Complex<f64>>> {
+    let mut planner = RealFftPlanner::new();
+    (0..slots)
+        .map(|s| {
+            let series = derivative(s);
+            let half = series.len() / 2;
+            let mut lines = analyse(&mut planner, &series, 0, 1, half.saturating_sub(1));
+            for line in lines.iter_mut().skip(1) {
+                *line *= 0.5;
+            }
+            lines
+        })
+        .collect()
 }

@@ -55,6 +55,32 @@ impl Equations {
         self.harmonic.append(&mut others.harmonic);
     }
 
+    /// Sets the variance of the first `count` equations, by row and harmonic.
+    pub fn set_variance(&mut self, count: usize, variance: &[Vec<f64>]) {
+        for ((slot, &row), &harmonic) in self.variance.iter_mut().zip(&self.row).zip(&self.harmonic).take(count) {
+            if let Some(value) = variance.get(row).and_then(|of_row| of_row.get(harmonic)) {
+                *slot = value.max(f64::MIN_POSITIVE);
+            }
+        }
+    }
+
+    /// Adds to the means of the regressors, and of the known term, what noise adds to them: per row one number for every parameter
+    /// and, last, for the known term. `uncertainty` is the standard deviation of all that, as a share, at the parameters theta.
+    pub fn shift_means(&mut self, shifts: &[Vec<f64>], theta: &[f64], uncertainty: f64) {
+        for e in (0..self.len()).filter(|&e| self.harmonic[e] == 0).collect::<Vec<usize>>() {
+            let Some(shift) = shifts.get(self.row[e]) else { continue };
+            let (own, known) = shift.split_at(self.parameters.min(shift.len()));
+            let regressors = &mut self.regressors[e * self.parameters..(e + 1) * self.parameters];
+            for (regressor, value) in regressors.iter_mut().zip(own) {
+                *regressor += *value;
+            }
+            let known: f64 = known.iter().sum();
+            self.right[e] -= known;
+            let whole = known + own.iter().zip(theta).map(|(shift, value)| shift * value).sum::<f64>();
+            self.variance[e] += (uncertainty * whole).powi(2);
+        }
+    }
+
     /// Number of complex rows.
     #[must_use]
     pub fn len(&self) -> usize {

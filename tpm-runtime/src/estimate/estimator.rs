@@ -6,7 +6,7 @@
 //! of a linearisation grows with the distance.
 
 use super::along::Along;
-use super::applied::refine_last;
+use super::applied::{noise_along, refine_last};
 use super::first_order::FirstOrder;
 use super::numerical::Numerical;
 use super::{
@@ -255,18 +255,27 @@ impl Estimator for Linearised {
             None => Reference::new(model, run.trial, highest)?,
         };
         let along = &self.reference.insert(reference).along;
-        let equations = match run.rates {
+        let mut equations = match run.rates {
             None => self.kind.equations(run.trial, along, run.spectra, run.hold, highest)?,
-            Some(rates) => {
-                let mut both = self.kind.applied_equations(run.trial, along, run.spectra, run.hold, (0, highest))?;
-                // The effort is the same with either error.
-                if self.kind != FirstOrder::Effort {
-                    both.append(self.kind.applied_equations(run.trial, along, rates, run.hold, (1, highest))?);
-                }
-                both
-            }
+            Some(_) => self.kind.applied_equations(run.trial, along, run.spectra, run.hold, (0, highest))?,
         };
+        let own = equations.len();
+        // The effort is the same with either error.
+        if let Some(rates) = run.rates.filter(|_| self.kind != FirstOrder::Effort) {
+            equations.append(self.kind.applied_equations(run.trial, along, rates, run.hold, (1, highest))?);
+        }
         self.harmonics = highest;
+        // What noise does to the equations depends on the parameters: how much of it the rows feel, and how far the mean of a term
+        // that is even in the velocity lies above that along the reference.
+        let first = pool_run(&mut self.pool.clone(), &equations, &self.settings, &run.trial.parameters)?.values;
+        if let Some(noise) = noise_along(model, run, along, &first, highest)? {
+            if self.kind != FirstOrder::Effort {
+                equations.set_variance(own, &noise.variance);
+            }
+            if let Some((shifts, uncertainty)) = &noise.shifts {
+                equations.shift_means(shifts, &first, *uncertainty);
+            }
+        }
         pool_run(&mut self.pool, &equations, &self.settings, &run.trial.parameters).map(Some)
     }
 
@@ -282,6 +291,7 @@ pub(super) fn highest_harmonic(settings: &Settings, run: &Run<'_>) -> usize {
 }
 
 /// What linearised runs have taught.
+#[derive(Clone)]
 pub(super) struct Pool {
     information: Information,
     /// Relative distance from the parameters of the last run's feed-forward to its estimate.
