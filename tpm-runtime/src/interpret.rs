@@ -6,6 +6,7 @@
 use crate::model::{Buffer, Dims, EvalError, Label, Model, require_len, split_workspace};
 use crate::real::Real;
 use std::string::{String, ToString};
+use std::vec;
 use std::vec::Vec;
 use tpm_symbolic::evaluation::Evaluation;
 use tpm_symbolic::expr::{Function, Node};
@@ -50,6 +51,8 @@ enum Step {
 struct Program {
     steps: Vec<Step>,
     outputs: Vec<usize>,
+    /// The results, where neither motion nor run-time constants have a part in them.
+    fixed: Option<Vec<f64>>,
 }
 
 impl Program {
@@ -80,10 +83,23 @@ impl Program {
             Op::Function(function, a) => Step::Function(*function, a.index()),
             Op::Atan2(y, x) => Step::Atan2(y.index(), x.index()),
         });
-        Self { steps: steps.collect(), outputs: plan.outputs.iter().map(|slot| slot.index()).collect() }
+        let outputs = plan.outputs.iter().map(|slot| slot.index()).collect();
+        let mut program = Self { steps: steps.collect(), outputs, fixed: None };
+        if !program.steps.iter().any(|step| matches!(step, Step::Motion(_) | Step::RunTimeConstant(_))) {
+            let mut results = vec![0.0; program.outputs.len()];
+            program.run(&[], &[], &mut vec![0.0; program.steps.len()], &mut results);
+            program.fixed = Some(results);
+        }
+        program
     }
 
     fn run(&self, motion: &[f64], constants: &[f64], workspace: &mut [f64], out: &mut [f64]) {
+        if let Some(fixed) = &self.fixed {
+            for (result, &value) in out.iter_mut().zip(fixed) {
+                *result = value;
+            }
+            return;
+        }
         for (i, step) in self.steps.iter().enumerate() {
             workspace[i] = match *step {
                 Step::Constant(value) => value,

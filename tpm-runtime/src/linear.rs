@@ -17,6 +17,18 @@ use crate::real::Real;
 /// When `matrix` has fewer than n x n entries.
 pub fn solve_in_place<T: Real>(matrix: &mut [T], right: &mut [T]) -> Result<(), usize> {
     let n = right.len();
+    if let ([entry], [value]) = (&*matrix, &mut *right) {
+        // One unknown, the most frequent case: what follows comes to this.
+        let size = entry.abs();
+        if !size.is_finite() || size <= T::ZERO {
+            return Err(0);
+        }
+        *value /= size;
+        if *entry < T::ZERO {
+            *value = -*value;
+        }
+        return Ok(());
+    }
     for r in 0..n {
         let mut largest = T::ZERO;
         for c in 0..n {
