@@ -45,6 +45,8 @@ pub mod report;
 #[cfg(feature = "std")]
 pub mod simulate;
 #[cfg(feature = "std")]
+pub mod smoothing;
+#[cfg(feature = "std")]
 pub mod stability;
 #[cfg(feature = "std")]
 pub mod trajectory;

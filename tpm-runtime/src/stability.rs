@@ -2,7 +2,7 @@
 //!
 //! The rows are linearised at rest at given positions, `x' = A x + B u`, and closed by `u = -Kp e - Kd e'`. Invariant: a loop is
 //! called stable only where the poles of the continuous loop lie in the open left half plane and those of the sampled one
-//! (zero-order hold, measured or filtered rates) inside the unit circle. Known lags of the actuators are states in both, their
+//! (zero-order hold, measured, filtered or fitted rates) inside the unit circle. Known lags of the actuators are states in both, their
 //! delays are there in the sampled one. Over a box of parameters this is a sample:
 //! vertices, edges and random points inside, and is reported as one.
 
@@ -389,14 +389,18 @@ impl Linear {
         let (states, inputs) = (self.a.nrows(), self.b.ncols());
         let (ad, bd) = held(&self.a, &self.b, control.sample_time).ok()?;
         let coordinates = self.first.len();
-        // Behind the states stand, per coordinate, the last error and the filtered rate, then per input the commands that its
-        // delay holds back, the newest first.
+        // Behind the states stand, per coordinate, the last error and the filtered rate, or the errors to which a polynomial is
+        // fitted beside the newest, then per input the commands that its delay holds back, the newest first.
+        let fitted = control.velocity.smoothing().map(|smoothing| smoothing.weights(control.sample_time));
+        let past = fitted.as_ref().map_or(2, |(value, _)| value.len() - 1);
         let delays: Vec<(usize, f64)> =
             (0..inputs).map(|input| control.actuator(input).samples(control.sample_time)).collect();
         let kept = |&(whole, rest): &(usize, f64)| whole + usize::from(rest > 0.0);
-        let size = states + 2 * coordinates + delays.iter().map(kept).sum::<usize>();
+        let size = states + past * coordinates + delays.iter().map(kept).sum::<usize>();
         let mut rate = DMatrix::zeros(coordinates, size);
+        let mut error = DMatrix::zeros(coordinates, size);
         for c in (0..coordinates).filter(|&c| self.orders[c] > 0) {
+            error[(c, self.first[c])] = 1.0;
             match control.velocity {
                 Velocity::Measured if self.orders[c] > 1 => rate[(c, self.first[c] + 1)] = 1.0,
                 Velocity::Measured => {}
@@ -406,18 +410,25 @@ impl Linear {
                     rate[(c, states + c)] = -(1.0 - pole) / control.sample_time;
                     rate[(c, states + coordinates + c)] = pole;
                 }
+                Velocity::Fitted(_) => {
+                    let Some((value, slope)) = &fitted else { continue };
+                    for (i, (value, slope)) in value.iter().zip(slope).enumerate() {
+                        let at = if i == 0 { self.first[c] } else { states + past * c + i - 1 };
+                        (error[(c, at)], rate[(c, at)]) = (*value, *slope);
+                    }
+                }
             }
         }
         let mut feedback = DMatrix::zeros(inputs, size);
         for gain in control.gains.iter().filter(|gain| self.orders[gain.coordinate] > 0) {
-            feedback[(gain.input, self.first[gain.coordinate])] -= gain.proportional;
             for column in 0..size {
+                feedback[(gain.input, column)] -= gain.proportional * error[(gain.coordinate, column)];
                 feedback[(gain.input, column)] -= gain.derivative * rate[(gain.coordinate, column)];
             }
         }
         let mut next = DMatrix::zeros(size, size);
         next.view_mut((0, 0), (states, states)).copy_from(&ad);
-        let mut place = states + 2 * coordinates;
+        let mut place = states + past * coordinates;
         for (input, delay) in delays.iter().enumerate() {
             let &(whole, rest) = delay;
             // The command that is n samples old, as a function of the state: the feedback itself, or one that was kept.
@@ -441,6 +452,13 @@ impl Linear {
             place += kept(delay);
         }
         for c in (0..coordinates).filter(|&c| self.orders[c] > 0) {
+            if fitted.is_some() {
+                // The newest error moves in, and the others up.
+                for i in 0..past {
+                    let from = if i == 0 { self.first[c] } else { states + past * c + i - 1 };
+                    next[(states + past * c + i, from)] = 1.0;
+                }
+            }
             if matches!(control.velocity, Velocity::Filtered(_)) {
                 next[(states + c, self.first[c])] = 1.0;
                 for column in 0..size {

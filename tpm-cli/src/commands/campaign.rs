@@ -13,6 +13,7 @@ use tpm_runtime::experiment::{Experiment, GainManifest, Machine, Manifest, Store
 use tpm_runtime::log::Log;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::procedure::{Campaign, Record, RunEnding, Trial, Velocity};
+use tpm_runtime::smoothing::Smoothing;
 use tpm_runtime::stability::Stability;
 
 /// Files of a campaign's folder beside its runs.
@@ -164,6 +165,8 @@ pub(crate) struct Play {
     periods: usize,
     feedback: Vec<GainManifest>,
     derivative_filter: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    smoothing: Option<Smoothing>,
     /// Largest magnitude by input, where there is one.
     limits: BTreeMap<String, f64>,
     /// Largest tracking error by coordinate, where there is one: stop beyond it.
@@ -194,6 +197,7 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
             periods: trial.periods,
             feedback: GainManifest::all(plant, &trial.control.gains),
             derivative_filter: trial.control.velocity.time_constant(),
+            smoothing: trial.control.velocity.smoothing(),
             limits: named(&trial.input_limits, &|i| plant.input(i).name.to_owned()),
             tracking: named(&trial.tracking_bounds, &|c| plant.coordinate(c).name.to_owned()),
         };
@@ -289,7 +293,10 @@ pub(crate) fn read_trial(path: &Path, machine: &Machine, template: &Trial) -> Re
     trial.periods = 1;
     trial.control.sample_time = play.sample_time;
     trial.control.gains = gains;
-    trial.control.velocity = play.derivative_filter.map_or(Velocity::Measured, Velocity::Filtered);
+    trial.control.velocity = match play.smoothing {
+        Some(smoothing) => Velocity::Fitted(smoothing),
+        None => play.derivative_filter.map_or(Velocity::Measured, Velocity::Filtered),
+    };
     for (c, bound) in trial.tracking_bounds.iter_mut().enumerate() {
         *bound = play.tracking.get(plant.coordinate(c).name).copied().unwrap_or(f64::INFINITY);
     }

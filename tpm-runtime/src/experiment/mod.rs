@@ -28,6 +28,7 @@ pub use updates::{Convergence, LIMITS, Updates, convergence, updates};
 
 use crate::estimate::{Method, NumericalSettings};
 use crate::procedure::HoldCompensation;
+use crate::smoothing::Smoothing;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::string::String;
@@ -221,6 +222,10 @@ pub struct ControlSection {
     /// What the feed-forward does about the hold between samples: none, advance (half a sample) or exact (default).
     #[serde(default)]
     pub compensation: HoldCompensation,
+    /// Least-squares smoothing of the tracking error and its rate, in place of such a filter: value and slope of a polynomial of
+    /// this degree through so many last samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<Smoothing>,
     /// Paths of the feedback.
     pub feedback: Vec<FeedbackSection>,
 }

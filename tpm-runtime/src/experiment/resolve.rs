@@ -9,6 +9,7 @@ use crate::harmonics::Hold;
 use crate::model::{EvalError, Model};
 use crate::procedure::{CampaignError, Loop, Procedure, Setup, Stage, Velocity};
 use crate::simulate::{Actuator, ArmGeometry, Bench, ClosedLoopArm, Sensor};
+use crate::smoothing::Smoothing;
 use crate::stability::{self, Range, Stability, StabilityError};
 use crate::trajectory::Pattern;
 use std::collections::BTreeMap;
@@ -377,9 +378,20 @@ impl Experiment {
     pub fn setup(&self, model: &dyn Model<f64>, pattern: &Pattern, hold: Hold) -> Result<Setup, ExperimentError> {
         let (parameters, coordinates, inputs) = (parameters(model), coordinates(model), inputs(model));
         positive("control.sample_time", self.control.sample_time)?;
-        let velocity = match self.control.derivative_filter {
-            None => Velocity::Measured,
-            Some(time_constant) => {
+        let velocity = match (self.control.derivative_filter, self.control.smoothing) {
+            (None, None) => Velocity::Measured,
+            (None, Some(smoothing)) => {
+                let place = |name: &str| std::format!("control.smoothing.{name}");
+                let Smoothing { samples, degree } = smoothing;
+                let must = "the degree must lie between 1 and 5";
+                require(smoothing.has_degree(), place("degree"), degree as f64, must)?;
+                let must = "there must be more samples than the degree, and at most 100";
+                require(smoothing.has_samples(), place("samples"), samples as f64, must)?;
+                Velocity::Fitted(smoothing)
+            }
+            (Some(time_constant), both) => {
+                let must = "a derivative filter and smoothing exclude each other; leave one out";
+                require(both.is_none(), "control.derivative_filter".into(), time_constant, must)?;
                 let usable = time_constant.is_finite() && time_constant >= 0.0;
                 require(usable, "control.derivative_filter".into(), time_constant, "the value must not be negative")?;
                 Velocity::Filtered(time_constant)

@@ -9,6 +9,7 @@ use crate::control::Gain;
 use crate::log::rate_column;
 use crate::model::Model;
 use crate::procedure::{Ending, Record, RunEnding, Trial};
+use crate::smoothing::Smoothing;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::format;
@@ -109,6 +110,9 @@ pub struct RunManifest {
     pub feedback: Vec<GainManifest>,
     /// Time constant of the filtered rates, s; nothing when they are measured.
     pub derivative_filter: Option<f64>,
+    /// Least-squares smoothing of errors and rates, where there is any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<Smoothing>,
     /// Parameters behind the feed-forward, in the machine's order.
     pub parameters: Vec<f64>,
     /// Time between samples, s.
@@ -253,6 +257,7 @@ impl Store {
             frequency: trial.trajectory.frequency,
             feedback: GainManifest::all(model, &trial.control.gains),
             derivative_filter: trial.control.velocity.time_constant(),
+            smoothing: trial.control.velocity.smoothing(),
             parameters: trial.parameters.clone(),
             sample_time: record.sample_time,
             samples_per_period: trial.samples_per_period,

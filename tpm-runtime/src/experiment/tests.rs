@@ -268,3 +268,36 @@ fn a_measured_rate_adds_what_its_noise_allows() {
         assert!(of_parameter[2] < 2.0, "{without:?} {with:?}");
     }
 }
+
+#[test]
+fn smoothing_is_a_part_of_the_loop_and_its_settings_are_checked() {
+    let with = |smoothing: &str| {
+        let mut experiment = experiment();
+        experiment.control.derivative_filter = None;
+        experiment.apply_override("control.smoothing", smoothing).expect("known");
+        // With a mass there are poles to check.
+        experiment.apply_override("prior", "{ m = 3.0, k1 = 20.0, k2 = 1.0 }").expect("known");
+        identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true)
+    };
+    let result = with("{ samples = 15, degree = 2 }").expect("runs");
+    for (parameter, truth) in result.parameters.iter().zip([2.0, 40.0, 1.5]) {
+        assert!((parameter.value.expect("identified") / truth - 1.0).abs() < 5e-3, "{parameter:?}");
+    }
+    let refused = |smoothing: &str| with(smoothing).expect_err("refused").to_string();
+    // A straight line through a tenth of a second is half of that late.
+    assert!(refused("{ samples = 100, degree = 1 }").contains("not with samples"));
+    for (smoothing, place) in [
+        ("{ samples = 15, degree = 0 }", "control.smoothing.degree"),
+        ("{ samples = 15, degree = 6 }", "control.smoothing.degree"),
+        ("{ samples = 2, degree = 2 }", "control.smoothing.samples"),
+        ("{ samples = 101, degree = 2 }", "control.smoothing.samples"),
+    ] {
+        let text = refused(smoothing);
+        assert!(text.contains(place), "{text}");
+    }
+    let mut both = experiment();
+    both.apply_override("control.smoothing", "{ samples = 15, degree = 2 }").expect("known");
+    let text =
+        identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &both, &mut |_| true).expect_err("refused").to_string();
+    assert!(text.contains("exclude each other"), "{text}");
+}

@@ -87,6 +87,7 @@ fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> 
     exact.limits.inputs.clear();
     exact.limits.tracking.clear();
     exact.control.derivative_filter = None;
+    exact.control.smoothing = None;
     exact.control.compensation = HoldCompensation::None;
     let schedule = &mut exact.schedule;
     // One update to a stage, so that none is left out because nothing seems to change any more.

@@ -5,6 +5,7 @@ use crate::control::Gain;
 use crate::estimate::{Estimate, Method, Settings};
 use crate::harmonics::Hold;
 use crate::simulate::{Actuator, Bench, Sensor, simulate};
+use crate::smoothing::Smoothing;
 use crate::test_models::MassSpringDrag;
 use crate::trajectory::tests::rest_to_rest_3;
 use nalgebra::{SMatrix, SVector};
@@ -181,18 +182,22 @@ fn the_other_estimators_converge_as_they_should() {
 /// With 1 kHz, a hold and a filtered difference: what remains when all of them are put into H and the feed-forward, or not.
 #[test]
 fn the_hold_in_h_and_feed_forward_leaves_little() {
-    let remaining = |compensation: HoldCompensation, setting| {
+    let remaining = |compensation: HoldCompensation, velocity: Velocity, setting| {
         let mut setup = setup(Method::Error, &[setting], 1e-3);
-        setup.control.velocity = Velocity::Filtered(2e-3);
+        setup.control.velocity = velocity;
         setup.control.compensation = compensation;
         let mut bench = bench(0.0, 0.0, 1);
         bench.sub_steps = 8;
         errors(setup, &bench).0.last().copied().expect("updated")
     };
     for setting in SETTINGS {
-        let [none, advance, exact] =
-            [HoldCompensation::None, HoldCompensation::Advance, HoldCompensation::Exact].map(|c| remaining(c, setting));
+        let filtered = Velocity::Filtered(2e-3);
+        let [none, advance, exact] = [HoldCompensation::None, HoldCompensation::Advance, HoldCompensation::Exact]
+            .map(|compensation| remaining(compensation, filtered, setting));
         assert!(none > 10.0 * advance && advance > 10.0 * exact, "{setting:?}: {none:e} {advance:e} {exact:e}");
+        assert!(exact < 1e-8, "{setting:?}: {exact:e}");
+        let fitted = Velocity::Fitted(Smoothing { samples: 15, degree: 2 });
+        let exact = remaining(HoldCompensation::Exact, fitted, setting);
         assert!(exact < 1e-8, "{setting:?}: {exact:e}");
     }
 }

@@ -10,6 +10,7 @@ use crate::control::{Differentiator, Gain};
 use crate::harmonics::{Hold, Spectra};
 use crate::linear;
 use crate::model::{EvalError, Model};
+use crate::smoothing::Smoothing;
 use crate::trajectory::Trajectory;
 use nalgebra::Complex;
 use realfft::RealFftPlanner;
@@ -39,6 +40,8 @@ pub enum Velocity {
     Measured,
     /// It is formed from the measured error by a filtered difference with this time constant, s.
     Filtered(f64),
+    /// It is the slope of a polynomial through the last measured errors, whose value is fed back for the error itself.
+    Fitted(Smoothing),
 }
 
 impl Velocity {
@@ -46,8 +49,17 @@ impl Velocity {
     #[must_use]
     pub const fn time_constant(self) -> Option<f64> {
         match self {
-            Velocity::Measured => None,
+            Velocity::Measured | Velocity::Fitted(_) => None,
             Velocity::Filtered(time_constant) => Some(time_constant),
+        }
+    }
+
+    /// The least-squares smoothing; nothing where there is none.
+    #[must_use]
+    pub const fn smoothing(self) -> Option<Smoothing> {
+        match self {
+            Velocity::Measured | Velocity::Filtered(_) => None,
+            Velocity::Fitted(smoothing) => Some(smoothing),
         }
     }
 }
@@ -72,21 +84,23 @@ pub struct Loop {
 
 impl Loop {
     /// Response of the feedback from the phasor of a coordinate's measured error to an input's phasor, `-C(jW)`, with the
-    /// differentiator but without the hold: `Kp + Kd D(W)`.
+    /// differentiator, or the smoothing of both, but without the hold: `Kp + Kd D(W)`.
     #[must_use]
     pub fn response(&self, input: usize, coordinate: usize, frequency: f64) -> Complex<f64> {
-        let rate = match self.velocity {
-            Velocity::Measured => Complex::new(0.0, frequency),
+        let one = Complex::new(1.0, 0.0);
+        let (value, rate) = match self.velocity {
+            Velocity::Measured => (one, Complex::new(0.0, frequency)),
             Velocity::Filtered(time_constant) => {
                 let (re, im) =
                     Differentiator::new(self.sample_time, time_constant).response(frequency * self.sample_time);
-                Complex::new(re, im)
+                (one, Complex::new(re, im))
             }
+            Velocity::Fitted(smoothing) => smoothing.responses(frequency, self.sample_time),
         };
         self.gains
             .iter()
             .filter(|gain| gain.input == input && gain.coordinate == coordinate)
-            .map(|gain| rate * gain.derivative + gain.proportional)
+            .map(|gain| rate * gain.derivative + value * gain.proportional)
             .sum()
     }
 

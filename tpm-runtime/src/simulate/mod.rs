@@ -21,6 +21,7 @@ pub use sensor::{Actuator, Sensor};
 use crate::control::{Differentiator, Feedback};
 use crate::model::{Buffer, EvalError, Model, require_len};
 use crate::procedure::{Ending, Record, Trial, Velocity};
+use crate::smoothing::Smoother;
 use sensor::{Measurement, apply};
 use std::vec;
 use std::vec::Vec;
@@ -52,8 +53,11 @@ pub struct Session<'a> {
     measurement: Measurement,
     transmission: Transmission,
     filters: Vec<Differentiator<f64>>,
+    smoothers: Vec<Smoother>,
     measured: Vec<f64>,
     errors: Vec<f64>,
+    /// The errors as they are fed back.
+    seen: Vec<f64>,
     rates: Vec<f64>,
     wanted: Vec<f64>,
     coordinates: Vec<Vec<f64>>,
@@ -93,8 +97,14 @@ impl<'a> Session<'a> {
             measurement: Measurement::new(&bench.sensors, bench.seed, trial.run),
             transmission: Transmission::new(&bench.actuators, trial.control.sample_time, bench.sub_steps),
             filters: vec![Differentiator::new(trial.control.sample_time, time_constant); n],
+            smoothers: trial
+                .control
+                .velocity
+                .smoothing()
+                .map_or_else(Vec::new, |smoothing| vec![Smoother::new(smoothing, trial.control.sample_time); n]),
             measured: vec![0.0; n],
             errors: vec![0.0; n],
+            seen: vec![0.0; n],
             rates: vec![0.0; n],
             wanted: vec![0.0; dims.inputs],
             coordinates: reserve(n),
@@ -134,6 +144,7 @@ impl<'a> Session<'a> {
         for ((error, measured), wanted) in self.errors.iter_mut().zip(&self.measured).zip(reference) {
             *error = measured - wanted;
         }
+        self.seen.copy_from_slice(&self.errors);
         let inputs = self.wanted.len();
         self.wanted.copy_from_slice(&self.trial.feed_forward[at * inputs..(at + 1) * inputs]);
         let rates = match self.trial.control.velocity {
@@ -151,8 +162,14 @@ impl<'a> Session<'a> {
                 Some(self.rates.as_slice())
             }
             Velocity::Filtered(_) => None,
+            Velocity::Fitted(_) => {
+                for ((smoother, seen), rate) in self.smoothers.iter_mut().zip(&mut self.seen).zip(&mut self.rates) {
+                    (*seen, *rate) = smoother.push(*seen);
+                }
+                Some(self.rates.as_slice())
+            }
         };
-        Feedback::new(&self.trial.control.gains, &mut self.filters).add(&self.errors, rates, &mut self.wanted)?;
+        Feedback::new(&self.trial.control.gains, &mut self.filters).add(&self.seen, rates, &mut self.wanted)?;
         self.saturated += usize::from(apply(&self.bench.actuators, &mut self.wanted, &mut self.inputs));
         for (&value, column) in self.measured.iter().zip(&mut self.coordinates) {
             column.push(value);
