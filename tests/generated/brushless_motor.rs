@@ -297,23 +297,18 @@ pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> (Inputs<T>, [[T; 5]; 2]) {
-    let mut matrix = [[T::ZERO; 5]; 2];
-    // tau_m, kt
-    matrix[0][0] = motion.i.value;
-    // tau_m, J
-    matrix[0][1] = -motion.phi.ddot;
     // tau_m
     let v0 = motion.i.value * parameters.kt - motion.phi.ddot * parameters.J;
-    // u, R
-    matrix[1][2] = motion.i.value;
-    // u, L
-    matrix[1][3] = motion.i.dot;
-    // u, kv
-    matrix[1][4] = motion.phi.dot;
     // u
     let v1 = motion.i.value * parameters.R + motion.i.dot * parameters.L
         + motion.phi.dot * parameters.kv;
-    (Inputs { tau_m: v0, u: v1 }, matrix)
+    (
+        Inputs { tau_m: v0, u: v1 },
+        [
+            [motion.i.value, -motion.phi.ddot, T::ZERO, T::ZERO, T::ZERO],
+            [T::ZERO, T::ZERO, motion.i.value, motion.i.dot, motion.phi.dot],
+        ],
+    )
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate

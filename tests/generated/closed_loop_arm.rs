@@ -445,63 +445,51 @@ pub fn feed_forward_with_regressor<T: Real>(
     parameters: &Parameters<T>,
     constants: &Constants<T>,
 ) -> (Inputs<T>, [[T; 9]; 2]) {
-    let mut matrix = [[T::ZERO; 9]; 2];
     // tau1, a10
     let t0 = T::from_f64(2.0) * motion.th1.ddot;
-    matrix[0][0] = t0;
     // tau1, a11
     let t1 = motion.th2.value - constants.th20;
     let t2 = T::from_f64(2.0) * t1;
     let t3 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
     let t4 = t2 * motion.th1.ddot + t3;
-    matrix[0][1] = t4;
     // tau1, a12
     let t5 = t1 * motion.th1.ddot;
     let t6 = t2 * t5 + t2 * t3;
-    matrix[0][2] = t6;
-    // tau1, a30
-    matrix[0][6] = motion.th2.ddot;
     // tau1, a31
     let t7 = motion.th2.dot * motion.th2.dot;
     let t8 = t1 * motion.th2.ddot;
     let t9 = t7 + t8;
-    matrix[0][7] = t9;
     // tau1, a32
     let t10 = t2 * t7;
     let t11 = t8 * t1 + t10;
-    matrix[0][8] = t11;
     // tau1
     let v0 = t0 * parameters.a10 + t4 * parameters.a11 + t6 * parameters.a12
         + motion.th2.ddot * parameters.a30 + t9 * parameters.a31 + t11 * parameters.a32;
     // tau2, a11
     let t12 = motion.th1.dot * motion.th1.dot;
     let t13 = -t12;
-    matrix[1][1] = t13;
     // tau2, a12
     let t14 = t2 * t12;
-    matrix[1][2] = -t14;
     // tau2, a20
     let t15 = T::from_f64(2.0) * motion.th2.ddot;
-    matrix[1][3] = t15;
     // tau2, a21
     let t16 = t7 + t2 * motion.th2.ddot;
-    matrix[1][4] = t16;
     // tau2, a22
     let t17 = t2 * t8 + t10;
-    matrix[1][5] = t17;
-    // tau2, a30
-    matrix[1][6] = motion.th1.ddot;
-    // tau2, a31
-    matrix[1][7] = t5;
     // tau2, a32
     let t18 = t5 * t1;
-    matrix[1][8] = t18;
     // tau2
     let t19 = t13 * parameters.a11 - t14 * parameters.a12 + t15 * parameters.a20
         + t16 * parameters.a21 + t17 * parameters.a22 + motion.th1.ddot * parameters.a30
         + t5 * parameters.a31 + t18 * parameters.a32;
     let v1 = t19;
-    (Inputs { tau1: v0, tau2: v1 }, matrix)
+    (
+        Inputs { tau1: v0, tau2: v1 },
+        [
+            [t0, t4, t6, T::ZERO, T::ZERO, T::ZERO, motion.th2.ddot, t9, t11],
+            [T::ZERO, t13, -t14, t15, t16, t17, motion.th1.ddot, t5, t18],
+        ],
+    )
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate

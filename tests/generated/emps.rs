@@ -254,20 +254,12 @@ pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> (Inputs<T>, [[T; 4]; 1]) {
-    let mut matrix = [[T::ZERO; 4]; 1];
-    // force, M
-    matrix[0][0] = motion.q.ddot;
-    // force, Fv
-    matrix[0][1] = motion.q.dot;
     // force, Fc
     let t0 = motion.q.dot.sign();
-    matrix[0][2] = t0;
-    // force, OF
-    matrix[0][3] = T::ONE;
     // force
     let v0 = motion.q.ddot * parameters.M + motion.q.dot * parameters.Fv
         + t0 * parameters.Fc + parameters.OF;
-    (Inputs { force: v0 }, matrix)
+    (Inputs { force: v0 }, [[motion.q.ddot, motion.q.dot, t0, T::ONE]])
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate

@@ -240,18 +240,12 @@ pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> (Inputs<T>, [[T; 3]; 1]) {
-    let mut matrix = [[T::ZERO; 3]; 1];
-    // u, m
-    matrix[0][0] = motion.x.ddot;
-    // u, k1
-    matrix[0][1] = motion.x.value;
     // u, k2
     let t0 = motion.x.dot * motion.x.dot;
-    matrix[0][2] = t0;
     // u
     let v0 = motion.x.ddot * parameters.m + motion.x.value * parameters.k1
         + t0 * parameters.k2;
-    (Inputs { u: v0 }, matrix)
+    (Inputs { u: v0 }, [[motion.x.ddot, motion.x.value, t0]])
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate

@@ -507,38 +507,35 @@ pub fn feed_forward_with_regressor<T: Real>(
     parameters: &Parameters<T>,
     constants: &Constants<T>,
 ) -> (Inputs<T>, [[T; 8]; 2]) {
-    let mut matrix = [[T::ZERO; 8]; 2];
-    // e, C1
-    matrix[0][1] = motion.th1.dot;
     // e, Kb
     let t0 = constants.Kt * motion.th1.dot / constants.Rm;
-    matrix[0][3] = t0;
-    // e, m2_l1_2_plus_J1
-    matrix[0][4] = motion.th1.ddot;
     // e, m2_c2_2
     let t1 = motion.th2.value.sin();
     let t2 = motion.th2.value.cos();
     let t3 = t1 * motion.th1.dot * t2;
     let t4 = t1 * t1 * motion.th1.ddot + T::from_f64(2.0) * t3 * motion.th2.dot;
-    matrix[0][5] = t4;
     // e, m2_l1_c2
     let t5 = t1 * (motion.th2.dot * motion.th2.dot) - t2 * motion.th2.ddot;
-    matrix[0][6] = t5;
     // e
     let v0 = (motion.th1.dot * parameters.C1 + t0 * parameters.Kb
         + motion.th1.ddot * parameters.m2_l1_2_plus_J1 + t4 * parameters.m2_c2_2
         + t5 * parameters.m2_l1_c2) / (constants.Kt * constants.Ku / constants.Rm);
-    // eq2, J2
-    matrix[1][0] = motion.th2.ddot;
-    // eq2, C2
-    matrix[1][2] = motion.th2.dot;
-    // eq2, m2_c2_2
-    matrix[1][5] = motion.th2.ddot - t3 * motion.th1.dot;
-    // eq2, m2_l1_c2
-    matrix[1][6] = -(t2 * motion.th1.ddot);
-    // eq2, m2_c2
-    matrix[1][7] = -(T::from_f64(9.8) * t1);
-    (Inputs { e: v0 }, matrix)
+    (
+        Inputs { e: v0 },
+        [
+            [T::ZERO, motion.th1.dot, T::ZERO, t0, motion.th1.ddot, t4, t5, T::ZERO],
+            [
+                motion.th2.ddot,
+                T::ZERO,
+                motion.th2.dot,
+                T::ZERO,
+                T::ZERO,
+                motion.th2.ddot - t3 * motion.th1.dot,
+                -(t2 * motion.th1.ddot),
+                -(T::from_f64(9.8) * t1),
+            ],
+        ],
+    )
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate

@@ -512,39 +512,36 @@ pub fn feed_forward_with_regressor<T: Real>(
     parameters: &Parameters<T>,
     constants: &Constants<T>,
 ) -> (Inputs<T>, [[T; 8]; 2]) {
-    let mut matrix = [[T::ZERO; 8]; 2];
-    // e, C1
-    matrix[0][1] = motion.th1.dot;
     // e, Kb
     let t0 = constants.Kt * motion.th1.dot / constants.Rm;
-    matrix[0][3] = t0;
-    // e, m2_l1_2_plus_J1
-    matrix[0][4] = motion.th1.ddot;
     // e, m2_c2_2
     let t1 = motion.alpha2.value - T::PI;
     let t2 = t1.sin();
     let t3 = t1.cos();
     let t4 = t2 * motion.th1.dot * t3;
     let t5 = t2 * t2 * motion.th1.ddot + T::from_f64(2.0) * t4 * motion.alpha2.dot;
-    matrix[0][5] = t5;
     // e, m2_l1_c2
     let t6 = t2 * (motion.alpha2.dot * motion.alpha2.dot) - t3 * motion.alpha2.ddot;
-    matrix[0][6] = t6;
     // e
     let v0 = (motion.th1.dot * parameters.C1 + t0 * parameters.Kb
         + motion.th1.ddot * parameters.m2_l1_2_plus_J1 + t5 * parameters.m2_c2_2
         + t6 * parameters.m2_l1_c2) / (constants.Kt * constants.Ku / constants.Rm);
-    // eq2, J2
-    matrix[1][0] = motion.alpha2.ddot;
-    // eq2, C2
-    matrix[1][2] = motion.alpha2.dot;
-    // eq2, m2_c2_2
-    matrix[1][5] = motion.alpha2.ddot - t4 * motion.th1.dot;
-    // eq2, m2_l1_c2
-    matrix[1][6] = -(t3 * motion.th1.ddot);
-    // eq2, m2_c2
-    matrix[1][7] = -(T::from_f64(9.8) * t2);
-    (Inputs { e: v0 }, matrix)
+    (
+        Inputs { e: v0 },
+        [
+            [T::ZERO, motion.th1.dot, T::ZERO, t0, motion.th1.ddot, t5, t6, T::ZERO],
+            [
+                motion.alpha2.ddot,
+                T::ZERO,
+                motion.alpha2.dot,
+                T::ZERO,
+                T::ZERO,
+                motion.alpha2.ddot - t4 * motion.th1.dot,
+                -(t3 * motion.th1.ddot),
+                -(T::from_f64(9.8) * t2),
+            ],
+        ],
+    )
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate

@@ -253,20 +253,12 @@ pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> (Inputs<T>, [[T; 4]; 1]) {
-    let mut matrix = [[T::ZERO; 4]; 1];
-    // u, m
-    matrix[0][0] = motion.y.ddot;
-    // u, d
-    matrix[0][1] = motion.y.dot;
-    // u, k1
-    matrix[0][2] = motion.y.value;
     // u, k3
     let t0 = motion.y.value * motion.y.value * motion.y.value;
-    matrix[0][3] = t0;
     // u
     let v0 = motion.y.ddot * parameters.m + motion.y.dot * parameters.d
         + motion.y.value * parameters.k1 + t0 * parameters.k3;
-    (Inputs { u: v0 }, matrix)
+    (Inputs { u: v0 }, [[motion.y.ddot, motion.y.dot, motion.y.value, t0]])
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate

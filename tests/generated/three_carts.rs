@@ -589,48 +589,29 @@ pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> (Inputs<T>, [[T; 14]; 1]) {
-    let mut matrix = [[T::ZERO; 14]; 1];
-    // F, c1
-    matrix[0][0] = motion.x3.der6;
-    // F, c2
-    matrix[0][1] = motion.x3.der4;
     // F, c3
     let t0 = motion.x3.value * motion.x3.ddot * motion.x3.der4;
-    matrix[0][2] = t0;
     // F, c4
     let t1 = motion.x3.ddot * motion.x3.ddot;
     let t2 = motion.x3.der4 * t1;
-    matrix[0][3] = t2;
     // F, c5
     let t3 = motion.x3.value * motion.x3.value;
     let t4 = motion.x3.der4 * t3;
-    matrix[0][4] = t4;
     // F, c6
     let t5 = motion.x3.der4 * motion.x3.der4;
     let t6 = motion.x3.ddot * t5;
-    matrix[0][5] = t6;
     // F, c7
     let t7 = motion.x3.value * t5;
-    matrix[0][6] = t7;
     // F, c8
     let t8 = t5 * motion.x3.der4;
-    matrix[0][7] = t8;
-    // F, c9
-    matrix[0][8] = motion.x3.ddot;
     // F, c10
     let t9 = motion.x3.ddot * t3;
-    matrix[0][9] = t9;
     // F, c11
     let t10 = motion.x3.value * t1;
-    matrix[0][10] = t10;
     // F, c12
     let t11 = t1 * motion.x3.ddot;
-    matrix[0][11] = t11;
-    // F, c13
-    matrix[0][12] = motion.x3.value;
     // F, c14
     let t12 = t3 * motion.x3.value;
-    matrix[0][13] = t12;
     // F
     let t13 = motion.x3.der6 * parameters.c1 + motion.x3.der4 * parameters.c2
         + t0 * parameters.c3 + t2 * parameters.c4 + t4 * parameters.c5
@@ -638,7 +619,27 @@ pub fn feed_forward_with_regressor<T: Real>(
     let v0 = t13 + motion.x3.ddot * parameters.c9 + t9 * parameters.c10
         + t10 * parameters.c11 + t11 * parameters.c12 + motion.x3.value * parameters.c13
         + t12 * parameters.c14;
-    (Inputs { F: v0 }, matrix)
+    (
+        Inputs { F: v0 },
+        [
+            [
+                motion.x3.der6,
+                motion.x3.der4,
+                t0,
+                t2,
+                t4,
+                t6,
+                t7,
+                t8,
+                motion.x3.ddot,
+                t9,
+                t10,
+                t11,
+                motion.x3.value,
+                t12,
+            ],
+        ],
+    )
 }
 
 /// Amplitudes and frequency of the trajectory pattern

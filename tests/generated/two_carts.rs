@@ -401,32 +401,24 @@ pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> (Inputs<T>, [[T; 7]; 1]) {
-    let mut matrix = [[T::ZERO; 7]; 1];
-    // F, c1
-    matrix[0][0] = motion.x2.der4;
-    // F, c2
-    matrix[0][1] = motion.x2.ddot;
     // F, c3
     let t0 = motion.x2.value * motion.x2.value;
     let t1 = motion.x2.ddot * t0;
-    matrix[0][2] = t1;
     // F, c4
     let t2 = motion.x2.ddot * motion.x2.ddot;
     let t3 = motion.x2.value * t2;
-    matrix[0][3] = t3;
     // F, c5
     let t4 = t2 * motion.x2.ddot;
-    matrix[0][4] = t4;
-    // F, c6
-    matrix[0][5] = motion.x2.value;
     // F, c7
     let t5 = t0 * motion.x2.value;
-    matrix[0][6] = t5;
     // F
     let v0 = motion.x2.der4 * parameters.c1 + motion.x2.ddot * parameters.c2
         + t1 * parameters.c3 + t3 * parameters.c4 + t4 * parameters.c5
         + motion.x2.value * parameters.c6 + t5 * parameters.c7;
-    (Inputs { F: v0 }, matrix)
+    (
+        Inputs { F: v0 },
+        [[motion.x2.der4, motion.x2.ddot, t1, t3, t4, motion.x2.value, t5]],
+    )
 }
 
 /// Amplitudes and frequency of the trajectory pattern

@@ -375,24 +375,20 @@ pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> (Inputs<T>, [[T; 3]; 2]) {
-    let mut matrix = [[T::ZERO; 3]; 2];
-    // F, M_plus_m
-    matrix[0][0] = motion.x.ddot;
     // F, m_L
     let t0 = motion.theta.value.cos();
     let t1 = t0 * motion.theta.ddot
         - motion.theta.dot * motion.theta.dot * motion.theta.value.sin();
-    matrix[0][1] = t1;
     // F
     let v0 = motion.x.ddot * parameters.M_plus_m + t1 * parameters.m_L;
     // tau, m_L
     let t2 = t0 * motion.x.ddot;
-    matrix[1][1] = t2;
-    // tau, m_L_2
-    matrix[1][2] = motion.theta.ddot;
     // tau
     let v1 = t2 * parameters.m_L + motion.theta.ddot * parameters.m_L_2;
-    (Inputs { F: v0, tau: v1 }, matrix)
+    (
+        Inputs { F: v0, tau: v1 },
+        [[motion.x.ddot, t1, T::ZERO], [T::ZERO, t2, motion.theta.ddot]],
+    )
 }
 
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate

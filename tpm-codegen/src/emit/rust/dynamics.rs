@@ -479,24 +479,32 @@ fn feed_forward_with_regressor(context: &Context<'_>) -> TokenStream {
         return TokenStream::new();
     };
     let (about, arguments) = (doc(&about), arguments(context, reads, true));
-    let (rows, columns) = (count(context.names.rows.len()), count(context.names.columns.len()));
+    let (rows, columns) = (context.names.rows.len(), context.names.columns.len());
     let (_, fields) = input_fields(context);
     let values = locals(fields.len());
     let owner = ident("self");
     let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
-    let body = stores(context, &statements, &writer, &values);
-    let changed = if statements.iter().any(|step| matches!(step, Statement::Store(Place::Entry(..), _))) {
-        quote!(mut)
-    } else {
-        quote!()
-    };
+    // As one expression: a matrix that is first filled with zeros keeps compilers from packing stores and sums well.
+    let mut matrix = vec![vec![quote!(T::ZERO); columns]; rows];
+    let mut steps: Vec<Statement> = Vec::new();
+    for statement in statements {
+        match statement {
+            Statement::Store(Place::Entry(row, column), value) => {
+                matrix[row][column] = writer.expression(&value);
+                // What an entry is called stays where something is computed for it.
+                steps.pop_if(|step| matches!(step, Statement::Comment(_)));
+            }
+            step => steps.push(step),
+        }
+    }
+    let body = stores(context, &steps, &writer, &values);
+    let (rows, columns) = (count(rows), count(columns));
     quote! {
         #about
         #[must_use]
         pub fn feed_forward_with_regressor<T: Real>(#arguments) -> (Inputs<T>, [[T; #columns]; #rows]) {
-            let #changed matrix = [[T::ZERO; #columns]; #rows];
             #body
-            (Inputs { #(#fields: #values),* }, matrix)
+            (Inputs { #(#fields: #values),* }, [#([#(#matrix),*]),*])
         }
     }
 }

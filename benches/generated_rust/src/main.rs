@@ -1,8 +1,10 @@
-//! Sixteen harmonics of a signal, and a whole control step, generated and by hand: `control_step harmonics|step hand|generated
-//! SAMPLES` prints nanoseconds a sample of processor time and a checksum.
+//! Generated code and the same by hand: `generated_rust slider|arm|harmonics|step hand|generated CALLS` prints nanoseconds a call of
+//! processor time and a checksum.
 
+// `../../src/by_hand.rs`, and files as `tpm generate --lang rust` writes them: `run` puts them beside a copy of this file.
 mod by_hand;
-// As `tpm generate --lang rust` writes them; `run` puts them beside a copy of this file.
+#[allow(dead_code)]
+mod closed_loop_arm;
 #[allow(dead_code)]
 mod mass_spring_drag;
 #[allow(dead_code)]
@@ -97,6 +99,40 @@ fn harmonics_generated(samples: usize) -> (f64, f64) {
     (elapsed, harmonics.iter().sum::<f64>() * samples as f64 / 2.0)
 }
 
+/// Calls of a function of fixed arguments that the compiler knows nothing of; the checksum is that of one result.
+fn calls<R>(count: usize, function: impl Fn() -> R, sum: impl Fn(&R) -> f64) -> (f64, f64) {
+    let start = processor_seconds();
+    for _ in 0..count {
+        black_box(function());
+    }
+    (processor_seconds() - start, sum(&function()))
+}
+
+fn slider(kind: &str, count: usize) -> (f64, f64) {
+    use mass_spring_drag::{Motion, Parameters, feed_forward_with_regressor};
+    let (motion, theta) = ([0.3, -0.7, 1.1], [2.0, 40.0, 1.5]);
+    if kind == "hand" {
+        let function = || by_hand::slider(black_box(&motion), black_box(&theta));
+        return calls(count, function, |(u, phi)| u + phi.iter().sum::<f64>());
+    }
+    let (motion, theta) = (Motion::from_array(&motion), Parameters::from_array(theta));
+    let function = || feed_forward_with_regressor(black_box(&motion), black_box(&theta));
+    calls(count, function, |(forces, phi)| forces.u + phi.as_flattened().iter().sum::<f64>())
+}
+
+fn arm(kind: &str, count: usize) -> (f64, f64) {
+    use closed_loop_arm::{Constants, Motion, Parameters, feed_forward_with_regressor};
+    let (motion, theta, constants) = by_hand::arm_inputs();
+    if kind == "hand" {
+        let function = || by_hand::arm(black_box(&motion), black_box(&theta), black_box(&constants));
+        return calls(count, function, |(tau, phi)| tau[0] + tau[1] + phi.as_flattened().iter().sum::<f64>());
+    }
+    let motion = Motion::from_array(&motion);
+    let (theta, constants) = (Parameters::from_array(theta), Constants::from_array(constants));
+    let function = || feed_forward_with_regressor(black_box(&motion), black_box(&theta), black_box(&constants));
+    calls(count, function, |(tau, phi)| tau.tau1 + tau.tau2 + phi.as_flattened().iter().sum::<f64>())
+}
+
 fn main() {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let samples: usize = words[2].parse().expect("a number of samples");
@@ -105,7 +141,9 @@ fn main() {
         ("harmonics", "generated") => harmonics_generated(samples),
         ("step", "hand") => step_of_hand(samples),
         ("step", "generated") => step_generated(samples),
-        _ => panic!("harmonics|step hand|generated SAMPLES"),
+        ("slider", kind) => slider(kind, samples),
+        ("arm", kind) => arm(kind, samples),
+        _ => panic!("slider|arm|harmonics|step hand|generated CALLS"),
     };
     println!("{:.3} {:.8e}", elapsed * 1e9 / samples as f64, black_box(sum));
 }
