@@ -56,6 +56,8 @@
 //! Units stand in brackets and are optional ([`language::unit`] lists them). Every term of an equation must have the unit of its
 //! right-hand side; mm against m is an error that names the factor. A quantity without a unit is not checked.
 
+#[cfg(feature = "generate")]
+pub mod build;
 pub mod diagnostic;
 pub mod emit;
 #[cfg(feature = "generate")]

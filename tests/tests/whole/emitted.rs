@@ -606,6 +606,16 @@ fn a_generated_file_is_the_macros_code() {
 }
 
 #[test]
+fn a_build_script_makes_the_same_module() {
+    use crate::built::mass_spring_drag as built;
+    use models::mass_spring_drag as code;
+    let (ours, theirs) = (built::Pattern { lambda: 0.3, w: 2.0 }, code::Pattern { lambda: 0.3, w: 2.0 });
+    assert_eq!(ours.estimator_matrix(), theirs.estimator_matrix());
+    assert_eq!(ours.reference(0.4).into_array(), theirs.reference(0.4).into_array());
+    assert_eq!(built::MODEL_HASH, code::MODEL_HASH);
+}
+
+#[test]
 fn feed_forward_is_the_input_of_the_equation() {
     use models::mass_spring_drag::{Parameters, Pattern, feed_forward, inverse_dynamics};
     let pattern = Pattern { lambda: 0.5_f64, w: 2.0 };

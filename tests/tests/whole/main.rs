@@ -1,6 +1,11 @@
 //! Tests of the whole, one binary: what no single crate can show.
 
 mod arm;
+// What the build script made.
+#[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]
+mod built {
+    include!(concat!(env!("OUT_DIR"), "/mass_spring_drag.rs"));
+}
 mod campaign;
 mod chain;
 mod emitted;

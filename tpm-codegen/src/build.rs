@@ -1,0 +1,111 @@
+//! Source files made by a build script: what [`generate`] gives, written into the folder that cargo sets aside.
+//!
+//! ```no_run
+//! // build.rs, with `tpm-codegen` under [build-dependencies]
+//! use tpm_codegen::build::{self, BuildError};
+//! use tpm_codegen::generate::Language;
+//!
+//! fn main() -> Result<(), BuildError> {
+//!     build::model("models/slider.tpm", Language::Rust).map(drop)
+//! }
+//! ```
+//!
+//! The crate then has the module of the model, over `core` and the crate `libm` alone:
+//!
+//! ```text
+//! include!(concat!(env!("OUT_DIR"), "/slider.rs"));
+//! ```
+//!
+//! With [`Language::C`] the header and the source go there, for the crate `cc` to compile.
+
+use crate::diagnostic::Diagnostics;
+use crate::emit::estimator::{EmitError, Estimator};
+use crate::generate::{File, Language, Options, generate};
+use crate::language::parse_model;
+use crate::source::Source;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why a build script got no source.
+#[derive(Error)]
+pub enum BuildError {
+    /// There is no folder to write to.
+    #[error("OUT_DIR is not set: call this from a build script that cargo runs, or `write` with a folder of your own")]
+    NoFolder,
+    /// The model could not be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Faults of the model, rendered with their places.
+    #[error("{0}")]
+    Model(String),
+    /// The language cannot hold it.
+    #[error(transparent)]
+    Emit(#[from] EmitError),
+    /// A file could not be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+}
+
+/// What a build script shows that returns it from `main`.
+impl fmt::Debug for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// Writes the source of a model file into `OUT_DIR`, has cargo run the build script again when the model changes, and returns the
+/// paths of what was written.
+///
+/// # Errors
+/// [`BuildError`] when the model cannot be read or has faults, or a file cannot be written.
+#[expect(clippy::print_stdout, reason = "build scripts speak to cargo through their output")]
+pub fn model(path: impl AsRef<Path>, language: Language) -> Result<Vec<PathBuf>, BuildError> {
+    let folder = std::env::var_os("OUT_DIR").ok_or(BuildError::NoFolder)?;
+    println!("cargo::rerun-if-changed={}", path.as_ref().display());
+    write(path.as_ref(), &Options::new(language, "tpm_codegen::build"), Path::new(&folder))
+}
+
+/// The same with all options, into a folder that exists. Rust is wrapped into its module, so that it can be included.
+///
+/// # Errors
+/// [`BuildError`] when the model cannot be read or has faults, or a file cannot be written.
+pub fn write(path: &Path, options: &Options<'_>, folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
+    let bytes = std::fs::read(path).map_err(|source| BuildError::Read { path: path.to_owned(), source })?;
+    let source = Source::from_bytes(path.display().to_string(), bytes);
+    let faults = |diagnostics: &Diagnostics| BuildError::Model(diagnostics.render(&source));
+    let parsed = parse_model(&source).map_err(|diagnostics| faults(&diagnostics))?;
+    let estimator = Estimator::of(&parsed).map_err(|diagnostic| faults(&Diagnostics::from_iter([diagnostic])))?;
+    let files = generate(&estimator, options)?;
+    files.into_iter().map(|file| place(&included(file, options.language), folder)).collect()
+}
+
+/// Inner attributes may stand at the head of a module, but not of what is included.
+fn included(file: File, language: Language) -> File {
+    match (language, file.name.strip_suffix(".rs")) {
+        (Language::Rust, Some(module)) => {
+            let raw = if syn::parse_str::<syn::Ident>(module).is_ok() { "" } else { "r#" };
+            File { text: format!("pub mod {raw}{module} {{\n{}}}\n", file.text), name: file.name }
+        }
+        _ => file,
+    }
+}
+
+/// By way of a file beside it, so that no build sees half of one.
+fn place(file: &File, folder: &Path) -> Result<PathBuf, BuildError> {
+    let (path, beside) = (folder.join(&file.name), folder.join(format!(".{}.new", file.name)));
+    std::fs::write(&beside, &file.text)
+        .and_then(|()| std::fs::rename(&beside, &path))
+        .map_err(|source| BuildError::Write { path: path.clone(), source })?;
+    Ok(path)
+}
