@@ -20,6 +20,7 @@
 
 use crate::diagnostic::Diagnostics;
 use crate::emit::estimator::{EmitError, Estimator};
+use crate::emit::rust;
 use crate::generate::{File, Language, Options, generate};
 use crate::language::parse_model;
 use crate::source::Source;
@@ -86,19 +87,13 @@ pub fn write(path: &Path, options: &Options<'_>, folder: &Path) -> Result<Vec<Pa
     let faults = |diagnostics: &Diagnostics| BuildError::Model(diagnostics.render(&source));
     let parsed = parse_model(&source).map_err(|diagnostics| faults(&diagnostics))?;
     let estimator = Estimator::of(&parsed).map_err(|diagnostic| faults(&Diagnostics::from_iter([diagnostic])))?;
-    let files = generate(&estimator, options)?;
-    files.into_iter().map(|file| place(&included(file, options.language), folder)).collect()
-}
-
-/// Inner attributes may stand at the head of a module, but not of what is included.
-fn included(file: File, language: Language) -> File {
-    match (language, file.name.strip_suffix(".rs")) {
-        (Language::Rust, Some(module)) => {
-            let raw = if syn::parse_str::<syn::Ident>(module).is_ok() { "" } else { "r#" };
-            File { text: format!("pub mod {raw}{module} {{\n{}}}\n", file.text), name: file.name }
-        }
-        _ => file,
+    let mut files = generate(&estimator, options)?;
+    if options.language == Language::Rust {
+        // Inner attributes may stand at the head of a module, but not of what is included.
+        let module = rust::module_name(&estimator);
+        files.iter_mut().for_each(|file| file.text = format!("pub mod {module} {{\n{}}}\n", file.text));
     }
+    files.iter().map(|file| place(file, folder)).collect()
 }
 
 /// By way of a file beside it, so that no build sees half of one.

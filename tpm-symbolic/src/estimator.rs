@@ -2,8 +2,8 @@
 //!
 //! Invariants of [`EstimatorPlan`]: the leaves of its plans are derivatives of the evaluation's coordinates, symbols of the
 //! model, and the virtual symbols of [`Leaves`] (one per column, cosine and sine of the pattern's phase, and one signal per
-//! equation), which stand behind the model's own; no plan has an operation that no output needs. Emitters print these plans and decide no
-//! mathematics.
+//! equation), which stand behind the model's own; no plan has an operation that no output needs. Emitters print these plans
+//! and decide no mathematics.
 
 use crate::evaluation::Evaluation;
 use crate::expand::{ExpandError, expand};
@@ -572,14 +572,15 @@ impl Bank {
     fn plan(leaves: Leaves, rows: &[TableRow], carried: &BTreeSet<usize>) -> Plan {
         let mut bank = Self { merger: Merger::default(), leaves, known: BTreeMap::new() };
         let add = |&(equation, harmonic, function): &TableRow| {
-            let through = carried.contains(&equation).then_some(equation);
+            // A mean is the signal itself.
+            let through = (harmonic == 0 || carried.contains(&equation)).then_some(equation);
             let (cos, sin) = bank.at(through, harmonic);
             let base = if function == Trig::Cos { cos } else { sin };
             if through.is_some() {
                 return base;
             }
             let signal = bank.signal(equation);
-            if harmonic == 0 { signal } else { bank.merger.emit(Op::Mul(signal, base)) }
+            bank.merger.emit(Op::Mul(signal, base))
         };
         let outputs = rows.iter().map(add).collect();
         bank.merger.finish(outputs)
@@ -601,10 +602,6 @@ impl Bank {
         }
         let known = |k: usize| self.known.get(&(signal, k)).copied();
         let pair = match (signal, harmonic) {
-            (None, 0) => {
-                let [one, zero] = [1, 0].map(|value| self.merger.emit(Op::Constant(rational::integer(value))));
-                (one, zero)
-            }
             (None, 1) => {
                 [self.leaves.cos(), self.leaves.sin()].map(|leaf| self.merger.load(&Node::Symbol(leaf))).into()
             }

@@ -552,9 +552,12 @@ pub(super) fn storage(table: &TablePlan) -> Vec<usize> {
     places
 }
 
-/// What a sample adds to the sum of every row.
+/// What a sample adds to every sum, in the order of [`storage`].
 pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Statement>, Vec<Expression>) {
     let (statements, addends) = Reader::new(&table.bank).outputs();
+    let mut placed: Vec<(usize, Expression)> = storage(table).into_iter().zip(addends).collect();
+    placed.sort_by_key(|(place, _)| *place);
+    let addends = placed.into_iter().map(|(_, addend)| addend).collect();
     (Reads::of(estimator, &table.bank), statements, addends)
 }
 

@@ -208,10 +208,10 @@ pub fn items(estimator: &Estimator, options: &Options<'_>, extra: &TokenStream) 
     }
 }
 
-/// The name of the module and of the file, without its extension.
+/// The name of the module, raw where it is a keyword; without `r#` that of the file.
 #[must_use]
 pub fn module_name(estimator: &Estimator) -> String {
-    names::ident(&super::name::snake(&estimator.model.name)).to_string()
+    names::names(estimator).module.to_string()
 }
 
 /// A whole source file.

@@ -13,7 +13,7 @@
 use super::along::Along;
 use super::measured_motion::{MeasuredMotion, analyse, synthesise};
 use super::select::strongest;
-use super::{EstimateError, Run};
+use super::{EstimateError, ROUNDING, Run};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, Model};
 use nalgebra::{Complex, DMatrix, DVector};
@@ -43,8 +43,6 @@ const NEGLIGIBLE: f64 = 1e-4;
 const TOGETHER: f64 = 1.94;
 /// Least standard deviation of a shift of a mean as a share of it.
 const SHIFT_UNCERTAINTY: f64 = 0.02;
-/// Power of noise below the square of this share of a signal's strongest line is rounding.
-const ROUNDING: f64 = 1e-9;
 
 /// The estimates from all records before the last one is refined.
 pub(super) type First<'a> = dyn FnMut(&mut [MeasuredMotion]) -> Result<Vec<f64>, EstimateError> + 'a;

@@ -14,7 +14,7 @@
 //! theta for all three when the machine obeys the model, since J is multiplied by an error that then vanishes.
 
 use super::along::Along;
-use super::{Equations, EstimateError};
+use super::{Equations, EstimateError, ROUNDING};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::Dims;
 use crate::procedure::Trial;
@@ -22,9 +22,6 @@ use nalgebra::{Complex, DMatrix};
 use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
-
-/// An error below this share of the largest harmonic is rounding, not noise that could be weighed.
-const ROUNDING: f64 = 1e-9;
 
 /// How much of the rows' dependence on the error is taken into account.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -87,6 +87,9 @@ pub struct Estimate {
     pub model_error: Vec<f64>,
 }
 
+/// An error, or noise, below this share of a signal's largest harmonic is rounding, not noise that could be weighed.
+const ROUNDING: f64 = 1e-9;
+
 /// A residual above this share of the force is flagged: what was fitted is no result.
 pub const LARGE_RESIDUAL: f64 = 0.2;
 

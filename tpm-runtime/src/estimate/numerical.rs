@@ -8,7 +8,7 @@
 use super::along::Along;
 use super::estimator::{Pool, highest_harmonic, pool_run};
 use super::first_order::error_lines;
-use super::{Equations, Estimate, EstimateError, Estimator, Run, Settings};
+use super::{Equations, Estimate, EstimateError, Estimator, ROUNDING, Run, Settings};
 use crate::model::Model;
 use crate::trajectory::Trajectory;
 use nalgebra::Complex;
@@ -19,8 +19,6 @@ use std::vec::Vec;
 const PERTURBATION: f64 = 0.5;
 /// An entry of the table below this share of its column's largest is zero but for rounding.
 const ZERO: f64 = 1e-9;
-/// An error below this share of the largest harmonic is rounding.
-const ROUNDING: f64 = 1e-9;
 
 /// How `numerical` uses its matrix.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -239,9 +239,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let mut body = statement(1, &format!("const {} now = *sample;", context.global("forces")));
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
     let storage = function::storage(table);
-    let mut addends: Vec<_> = addends.iter().zip(&storage).collect();
-    addends.sort_by_key(|(_, place)| **place);
-    for (addend, place) in addends {
+    for (place, addend) in addends.iter().enumerate() {
         let addend = writer.at(addend, Level::Sum);
         body.push_str(&statement(1, &format!("accumulator->sums[{place}] += {addend};")));
     }

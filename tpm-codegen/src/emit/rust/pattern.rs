@@ -485,10 +485,8 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     let sin = ident(if reads.sin { "sin" } else { "_sin" });
     let storage = function::storage(table);
     let stored: Vec<&Ident> = storage.iter().map(|&place| &locals[place]).collect();
-    let mut addends: Vec<_> = addends.iter().zip(&storage).collect();
-    addends.sort_by_key(|(_, place)| **place);
-    let sums = addends.into_iter().map(|(addend, &place)| {
-        let (sum, addend) = (&locals[place], writer.at(addend, Level::Sum));
+    let sums = addends.iter().zip(&locals).map(|(addend, sum)| {
+        let addend = writer.at(addend, Level::Sum);
         quote!(*#sum += #addend;)
     });
     let scaled = table.rows.iter().zip(&stored).map(|(&(_, harmonic, _), local)| match harmonic {
