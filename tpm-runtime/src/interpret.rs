@@ -3,13 +3,17 @@
 //! Invariant: the operations are those of [`tpm_symbolic::evaluation::Evaluation`], in the same order and with one
 //! rounding each, so that the numbers are those of the emitted code.
 
-use crate::model::{Buffer, Dims, EvalError, Label, Model, require_len, split_workspace};
+use crate::linear;
+use crate::model::{
+    Buffer, Dims, EvalError, Label, Model, difference_workspace_len, forward_by_differences, require_forward,
+    require_len, split_workspace,
+};
 use crate::real::Real;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
 use tpm_symbolic::evaluation::Evaluation;
-use tpm_symbolic::expr::{Function, Node};
+use tpm_symbolic::expr::{Function, Node, Symbol};
 use tpm_symbolic::model::Model as Declared;
 use tpm_symbolic::plan::{Op, Plan};
 use tpm_symbolic::rational;
@@ -37,6 +41,8 @@ enum Step {
     Constant(f64),
     Motion(usize),
     RunTimeConstant(usize),
+    Parameter(usize),
+    Input(usize),
     Add(usize, usize),
     Sub(usize, usize),
     Mul(usize, usize),
@@ -44,6 +50,15 @@ enum Step {
     Neg(usize),
     Function(Function, usize),
     Atan2(usize, usize),
+}
+
+/// What the leaves of a plan are read from.
+#[derive(Clone, Copy, Debug, Default)]
+struct Leaves<'a> {
+    motion: &'a [f64],
+    constants: &'a [f64],
+    parameters: &'a [f64],
+    inputs: &'a [f64],
 }
 
 /// A plan with its constants rounded and its leaves resolved to places in the caller's slices.
@@ -56,19 +71,22 @@ struct Program {
 }
 
 impl Program {
-    fn new(plan: &Plan, evaluation: &Evaluation) -> Self {
+    /// `parameters` are the symbols that stand for the unknown parameters, where a plan reads any.
+    fn new(plan: &Plan, evaluation: &Evaluation, parameters: &[Symbol]) -> Self {
         let count = evaluation.coordinates.len();
-        let load = |index: u32| match &plan.inputs[index as usize] {
+        let at = |symbols: &[Symbol], symbol: Symbol| symbols.iter().position(|present| *present == symbol);
+        let load = |index: u32| match plan.inputs[index as usize] {
             Node::Derivative(coordinate, order) => {
-                let position = evaluation.coordinates.iter().position(|(present, _)| present == coordinate);
+                let position = evaluation.coordinates.iter().position(|(present, _)| *present == coordinate);
                 Step::Motion(
-                    *order as usize * count + position.expect("invariant: the evaluation lists its coordinates"),
+                    order as usize * count + position.expect("invariant: the evaluation lists its coordinates"),
                 )
             }
-            Node::Symbol(symbol) => {
-                let position = evaluation.constants.iter().position(|present| present == symbol);
-                Step::RunTimeConstant(position.expect("invariant: the evaluation lists its constants"))
-            }
+            Node::Symbol(symbol) => at(&evaluation.constants, symbol)
+                .map(Step::RunTimeConstant)
+                .or_else(|| at(parameters, symbol).map(Step::Parameter))
+                .or_else(|| at(&evaluation.inputs, symbol).map(Step::Input))
+                .expect("invariant: the evaluation lists its constants and inputs"),
             _ => unreachable!("invariant: a plan loads leaves only"),
         };
         let steps = plan.ops.iter().map(|op| match op {
@@ -85,15 +103,15 @@ impl Program {
         });
         let outputs = plan.outputs.iter().map(|slot| slot.index()).collect();
         let mut program = Self { steps: steps.collect(), outputs, fixed: None };
-        if !program.steps.iter().any(|step| matches!(step, Step::Motion(_) | Step::RunTimeConstant(_))) {
+        if plan.inputs.is_empty() {
             let mut results = vec![0.0; program.outputs.len()];
-            program.run(&[], &[], &mut vec![0.0; program.steps.len()], &mut results);
+            program.run(Leaves::default(), &mut vec![0.0; program.steps.len()], &mut results);
             program.fixed = Some(results);
         }
         program
     }
 
-    fn run(&self, motion: &[f64], constants: &[f64], workspace: &mut [f64], out: &mut [f64]) {
+    fn run(&self, leaves: Leaves<'_>, workspace: &mut [f64], out: &mut [f64]) {
         if let Some(fixed) = &self.fixed {
             for (result, &value) in out.iter_mut().zip(fixed) {
                 *result = value;
@@ -103,8 +121,10 @@ impl Program {
         for (i, step) in self.steps.iter().enumerate() {
             workspace[i] = match *step {
                 Step::Constant(value) => value,
-                Step::Motion(index) => motion[index],
-                Step::RunTimeConstant(index) => constants[index],
+                Step::Motion(index) => leaves.motion[index],
+                Step::RunTimeConstant(index) => leaves.constants[index],
+                Step::Parameter(index) => leaves.parameters[index],
+                Step::Input(index) => leaves.inputs[index],
                 Step::Add(a, b) => workspace[a] + workspace[b],
                 Step::Sub(a, b) => workspace[a] - workspace[b],
                 Step::Mul(a, b) => workspace[a] * workspace[b],
@@ -150,18 +170,20 @@ pub struct Interpreted {
     regressor: Program,
     known: Program,
     input_map: Program,
+    /// The matrix of the highest derivatives, then the right-hand side; nothing where the rows are not affine in them.
+    dynamics: Option<Program>,
 }
 
 impl Interpreted {
     /// Makes the model runnable; `form` is the regressor form of `model`.
     #[must_use]
     pub fn new(model: &Declared, form: &RegressorForm) -> Self {
-        let evaluation = Evaluation::new(model, form);
+        let (evaluation, dynamics) = Evaluation::with_dynamics(model, form);
         let name = |name: &str, unit: Option<&tpm_symbolic::unit::Unit>| Name {
             name: name.to_string(),
             unit: unit.map(ToString::to_string),
         };
-        let quantity = |symbol: &tpm_symbolic::expr::Symbol| {
+        let quantity = |symbol: &Symbol| {
             let quantity = model.quantity(*symbol);
             name(&quantity.name, quantity.unit.as_ref())
         };
@@ -185,7 +207,8 @@ impl Interpreted {
             })
             .collect();
         let [regressor, known, input_map] = [&evaluation.regressor, &evaluation.known, &evaluation.input_map]
-            .map(|plan| Program::new(plan, &evaluation));
+            .map(|plan| Program::new(plan, &evaluation, &[]));
+        let dynamics = dynamics.map(|dynamics| Program::new(&dynamics.plan, &evaluation, &dynamics.parameters));
         let workspace_len = [&regressor, &known, &input_map].map(|program| program.steps.len()).into_iter().max();
         Self {
             name: model.name.clone(),
@@ -207,6 +230,7 @@ impl Interpreted {
             regressor,
             known,
             input_map,
+            dynamics,
         }
     }
 
@@ -222,7 +246,7 @@ impl Interpreted {
         require_len(Buffer::Constants, constants.len(), self.dims.constants)?;
         require_len(Buffer::Output, out.len(), program.outputs.len())?;
         let (scratch, _) = split_workspace(workspace, self.workspace_len)?;
-        program.run(motion, constants, scratch, out);
+        program.run(Leaves { motion, constants, ..Leaves::default() }, scratch, out);
         Ok(())
     }
 }
@@ -296,6 +320,37 @@ impl Model<f64> for Interpreted {
         out: &mut [f64],
     ) -> Result<(), EvalError> {
         self.run(&self.input_map, motion, constants, workspace, out)
+    }
+
+    fn forward_workspace_len(&self) -> usize {
+        self.dynamics
+            .as_ref()
+            .map_or_else(|| difference_workspace_len(self), |program| program.steps.len() + program.outputs.len())
+    }
+
+    fn forward_dynamics(
+        &self,
+        motion: &mut [f64],
+        parameters: &[f64],
+        constants: &[f64],
+        inputs: &[f64],
+        workspace: &mut [f64],
+    ) -> Result<(), EvalError> {
+        let Some(program) = &self.dynamics else {
+            return forward_by_differences(self, motion, parameters, constants, inputs, workspace);
+        };
+        let n = self.dims.coordinates;
+        require_forward(self.dims, motion, parameters, inputs)?;
+        require_len(Buffer::Constants, constants.len(), self.dims.constants)?;
+        let (scratch, rest) = split_workspace(workspace, program.steps.len())?;
+        let (results, _) = split_workspace(rest, program.outputs.len())?;
+        program.run(Leaves { motion, constants, parameters, inputs }, scratch, results);
+        let (matrix, right) = results.split_at_mut(n * n);
+        linear::solve_in_place(matrix, right).map_err(|coordinate| EvalError::Singular { coordinate })?;
+        for (c, (&order, &value)) in self.orders.iter().zip(&*right).enumerate() {
+            motion[order * n + c] = value;
+        }
+        Ok(())
     }
 }
 

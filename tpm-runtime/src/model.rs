@@ -255,16 +255,14 @@ pub trait Model<T: Real>: Send + Sync {
 
     /// Entries of workspace that [`forward_dynamics`](Model::forward_dynamics) needs.
     fn forward_workspace_len(&self) -> usize {
-        let dims = self.dims();
-        self.workspace_len() + 2 * dims.regressor_len() + dims.input_map_len() + dims.rows * (dims.coordinates + 2)
+        difference_workspace_len(self)
     }
 
     /// Solves the rows for the highest derivative of every coordinate and writes them into their slots of `motion`.
     ///
     /// `motion` holds the lower derivatives on entry; the slots of the highest ones may hold anything. The rows must be
     /// affine in them, as equations of motion are, and the input map and `known`'s other factors must not depend on them.
-    /// The matrix of the highest derivatives is read off regressors at zero and unit values: differences are taken per
-    /// column, before the parameters enter, so that a small mass beside a large spring force loses no digits.
+    /// Unless a model has the matrix of the highest derivatives at hand, it is read off regressors at zero and unit values.
     ///
     /// # Errors
     /// [`EvalError::NotSquare`], [`EvalError::Singular`], [`EvalError::Length`].
@@ -276,59 +274,86 @@ pub trait Model<T: Real>: Send + Sync {
         inputs: &[T],
         workspace: &mut [T],
     ) -> Result<(), EvalError> {
-        let dims = self.dims();
-        if dims.rows != dims.coordinates {
-            return Err(EvalError::NotSquare { rows: dims.rows, coordinates: dims.coordinates });
-        }
-        require_len(Buffer::Motion, motion.len(), dims.motion_len())?;
-        require_len(Buffer::Parameters, parameters.len(), dims.parameters)?;
-        require_len(Buffer::Inputs, inputs.len(), dims.inputs)?;
-        let n = dims.coordinates;
-        let (scratch, rest) = split_workspace(workspace, self.workspace_len())?;
-        let (phi_zero, rest) = split_workspace(rest, dims.regressor_len())?;
-        let (phi_unit, rest) = split_workspace(rest, dims.regressor_len())?;
-        let (map, rest) = split_workspace(rest, dims.input_map_len())?;
-        let (matrix, rest) = split_workspace(rest, n * n)?;
-        let (known_unit, rest) = split_workspace(rest, n)?;
-        let (right, _) = split_workspace(rest, n)?;
-
-        for c in 0..n {
-            motion[self.coordinate_order(c) * n + c] = T::ZERO;
-        }
-        self.regressor(motion, constants, scratch, phi_zero)?;
-        self.known(motion, constants, scratch, right)?;
-        for c in 0..n {
-            let slot = self.coordinate_order(c) * n + c;
-            motion[slot] = T::ONE;
-            self.regressor(motion, constants, scratch, phi_unit)?;
-            self.known(motion, constants, scratch, known_unit)?;
-            motion[slot] = T::ZERO;
-            for r in 0..n {
-                let mut entry = known_unit[r] - right[r];
-                for (j, &value) in parameters.iter().enumerate() {
-                    let at = r * dims.parameters + j;
-                    entry += (phi_unit[at] - phi_zero[at]) * value;
-                }
-                matrix[r * n + c] = entry;
-            }
-        }
-        self.input_map(motion, constants, scratch, map)?;
-        for r in 0..n {
-            let mut sum = -right[r];
-            for (j, &value) in parameters.iter().enumerate() {
-                sum -= phi_zero[r * dims.parameters + j] * value;
-            }
-            for (j, &value) in inputs.iter().enumerate() {
-                sum += map[r * dims.inputs + j] * value;
-            }
-            right[r] = sum;
-        }
-        linear::solve_in_place(matrix, right).map_err(|coordinate| EvalError::Singular { coordinate })?;
-        for c in 0..n {
-            motion[self.coordinate_order(c) * n + c] = right[c];
-        }
-        Ok(())
+        forward_by_differences(self, motion, parameters, constants, inputs, workspace)
     }
+}
+
+/// Entries of workspace that [`forward_by_differences`] needs.
+pub(crate) fn difference_workspace_len<T: Real, M: Model<T> + ?Sized>(model: &M) -> usize {
+    let dims = model.dims();
+    model.workspace_len() + 2 * dims.regressor_len() + dims.input_map_len() + dims.rows * (dims.coordinates + 2)
+}
+
+/// [`Model::forward_dynamics`] of a model of which only regressor, known terms and input map are at hand: differences are
+/// taken per column, before the parameters enter, so that a small mass beside a large spring force loses no digits.
+///
+/// # Errors
+/// As there.
+pub(crate) fn forward_by_differences<T: Real, M: Model<T> + ?Sized>(
+    model: &M,
+    motion: &mut [T],
+    parameters: &[T],
+    constants: &[T],
+    inputs: &[T],
+    workspace: &mut [T],
+) -> Result<(), EvalError> {
+    let dims = model.dims();
+    require_forward(dims, motion, parameters, inputs)?;
+    let n = dims.coordinates;
+    let (scratch, rest) = split_workspace(workspace, model.workspace_len())?;
+    let (phi_zero, rest) = split_workspace(rest, dims.regressor_len())?;
+    let (phi_unit, rest) = split_workspace(rest, dims.regressor_len())?;
+    let (map, rest) = split_workspace(rest, dims.input_map_len())?;
+    let (matrix, rest) = split_workspace(rest, n * n)?;
+    let (known_unit, rest) = split_workspace(rest, n)?;
+    let (right, _) = split_workspace(rest, n)?;
+
+    for c in 0..n {
+        motion[model.coordinate_order(c) * n + c] = T::ZERO;
+    }
+    model.regressor(motion, constants, scratch, phi_zero)?;
+    model.known(motion, constants, scratch, right)?;
+    for c in 0..n {
+        let slot = model.coordinate_order(c) * n + c;
+        motion[slot] = T::ONE;
+        model.regressor(motion, constants, scratch, phi_unit)?;
+        model.known(motion, constants, scratch, known_unit)?;
+        motion[slot] = T::ZERO;
+        for r in 0..n {
+            let mut entry = known_unit[r] - right[r];
+            for (j, &value) in parameters.iter().enumerate() {
+                let at = r * dims.parameters + j;
+                entry += (phi_unit[at] - phi_zero[at]) * value;
+            }
+            matrix[r * n + c] = entry;
+        }
+    }
+    model.input_map(motion, constants, scratch, map)?;
+    for r in 0..n {
+        let mut sum = -right[r];
+        for (j, &value) in parameters.iter().enumerate() {
+            sum -= phi_zero[r * dims.parameters + j] * value;
+        }
+        for (j, &value) in inputs.iter().enumerate() {
+            sum += map[r * dims.inputs + j] * value;
+        }
+        right[r] = sum;
+    }
+    linear::solve_in_place(matrix, right).map_err(|coordinate| EvalError::Singular { coordinate })?;
+    for c in 0..n {
+        motion[model.coordinate_order(c) * n + c] = right[c];
+    }
+    Ok(())
+}
+
+/// Requires slices that fit a model whose rows determine the highest derivatives.
+pub(crate) fn require_forward<T>(dims: Dims, motion: &[T], parameters: &[T], inputs: &[T]) -> Result<(), EvalError> {
+    if dims.rows != dims.coordinates {
+        return Err(EvalError::NotSquare { rows: dims.rows, coordinates: dims.coordinates });
+    }
+    require_len(Buffer::Motion, motion.len(), dims.motion_len())?;
+    require_len(Buffer::Parameters, parameters.len(), dims.parameters)?;
+    require_len(Buffer::Inputs, inputs.len(), dims.inputs)
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! columns (regressor), rows (known) and rows times inputs (input map). The leaves of a plan are derivatives of the
 //! listed coordinates and the listed constants, nothing else.
 
+use crate::dynamics::Dynamics;
 use crate::expr::{Coordinate, ExprId, Graph, Node, Symbol};
 use crate::factored;
 use crate::model::{Kind, Model};
@@ -34,6 +35,42 @@ impl Evaluation {
     /// The plans of `form`, which belongs to `model`.
     #[must_use]
     pub fn new(model: &Model, form: &RegressorForm) -> Self {
+        Entries::new(model, form).evaluation(model)
+    }
+
+    /// The same with the plan of the forward dynamics; `None` where the rows are not as many as the coordinates, or not written
+    /// as affine in the highest derivatives.
+    #[must_use]
+    pub fn with_dynamics(model: &Model, form: &RegressorForm) -> (Self, Option<Dynamics>) {
+        let mut entries = Entries::new(model, form);
+        let evaluation = entries.evaluation(model);
+        let dynamics = Dynamics::new(model, &mut entries);
+        (evaluation, dynamics)
+    }
+
+    /// The highest time derivative of any coordinate.
+    #[must_use]
+    pub fn order(&self) -> u32 {
+        self.coordinates.iter().map(|(_, order)| *order).max().unwrap_or(0)
+    }
+}
+
+/// The entries behind the plans, as expressions.
+pub(crate) struct Entries {
+    pub(crate) graph: Graph,
+    /// The coordinates that the rows use, each with its highest time derivative there.
+    pub(crate) coordinates: Vec<(Coordinate, u32)>,
+    pub(crate) inputs: Vec<Symbol>,
+    /// Rows times columns.
+    pub(crate) regressor: Vec<ExprId>,
+    /// One per row.
+    pub(crate) known: Vec<ExprId>,
+    /// Rows times inputs.
+    pub(crate) input_map: Vec<ExprId>,
+}
+
+impl Entries {
+    fn new(model: &Model, form: &RegressorForm) -> Self {
         let mut graph = model.graph.clone();
         let inputs: Vec<Symbol> = model.inputs().collect();
         let mut coordinates: BTreeMap<Coordinate, u32> = BTreeMap::new();
@@ -70,20 +107,19 @@ impl Evaluation {
                 input_map.push(substitute_values(model, &mut graph, factor));
             }
         }
-        Self {
-            coordinates: coordinates.into_iter().collect(),
-            inputs,
-            constants: model.run_time_constants().collect(),
-            regressor: Plan::new(&graph, &regressor),
-            known: Plan::new(&graph, &known),
-            input_map: Plan::new(&graph, &input_map),
-        }
+        Self { graph, coordinates: coordinates.into_iter().collect(), inputs, regressor, known, input_map }
     }
 
-    /// The highest time derivative of any coordinate.
-    #[must_use]
-    pub fn order(&self) -> u32 {
-        self.coordinates.iter().map(|(_, order)| *order).max().unwrap_or(0)
+    fn evaluation(&self, model: &Model) -> Evaluation {
+        let plan = |roots: &[ExprId]| Plan::new(&self.graph, roots);
+        Evaluation {
+            coordinates: self.coordinates.clone(),
+            inputs: self.inputs.clone(),
+            constants: model.run_time_constants().collect(),
+            regressor: plan(&self.regressor),
+            known: plan(&self.known),
+            input_map: plan(&self.input_map),
+        }
     }
 }
 

@@ -194,6 +194,12 @@ impl Graph {
         self.nodes.len()
     }
 
+    /// All nodes, operands before what is built of them.
+    pub(crate) fn ids(&self) -> impl Iterator<Item = ExprId> + use<> {
+        let count = u32::try_from(self.len()).expect("invariant: fewer than 2^32 nodes fit in memory");
+        (0..count).map(ExprId)
+    }
+
     /// Whether the graph has no node.
     #[must_use]
     pub fn is_empty(&self) -> bool {

@@ -35,6 +35,7 @@
 pub mod bessel;
 pub mod content;
 mod denominator;
+pub mod dynamics;
 pub mod eliminate;
 pub mod estimator;
 pub mod evaluation;
