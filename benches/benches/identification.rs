@@ -1,5 +1,11 @@
-//! Identification of system A (Feng, Eqn 3.24): a whole campaign with its simulated machine, and one update from the harmonics
-//! of a run to new parameters.
+//! Identification of system A (Feng, Eqn 3.24): a whole campaign with its simulated machine, a record reduced to harmonics, and an
+//! update from there to new parameters.
+//!
+//! Reduction needs the record: its spectra (transform, phasors, covariance of their noise), then `Estimator::reduce` (rows and
+//! their derivatives along the reference or the measured motion, harmonics of the feed-forward, and the noise of the equations, read
+//! bin by bin at a first estimate, which is an update without that). The update, `Estimator::update`, has harmonics, their noise,
+//! the parameters behind the feed-forward and the pool of earlier runs alone: right-hand sides, weights, least squares, pooling, rank,
+//! covariance; measured motion repeats it with weights at the new parameters until they stand still.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
@@ -12,6 +18,7 @@ use tpm_runtime::simulate::simulate;
 use tpm_symbolic::prepare::prepare;
 
 const MODEL: &str = include_str!("../../models/mass_spring_drag.tpm");
+const METHODS: [Method; 4] = [Method::Error, Method::Effort, Method::Hill, Method::MeasuredMotion];
 const EXPERIMENT: &str = include_str!("../../models/mass_spring_drag.toml");
 
 fn system_a() -> (Machine, Experiment) {
@@ -52,22 +59,32 @@ fn update(criterion: &mut Criterion) {
     let channels: Vec<&[f64]> = record.coordinates.iter().chain(&record.inputs).map(|c| &c[from * samples..]).collect();
     let spectra = Spectra::analyse(&channels, record.sample_time, samples as f64, trial.periods - from).expect("whole");
     let run = Run { trial: &trial, spectra: &spectra, rates: None, hold: Hold::Zoh };
-    let mut group = criterion.benchmark_group("one update from harmonics to parameters");
-    for method in [Method::Error, Method::Effort, Method::Hill] {
-        // Run after run of one stage is pooled, as in a campaign.
-        let mut estimator = method.estimator(&settings);
+    let mut group = criterion.benchmark_group("reduction of a record of 20 s at 1 kHz");
+    group.bench_function("spectra", |b| {
+        let periods = trial.periods - from;
+        b.iter(|| Spectra::analyse(black_box(&channels), record.sample_time, samples as f64, periods).expect("whole"));
+    });
+    for method in METHODS {
         group.bench_function(method.name(), |b| {
-            b.iter(|| estimator.take(plant, black_box(&run)).expect("an update"));
+            let first = || method.estimator(&settings);
+            b.iter_batched(
+                first,
+                |mut estimator| estimator.reduce(plant, black_box(&run)).map(|()| estimator),
+                BatchSize::SmallInput,
+            );
         });
     }
-    // All records are weighed anew with every new one: the first run.
-    group.bench_function(Method::MeasuredMotion.name(), |b| {
-        b.iter_batched(
-            || Method::MeasuredMotion.estimator(&settings),
-            |mut estimator| estimator.take(plant, black_box(&run)).expect("an update"),
-            BatchSize::SmallInput,
-        );
-    });
+    group.finish();
+    let mut group = criterion.benchmark_group("one update from harmonics to parameters");
+    for method in METHODS {
+        let mut estimator = method.estimator(&settings);
+        estimator.take(plant, &run).expect("an update");
+        if method != Method::MeasuredMotion {
+            // A second run is pooled with the first one.
+            estimator.reduce(plant, &run).expect("reduced");
+        }
+        group.bench_function(method.name(), |b| b.iter(|| estimator.update().expect("an update")));
+    }
     let sampled = || (0..samples).map(|n| (n as f64 / samples as f64 * std::f64::consts::TAU, record.inputs[0][n]));
     let mut sums = mass_spring_drag::Accumulator::new();
     sampled().for_each(|(phase, u)| sums.push(phase, &mass_spring_drag::Forces { u }));

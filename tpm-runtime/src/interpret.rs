@@ -15,7 +15,7 @@ use std::vec::Vec;
 use tpm_symbolic::evaluation::Evaluation;
 use tpm_symbolic::expr::{Function, Node, Symbol};
 use tpm_symbolic::model::Model as Declared;
-use tpm_symbolic::plan::{Op, Plan};
+use tpm_symbolic::plan::{Op, Plan, Slot};
 use tpm_symbolic::rational;
 use tpm_symbolic::regressor::RegressorForm;
 
@@ -35,14 +35,9 @@ impl Name {
     }
 }
 
-/// One operation on the workspace; operation i writes entry i.
+/// One operation on the workspace.
 #[derive(Clone, Copy, Debug)]
 enum Step {
-    Constant(f64),
-    Motion(usize),
-    RunTimeConstant(usize),
-    Parameter(usize),
-    Input(usize),
     Add(usize, usize),
     Sub(usize, usize),
     Mul(usize, usize),
@@ -61,51 +56,85 @@ struct Leaves<'a> {
     inputs: &'a [f64],
 }
 
-/// A plan with its constants rounded and its leaves resolved to places in the caller's slices.
+impl<'a> Leaves<'a> {
+    /// The same in the order in which they stand in a workspace.
+    fn parts(&self) -> [&'a [f64]; 4] {
+        [self.motion, self.constants, self.parameters, self.inputs]
+    }
+}
+
+/// A plan with its constants rounded.
+///
+/// Invariant: a workspace holds the plan's own constants, then all leaves, then the result of every step, each of which reads
+/// what stands before it.
 #[derive(Clone, Debug)]
 struct Program {
+    constants: Vec<f64>,
     steps: Vec<Step>,
     outputs: Vec<usize>,
-    /// The results, where neither motion nor run-time constants have a part in them.
+    workspace_len: usize,
+    /// The results, where no leaf has a part in them.
     fixed: Option<Vec<f64>>,
 }
 
 impl Program {
-    /// `parameters` are the symbols that stand for the unknown parameters, where a plan reads any.
-    fn new(plan: &Plan, evaluation: &Evaluation, parameters: &[Symbol]) -> Self {
-        let count = evaluation.coordinates.len();
-        let at = |symbols: &[Symbol], symbol: Symbol| symbols.iter().position(|present| *present == symbol);
-        let load = |index: u32| match plan.inputs[index as usize] {
-            Node::Derivative(coordinate, order) => {
-                let position = evaluation.coordinates.iter().position(|(present, _)| *present == coordinate);
-                Step::Motion(
-                    order as usize * count + position.expect("invariant: the evaluation lists its coordinates"),
-                )
-            }
-            Node::Symbol(symbol) => at(&evaluation.constants, symbol)
-                .map(Step::RunTimeConstant)
-                .or_else(|| at(parameters, symbol).map(Step::Parameter))
-                .or_else(|| at(&evaluation.inputs, symbol).map(Step::Input))
-                .expect("invariant: the evaluation lists its constants and inputs"),
-            _ => unreachable!("invariant: a plan loads leaves only"),
+    /// `parameters` are the symbols that stand for the unknown parameters, for a plan that reads these and the inputs.
+    fn new(plan: &Plan, evaluation: &Evaluation, parameters: Option<&[Symbol]>) -> Self {
+        let value = |op: &Op| match op {
+            Op::Constant(value) => Some(rational::to_f64(value)),
+            Op::Pi => Some(core::f64::consts::PI),
+            _ => None,
         };
-        let steps = plan.ops.iter().map(|op| match op {
-            Op::Constant(value) => Step::Constant(rational::to_f64(value)),
-            Op::Pi => Step::Constant(core::f64::consts::PI),
-            Op::Load(index) => load(*index),
-            Op::Add(a, b) => Step::Add(a.index(), b.index()),
-            Op::Sub(a, b) => Step::Sub(a.index(), b.index()),
-            Op::Mul(a, b) => Step::Mul(a.index(), b.index()),
-            Op::Div(a, b) => Step::Div(a.index(), b.index()),
-            Op::Neg(a) => Step::Neg(a.index()),
-            Op::Function(function, a) => Step::Function(*function, a.index()),
-            Op::Atan2(y, x) => Step::Atan2(y.index(), x.index()),
-        });
-        let outputs = plan.outputs.iter().map(|slot| slot.index()).collect();
-        let mut program = Self { steps: steps.collect(), outputs, fixed: None };
+        let constants: Vec<f64> = plan.ops.iter().filter_map(value).collect();
+        let count = evaluation.coordinates.len();
+        let unknown = parameters.map(|parameters| parameters.iter().chain(&evaluation.inputs));
+        let motion = count * (evaluation.order() as usize + 1);
+        let symbols = || evaluation.constants.iter().chain(unknown.clone().into_iter().flatten());
+        let leaf = |index: u32| {
+            let place = match plan.inputs[index as usize] {
+                Node::Derivative(coordinate, order) => {
+                    let position = evaluation.coordinates.iter().position(|(present, _)| *present == coordinate);
+                    position.map(|position| order as usize * count + position)
+                }
+                Node::Symbol(symbol) => symbols().position(|present| *present == symbol).map(|at| motion + at),
+                _ => unreachable!("invariant: a plan loads leaves only"),
+            };
+            constants.len() + place.expect("invariant: the evaluation lists its coordinates, constants and inputs")
+        };
+        let first = constants.len() + motion + symbols().count();
+        let mut places: Vec<usize> = Vec::with_capacity(plan.ops.len());
+        let (mut steps, mut constant) = (Vec::new(), 0);
+        for op in &plan.ops {
+            let at = |slot: &Slot| places[slot.index()];
+            let step = match op {
+                Op::Constant(_) | Op::Pi => {
+                    places.push(constant);
+                    constant += 1;
+                    continue;
+                }
+                Op::Load(index) => {
+                    places.push(leaf(*index));
+                    continue;
+                }
+                Op::Add(a, b) => Step::Add(at(a), at(b)),
+                Op::Sub(a, b) => Step::Sub(at(a), at(b)),
+                Op::Mul(a, b) => Step::Mul(at(a), at(b)),
+                Op::Div(a, b) => Step::Div(at(a), at(b)),
+                Op::Neg(a) => Step::Neg(at(a)),
+                Op::Function(function, a) => Step::Function(*function, at(a)),
+                Op::Atan2(a, b) => Step::Atan2(at(a), at(b)),
+            };
+            places.push(first + steps.len());
+            steps.push(step);
+        }
+        let outputs = plan.outputs.iter().map(|slot| places[slot.index()]).collect();
+        let workspace_len = first + steps.len();
+        let mut program = Self { constants, steps, outputs, workspace_len, fixed: None };
         if plan.inputs.is_empty() {
             let mut results = vec![0.0; program.outputs.len()];
-            program.run(Leaves::default(), &mut vec![0.0; program.steps.len()], &mut results);
+            let leaves = vec![0.0; first - program.constants.len()];
+            let leaves = Leaves { motion: &leaves, ..Leaves::default() };
+            program.run(leaves, &mut vec![0.0; workspace_len], &mut results);
             program.fixed = Some(results);
         }
         program
@@ -118,13 +147,13 @@ impl Program {
             }
             return;
         }
+        let mut at = 0;
+        for part in [self.constants.as_slice()].into_iter().chain(leaves.parts()) {
+            workspace[at..at + part.len()].copy_from_slice(part);
+            at += part.len();
+        }
         for (i, step) in self.steps.iter().enumerate() {
-            workspace[i] = match *step {
-                Step::Constant(value) => value,
-                Step::Motion(index) => leaves.motion[index],
-                Step::RunTimeConstant(index) => leaves.constants[index],
-                Step::Parameter(index) => leaves.parameters[index],
-                Step::Input(index) => leaves.inputs[index],
+            workspace[at + i] = match *step {
                 Step::Add(a, b) => workspace[a] + workspace[b],
                 Step::Sub(a, b) => workspace[a] - workspace[b],
                 Step::Mul(a, b) => workspace[a] * workspace[b],
@@ -207,9 +236,9 @@ impl Interpreted {
             })
             .collect();
         let [regressor, known, input_map] = [&evaluation.regressor, &evaluation.known, &evaluation.input_map]
-            .map(|plan| Program::new(plan, &evaluation, &[]));
-        let dynamics = dynamics.map(|dynamics| Program::new(&dynamics.plan, &evaluation, &dynamics.parameters));
-        let workspace_len = [&regressor, &known, &input_map].map(|program| program.steps.len()).into_iter().max();
+            .map(|plan| Program::new(plan, &evaluation, None));
+        let dynamics = dynamics.map(|dynamics| Program::new(&dynamics.plan, &evaluation, Some(&dynamics.parameters)));
+        let workspace_len = [&regressor, &known, &input_map].map(|program| program.workspace_len).into_iter().max();
         Self {
             name: model.name.clone(),
             dims: Dims {
@@ -325,7 +354,7 @@ impl Model<f64> for Interpreted {
     fn forward_workspace_len(&self) -> usize {
         self.dynamics
             .as_ref()
-            .map_or_else(|| difference_workspace_len(self), |program| program.steps.len() + program.outputs.len())
+            .map_or_else(|| difference_workspace_len(self), |program| program.workspace_len + program.outputs.len())
     }
 
     fn forward_dynamics(
@@ -342,7 +371,7 @@ impl Model<f64> for Interpreted {
         let n = self.dims.coordinates;
         require_forward(self.dims, motion, parameters, inputs)?;
         require_len(Buffer::Constants, constants.len(), self.dims.constants)?;
-        let (scratch, rest) = split_workspace(workspace, program.steps.len())?;
+        let (scratch, rest) = split_workspace(workspace, program.workspace_len)?;
         let (results, _) = split_workspace(rest, program.outputs.len())?;
         program.run(Leaves { motion, constants, parameters, inputs }, scratch, results);
         let (matrix, right) = results.split_at_mut(n * n);
@@ -357,7 +386,7 @@ impl Model<f64> for Interpreted {
 #[cfg(test)]
 mod tests {
     use super::Interpreted;
-    use crate::model::Model;
+    use crate::model::{EvalError, Model, difference_workspace_len, forward_by_differences};
     use crate::test_models::Emps;
     use std::vec;
     use tpm_symbolic::expr::Function;
@@ -381,6 +410,68 @@ mod tests {
         model.equations.push(Equation { name: "eq1".into(), terms });
         let form = regressor_form(&model).expect("linear in the parameters");
         Interpreted::new(&model, &form)
+    }
+
+    /// (J + m q2^2) q1'' + m q2 q2'' + 2 m q2 q1' q2' + k q1 = u and m q2 q1'' + m q2'' - c sin(q1)^`power` q2''^`power` = 0, in
+    /// which c is known at run time.
+    fn arm(power: i32) -> Interpreted {
+        let mut model = Declared { name: "Arm".into(), ..Declared::default() };
+        let [q1, q2] = ["q1", "q2"].map(|name| model.declare_coordinate(name, None));
+        let u = model.declare("u", None, Kind::Input);
+        let [inertia, mass, spring] = ["J", "m", "k"].map(|name| model.declare(name, None, Kind::Parameter));
+        let c = model.declare("c", None, Kind::Constant { value: None });
+        let graph = &mut model.graph;
+        let [u, inertia, mass, spring, c] = [u, inertia, mass, spring, c].map(|symbol| graph.symbol(symbol));
+        let [x, x1, x2] = [0, 1, 2].map(|order| graph.derivative_of(q1, order));
+        let [y, y1, y2] = [0, 1, 2].map(|order| graph.derivative_of(q2, order));
+        let [minus, two] = [-1, 2].map(|value| graph.integer(value));
+        let sine = graph.function(Function::Sin, x);
+        let product = [graph.pow(sine, power), graph.pow(y2, power)];
+        let rows = [
+            vec![
+                vec![inertia, x2],
+                vec![mass, y, y, x2],
+                vec![mass, y, y2],
+                vec![two, mass, y, x1, y1],
+                vec![spring, x],
+                vec![minus, u],
+            ],
+            vec![vec![mass, y, x2], vec![mass, y2], vec![minus, c, product[0], product[1]]],
+        ];
+        for row in rows {
+            let terms = (0..).zip(row.iter().map(|factors| graph.product(factors)));
+            let terms = terms.map(|(id, expr)| SourceTerm { id: TermId(id), expr }).collect();
+            model.equations.push(Equation { name: "eq".into(), terms });
+        }
+        let form = regressor_form(&model).expect("linear in the parameters");
+        Interpreted::new(&model, &form)
+    }
+
+    #[test]
+    fn forward_dynamics_are_those_of_the_differences_and_allocate_nothing() {
+        let (theta, constants, inputs) = ([0.7, 1.3, 5.0], [0.4], [2.5]);
+        let model = arm(1);
+        assert!(model.dynamics.is_some());
+        let mut workspace = vec![0.0; model.forward_workspace_len()];
+        let mut differences = vec![0.0; difference_workspace_len(&model)];
+        for state in [[0.1, -0.3, 2.0, 0.4], [1.5, 0.8, -1.0, 3.0], [-0.4, 0.0, 0.0, 0.0]] {
+            let [q1, q2, r1, r2] = state;
+            let mut found = [q1, q2, r1, r2, f64::NAN, f64::NAN];
+            let mut expected = found;
+            let mut result = Ok(());
+            let counted = allocation_counter::measure(|| {
+                result = model.forward_dynamics(&mut found, &theta, &constants, &inputs, &mut workspace);
+            });
+            assert_eq!((result, counted.count_total), (Ok(()), 0));
+            forward_by_differences(&model, &mut expected, &theta, &constants, &inputs, &mut differences).expect("fits");
+            for (a, b) in found.iter().zip(&expected) {
+                assert!((a - b).abs() <= 1e-13 * (1.0 + b.abs()), "{found:?} {expected:?}");
+            }
+        }
+        let massless = model.forward_dynamics(&mut [0.1; 6], &[0.7, 0.0, 5.0], &[0.0], &inputs, &mut workspace);
+        assert_eq!(massless, Err(EvalError::Singular { coordinate: 1 }));
+        // A row that is not affine in the accelerations keeps to differences.
+        assert!(arm(2).dynamics.is_none());
     }
 
     #[test]

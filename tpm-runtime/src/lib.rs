@@ -21,6 +21,8 @@ pub mod estimate;
 pub mod experiment;
 pub mod filter;
 #[cfg(feature = "std")]
+mod fourier;
+#[cfg(feature = "std")]
 pub mod frequency;
 pub mod harmonics;
 #[cfg(feature = "interpret")]

@@ -4,10 +4,10 @@
 //! its reconstruction says, x1 = x2 + m2/k3 x2'' and the like, sampled finely enough for every harmonic of a polynomial.
 
 use super::demand::Demand;
+use crate::fourier;
 use crate::interpret::Interpreted;
 use crate::model::Model as _;
 use crate::trajectory::{Line, Pattern, PatternError, Series, Trajectory};
-use realfft::RealFftPlanner;
 use std::collections::BTreeMap;
 use std::string::String;
 use std::vec;
@@ -179,7 +179,7 @@ impl Machine {
                 })
             })
             .collect();
-        let forward = RealFftPlanner::<f64>::new().plan_fft_forward(SAMPLES);
+        let forward = fourier::forward(SAMPLES);
         let mut spectrum = vec![realfft::num_complex::Complex::default(); SAMPLES / 2 + 1];
         forward.process(&mut wave, &mut spectrum).expect("invariant: buffers of this length");
         let largest = spectrum.iter().map(|line| line.norm()).fold(0.0, f64::max);

@@ -12,10 +12,10 @@
 
 use super::demand::{Demand, Parts};
 use super::motor::{Limit, Motor};
+use crate::fourier::{forward, inverse};
 use crate::procedure::TrialError;
 use crate::trajectory::Trajectory;
 use nalgebra::Complex;
-use realfft::RealFftPlanner;
 use std::vec::Vec;
 
 /// One instant.
@@ -185,7 +185,7 @@ fn requirement(
     let dependent: Vec<f64> =
         moving.iter().zip(&acceleration).map(|(&force, &acceleration)| motor.current(force, acceleration)).collect();
     let w = trajectory.frequency;
-    let mut spectrum = Spectrum::new(count);
+    let spectrum = Spectrum { count };
     let (lines_i, rate_i, smooth_i) = spectrum.analyse(&independent, w);
     let (lines_d, rate_d, smooth_d) = spectrum.analyse(&dependent, w);
     let (lines_v, ..) = spectrum.analyse(&speed, w);
@@ -279,19 +279,13 @@ fn summit(values: &[f64]) -> (f64, f64) {
 
 /// Transforms of one length.
 struct Spectrum {
-    planner: RealFftPlanner<f64>,
     count: usize,
 }
 
 impl Spectrum {
-    fn new(count: usize) -> Self {
-        Spectrum { planner: RealFftPlanner::new(), count }
-    }
-
     /// Phasors of the harmonics, the time derivative, and whether the harmonics end below half the number of samples.
-    fn analyse(&mut self, values: &[f64], w: f64) -> (Vec<Complex<f64>>, Vec<f64>, bool) {
-        let forward = self.planner.plan_fft_forward(self.count);
-        let inverse = self.planner.plan_fft_inverse(self.count);
+    fn analyse(&self, values: &[f64], w: f64) -> (Vec<Complex<f64>>, Vec<f64>, bool) {
+        let (forward, inverse) = (forward(self.count), inverse(self.count));
         let mut wave = values.to_vec();
         let mut spectrum = forward.make_output_vec();
         forward.process(&mut wave, &mut spectrum).expect("invariant: buffers were made for this transform");

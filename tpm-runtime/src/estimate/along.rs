@@ -4,13 +4,12 @@
 //! series that the grid resolves; `jacobian` holds d(row)/d(slot) at every point of that grid, column by column, so that it
 //! is linear in the parameters and need not be formed again when they change.
 
-use super::measured_motion::{analyse, synthesise};
 use super::{EstimateError, Information};
 use crate::differences::FIVE_POINT;
+use crate::fourier::{analyse, synthesise};
 use crate::model::{Dims, Model};
 use crate::trajectory::Trajectory;
 use nalgebra::{Complex, DMatrix, DVector};
-use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
 
@@ -100,7 +99,7 @@ impl Along {
             }
         }
         let right = DVector::zeros(matrix.nrows());
-        Ok(Information::of(&matrix, &right))
+        Ok(Information::of(matrix, &right))
     }
 
     /// Square root of the information about the parameters in `samples` samples over whole periods whose coordinates have
@@ -122,6 +121,7 @@ impl Along {
         let parts = |lines: &[Complex<f64>]| -> Vec<f64> {
             lines.iter().map(|line| line.re).chain(lines[1..].iter().map(|line| line.im)).collect()
         };
+        let factors: Vec<f64> = theta.iter().copied().chain([1.0]).collect();
         let mut derivative = DMatrix::zeros(rows * width, coordinates * width);
         let mut error = vec![vec![Complex::new(0.0, 0.0); highest + 1]; coordinates];
         for c in 0..coordinates {
@@ -129,7 +129,7 @@ impl Along {
                 for imaginary in [false, true].into_iter().take(if k == 0 { 1 } else { 2 }) {
                     error[c][k] = if imaginary { Complex::new(0.0, 1.0) } else { Complex::new(1.0, 0.0) };
                     for row in 0..rows {
-                        let lines = parts(&self.applied(row, theta, &error, highest));
+                        let lines = parts(&self.applied(row, &factors, &error, highest));
                         let mut column = derivative.column_mut(place(c, k, imaginary));
                         column.rows_mut(row * width, width).copy_from_slice(&lines);
                     }
@@ -173,17 +173,22 @@ impl Along {
         &self.slots
     }
 
-    /// d(row)/d(slot) along the period.
-    pub(super) fn derivative(&self, slot: usize, row: usize, theta: &[f64]) -> Vec<f64> {
+    /// Two-sided Fourier coefficients of d(row)/d(slot) along the period from the mean on, per slot.
+    pub(super) fn gains(&self, row: usize, theta: &[f64]) -> Lines {
         let width = self.dims.parameters + 1;
-        let mut series = vec![0.0; self.points];
-        for (j, factor) in theta.iter().copied().chain([1.0]).enumerate() {
-            let at = (row * width + j) * self.points;
-            for (sum, value) in series.iter_mut().zip(&self.jacobian[slot][at..at + self.points]) {
-                *sum += factor * value;
+        let gain = |jacobian: &Vec<f64>| {
+            let mut series = vec![0.0; self.points];
+            for (j, factor) in theta.iter().copied().chain([1.0]).enumerate() {
+                let at = (row * width + j) * self.points;
+                for (sum, value) in series.iter_mut().zip(&jacobian[at..at + self.points]) {
+                    *sum += factor * value;
+                }
             }
-        }
-        series
+            let mut lines = analyse(&series, 0, 1, self.points / 2 - 1);
+            lines.iter_mut().skip(1).for_each(|line| *line *= 0.5);
+            lines
+        };
+        self.jacobian.iter().map(gain).collect()
     }
 
     /// Response of a row to the coordinates' phasors at one harmonic, from the mean of the derivatives along the reference:
@@ -200,29 +205,43 @@ impl Along {
         response
     }
 
+    /// Line `harmonic` of what the same makes of an error for one parameter of one, or for the known term (the last column).
+    pub(super) fn mean_applied(
+        &self,
+        row: usize,
+        column: usize,
+        harmonic: usize,
+        error: &[Vec<Complex<f64>>],
+    ) -> Complex<f64> {
+        let turn = Complex::new(0.0, harmonic as f64 * self.frequency);
+        let at = row * (self.dims.parameters + 1) + column;
+        let parts = self.slots.iter().zip(&self.sums);
+        parts.map(|(&(c, d), sums)| turn.powu(d as u32) * error[c][harmonic] * (sums[at] / self.points as f64)).sum()
+    }
+
     /// Lines 0 to `harmonics` of `d(row)/d(motion) e` for an error given by its lines, with the periodic derivatives as
-    /// they are (the band matrix of harmonic balance, applied rather than formed).
+    /// they are (the band matrix of harmonic balance, applied rather than formed). The columns' factors are the parameters and
+    /// that of the known term.
     pub(super) fn applied(
         &self,
         row: usize,
-        theta: &[f64],
+        factors: &[f64],
         error: &[Vec<Complex<f64>>],
         harmonics: usize,
     ) -> Vec<Complex<f64>> {
         let width = self.dims.parameters + 1;
-        let mut planner = RealFftPlanner::<f64>::new();
         let mut product = vec![0.0; self.points];
         for (&(c, d), values) in self.slots.iter().zip(&self.jacobian) {
             let lines = &error[c];
-            let wave = synthesise(&mut planner, lines, d, self.frequency, lines.len().saturating_sub(1), self.points);
-            for (j, factor) in theta.iter().chain(&[1.0]).enumerate() {
+            let wave = synthesise(lines, d, self.frequency, lines.len().saturating_sub(1), self.points);
+            for (j, factor) in factors.iter().enumerate().filter(|(_, factor)| factor.abs() > 0.0) {
                 let at = (row * width + j) * self.points;
                 for ((sum, gain), e) in product.iter_mut().zip(&values[at..at + self.points]).zip(&wave) {
                     *sum += factor * gain * e;
                 }
             }
         }
-        analyse(&mut planner, &product, 0, 1, harmonics)
+        analyse(&product, 0, 1, harmonics)
     }
 }
 
@@ -279,11 +298,9 @@ impl Sampled {
     }
 
     fn lines(&self, dims: Dims, stride: usize, harmonics: usize) -> (Lines, Lines) {
-        let mut planner = RealFftPlanner::new();
         let size = dims.regressor_len();
-        let phi = (0..size).map(|e| analyse(&mut planner, &self.phi, e, size * stride, harmonics)).collect();
-        let known =
-            (0..dims.rows).map(|r| analyse(&mut planner, &self.known, r, dims.rows * stride, harmonics)).collect();
+        let phi = (0..size).map(|e| analyse(&self.phi, e, size * stride, harmonics)).collect();
+        let known = (0..dims.rows).map(|r| analyse(&self.known, r, dims.rows * stride, harmonics)).collect();
         (phi, known)
     }
 
@@ -367,7 +384,7 @@ mod tests {
         let along = Along::new(&MassSpringDrag, &[], &rest_to_rest_3().trajectory(&[lambda], w), 12).expect("finite");
         let mut error = vec![vec![Complex::new(0.0, 0.0); 9]];
         error[0][2] = Complex::new(2e-3, -1e-3);
-        let product = along.applied(0, &[0.0, 0.0, k2], &error, 8);
+        let product = along.applied(0, &[0.0, 0.0, k2, 1.0], &error, 8);
         // The matrix is written for two-sided coefficients: E_2 is half the phasor, and a phasor is twice its row.
         let e = error[0][2] / 2.0;
         let c = k2 * lambda * w * w;

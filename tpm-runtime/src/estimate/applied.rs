@@ -11,13 +11,13 @@
 //! estimates that were found without all this; what is added are corrections of second order in the noise.
 
 use super::along::Along;
-use super::measured_motion::{MeasuredMotion, analyse, synthesise};
+use super::measured_motion::MeasuredMotion;
 use super::select::strongest;
 use super::{EstimateError, ROUNDING, Run};
+use crate::fourier::synthesise;
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, Model};
-use nalgebra::{Complex, DMatrix, DVector};
-use realfft::RealFftPlanner;
+use nalgebra::{Complex, DMatrix};
 use std::vec;
 use std::vec::Vec;
 
@@ -64,8 +64,7 @@ pub(super) fn refine_last(
     let theta = first(records)?;
     let Some(record) = records.last_mut() else { return Ok(()) };
     let slots = record.slots().to_vec();
-    let gains: Vec<Vec<Vec<Complex<f64>>>> =
-        (0..dims.rows).map(|row| gains(slots.len(), |slot| record.derivative(slot, row, &theta))).collect();
+    let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| record.gains(row, &theta)).collect();
     if !bins.hold_noise(dims.coordinates) {
         return Ok(());
     }
@@ -83,6 +82,7 @@ pub(super) fn refine_last(
         let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;
         record.admit_means(&shift, &theta, uncertainty);
     }
+    record.couple();
     Ok(())
 }
 
@@ -116,8 +116,7 @@ pub(super) fn noise_along(
     let counted = bins.counted(&white);
     let slots = along.slots();
     let maps: Vec<Vec<f64>> = along.map.chunks_exact(dims.inputs.max(1)).map(<[f64]>::to_vec).collect();
-    let gains: Vec<Vec<Vec<Complex<f64>>>> =
-        (0..dims.rows).map(|row| gains(slots.len(), |slot| along.derivative(slot, row, theta))).collect();
+    let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| along.gains(row, theta)).collect();
     let of_row = |row: usize| {
         let (variance, apart) = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &white, counted);
         variance.iter().zip(&apart).map(|(noise, apart)| noise + apart).collect()
@@ -137,6 +136,10 @@ struct Bins<'a> {
     spectra: &'a Spectra,
     hold: Hold,
     periods: isize,
+    /// Bins of the transforms.
+    count: isize,
+    /// Bins between the lines, where a periodic signal has nothing, among the first 0, 1, ... of a line's.
+    between: Vec<isize>,
 }
 
 impl<'a> Bins<'a> {
@@ -146,7 +149,14 @@ impl<'a> Bins<'a> {
         let whole = (spectra.samples_per_period - spectra.samples_per_period.round()).abs() < 1e-9;
         let channels = spectra.bins.len() == dims.coordinates + dims.inputs;
         let usable = whole && dims.rows == dims.coordinates && spectra.periods >= 4 && channels;
-        usable.then_some(Bins { spectra, hold, periods: spectra.periods as isize })
+        let periods = spectra.periods as isize;
+        let mut between = vec![0];
+        for beyond in 0..periods {
+            let free = beyond.min(periods - beyond) as f64 > spectra.window.guard();
+            between.push(between[beyond as usize] + isize::from(free));
+        }
+        let count = spectra.bins.first().map_or(0, Vec::len) as isize;
+        usable.then_some(Bins { spectra, hold, periods, count, between })
     }
 
     /// Whether rounding to counts makes up so much of the sensors' noise, given in every bin, that it repeats.
@@ -176,26 +186,28 @@ impl<'a> Bins<'a> {
         self.at(coordinates + input, bin) * self.hold.response(self.frequency(bin) * self.spectra.sample_time)
     }
 
+    /// The bins between the lines below a bin.
+    fn free_below(&self, bin: isize) -> isize {
+        let bin = bin.clamp(0, self.count);
+        let of_line = |beyond: isize| self.between[beyond as usize];
+        bin / self.periods * of_line(self.periods) + of_line(bin % self.periods)
+    }
+
     /// A bin between the lines, where a periodic signal has nothing.
     fn free(&self, bin: isize) -> bool {
-        let last = self.spectra.bins.first().map_or(0, Vec::len) as isize;
-        let beyond = bin.rem_euclid(self.periods);
-        let offset = beyond.min(self.periods - beyond);
-        bin > 0 && bin < last && offset as f64 > self.spectra.window.guard()
+        self.free_below(bin + 1) > self.free_below(bin)
     }
 
     /// Bins between the lines around a line that hold at least so many, symmetric where the spectrum allows.
-    fn around(&self, line: usize, least: usize) -> Vec<isize> {
-        let last = self.spectra.bins.first().map_or(0, Vec::len) as isize;
+    fn around(&self, line: usize, least: usize) -> impl Iterator<Item = isize> {
         let centre = line as isize * self.periods;
         let mut reach = self.periods / 2;
-        loop {
-            let found: Vec<isize> = (centre - reach..=centre + reach).filter(|bin| self.free(*bin)).collect();
-            if found.len() >= least || reach > last {
-                return found;
-            }
+        while self.free_below(centre + reach + 1) - self.free_below(centre - reach) < least as isize
+            && reach <= self.count
+        {
             reach += self.periods / 2 + 1;
         }
+        (centre - reach..=centre + reach).filter(|bin| self.free(*bin))
     }
 
     /// Power of a channel's noise in a bin: what stands between the highest lines, where no motion is.
@@ -205,8 +217,12 @@ impl<'a> Bins<'a> {
         let highest = self.spectra.highest() as isize * self.periods;
         let free = (highest - highest / 4..highest).filter(|bin| self.free(*bin));
         let mut power: Vec<f64> = free.map(|bin| self.at(channel, bin).norm_sqr()).collect();
-        power.sort_by(f64::total_cmp);
-        power.get(power.len() / 2).map_or(0.0, |median| median / std::f64::consts::LN_2)
+        if power.is_empty() {
+            return 0.0;
+        }
+        let middle = power.len() / 2;
+        let (_, median, _) = power.select_nth_unstable_by(middle, f64::total_cmp);
+        *median / std::f64::consts::LN_2
     }
 
     /// Power of a channel in the bins between lines `from` and `to`.
@@ -215,21 +231,42 @@ impl<'a> Bins<'a> {
     }
 }
 
+/// A two-sided coefficient of a real series given from the mean on; nothing beyond its end.
+pub(super) fn at(lines: &[Complex<f64>], m: isize) -> Complex<f64> {
+    let line = lines.get(m.unsigned_abs()).copied().unwrap_or_default();
+    if m < 0 { line.conj() } else { line }
+}
+
+/// The harmonics of a row's derivatives that mix frequencies: what rounding alone leaves of a coefficient does not.
+pub(super) fn mixing(gain: &[Vec<Complex<f64>>]) -> Vec<isize> {
+    let strongest: Vec<f64> =
+        gain.iter().map(|lines| lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max)).collect();
+    let reach = gain.iter().map(Vec::len).max().unwrap_or(0).max(1) as isize;
+    let mixes =
+        |m: &isize| *m == 0 || gain.iter().zip(&strongest).any(|(lines, peak)| at(lines, *m).norm_sqr() > 1e-14 * peak);
+    (1 - reach..reach).filter(mixes).collect()
+}
+
+/// The derivative of a phasor of this frequency.
+fn derived(mut phasor: Complex<f64>, frequency: f64, order: usize) -> Complex<f64> {
+    for _ in 0..order {
+        phasor = Complex::new(-frequency * phasor.im, frequency * phasor.re);
+    }
+    phasor
+}
+
 /// Response of a row to the coordinates at a frequency through one harmonic of its derivative.
 fn response(
     slots: &[(usize, usize)],
     gain: &[Vec<Complex<f64>>],
     m: isize,
     frequency: f64,
-    coordinates: usize,
-) -> Vec<Complex<f64>> {
-    let mut response = vec![Complex::new(0.0, 0.0); coordinates];
+    response: &mut [Complex<f64>],
+) {
+    response.fill(Complex::new(0.0, 0.0));
     for (&(c, d), lines) in slots.iter().zip(gain) {
-        let line = lines.get(m.unsigned_abs()).copied().unwrap_or_default();
-        let line = if m < 0 { line.conj() } else { line };
-        response[c] += Complex::new(0.0, frequency).powu(d as u32) * line;
+        response[c] += derived(at(lines, m), frequency, d);
     }
-    response
 }
 
 /// E|n|^2 of the phasors of a row with these factors of the inputs, from harmonic 0 to the highest one: the part that the sensors'
@@ -243,54 +280,43 @@ fn row_variance(
     counted: bool,
 ) -> (Vec<f64>, Vec<f64>) {
     let coordinates = white.len();
-    let strongest: Vec<f64> =
-        gain.iter().map(|lines| lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max)).collect();
-    let reach = gain.first().map_or(0, Vec::len) as isize;
-    let mixing: Vec<isize> = (-(reach - 1)..reach)
-        .filter(|m| {
-            *m == 0
-                || gain.iter().zip(&strongest).any(|(lines, peak)| lines[m.unsigned_abs()].norm_sqr() > 1e-14 * peak)
-        })
-        .collect();
-    (0..=highest)
-        .map(|k| {
-            let shape = |bin: isize| -> f64 {
-                mixing
-                    .iter()
-                    .flat_map(|&m| response(slots, gain, m, bins.frequency(bin - m * bins.periods), coordinates))
-                    .zip(white.iter().cycle())
-                    .map(|(z, size)| z.norm_sqr() * size)
-                    .sum()
-            };
-            let pair = |bin: isize| -> (f64, f64) {
-                let mut residual = Complex::new(0.0, 0.0);
-                for &m in &mixing {
-                    let source = bin - m * bins.periods;
-                    let through = response(slots, gain, m, bins.frequency(source), coordinates);
-                    for (c, z) in through.iter().enumerate() {
-                        residual += z * bins.at(c, source);
-                    }
-                }
-                for (i, &b) in map.iter().enumerate() {
-                    residual -= bins.applied(coordinates, i, bin) * b;
-                }
-                (residual.norm_sqr(), shape(bin))
-            };
-            let sum = |near: &[isize]| {
-                near.iter().map(|&bin| pair(bin)).fold((0.0, 0.0), |sum, of| (sum.0 + of.0, sum.1 + of.1))
-            };
-            let (found, expected) = sum(&bins.around(k, if counted { COUNTED } else { BINS }));
-            let level = if expected > 0.0 { found / expected } else { 0.0 };
-            let mut apart = 0.0;
-            if !counted && bins.periods >= CLOSE {
-                let near = bins.around(k, NEAREST);
-                let (found, expected) = sum(&near);
-                apart = ((found - level * expected) / near.len().max(1) as f64).max(0.0);
+    let mixing = mixing(gain);
+    let mut through = vec![Complex::new(0.0, 0.0); coordinates];
+    // The residual's power in a bin, and what the sensors' white noise makes of it.
+    let mut pair = |bin: isize| -> (f64, f64) {
+        let (mut residual, mut shape) = (Complex::new(0.0, 0.0), 0.0);
+        for &m in &mixing {
+            let source = bin - m * bins.periods;
+            response(slots, gain, m, bins.frequency(source), &mut through);
+            for (c, (z, size)) in through.iter().zip(white).enumerate() {
+                residual += z * bins.at(c, source);
+                shape += z.norm_sqr() * size;
             }
-            let scale = if k == 0 { 1.0 } else { 4.0 };
-            (scale * level * shape(k as isize * bins.periods), scale * apart)
-        })
-        .collect()
+        }
+        for (i, &b) in map.iter().enumerate() {
+            residual -= bins.applied(coordinates, i, bin) * b;
+        }
+        (residual.norm_sqr(), shape)
+    };
+    let mut variances = (Vec::with_capacity(highest + 1), Vec::with_capacity(highest + 1));
+    for k in 0..=highest {
+        let mut sum = |least: usize| {
+            let pairs = bins.around(k, least).map(&mut pair);
+            pairs.fold((0, 0.0, 0.0), |(count, found, expected), of| (count + 1, found + of.0, expected + of.1))
+        };
+        let (_, found, expected) = sum(if counted { COUNTED } else { BINS });
+        let level = if expected > 0.0 { found / expected } else { 0.0 };
+        let mut apart = 0.0;
+        if !counted && bins.periods >= CLOSE {
+            let (near, found, expected) = sum(NEAREST);
+            apart = ((found - level * expected) / f64::from(near.max(1))).max(0.0);
+        }
+        let scale = if k == 0 { 1.0 } else { 4.0 };
+        let (_, shape) = pair(k as isize * bins.periods);
+        variances.0.push(scale * level * shape);
+        variances.1.push(scale * apart);
+    }
+    variances
 }
 
 /// Covariance of the motion between the lines, per pair of slots: what the inputs between the lines explain, or what was
@@ -312,6 +338,12 @@ fn true_motion(
     let states: Vec<usize> = (0..slots.len()).filter(|&s| slots[s].1 < order(slots[s].0)).collect();
     let mut checked = vec![0.0; states.len()];
     let mut squares = vec![0.0; states.len()];
+    let zero = Complex::new(0.0, 0.0);
+    let (mut matrix, mut through) = (vec![zero; coordinates * coordinates], vec![zero; coordinates]);
+    let (mut force, mut parts) = (vec![zero; coordinates], vec![zero; slots.len()]);
+    let mut powers = vec![(0.0, 0.0); coordinates];
+    // The motion that the inputs explain in the bins around a line, coordinate by coordinate.
+    let mut explained: Vec<Complex<f64>> = Vec::new();
     for k in 0..=spectra.highest() {
         if k > 0 && k.is_multiple_of(BLOCK) {
             let now: Vec<f64> = states.iter().map(|&s| covariance[(s, s)]).collect();
@@ -321,40 +353,36 @@ fn true_motion(
             checked = now;
         }
         let first = k as isize * bins.periods;
-        let near: Vec<isize> = (first..first + bins.periods).filter(|bin| bins.free(*bin)).collect();
-        let mut powers = vec![(0.0, 0.0); coordinates];
-        let mut vectors = Vec::with_capacity(near.len());
-        for &bin in &near {
+        let near = || (first..first + bins.periods).filter(|bin| bins.free(*bin));
+        powers.fill((0.0, 0.0));
+        explained.clear();
+        for bin in near() {
             let frequency = bins.frequency(bin);
-            let mut matrix = DMatrix::zeros(coordinates, coordinates);
-            let mut force = DVector::zeros(coordinates);
             for (row, gain) in gains.iter().enumerate() {
-                for (c, z) in response(slots, gain, 0, frequency, coordinates).into_iter().enumerate() {
-                    matrix[(row, c)] = z;
-                }
+                response(slots, gain, 0, frequency, &mut through);
+                matrix[row * coordinates..(row + 1) * coordinates].copy_from_slice(&through);
                 force[row] = maps[row].iter().enumerate().map(|(i, &b)| bins.applied(coordinates, i, bin) * b).sum();
             }
-            let explained = matrix.lu().solve(&force)?;
+            if !solve_complex(&mut matrix, &mut force) {
+                return None;
+            }
             for (c, power) in powers.iter_mut().enumerate() {
-                power.0 += explained[c].norm_sqr();
+                power.0 += force[c].norm_sqr();
                 power.1 += bins.at(c, bin).norm_sqr();
             }
-            vectors.push((bin, explained));
+            explained.extend_from_slice(&force);
         }
-        if near.is_empty() {
+        if explained.is_empty() {
             return None;
         }
         // Both signs of the frequency, and the bins that the lines cover.
-        let weight = 2.0 / bandwidth * bins.periods as f64 / near.len() as f64;
-        for (bin, explained) in &vectors {
-            let frequency = bins.frequency(*bin);
-            let parts: Vec<Complex<f64>> = slots
-                .iter()
-                .map(|&(c, d)| {
-                    let value = if powers[c].0 <= powers[c].1 { explained[c] } else { bins.at(c, *bin) };
-                    Complex::new(0.0, frequency).powu(d as u32) * value
-                })
-                .collect();
+        let weight = 2.0 / bandwidth * bins.periods as f64 / (explained.len() / coordinates) as f64;
+        for (bin, explained) in near().zip(explained.chunks_exact(coordinates)) {
+            let frequency = bins.frequency(bin);
+            for (part, &(c, d)) in parts.iter_mut().zip(slots) {
+                let value = if powers[c].0 <= powers[c].1 { explained[c] } else { bins.at(c, bin) };
+                *part = derived(value, frequency, d);
+            }
             for (square, &s) in squares.iter_mut().zip(&states) {
                 *square += (weight * parts[s].norm_sqr()).powi(2);
             }
@@ -383,12 +411,9 @@ fn shifts(
     covariance: &DMatrix<f64>,
 ) -> Result<Vec<Vec<f64>>, EstimateError> {
     let dims = model.dims();
-    let mut planner = RealFftPlanner::new();
     let harmonics = harmonics.min(POINTS / 2 - 1);
-    let waves: Vec<Vec<f64>> = slots
-        .iter()
-        .map(|&(c, d)| synthesise(&mut planner, &spectra.lines[c], d, spectra.fundamental, harmonics, POINTS))
-        .collect();
+    let waves: Vec<Vec<f64>> =
+        slots.iter().map(|&(c, d)| synthesise(&spectra.lines[c], d, spectra.fundamental, harmonics, POINTS)).collect();
     let steps: Vec<f64> = waves
         .iter()
         .map(|wave| {
@@ -436,18 +461,54 @@ const fn slot_index(slot: (usize, usize), coordinates: usize) -> usize {
     slot.1 * coordinates + slot.0
 }
 
-/// Two-sided Fourier coefficients of the derivatives of a row with respect to every slot along the period.
-fn gains(slots: usize, derivative: impl Fn(usize) -> Vec<f64>) -> Vec<Vec<Complex<f64>>> {
-    let mut planner = RealFftPlanner::new();
-    (0..slots)
-        .map(|s| {
-            let series = derivative(s);
-            let half = series.len() / 2;
-            let mut lines = analyse(&mut planner, &series, 0, 1, half.saturating_sub(1));
-            for line in lines.iter_mut().skip(1) {
-                *line *= 0.5;
+/// Solves a square system, row by row, by elimination with pivoting in place of the right-hand side; whether it is regular.
+fn solve_complex(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> bool {
+    let n = right.len();
+    for k in 0..n {
+        let size = |r: &usize| matrix[r * n + k].norm_sqr();
+        let Some(pivot) = (k..n).max_by(|a, b| size(a).total_cmp(&size(b))) else { return false };
+        let largest = size(&pivot);
+        if !largest.is_finite() || largest <= 0.0 {
+            return false;
+        }
+        for c in 0..n {
+            matrix.swap(k * n + c, pivot * n + c);
+        }
+        right.swap(k, pivot);
+        for r in k + 1..n {
+            let factor = matrix[r * n + k] / matrix[k * n + k];
+            for c in k..n {
+                let above = matrix[k * n + c];
+                matrix[r * n + c] -= factor * above;
             }
-            lines
-        })
-        .collect()
+            let above = right[k];
+            right[r] -= factor * above;
+        }
+    }
+    for k in (0..n).rev() {
+        let rest: Complex<f64> = (k + 1..n).map(|c| matrix[k * n + c] * right[c]).sum();
+        right[k] = (right[k] - rest) / matrix[k * n + k];
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::solve_complex;
+    use nalgebra::Complex;
+
+    #[test]
+    fn complex_systems_are_solved_with_pivoting() {
+        let z = Complex::new;
+        // (j y, x + 2 y, x + z) = (-2, 5 + 2j, 2 - j) at x, y, z = 5 - 2j, 2j, -3 + j.
+        let zero = z(0.0, 0.0);
+        let one = z(1.0, 0.0);
+        let mut matrix = [zero, z(0.0, 1.0), zero, one, z(2.0, 0.0), zero, one, zero, one];
+        let mut right = [z(-2.0, 0.0), z(5.0, 2.0), z(2.0, -1.0)];
+        assert!(solve_complex(&mut matrix, &mut right));
+        for (found, expected) in right.iter().zip([z(5.0, -2.0), z(0.0, 2.0), z(-3.0, 1.0)]) {
+            assert!((found - expected).norm() < 1e-14, "{right:?}");
+        }
+        assert!(!solve_complex(&mut [one, one, one, one], &mut [one, one]));
+    }
 }

@@ -114,6 +114,7 @@ impl Eliminated {
             form: Arc::clone(self),
             settings: Settings { prior: Vec::new(), frozen: Vec::new(), ..settings.clone() },
             records: Vec::new(),
+            start: Vec::new(),
             lumped: None,
             warnings: Vec::new(),
         })
@@ -125,6 +126,8 @@ struct EliminatedMotion {
     form: Arc<Eliminated>,
     settings: Settings,
     records: Vec<MeasuredMotion>,
+    /// Physical parameters to start from.
+    start: Vec<f64>,
     lumped: Option<Estimate>,
     warnings: Vec<String>,
 }
@@ -133,12 +136,12 @@ struct EliminatedMotion {
 struct Search<'a> {
     form: &'a Eliminated,
     found: Option<Physical>,
-    start: Vec<f64>,
+    start: &'a [f64],
 }
 
 impl Structure for Search<'_> {
     fn explain(&mut self, information: &Information, gradient: &[f64]) -> Option<Vec<f64>> {
-        let start = self.found.as_ref().map_or(&self.start, |found| &found.values);
+        let start = self.found.as_ref().map_or(self.start, |found| &found.values);
         let found = self.form.fit.of_information(information, Some(gradient), start);
         Some(self.found.insert(found).lumped.clone())
     }
@@ -149,7 +152,7 @@ impl Estimator for EliminatedMotion {
         "measured-motion"
     }
 
-    fn take(&mut self, machine: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
+    fn reduce(&mut self, machine: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
         let form = Arc::clone(&self.form);
         let dims = machine.dims();
         if run.spectra.lines.len() != dims.coordinates + dims.inputs {
@@ -162,15 +165,28 @@ impl Estimator for EliminatedMotion {
         let constants: Vec<f64> = form.constants.iter().map(|&c| run.trial.constants[c]).collect();
         let record = MeasuredMotion::new(&form.model, &constants, &spectra, run.hold, &self.settings)?;
         self.records.push(record);
-        let mut start = vec![1.0; dims.parameters];
+        self.start = vec![1.0; dims.parameters];
         for (&at, &value) in form.parameters.iter().zip(&run.trial.parameters) {
-            start[at] = value;
+            self.start[at] = value;
         }
-        let mut search = Search { form: &form, found: None, start };
+        let mut search = Search { form: &form, found: None, start: &self.start };
         let settings = &self.settings;
         let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_structured(records, settings, &mut search)?.theta);
         let refined = refine_last(&mut self.records, &form.model, &constants, &spectra, run.hold, &mut first);
-        let fitted = refined.and_then(|()| estimate_structured(&mut self.records, settings, &mut search));
+        // From where the physical parameters are looked for when noise is taken into account.
+        if let Some(found) = search.found {
+            self.start = found.values;
+        }
+        if refined.is_err() {
+            self.records.pop();
+        }
+        refined
+    }
+
+    fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
+        let form = Arc::clone(&self.form);
+        let mut search = Search { form: &form, found: None, start: &self.start };
+        let fitted = estimate_structured(&mut self.records, &self.settings, &mut search);
         match (fitted, search.found) {
             (Ok(Fitted { estimate, .. }), Some(physical)) => {
                 let found = form.estimate(&physical, &estimate);

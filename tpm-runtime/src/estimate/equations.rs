@@ -1,5 +1,6 @@
 //! Harmonic equations `phi theta = right + noise`, one complex row per equation of motion and harmonic.
 
+use super::Frozen;
 use nalgebra::{Complex, DMatrix, DVector};
 use std::vec::Vec;
 
@@ -64,21 +65,18 @@ impl Equations {
         }
     }
 
-    /// Adds to the means of the regressors, and of the known term, what noise adds to them: per row one number for every parameter
-    /// and, last, for the known term. `uncertainty` is the standard deviation of all that, as a share, at the parameters theta.
-    pub fn shift_means(&mut self, shifts: &[Vec<f64>], theta: &[f64], uncertainty: f64) {
-        for e in (0..self.len()).filter(|&e| self.harmonic[e] == 0).collect::<Vec<usize>>() {
-            let Some(shift) = shifts.get(self.row[e]) else { continue };
-            let (own, known) = shift.split_at(self.parameters.min(shift.len()));
-            let regressors = &mut self.regressors[e * self.parameters..(e + 1) * self.parameters];
-            for (regressor, value) in regressors.iter_mut().zip(own) {
-                *regressor += *value;
-            }
-            let known: f64 = known.iter().sum();
-            self.right[e] -= known;
-            let whole = known + own.iter().zip(theta).map(|(shift, value)| shift * value).sum::<f64>();
-            self.variance[e] += (uncertainty * whole).powi(2);
+    /// Adds to the regressors of a mean what noise adds to them, one number for every parameter and, last, for the known term,
+    /// which is returned. `uncertainty` is the standard deviation of all that, as a share, at the parameters theta.
+    pub(super) fn shift_mean(&mut self, equation: usize, shift: &[f64], theta: &[f64], uncertainty: f64) -> f64 {
+        let (own, known) = shift.split_at(self.parameters.min(shift.len()));
+        let regressors = &mut self.regressors[equation * self.parameters..(equation + 1) * self.parameters];
+        for (regressor, value) in regressors.iter_mut().zip(own) {
+            *regressor += *value;
         }
+        let known: f64 = known.iter().sum();
+        let whole = known + own.iter().zip(theta).map(|(shift, value)| shift * value).sum::<f64>();
+        self.variance[equation] += (uncertainty * whole).powi(2);
+        known
     }
 
     /// Number of complex rows.
@@ -125,7 +123,7 @@ impl Equations {
     #[must_use]
     pub fn reduced(&self) -> Self {
         let all: Vec<usize> = (0..self.parameters).collect();
-        let (mut matrix, _) = self.weighted(&all);
+        let (mut matrix, _) = self.weighted(&all, &[]);
         for mut column in matrix.column_iter_mut() {
             let norm = column.norm();
             if norm > 0.0 {
@@ -150,25 +148,28 @@ impl Equations {
         reduced
     }
 
-    /// The real equations, each divided by its standard deviation, with the columns `free` only.
+    /// The real equations, each divided by its standard deviation, with the columns `free` only; those of the frozen parameters,
+    /// at their values, are taken from the right.
     #[must_use]
-    pub fn weighted(&self, free: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+    pub fn weighted(&self, free: &[usize], frozen: &[Frozen]) -> (DMatrix<f64>, DVector<f64>) {
         let mut matrix = DMatrix::zeros(self.real_len(), free.len());
         let mut right = DVector::zeros(self.real_len());
         let mut at = 0;
         for e in 0..self.len() {
             let weight = self.weight(e).sqrt();
             let phi = self.regressor(e);
+            let taken: Complex<f64> = frozen.iter().map(|frozen| phi[frozen.parameter] * frozen.value).sum();
+            let whole = self.right[e] - taken;
             for (c, &j) in free.iter().enumerate() {
                 matrix[(at, c)] = phi[j].re * weight;
             }
-            right[at] = self.right[e].re * weight;
+            right[at] = whole.re * weight;
             at += 1;
             if self.harmonic[e] > 0 {
                 for (c, &j) in free.iter().enumerate() {
                     matrix[(at, c)] = phi[j].im * weight;
                 }
-                right[at] = self.right[e].im * weight;
+                right[at] = whole.im * weight;
                 at += 1;
             }
         }

@@ -4,10 +4,14 @@
 //! better and therefore shows less, never replaces it. Two things reduce what a linearised run counts: residuals beyond its
 //! noise (its covariance is inflated by them), and a start farther from the truth than that of a later run, since the error
 //! of a linearisation grows with the distance.
+//!
+//! A run is taken in by two steps. [`Estimator::reduce`] needs the record: it works out harmonics, the rows along the motion
+//! and the noise in what is formed of them, read bin by bin at a first estimate; it takes as long as the record does.
+//! [`Estimator::update`] goes from there to new parameters and needs harmonics alone.
 
 use super::along::Along;
 use super::applied::{noise_along, refine_last};
-use super::first_order::FirstOrder;
+use super::first_order::{FirstOrder, Reduced};
 use super::numerical::Numerical;
 use super::{
     Equations, Estimate, EstimateError, Information, MeasuredMotion, Settings, Status, estimate_measured_motion,
@@ -77,11 +81,27 @@ pub trait Estimator: Send {
         current.to_vec()
     }
 
-    /// Takes in a run; the estimate from all runs so far, or nothing while further runs are needed for an update.
+    /// Reduces a run to harmonics, with the noise in the equations that are formed of them.
     ///
     /// # Errors
     /// [`EstimateError`]; what was learnt before is kept.
-    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError>;
+    fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError>;
+
+    /// The estimate from all runs that were reduced, or nothing while further runs are needed for it. Asked again, it is the
+    /// same.
+    ///
+    /// # Errors
+    /// [`EstimateError`]; the last run is then forgotten.
+    fn update(&mut self) -> Result<Option<Estimate>, EstimateError>;
+
+    /// Takes in a run: reduces it and updates.
+    ///
+    /// # Errors
+    /// As those; what was learnt before is kept.
+    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
+        self.reduce(model, run)?;
+        self.update()
+    }
 
     /// Highest harmonic used in the last run.
     fn harmonics(&self) -> usize;
@@ -135,11 +155,10 @@ impl Method {
     /// The estimator, with everything still to learn.
     #[must_use]
     pub fn estimator(self, settings: &Settings) -> Box<dyn Estimator> {
-        let first_order =
-            |kind| Box::new(Linearised { kind, settings: settings.clone(), pool: None, reference: None, harmonics: 0 });
+        let first_order = |kind| Box::new(Linearised::new(kind, settings));
         match self {
             Method::MeasuredMotion => {
-                Box::new(PooledMotion { settings: settings.clone(), records: Vec::new(), design: None })
+                Box::new(PooledMotion { settings: settings.clone(), records: Vec::new(), design: Vec::new() })
             }
             Method::Error => first_order(FirstOrder::Error),
             Method::Hill => first_order(FirstOrder::Hill),
@@ -153,8 +172,8 @@ impl Method {
 struct PooledMotion {
     settings: Settings,
     records: Vec<MeasuredMotion>,
-    /// What the references of the runs show.
-    design: Option<Information>,
+    /// What the references of the runs up to each one show.
+    design: Vec<Information>,
 }
 
 impl PooledMotion {
@@ -166,7 +185,7 @@ impl PooledMotion {
         let motion = run.judged_motion();
         let reach = 4 * motion.highest_harmonic() as usize;
         let own = Along::design(model, &run.trial.constants, &motion, reach.max(1), &free)?;
-        let whole = self.design.as_ref().map_or_else(|| own.clone(), |before| before.pool(&own));
+        let whole = self.design.last().map_or_else(|| own.clone(), |before| before.pool(&own));
         let hidden = whole
             .solve(&vec![0.0; free.len()], None)
             .unobservable
@@ -188,18 +207,27 @@ impl Estimator for PooledMotion {
         "measured-motion"
     }
 
-    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
+    fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
         let (design, hidden) = self.design(model, run)?;
-        let settings = &Settings { hidden, ..self.settings.clone() };
-        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, settings)?;
+        let settings = Settings { hidden, ..self.settings.clone() };
+        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &settings)?;
         self.records.push(record);
-        let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, settings)?.values);
-        let estimate = refine_last(&mut self.records, model, &run.trial.constants, run.spectra, run.hold, &mut first)
-            .and_then(|()| estimate_measured_motion(&mut self.records, settings));
-        if estimate.is_err() {
+        let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, &settings)?.values);
+        let refined = refine_last(&mut self.records, model, &run.trial.constants, run.spectra, run.hold, &mut first);
+        if refined.is_err() {
             self.records.pop();
         } else {
-            self.design = Some(design);
+            self.design.push(design);
+            self.settings.hidden = settings.hidden;
+        }
+        refined
+    }
+
+    fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
+        let estimate = estimate_measured_motion(&mut self.records, &self.settings);
+        if estimate.is_err() {
+            self.records.pop();
+            self.design.pop();
         }
         estimate.map(Some)
     }
@@ -213,10 +241,20 @@ impl Estimator for PooledMotion {
 struct Linearised {
     kind: FirstOrder,
     settings: Settings,
-    pool: Option<Pool>,
+    pools: Pools,
+    /// The last run, reduced.
+    last: Option<Reduced>,
     /// The rows along the last reference, which the next run of a stage has too.
     reference: Option<Reference>,
     harmonics: usize,
+}
+
+impl Linearised {
+    /// With everything still to learn.
+    fn new(kind: FirstOrder, settings: &Settings) -> Self {
+        let (settings, pools) = (settings.clone(), Pools::default());
+        Linearised { kind, settings, pools, last: None, reference: None, harmonics: 0 }
+    }
 }
 
 /// The rows along a reference, up to a harmonic.
@@ -248,39 +286,64 @@ impl Estimator for Linearised {
         }
     }
 
-    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
+    fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
+        self.pools.close();
+        self.last = None;
         let highest = highest_harmonic(&self.settings, run);
         let reference = match self.reference.take().filter(|reference| reference.is_of(run.trial, highest)) {
             Some(reference) => reference,
             None => Reference::new(model, run.trial, highest)?,
         };
         let along = &self.reference.insert(reference).along;
-        let mut equations = match run.rates {
-            None => self.kind.equations(run.trial, along, run.spectra, run.hold, highest)?,
-            Some(_) => self.kind.applied_equations(run.trial, along, run.spectra, run.hold, (0, highest))?,
+        let mut reduced = match run.rates {
+            None => self.kind.reduce(run.trial, along, run.spectra, run.hold, highest)?,
+            Some(_) => self.kind.reduce_applied(run.trial, along, run.spectra, run.hold, (0, highest))?,
         };
-        let own = equations.len();
+        let own = reduced.equations.len();
         // The effort is the same with either error.
         if let Some(rates) = run.rates.filter(|_| self.kind != FirstOrder::Effort) {
-            equations.append(self.kind.applied_equations(run.trial, along, rates, run.hold, (1, highest))?);
+            reduced.append(self.kind.reduce_applied(run.trial, along, rates, run.hold, (1, highest))?);
         }
         self.harmonics = highest;
         // What noise does to the equations depends on the parameters: how much of it the rows feel, and how far the mean of a term
         // that is even in the velocity lies above that along the reference.
-        let first = pool_run(&mut self.pool.clone(), &equations, &self.settings, &run.trial.parameters)?.values;
+        let first = reduced.update(self.pools.before.as_ref(), &self.settings)?.0.values;
         if let Some(noise) = noise_along(model, run, along, &first, highest)? {
             if self.kind != FirstOrder::Effort {
-                equations.set_variance(own, &noise.variance);
+                reduced.equations.set_variance(own, &noise.variance);
             }
             if let Some((shifts, uncertainty)) = &noise.shifts {
-                equations.shift_means(shifts, &first, *uncertainty);
+                reduced.shift_means(shifts, &first, *uncertainty);
             }
         }
-        pool_run(&mut self.pool, &equations, &self.settings, &run.trial.parameters).map(Some)
+        self.last = Some(reduced);
+        Ok(())
+    }
+
+    fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
+        let Some(reduced) = &mut self.last else { return Ok(None) };
+        match reduced.update(self.pools.before.as_ref(), &self.settings) {
+            Ok((estimate, pool)) => {
+                self.pools.after = Some(pool);
+                Ok(Some(estimate))
+            }
+            Err(error) => {
+                self.last = None;
+                Err(error)
+            }
+        }
     }
 
     fn harmonics(&self) -> usize {
         self.harmonics
+    }
+}
+
+impl Reduced {
+    /// The estimate from these equations beside a pool, and the pool with them.
+    fn update(&mut self, before: Option<&Pool>, settings: &Settings) -> Result<(Estimate, Pool), EstimateError> {
+        self.complete();
+        pool_run(before, &self.equations, settings, &self.parameters)
     }
 }
 
@@ -296,6 +359,22 @@ pub(super) struct Pool {
     information: Information,
     /// Relative distance from the parameters of the last run's feed-forward to its estimate.
     distance: f64,
+}
+
+/// What all runs but the last one have taught, and what all have.
+#[derive(Default)]
+pub(super) struct Pools {
+    pub(super) before: Option<Pool>,
+    pub(super) after: Option<Pool>,
+}
+
+impl Pools {
+    /// Another run follows.
+    pub(super) fn close(&mut self) {
+        if let Some(after) = self.after.take() {
+            self.before = Some(after);
+        }
+    }
 }
 
 /// Distance between the start of a run and its estimate relative to the values: the size of what was linearised. It is
@@ -314,11 +393,11 @@ fn distance(start: &[f64], found: &[f64], covariance: &nalgebra::DMatrix<f64>) -
 
 /// Adds a run's equations to the pool and solves it.
 pub(super) fn pool_run(
-    pool: &mut Option<Pool>,
+    pool: Option<&Pool>,
     equations: &Equations,
     settings: &Settings,
     current: &[f64],
-) -> Result<Estimate, EstimateError> {
+) -> Result<(Estimate, Pool), EstimateError> {
     let p = equations.parameters;
     let mut prior = if settings.prior.len() == p { settings.prior.clone() } else { current.to_vec() };
     let mut free: Vec<usize> = (0..p).collect();
@@ -332,28 +411,21 @@ pub(super) fn pool_run(
     if free.is_empty() && p > 0 {
         return Err(EstimateError::AllFrozen);
     }
-    let mut reduced = equations.clone();
-    for e in 0..reduced.len() {
-        for frozen in &settings.frozen {
-            let part = reduced.regressor(e)[frozen.parameter] * frozen.value;
-            reduced.right[e] -= part;
-        }
-    }
-    let (matrix, right) = reduced.weighted(&free);
-    let information = Information::of(&matrix, &right);
+    let (matrix, right) = equations.weighted(&free, &settings.frozen);
+    let information = Information::of(matrix, &right);
     let start: Vec<f64> = free.iter().map(|&j| prior[j]).collect();
     let alone = information.solve(&start, None);
-    let freedom = reduced.real_len().saturating_sub(alone.rank);
+    let freedom = equations.real_len().saturating_sub(alone.rank);
     let chi_squared = if freedom > 0 { alone.remainder / freedom as f64 } else { 0.0 };
     let inflation = chi_squared.max(1.0);
     let scaled = information.forget(1.0 / inflation);
     let begun: Vec<f64> = free.iter().map(|&j| current[j]).collect();
     let distance = distance(&begun, &alone.values, &(&alone.covariance * inflation));
-    let pooled = match pool.as_ref() {
+    let pooled = match pool {
         Some(before) => {
             let trust = (distance / before.distance).powi(2);
             let trust = if trust.is_finite() { trust.min(1.0) } else { 1.0 };
-            before.information.forget(trust * settings.memory(1)).pool(&scaled)
+            before.information.clone().forget(trust * settings.memory(1)).pool(&scaled)
         }
         None => scaled,
     };
@@ -390,8 +462,7 @@ pub(super) fn pool_run(
     let (left, whole) = (0..equations.len()).fold((0.0, 0.0), |(left, whole), e| {
         (left + equations.residual(e, &values).norm_sqr(), whole + equations.right[e].norm_sqr())
     });
-    *pool = Some(Pool { information: pooled, distance });
-    Ok(Estimate {
+    let estimate = Estimate {
         values,
         std,
         covariance,
@@ -402,5 +473,6 @@ pub(super) fn pool_run(
         residual: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 },
         chi_squared,
         model_error: vec![0.0; equations.row.iter().max().map_or(0, |r| r + 1)],
-    })
+    };
+    Ok((estimate, Pool { information: pooled, distance }))
 }

@@ -15,23 +15,68 @@
 
 use super::along::Along;
 use super::{Equations, EstimateError, ROUNDING};
+use crate::fourier::analyse;
 use crate::harmonics::{Hold, Spectra};
 use crate::model::Dims;
 use crate::procedure::Trial;
 use nalgebra::{Complex, DMatrix};
-use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
 
 /// How much of the rows' dependence on the error is taken into account.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum FirstOrder {
+pub(super) enum FirstOrder {
     /// None: the feedback's effort alone is compared with the table.
     Effort,
     /// The linear terms, with their phase.
     Error,
     /// All of it to first order, harmonics coupled.
     Hill,
+}
+
+/// The harmonic equations of one run before the parameters of its feed-forward are put in: `B Lambda theta = applied - felt theta'`.
+#[derive(Clone, Debug)]
+pub(super) struct Reduced {
+    /// `B Lambda theta = right`, with the right-hand sides as [`complete`](Self::complete) left them.
+    pub(super) equations: Equations,
+    /// What was applied, less the known terms along the reference.
+    applied: Vec<Complex<f64>>,
+    /// What the rows feel of the tracking error by a unit of every parameter and, last, by the known term, equation by equation.
+    felt: Vec<Complex<f64>>,
+    /// theta', the parameters of the feed-forward.
+    pub(super) parameters: Vec<f64>,
+}
+
+impl Reduced {
+    /// Works out the right-hand sides.
+    pub(super) fn complete(&mut self) {
+        let width = self.parameters.len() + 1;
+        for ((right, applied), felt) in
+            self.equations.right.iter_mut().zip(&self.applied).zip(self.felt.chunks_exact(width))
+        {
+            let felt: Complex<f64> = felt.iter().zip(self.parameters.iter().chain(&[1.0])).map(|(z, t)| z * t).sum();
+            *right = applied - felt;
+        }
+    }
+
+    /// Adds the equations of others of the same run.
+    pub(super) fn append(&mut self, mut others: Self) {
+        self.equations.append(others.equations);
+        self.applied.append(&mut others.applied);
+        self.felt.append(&mut others.felt);
+    }
+
+    /// Adds to the means of the regressors, and of the known term, what noise adds to them: per row one number for every parameter
+    /// and, last, for the known term. `uncertainty` is the standard deviation of all that, as a share, at the parameters theta.
+    pub(super) fn shift_means(&mut self, shifts: &[Vec<f64>], theta: &[f64], uncertainty: f64) {
+        for (e, applied) in self.applied.iter_mut().enumerate() {
+            if self.equations.harmonic[e] == 0
+                && let Some(shift) = shifts.get(self.equations.row[e])
+            {
+                *applied -= self.equations.shift_mean(e, shift, theta, uncertainty);
+            }
+        }
+    }
 }
 
 impl FirstOrder {
@@ -41,14 +86,14 @@ impl FirstOrder {
     /// # Errors
     /// [`EstimateError::Channels`] when spectra or trial do not fit the model, [`EstimateError::NoSignal`] when the record does
     /// not resolve a harmonic.
-    pub fn equations(
+    pub(super) fn reduce(
         self,
         trial: &Trial,
         along: &Along,
         spectra: &Spectra,
         hold: Hold,
         harmonics: usize,
-    ) -> Result<Equations, EstimateError> {
+    ) -> Result<Reduced, EstimateError> {
         let Dims { coordinates, inputs, .. } = along.dims;
         let highest = highest(trial, along, spectra, coordinates, harmonics)?;
         if highest == 0 {
@@ -85,14 +130,14 @@ impl FirstOrder {
     ///
     /// # Errors
     /// [`EstimateError::Channels`] when spectra or trial do not fit the model.
-    pub fn applied_equations(
+    pub(super) fn reduce_applied(
         self,
         trial: &Trial,
         along: &Along,
         spectra: &Spectra,
         hold: Hold,
         (least, harmonics): (usize, usize),
-    ) -> Result<Equations, EstimateError> {
+    ) -> Result<Reduced, EstimateError> {
         let Dims { coordinates, inputs, .. } = along.dims;
         let highest = highest(trial, along, spectra, coordinates + inputs, harmonics)?;
         let mut error = error_lines(trial, spectra, coordinates, 2 * highest);
@@ -125,26 +170,30 @@ impl FirstOrder {
         (least, highest): (usize, usize),
         noise: &[DMatrix<Complex<f64>>],
         drive: impl Fn(usize, usize, &[Complex<f64>], &mut Complex<f64>) -> Vec<Complex<f64>>,
-    ) -> Equations {
+    ) -> Reduced {
         let dims = along.dims;
         let peak = error.iter().flatten().map(|line| line.norm()).fold(0.0, f64::max);
+        let width = dims.parameters + 1;
         let mut equations = Equations::new(dims.parameters);
+        let (mut without_error, mut felt) = (Vec::new(), Vec::new());
         let mut phi = vec![Complex::new(0.0, 0.0); dims.parameters];
         for row in 0..dims.rows {
-            let coupled = match self {
-                FirstOrder::Hill => along.applied(row, &trial.parameters, error, highest),
+            let coupled: Vec<Vec<Complex<f64>>> = match self {
+                FirstOrder::Hill => {
+                    let one = |j: usize| -> Vec<f64> { (0..width).map(|i| f64::from(u8::from(i == j))).collect() };
+                    (0..width).map(|j| along.applied(row, &one(j), error, highest)).collect()
+                }
                 FirstOrder::Effort | FirstOrder::Error => Vec::new(),
             };
             for k in least..=highest {
                 let linear = along.response(row, &trial.parameters, k);
-                let mut right = -along.known[row][k];
-                let through = drive(row, k, &linear, &mut right);
+                let mut applied = -along.known[row][k];
+                let through = drive(row, k, &linear, &mut applied);
+                without_error.push(applied);
                 match self {
-                    FirstOrder::Effort => {}
-                    FirstOrder::Error => {
-                        right -= linear.iter().zip(error).map(|(j, e)| j * e[k]).sum::<Complex<f64>>();
-                    }
-                    FirstOrder::Hill => right -= coupled[k],
+                    FirstOrder::Effort => felt.extend((0..width).map(|_| Complex::new(0.0, 0.0))),
+                    FirstOrder::Error => felt.extend((0..width).map(|j| along.mean_applied(row, j, k, error))),
+                    FirstOrder::Hill => felt.extend(coupled.iter().map(|lines| lines[k])),
                 }
                 for (j, entry) in phi.iter_mut().enumerate() {
                     *entry = along.regressor(row, j)[k];
@@ -158,10 +207,10 @@ impl FirstOrder {
                         variance += x.norm_sqr() * (ROUNDING * peak).powi(2);
                     }
                 }
-                equations.push(row, k, &phi, right, variance);
+                equations.push(row, k, &phi, applied, variance);
             }
         }
-        equations
+        Reduced { equations, applied: without_error, felt, parameters: trial.parameters.clone() }
     }
 }
 
@@ -209,8 +258,5 @@ pub(crate) fn error_lines(
 
 /// Lines of the samples of every input's feed-forward.
 fn feed_forward_lines(trial: &Trial, inputs: usize, highest: usize) -> Vec<Vec<Complex<f64>>> {
-    let mut planner = RealFftPlanner::<f64>::new();
-    (0..inputs)
-        .map(|i| super::measured_motion::analyse(&mut planner, &trial.feed_forward, i, inputs, highest))
-        .collect()
+    (0..inputs).map(|i| analyse(&trial.feed_forward, i, inputs, highest)).collect()
 }

@@ -52,10 +52,9 @@ impl Information {
 
     /// Condenses real equations `matrix theta = right` of unit variance.
     #[must_use]
-    pub fn of(matrix: &DMatrix<f64>, right: &DVector<f64>) -> Self {
-        let parameters = matrix.ncols();
-        let mut stacked = DMatrix::zeros(matrix.nrows().max(parameters + 1), parameters + 1);
-        stacked.view_mut((0, 0), (matrix.nrows(), parameters)).copy_from(matrix);
+    pub fn of(matrix: DMatrix<f64>, right: &DVector<f64>) -> Self {
+        let (equations, parameters) = matrix.shape();
+        let mut stacked = matrix.resize(equations.max(parameters + 1), parameters + 1, 0.0);
         stacked.view_mut((0, parameters), (right.len(), 1)).copy_from(right);
         let triangle = stacked.qr().unpack_r();
         let corner = triangle[(parameters, parameters)];
@@ -63,7 +62,7 @@ impl Information {
             factor: triangle.view((0, 0), (parameters, parameters)).into_owned(),
             right: triangle.column(parameters).rows(0, parameters).into_owned(),
             remainder: corner * corner,
-            equations: matrix.nrows(),
+            equations,
         }
     }
 
@@ -77,7 +76,7 @@ impl Information {
         let mut right = DVector::zeros(2 * n);
         right.rows_mut(0, n).copy_from(&self.right);
         right.rows_mut(n, n).copy_from(&other.right);
-        let mut pooled = Information::of(&matrix, &right);
+        let mut pooled = Information::of(matrix, &right);
         pooled.remainder += self.remainder + other.remainder;
         pooled.equations = self.equations + other.equations;
         pooled
@@ -85,13 +84,11 @@ impl Information {
 
     /// The same data when their age makes them count less: every weight times `factor` in (0, 1].
     #[must_use]
-    pub fn forget(&self, factor: f64) -> Self {
-        Information {
-            factor: &self.factor * factor.sqrt(),
-            right: &self.right * factor.sqrt(),
-            remainder: self.remainder * factor,
-            equations: self.equations,
-        }
+    pub fn forget(mut self, factor: f64) -> Self {
+        self.factor *= factor.sqrt();
+        self.right *= factor.sqrt();
+        self.remainder *= factor;
+        self
     }
 
     /// Upper triangular factor R.
@@ -138,7 +135,8 @@ impl Information {
             column /= *s;
         }
         let start = DVector::from_fn(n, |i, _| prior.get(i).copied().unwrap_or(0.0) * scale[i]);
-        let target = &self.right - &scaled * &start;
+        let mut target = self.right.clone();
+        target.gemv(-1.0, &scaled, &start, 1.0);
         let shown = beside(hidden, &scale);
         let svd = match &shown {
             Some(basis) => (&scaled * basis).svd(true, true),
@@ -163,11 +161,12 @@ impl Information {
         let mut smallest = largest;
         let mut unobservable: Vec<Vec<f64>> = if shown.is_some() { hidden.to_vec() } else { Vec::new() };
         let extra = gradient.map(|g| DVector::from_fn(n, |i, _| g[i] / scale[i]));
+        let directions = match &shown {
+            Some(basis) => basis * v_t.transpose(),
+            None => v_t.transpose(),
+        };
         for (i, &value) in svd.singular_values.iter().enumerate() {
-            let direction: DVector<f64> = match &shown {
-                Some(basis) => basis * v_t.row(i).transpose(),
-                None => v_t.row(i).transpose(),
-            };
+            let direction = directions.column(i);
             if value > smallest_counted {
                 rank += 1;
                 smallest = smallest.min(value);
@@ -175,28 +174,29 @@ impl Information {
                 if let Some(extra) = &extra {
                     share += direction.dot(extra) / (value * value);
                 }
-                step += &direction * share;
-                covariance += &direction * direction.transpose() / (value * value);
+                step.axpy(share, &direction, 1.0);
+                covariance.ger(1.0 / (value * value), &direction, &direction, 1.0);
             } else {
                 let raw: Vec<f64> = direction.iter().zip(&scale).map(|(d, s)| d / s).collect();
                 let peak = raw.iter().copied().fold(0.0, |p: f64, d| if d.abs() > p.abs() { d } else { p });
                 unobservable.push(raw.iter().map(|d| d / peak).collect());
             }
         }
-        let total = &start + &step;
+        let total = start + step;
         for r in 0..n {
             for c in 0..n {
                 covariance[(r, c)] /= scale[r] * scale[c];
             }
         }
-        let misfit = (&scaled * &total - &self.right).norm_squared();
+        let mut misfit = self.right.clone();
+        misfit.gemv(-1.0, &scaled, &total, 1.0);
         Solution {
             values: total.iter().zip(&scale).map(|(t, s)| t / s).collect(),
             covariance,
             rank,
             unobservable,
             condition: if rank > 0 { largest / smallest } else { f64::INFINITY },
-            remainder: self.remainder + misfit,
+            remainder: self.remainder + misfit.norm_squared(),
         }
     }
 
@@ -267,9 +267,9 @@ mod tests {
     fn pooling_equals_solving_everything_at_once() {
         let a = DMatrix::from_fn(7, 3, |r, c| ((r * r * 5 + c * 3 + r * c * c) as f64 * 0.7).sin());
         let b = DVector::from_fn(7, |r, _| (r as f64).cos());
-        let whole = Information::of(&a, &b).solve(&[0.0; 3], None);
-        let pooled = Information::of(&a.rows(0, 2).into_owned(), &b.rows(0, 2).into_owned())
-            .pool(&Information::of(&a.rows(2, 5).into_owned(), &b.rows(2, 5).into_owned()))
+        let whole = Information::of(a.clone(), &b).solve(&[0.0; 3], None);
+        let pooled = Information::of(a.rows(0, 2).into_owned(), &b.rows(0, 2).into_owned())
+            .pool(&Information::of(a.rows(2, 5).into_owned(), &b.rows(2, 5).into_owned()))
             .solve(&[0.0; 3], None);
         for (x, y) in whole.values.iter().zip(&pooled.values) {
             assert!((x - y).abs() < 1e-13);
@@ -283,7 +283,7 @@ mod tests {
         // Only x + 1000 y is seen, and z; units differ widely.
         let a = DMatrix::from_row_slice(3, 3, &[1.0, 1e3, 0.0, 2.0, 2e3, 0.0, 0.0, 0.0, 1e-6]);
         let b = DVector::from_row_slice(&[5.0, 10.0, 3e-6]);
-        let solved = Information::of(&a, &b).solve(&[4.0, 0.0, 0.0], None);
+        let solved = Information::of(a, &b).solve(&[4.0, 0.0, 0.0], None);
         assert_eq!(solved.rank, 2);
         assert!((solved.values[0] + 1e3 * solved.values[1] - 5.0).abs() < 1e-12);
         assert!((solved.values[2] - 3.0).abs() < 1e-12);

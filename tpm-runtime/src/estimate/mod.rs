@@ -22,12 +22,10 @@ pub use along::Along;
 pub use eliminated::{Eliminated, EliminatedError};
 pub use equations::Equations;
 pub use estimator::{Estimator, Method, Run};
-pub use first_order::FirstOrder;
 pub(crate) use first_order::error_lines;
 #[cfg(feature = "interpret")]
 pub(crate) use information::complement;
 pub use information::{Information, Solution};
-pub(crate) use measured_motion::analyse;
 pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, estimate_measured_motion};
 pub use numerical::NumericalSettings;
 

@@ -6,7 +6,7 @@
 //! corrected by what the last one did (secant). Invariant: a matrix belongs to one reference; another one begins anew.
 
 use super::along::Along;
-use super::estimator::{Pool, highest_harmonic, pool_run};
+use super::estimator::{Pools, highest_harmonic, pool_run};
 use super::first_order::error_lines;
 use super::{Equations, Estimate, EstimateError, Estimator, ROUNDING, Run, Settings};
 use crate::model::Model;
@@ -38,7 +38,9 @@ type Lines = Vec<Vec<Complex<f64>>>;
 /// The estimator.
 pub(super) struct Numerical {
     settings: Settings,
-    pool: Option<Pool>,
+    pools: Pools,
+    /// The equations of the last update, when the last run made one, and the parameters behind them.
+    ready: Option<(Equations, Vec<f64>)>,
     base: Option<Base>,
     /// Per parameter so far: change of every coordinate's error lines per change of the parameter.
     columns: Vec<Lines>,
@@ -105,7 +107,8 @@ impl Numerical {
     pub(super) fn new(settings: &Settings) -> Self {
         Numerical {
             settings: settings.clone(),
-            pool: None,
+            pools: Pools::default(),
+            ready: None,
             base: None,
             columns: Vec::new(),
             known: false,
@@ -174,7 +177,9 @@ impl Estimator for Numerical {
         changed
     }
 
-    fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
+    fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
+        self.pools.close();
+        self.ready = None;
         let dims = model.dims();
         if run.spectra.lines.len() < dims.coordinates {
             return Err(EstimateError::Channels {
@@ -190,7 +195,7 @@ impl Estimator for Numerical {
             self.columns.clear();
             self.known = false;
             self.base = Some(Base::new(model, run, error, highest)?);
-            return Ok(None);
+            return Ok(());
         };
         if self.known {
             self.correct(run, error);
@@ -203,7 +208,7 @@ impl Estimator for Numerical {
                 .collect();
             self.columns.push(column);
             if self.columns.len() < dims.parameters {
-                return Ok(None);
+                return Ok(());
             }
         }
         let prior = self.base.as_ref().map_or_else(Vec::new, |base| base.parameters.clone());
@@ -214,7 +219,15 @@ impl Estimator for Numerical {
             self.base = None;
             self.columns.clear();
         }
-        pool_run(&mut self.pool, &equations, &self.settings, &prior).map(Some)
+        self.ready = Some((equations, prior));
+        Ok(())
+    }
+
+    fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
+        let Some((equations, prior)) = &self.ready else { return Ok(None) };
+        let (estimate, pool) = pool_run(self.pools.before.as_ref(), equations, &self.settings, prior)?;
+        self.pools.after = Some(pool);
+        Ok(Some(estimate))
     }
 
     fn harmonics(&self) -> usize {

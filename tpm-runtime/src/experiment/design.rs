@@ -6,14 +6,14 @@
 //! it does.
 
 use super::{Experiment, ExperimentError};
-use crate::estimate::{Along, analyse};
+use crate::estimate::Along;
+use crate::fourier::analyse;
 use crate::harmonics::Hold;
 use crate::model::Model;
 use crate::procedure::{LEAST_PERIODS, Record, RunEnding, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
 use crate::simulate::{Bench, Sensor, simulate};
 use crate::trajectory::{Pattern, Series, Trajectory};
 use nalgebra::DMatrix;
-use realfft::RealFftPlanner;
 use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
 use std::format;
@@ -296,7 +296,7 @@ fn motion(trial: &Trial, record: &Record) -> Trajectory {
     let most = 8 * trial.trajectory.highest_harmonic().max(1) as usize;
     let series = |channel: &Vec<f64>| {
         let last = &channel[record.len() - samples..];
-        let lines = analyse(&mut RealFftPlanner::new(), last, 0, 1, most.min(samples / 2));
+        let lines = analyse(last, 0, 1, most.min(samples / 2));
         let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
         Series::from_phasors(&lines, |_, line| line.norm() > LEAST_NOISE * largest)
     };

@@ -2,10 +2,10 @@
 //!
 //! Invariant: an excitation depends on its settings alone, the seed among them, so that an experiment can be repeated.
 
+use crate::fourier::inverse;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec::Vec;
@@ -192,7 +192,7 @@ fn multisine(
     let amplitude = rms * (2.0 / lines.len() as f64).sqrt();
     let mut random = ChaCha8Rng::seed_from_u64(if let Phases::Random { seed } = phases { seed } else { 0 });
     let turn = Uniform::new(0.0, 2.0 * PI).expect("invariant: the range is not empty");
-    let transform = RealFftPlanner::<f64>::new().plan_fft_inverse(period);
+    let transform = inverse(period);
     let mut spectrum = transform.make_input_vec();
     for (i, &line) in lines.iter().enumerate() {
         let phase = match phases {

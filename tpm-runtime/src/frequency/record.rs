@@ -19,8 +19,8 @@ use super::points::{Points, least_squares};
 use super::rational::{FitError, FitWarning, RationalFit, RationalSettings, fit_points, fit_rational};
 use super::response::{FrequencyResponse, ResponseError, Welch, hold_of};
 use super::transfer::polynomial;
+use crate::fourier::forward;
 use nalgebra::{Complex, DMatrix, DVector};
-use realfft::RealFftPlanner;
 use std::f64::consts::PI;
 use std::vec::Vec;
 
@@ -113,8 +113,7 @@ struct Lines {
 impl Lines {
     fn new(input: &[f64], output: &[f64], response: &FrequencyResponse, settings: &RationalSettings) -> Self {
         let (count, sample_time) = (input.len(), response.sample_time);
-        let mut planner = RealFftPlanner::<f64>::new();
-        let plan = planner.plan_fft_forward(count);
+        let plan = forward(count);
         let transform = |samples: &[f64]| {
             let mut samples = samples.to_vec();
             let mut spectrum = plan.make_output_vec();

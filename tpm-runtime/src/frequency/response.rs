@@ -12,9 +12,9 @@
 //! H is that of the machine in continuous time. Lines whose coherence could be chance are marked and never fitted; the
 //! decision is made on neighbouring lines together, because a choice line by line would keep those with lucky noise.
 
+use crate::fourier::forward;
 use crate::harmonics::{Hold, Window};
 use nalgebra::Complex;
-use realfft::RealFftPlanner;
 use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
@@ -378,7 +378,7 @@ struct Power {
 impl Power {
     fn sum(input: &[f64], output: &[f64], window: &[f64], step: usize) -> Self {
         let segment = window.len();
-        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(segment);
+        let transform = forward(segment);
         let mut scratch = transform.make_scratch_vec();
         let mut windowed = transform.make_input_vec();
         let (mut u, mut y) = (transform.make_output_vec(), transform.make_output_vec());

@@ -5,8 +5,8 @@
 //! normal equations of the fit, a Hermitian Toeplitz matrix with a condition near one, are solved. The noise of a line is
 //! read from the same windowed transform between the lines, where a periodic signal has nothing.
 
+use crate::fourier::forward;
 use nalgebra::{Complex, DMatrix, DVector};
-use realfft::RealFftPlanner;
 use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
@@ -167,8 +167,7 @@ impl Spectra {
         }
         let window = Window::for_periods(periods);
         let weights: Vec<f64> = (0..used).map(|i| window.weight(i, used)).collect();
-        let mut planner = RealFftPlanner::<f64>::new();
-        let transform = planner.plan_fft_forward(used);
+        let transform = forward(used);
         let mut bins: Vec<Vec<Complex<f64>>> = Vec::with_capacity(channels.len());
         let mut lines: Vec<Vec<Complex<f64>>> = Vec::with_capacity(channels.len());
         let highest = if whole { resolved } else { resolved.min(MAX_FITTED) };

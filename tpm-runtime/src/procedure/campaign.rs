@@ -11,13 +11,13 @@ use super::record::{Ending, Record, RunEnding};
 use super::settle::settled_from;
 use super::trial::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
 use crate::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
-use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status, analyse};
+use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
+use crate::fourier::analyse;
 use crate::harmonics::{Hold, Spectra, SpectrumError};
 use crate::model::{Dims, Model};
 use crate::stability::natural_modes;
 use crate::trajectory::{Pattern, Trajectory};
 use nalgebra::Complex;
-use realfft::RealFftPlanner;
 use serde::Serialize;
 use std::boxed::Box;
 use std::string::String;
@@ -619,7 +619,6 @@ impl<'m> Campaign<'m> {
     /// What values of the inputs, from the start of a period, take of the limits on them.
     fn command_use(&self, trial: &Trial, columns: &[Vec<f64>]) -> Option<LimitUse> {
         let samples = trial.samples_per_period;
-        let mut planner = RealFftPlanner::new();
         let mut most = None;
         for (i, (column, &limit)) in columns.iter().zip(&trial.input_limits).enumerate() {
             if !limit.is_finite() {
@@ -637,7 +636,7 @@ impl<'m> Campaign<'m> {
                 None => ("command", label.unit.map(Into::into)),
             };
             let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
-            let harmonic = strongest(last_period(&mut planner, column, samples, reach).into_iter().enumerate());
+            let harmonic = strongest(last_period(column, samples, reach).into_iter().enumerate());
             let used = LimitUse {
                 input: label.name.into(),
                 limit: name,
@@ -765,9 +764,8 @@ impl<'m> Campaign<'m> {
             }
             let inputs = self.model.dims().inputs;
             let reach = 8 * trial.trajectory.highest_harmonic() as usize;
-            let mut planner = RealFftPlanner::<f64>::new();
             (0..inputs).find_map(|i| {
-                let lines = analyse(&mut planner, &trial.feed_forward, i, inputs, reach);
+                let lines = analyse(&trial.feed_forward, i, inputs, reach);
                 let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
                 let strong = |&(_, line): &(usize, &Complex<f64>)| line.norm() > SUBSTANTIAL * largest;
                 let mut strong = lines.iter().enumerate().skip(1).filter(strong);
@@ -821,11 +819,11 @@ fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
 }
 
 /// Amplitudes of the harmonics of the last whole period of a signal, from the mean on; none when there is no such period.
-fn last_period(planner: &mut RealFftPlanner<f64>, column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
+fn last_period(column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
     let Some(from) = (column.len() / samples.max(1)).checked_sub(1).map(|period| period * samples) else {
         return Vec::new();
     };
-    let lines = analyse(planner, &column[from..from + samples], 0, 1, reach.min(samples / 2));
+    let lines = analyse(&column[from..from + samples], 0, 1, reach.min(samples / 2));
     lines.iter().map(|line| line.norm()).collect()
 }
 

@@ -9,10 +9,10 @@
 
 use super::trial::TrialError;
 use crate::differences::FIVE_POINT;
+use crate::fourier::forward;
 use crate::model::Model;
 use crate::trajectory::{Line, Series, Trajectory};
 use nalgebra::{Complex, DMatrix, DVector};
-use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
 
@@ -187,7 +187,7 @@ impl<'a> Balance<'a> {
         let mut residual = DVector::zeros(size);
         let mut jacobian = DMatrix::zeros(size, size);
         let Samples { forces, gains } = self.sample(now)?;
-        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(self.points);
+        let transform = forward(self.points);
         let mut lines = transform.make_output_vec();
         let mut analyse = |signal: &mut Vec<f64>| {
             let moving = signal.iter().any(|x| *x != 0.0);

@@ -2,8 +2,8 @@
 
 use super::{Campaign, HoldCompensation, Loop, Outcome, Procedure, Record, Setup, Stage, Trial, Velocity};
 use crate::control::Gain;
-use crate::estimate::{Estimate, Method, Settings};
-use crate::harmonics::Hold;
+use crate::estimate::{Estimate, Method, Run, Settings};
+use crate::harmonics::{Hold, Spectra};
 use crate::simulate::{Actuator, Bench, Sensor, simulate};
 use crate::smoothing::Smoothing;
 use crate::test_models::MassSpringDrag;
@@ -214,6 +214,32 @@ fn noisy(setting: (f64, f64), counts: f64, seed: u64) -> (Estimate, Trial, Recor
     let record = simulate(&MassSpringDrag, &bench(SIGMA, counts, seed), &trial).expect("regular");
     campaign.submit(&record).expect("accepted");
     (campaign.estimate().expect("updated").clone(), trial, record)
+}
+
+#[test]
+fn an_update_asked_for_again_is_the_same_and_counts_no_run_twice() {
+    for method in [Method::Error, Method::Hill, Method::Effort, Method::MeasuredMotion] {
+        let mut setup = setup(method, &SETTINGS[..1], 1e-3);
+        setup.prior = TRUE.to_vec();
+        setup.control.velocity = Velocity::Filtered(2e-3);
+        let settings = setup.estimation.clone();
+        let campaign = Campaign::new(&MassSpringDrag, setup).expect("playable");
+        let trial = campaign.next().expect("first");
+        let (samples, periods) = (trial.samples_per_period, trial.periods - 3);
+        let (mut once, mut again) = (method.estimator(&settings), method.estimator(&settings));
+        for seed in 0..3 {
+            let record = simulate(&MassSpringDrag, &bench(SIGMA, 0.0, seed), trial).expect("regular");
+            let channels: Vec<&[f64]> =
+                record.coordinates.iter().chain(&record.inputs).map(|channel| &channel[3 * samples..]).collect();
+            let spectra = Spectra::analyse(&channels, 1e-3, samples as f64, periods).expect("whole periods");
+            let run = Run { trial, spectra: &spectra, rates: None, hold: Hold::Zoh };
+            let expected = once.take(&MassSpringDrag, &run).expect("an update");
+            again.reduce(&MassSpringDrag, &run).expect("accepted");
+            for _ in 0..3 {
+                assert_eq!(again.update().expect("an update"), expected, "{method:?}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -7,13 +7,13 @@
 use super::completion::{OpenReason, complete};
 use crate::actuator::Dynamics;
 use crate::control::{Differentiator, Gain};
+use crate::fourier;
 use crate::harmonics::{Hold, Spectra};
 use crate::linear;
 use crate::model::{EvalError, Model};
 use crate::smoothing::Smoothing;
 use crate::trajectory::Trajectory;
 use nalgebra::Complex;
-use realfft::RealFftPlanner;
 use serde::{Deserialize, Serialize};
 use std::string::String;
 use std::vec;
@@ -367,9 +367,7 @@ pub(crate) fn correct_actuators(spectra: &mut Spectra, coordinates: usize, actua
 /// Divides every harmonic of one period (all inputs interleaved) by what hold and actuator do to it.
 fn undo_drive(samples: &mut [f64], inputs: usize, control: &Loop) {
     let count = samples.len() / inputs.max(1);
-    let mut planner = RealFftPlanner::<f64>::new();
-    let forward = planner.plan_fft_forward(count);
-    let inverse = planner.plan_fft_inverse(count);
+    let (forward, inverse) = (fourier::forward(count), fourier::inverse(count));
     let mut spectrum = forward.make_output_vec();
     let mut wave = forward.make_input_vec();
     for i in 0..inputs {

@@ -6,20 +6,19 @@
 //! that its parts are formed once. How strong an equation's noise is was measured; F says how the equations hang
 //! together. Weighing each for itself instead loses information and states deviations that are too small.
 
-use super::{MeasuredMotion, analyse};
+use super::MeasuredMotion;
+use crate::estimate::applied::at;
 use nalgebra::{Cholesky, Complex, DMatrix, DVector, Dyn};
-use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
 
 /// Most numbers in the parts of one record: beyond it every equation is weighed for itself.
 const LARGEST: usize = 8_000_000;
-/// Derivatives' harmonics below this share of the strongest one mix nothing.
-const MIXING: f64 = 1e-9;
 /// Correlations are taken for that much smaller than the model gives them, so that no combination of equations is free of noise.
 const LOOSENED: f64 = 0.9999;
 
 /// The noise of one record's real equations, in the order of [`Equations::weighted`](crate::estimate::Equations::weighted).
+#[derive(Clone, Debug)]
 pub(super) struct Coupled {
     /// Equations x sources, per parameter and, last, of the known term.
     parts: Vec<DMatrix<f64>>,
@@ -62,22 +61,20 @@ impl Coupled {
         if count * width * c * (p + 1) > LARGEST || count == 0 {
             return None;
         }
-        let mut planner = RealFftPlanner::new();
         let mut parts = vec![DMatrix::zeros(count, width * c); p + 1];
         for (j, part) in parts.iter_mut().enumerate() {
             let mut place = places.iter();
             for (row, used) in record.used.iter().enumerate() {
                 let column = row * (p + 1) + j;
-                let gains: Vec<Vec<Complex<f64>>> = (0..record.jacobian.slots.len())
-                    .map(|s| two_sided(&mut planner, record.jacobian.series(s, column)))
-                    .collect();
+                let gains = record.jacobian.lines.iter().map(|columns| columns[column].as_slice());
+                let gains: Vec<&[Complex<f64>]> = gains.collect();
                 for &k in used {
-                    let Some(&(at, _)) = place.next() else { break };
+                    let Some(&(first, _)) = place.next() else { break };
                     for (&(coordinate, derivative), gain) in record.jacobian.slots.iter().zip(&gains) {
                         let deviation = white[coordinate].sqrt();
                         let turn =
                             |line: isize| Complex::new(0.0, line as f64 * record.fundamental).powu(derivative as u32);
-                        let through = |line: isize| gain_at(gain, k as isize - line) * turn(line) * deviation;
+                        let through = |line: isize| at(gain, k as isize - line) * turn(line) * deviation;
                         for line in 0..=highest {
                             let (plus, minus) = (through(line as isize), through(-(line as isize)));
                             // A one-sided phasor is twice the coefficient; either part of a line has half of its variance.
@@ -89,14 +86,14 @@ impl Coupled {
                                 ((plus + minus) * half, (plus - minus) * Complex::new(0.0, half))
                             };
                             let source = coordinate * width + line;
-                            part[(at, source)] += re.re;
+                            part[(first, source)] += re.re;
                             if k > 0 {
-                                part[(at + 1, source)] += re.im;
+                                part[(first + 1, source)] += re.im;
                             }
                             if line > 0 {
-                                part[(at, source + highest)] += im.re;
+                                part[(first, source + highest)] += im.re;
                                 if k > 0 {
-                                    part[(at + 1, source + highest)] += im.im;
+                                    part[(first + 1, source + highest)] += im.im;
                                 }
                             }
                         }
@@ -111,8 +108,8 @@ impl Coupled {
     pub(super) fn weigh(&self, theta: &[f64], noise: &[f64], whole: &[f64]) -> Option<Weighed> {
         let known = self.parts.last()?;
         let mut factor = known.clone();
-        for (part, value) in self.parts.iter().zip(theta) {
-            factor += part * *value;
+        for (part, &value) in self.parts.iter().zip(theta) {
+            factor.zip_apply(part, |sum, entry| *sum += entry * value);
         }
         // What was measured scales every equation; both of its parts keep their ratio.
         let count = factor.nrows();
@@ -145,27 +142,9 @@ impl Coupled {
             .iter()
             .take(theta.len())
             .map(|part| {
-                let rows = solved.row_iter().zip(part.row_iter()).zip(&scale);
-                rows.map(|((a, b), s)| a.dot(&b) * s).sum()
+                solved.iter().zip(part).zip(scale.iter().cycle()).map(|((solved, part), s)| solved * part * s).sum()
             })
             .collect();
         Some(Weighed { factor: cholesky, gradient })
     }
-}
-
-/// Two-sided Fourier coefficients of a derivative along the period, those that mix anything.
-fn two_sided(planner: &mut RealFftPlanner<f64>, series: &[f64]) -> Vec<Complex<f64>> {
-    let mut lines = analyse(planner, series, 0, 1, (series.len() / 2).saturating_sub(1));
-    for line in lines.iter_mut().skip(1) {
-        *line *= 0.5;
-    }
-    let strongest = lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max);
-    let last = lines.iter().rposition(|line| line.norm_sqr() > MIXING * MIXING * strongest);
-    lines.truncate(last.map_or(0, |last| last + 1));
-    lines
-}
-
-fn gain_at(gain: &[Complex<f64>], m: isize) -> Complex<f64> {
-    let value = gain.get(m.unsigned_abs()).copied().unwrap_or_default();
-    if m < 0 { value.conj() } else { value }
 }

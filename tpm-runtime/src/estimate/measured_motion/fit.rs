@@ -3,10 +3,10 @@
 //! Invariant: the weights are those of the noise at the present estimate plus a flat error of the model, both found anew
 //! until the estimate stands still; what noise in the regressors adds to the normal equations is taken out.
 
-use super::coupled::{Coupled, Weighed};
+use super::coupled::Weighed;
 use super::noise::excess;
 use super::{EstimateError, MeasuredMotion, Settings};
-use crate::estimate::{Estimate, Information, Status};
+use crate::estimate::{Equations, Estimate, Information, Status};
 use crate::model::Dims;
 use nalgebra::DMatrix;
 use std::vec;
@@ -74,7 +74,7 @@ pub(in crate::estimate) fn estimate_structured(
         for _ in 0..8 {
             let mut cut = false;
             for record in records.iter_mut() {
-                let (variance, _) = record.row_noise(&fitted.theta);
+                let variance = record.row_noise(&fitted.theta);
                 cut |= record.cut_tail(&fitted.theta, &variance);
             }
             if !cut {
@@ -112,43 +112,29 @@ fn solve_records(
 
     let mut theta = start.clone();
     let mut model_error = vec![vec![0.0; dims.rows]; records.len()];
-    let mut weights: Vec<Vec<Vec<f64>>> = records
+    let mut equations: Vec<Equations> = records
         .iter()
         .map(|record| {
-            (0..dims.rows)
-                .map(|r| {
-                    // The first pass weighs all lines of a row alike, rows by the size of their force.
-                    let (_, force) = record.row_power(r, &vec![1.0; p]);
-                    let size = if force > 0.0 { force * force } else { 1.0 };
-                    record.used[r].iter().map(|_| size).collect()
-                })
-                .collect()
+            record.equations(|row| {
+                // The first pass weighs all lines of a row alike, rows by the size of their force.
+                let (_, force) = record.row_power(row, &vec![1.0; p]);
+                if force > 0.0 { force * force } else { 1.0 }
+            })
         })
         .collect();
-    let coupled: Vec<Option<Coupled>> = records.iter().map(Coupled::new).collect();
+    let equations_total: usize = equations.iter().map(Equations::real_len).sum();
     let mut weighed: Vec<Option<Weighed>> = records.iter().map(|_| None).collect();
     let mut gradient = vec![0.0; free.len()];
     let mut information = Information::empty(free.len());
     let mut solution = information.solve_beside(&prior_free, None, &hidden);
-    let mut equations_total = 0;
     for pass in 0..12 {
-        information = Information::empty(free.len());
-        equations_total = 0;
-        for (i, ((record, variance), weighed)) in records.iter().zip(&weights).zip(&weighed).enumerate() {
-            let mut equations = record.equations(variance);
-            for e in 0..equations.len() {
-                for frozen in &settings.frozen {
-                    let part = equations.regressor(e)[frozen.parameter] * frozen.value;
-                    equations.right[e] -= part;
-                }
-            }
-            equations_total += equations.real_len();
-            let (mut matrix, mut right) = equations.weighted(&free);
+        for (i, (equations, weighed)) in equations.iter().zip(&weighed).enumerate() {
+            let (mut matrix, mut right) = equations.weighted(&free, &settings.frozen);
             if let Some(weighed) = weighed {
                 weighed.whiten(&mut matrix, &mut right);
             }
-            let memory = settings.memory(records.len() - 1 - i);
-            information = information.pool(&Information::of(&matrix, &right).forget(memory));
+            let own = Information::of(matrix, &right).forget(settings.memory(records.len() - 1 - i));
+            information = if i > 0 { information.pool(&own) } else { own };
         }
         let correction = (pass > 0).then_some(gradient.as_slice());
         solution = information.solve_beside(&prior_free, correction, &hidden);
@@ -170,8 +156,8 @@ fn solve_records(
         }
         gradient.fill(0.0);
         let share = 1.0 - (solution.rank as f64 / equations_total.max(1) as f64).min(1.0);
-        for (i, record) in records.iter().enumerate() {
-            let (mut variance, bias) = record.row_noise(&theta);
+        for (i, (record, equations)) in records.iter().zip(&mut equations).enumerate() {
+            let mut variance = record.row_noise(&theta);
             let memory = settings.memory(records.len() - 1 - i);
             let noise = record.used.iter().zip(&variance).enumerate().flat_map(|(row, (used, variance))| {
                 used.iter().zip(variance).map(move |(&k, v)| v - record.error_apart(row, k))
@@ -186,13 +172,13 @@ fn solve_records(
                 }
             }
             let whole: Vec<f64> = variance.iter().flatten().copied().collect();
-            weighed[i] = coupled[i].as_ref().and_then(|coupled| coupled.weigh(&theta, &noise, &whole));
+            weighed[i] = record.coupled.as_ref().and_then(|coupled| coupled.weigh(&theta, &noise, &whole));
             if let Some(weighed) = &weighed[i] {
                 for (g, &j) in gradient.iter_mut().zip(&free) {
                     *g += memory * weighed.gradient[j];
                 }
             } else {
-                for (row, bias) in bias.iter().enumerate() {
+                for (row, bias) in record.row_bias(&theta).iter().enumerate() {
                     for ((v, &k), parts) in variance[row].iter().zip(&record.used[row]).zip(bias) {
                         let weight = memory * if k == 0 { 1.0 } else { 2.0 } / v;
                         for (g, &j) in gradient.iter_mut().zip(&free) {
@@ -201,7 +187,7 @@ fn solve_records(
                     }
                 }
             }
-            weights[i] = variance;
+            equations.variance = whole;
         }
     }
 

@@ -16,13 +16,12 @@ mod sampling;
 pub use fit::estimate_measured_motion;
 #[cfg(feature = "interpret")]
 pub(in crate::estimate) use fit::{Fitted, Structure, estimate_structured};
-pub(crate) use sampling::analyse;
-pub(in crate::estimate) use sampling::synthesise;
 
 use super::select::{ALONE, highest_visible, strongest, unexplained_tail, visible, without_stragglers};
 use super::{Equations, Information, NumericalSettings};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, EvalError, Model};
+use coupled::Coupled;
 use nalgebra::{Complex, DMatrix};
 use sampling::{Context, Jacobian, Lines, drive_lines, hold_corrected};
 use std::string::String;
@@ -146,6 +145,8 @@ pub struct MeasuredMotion {
     apart: Vec<Vec<f64>>,
     /// Relative level of the white noise of every coordinate's sensor, where the noise is known to be that alone.
     white: Option<Vec<f64>>,
+    /// The noise that the used equations have in common, where it is known.
+    coupled: Option<Coupled>,
 }
 
 /// Harmonics that the model does not explain and that were therefore left out.
@@ -217,6 +218,7 @@ impl MeasuredMotion {
             refined: None,
             apart: vec![Vec::new(); dims.rows],
             white: None,
+            coupled: None,
         };
         this.used = (0..dims.rows).map(|r| this.excited(r, wanted, false)).collect();
         let rank = this.rank();
@@ -243,16 +245,9 @@ impl MeasuredMotion {
         self.map.row(row).iter().copied().collect()
     }
 
-    /// d(row)/d(slot) along the period.
-    pub(in crate::estimate) fn derivative(&self, slot: usize, row: usize, theta: &[f64]) -> Vec<f64> {
-        let mut series = vec![0.0; self.jacobian.points];
-        for (j, factor) in theta.iter().copied().chain([1.0]).enumerate() {
-            let part = self.jacobian.series(slot, row * (self.dims.parameters + 1) + j);
-            for (sum, value) in series.iter_mut().zip(part) {
-                *sum += factor * value;
-            }
-        }
-        series
+    /// Two-sided Fourier coefficients of d(row)/d(slot) along the period, per slot.
+    pub(in crate::estimate) fn gains(&self, row: usize, theta: &[f64]) -> Vec<Vec<Complex<f64>>> {
+        self.jacobian.gains(row, theta)
     }
 
     /// Variance of an equation that none of the others has a part in.
@@ -293,6 +288,11 @@ impl MeasuredMotion {
                 self.used[row].insert(0, 0);
             }
         }
+    }
+
+    /// Works out what noise the used equations have in common.
+    pub(in crate::estimate) fn couple(&mut self) {
+        self.coupled = Coupled::new(self);
     }
 
     /// Highest harmonic used in any row.
@@ -382,24 +382,25 @@ impl MeasuredMotion {
 
     /// Rank of the used equations.
     fn rank(&self) -> usize {
-        let even: Vec<Vec<f64>> = self.used.iter().map(|u| vec![1.0; u.len()]).collect();
         let p = self.dims.parameters;
         let all: Vec<usize> = (0..p).collect();
-        let (matrix, right) = self.equations(&even).weighted(&all);
-        Information::of(&matrix, &right).solve(&vec![0.0; p], None).rank
+        let (matrix, right) = self.equations(|_| 1.0).weighted(&all, &[]);
+        Information::of(matrix, &right).solve(&vec![0.0; p], None).rank
     }
 
-    fn equations(&self, variance: &[Vec<f64>]) -> Equations {
+    /// The used equations, those of a row with one variance.
+    fn equations(&self, variance: impl Fn(usize) -> f64) -> Equations {
         let p = self.dims.parameters;
         let mut equations = Equations::new(p);
         let mut phi = vec![Complex::new(0.0, 0.0); p];
         for (row, lines) in self.used.iter().enumerate() {
-            for (i, &k) in lines.iter().enumerate() {
+            let variance = variance(row);
+            for &k in lines {
                 for (j, entry) in phi.iter_mut().enumerate() {
                     *entry = self.phi[row * p + j][k];
                 }
                 let right = self.drive[row][k] - self.known[row][k];
-                equations.push(row, k, &phi, right, variance[row][i]);
+                equations.push(row, k, &phi, right, variance);
             }
         }
         equations
@@ -456,6 +457,9 @@ impl MeasuredMotion {
                 });
                 cut = true;
             }
+        }
+        if cut && self.coupled.is_some() {
+            self.couple();
         }
         cut
     }

@@ -5,8 +5,8 @@
 //! harmonic (noise passed round a control loop) is kept.
 
 use super::MeasuredMotion;
+use crate::estimate::applied::{at, mixing};
 use nalgebra::Complex;
-use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
 
@@ -22,33 +22,13 @@ impl MeasuredMotion {
         sum
     }
 
-    fn mean_jacobian(&self, column: usize) -> Vec<f64> {
-        (0..self.jacobian.slots.len())
-            .map(|s| {
-                let series = self.jacobian.series(s, column);
-                series.iter().sum::<f64>() / series.len().max(1) as f64
-            })
-            .collect()
-    }
-
-    /// Response of a column to the coordinates' phasors at one harmonic, from mean derivatives.
-    fn response(&self, mean: &[f64], k: usize) -> Vec<Complex<f64>> {
-        let mut response = vec![Complex::new(0.0, 0.0); self.dims.coordinates];
-        let turn = Complex::new(0.0, k as f64 * self.fundamental);
-        for (&(c, d), &value) in self.jacobian.slots.iter().zip(mean) {
-            response[c] += turn.powu(d as u32) * value;
-        }
-        response
-    }
-
     /// Mean square of a column's derivatives along the period, per slot.
     pub(super) fn size_jacobian(&self, column: usize) -> Vec<f64> {
-        (0..self.jacobian.slots.len())
-            .map(|s| {
-                let series = self.jacobian.series(s, column);
-                series.iter().map(|x| x * x).sum::<f64>() / series.len().max(1) as f64
-            })
-            .collect()
+        let size = |lines: &[Complex<f64>]| {
+            let mean = lines.first().map_or(0.0, Complex::norm_sqr);
+            mean + 2.0 * lines.iter().skip(1).map(Complex::norm_sqr).sum::<f64>()
+        };
+        self.jacobian.lines.iter().map(|columns| size(&columns[column])).collect()
     }
 
     /// About the noise that a column carries at a harmonic: enough to tell whether its line is more than noise.
@@ -62,91 +42,45 @@ impl MeasuredMotion {
             .sum()
     }
 
-    /// Variance of every used equation's noise at theta, and the expectation of conj(regressor noise) times row noise.
-    pub(super) fn row_noise(&self, theta: &[f64]) -> (Vec<Vec<f64>>, Vec<Vec<Vec<f64>>>) {
+    /// Variance of every used equation's noise at theta.
+    pub(super) fn row_noise(&self, theta: &[f64]) -> Vec<Vec<f64>> {
         let p = self.dims.parameters;
-        let c = self.dims.coordinates;
-        let slots = self.jacobian.slots.len();
-        let points = self.jacobian.points;
-        let mut planner = RealFftPlanner::<f64>::new();
-        let transform = planner.plan_fft_forward(points);
-        let mut variance = Vec::with_capacity(self.dims.rows);
-        let mut bias = Vec::with_capacity(self.dims.rows);
-        for row in 0..self.dims.rows {
-            // Two-sided Fourier coefficients of d(row)/d(slot) along the period.
-            let mut gain: Vec<Vec<Complex<f64>>> = Vec::with_capacity(slots);
-            for s in 0..slots {
-                let mut series = vec![0.0; points];
-                // The known term stands behind the parameters, with the factor one.
-                for (j, factor) in theta.iter().copied().chain([1.0]).enumerate() {
-                    let part = self.jacobian.series(s, row * (p + 1) + j);
-                    for (sum, value) in series.iter_mut().zip(part) {
-                        *sum += factor * value;
-                    }
-                }
-                let mut spectrum = transform.make_output_vec();
-                transform.process(&mut series, &mut spectrum).expect("invariant: buffers were made for this transform");
-                let scale = 1.0 / points as f64;
-                gain.push(spectrum.iter().map(|z| z * scale).collect());
-            }
-            // A coefficient that rounding alone leaves mixes no noise between harmonics.
-            let strongest: Vec<f64> =
-                gain.iter().map(|g| g.iter().map(Complex::norm_sqr).fold(0.0, f64::max)).collect();
-            let mixing: Vec<usize> = (0..points / 2)
-                .filter(|&m| m == 0 || gain.iter().zip(&strongest).any(|(g, s)| g[m].norm_sqr() > 1e-14 * s))
-                .collect();
-            let coefficient = |s: usize, m: isize| {
-                let z = gain[s][m.unsigned_abs()];
-                if m < 0 { z.conj() } else { z }
-            };
-            let columns: Vec<Vec<f64>> = (0..p).map(|j| self.mean_jacobian(row * (p + 1) + j)).collect();
-            let mut row_variance = Vec::with_capacity(self.used[row].len());
-            let mut row_bias = Vec::with_capacity(self.used[row].len());
-            for &k in &self.used[row] {
-                let mut total = 0.0;
-                for &m in &mixing {
-                    for m in [m as isize, -(m as isize)] {
-                        let line = k as isize - m;
-                        if line.unsigned_abs() > self.motion_harmonics || (m == 0 && line == k as isize) {
-                            continue;
-                        }
-                        let at = self.line_response(&|s| coefficient(s, m), line);
-                        // The mean is not doubled, and a mean takes half of a line's amplitude from either side.
-                        let share = match (k, line) {
-                            (0, _) => 0.25,
-                            (_, 0) => 4.0,
-                            _ => 1.0,
-                        };
-                        total += share * self.form(&at, &at, line.unsigned_abs(), line < 0, c);
-                    }
-                }
-                let mut direct: Vec<Complex<f64>> =
-                    self.line_response(&|s| coefficient(s, 0), k as isize).iter().map(|z| -z).collect();
-                for i in 0..self.dims.inputs {
-                    direct.push(Complex::new(self.map[(row, i)], 0.0));
-                }
-                total += self.form(&direct, &direct, k, false, direct.len());
+        let of_row = |row: usize| {
+            let refined = self.refined.as_ref().map_or(&[][..], |rows| &rows[row]);
+            let known = self.used[row].last().is_none_or(|&k| k < refined.len());
+            let followed = (!known).then(|| Followed::new(self, row, theta));
+            let of_line = |&k: &usize| {
+                let noise = followed.as_ref().map_or(0.0, |followed| followed.variance(k));
                 let scale = self.drive[row][k].norm()
                     + (0..p).map(|j| (self.phi[row * p + j][k] * theta[j]).norm()).sum::<f64>();
+                let noise = refined.get(k).copied().unwrap_or(noise) + self.error_apart(row, k);
                 // Never below the rounding of the transforms, so that an exact record has finite weights.
-                let refined = self.refined.as_ref().and_then(|rows| rows[row].get(k));
-                let noise = refined.copied().unwrap_or(total) + self.error_apart(row, k);
-                row_variance.push(noise + (1e-14 * scale).powi(2) + f64::MIN_POSITIVE);
-                row_bias.push(
-                    columns
-                        .iter()
-                        .map(|mean| {
-                            let mut response = self.response(mean, k);
-                            response.resize(direct.len(), Complex::new(0.0, 0.0));
-                            self.form(&direct, &response, k, false, direct.len())
-                        })
-                        .collect(),
-                );
-            }
-            variance.push(row_variance);
-            bias.push(row_bias);
-        }
-        (variance, bias)
+                noise + (1e-14 * scale).powi(2) + f64::MIN_POSITIVE
+            };
+            self.used[row].iter().map(of_line).collect()
+        };
+        (0..self.dims.rows).map(of_row).collect()
+    }
+
+    /// Expectation of conj(regressor noise) times row noise at theta, per row, used equation and parameter.
+    pub(super) fn row_bias(&self, theta: &[f64]) -> Vec<Vec<Vec<f64>>> {
+        let p = self.dims.parameters;
+        let of_row = |row: usize| {
+            let followed = Followed::new(self, row, theta);
+            let of_line = |&k: &usize| {
+                let direct = followed.direct(k);
+                let of_parameter = |j: usize| {
+                    // From mean derivatives.
+                    let mean = |s: usize| at(&self.jacobian.lines[s][row * (p + 1) + j], 0);
+                    let mut response = self.line_response(&mean, k as isize);
+                    response.resize(direct.len(), Complex::new(0.0, 0.0));
+                    self.form(&direct, &response, k, false, direct.len())
+                };
+                (0..p).map(of_parameter).collect()
+            };
+            self.used[row].iter().map(of_line).collect()
+        };
+        (0..self.dims.rows).map(of_row).collect()
     }
 
     fn line_response(&self, coefficient: &dyn Fn(usize) -> Complex<f64>, line: isize) -> Vec<Complex<f64>> {
@@ -171,6 +105,56 @@ impl MeasuredMotion {
         sum
     }
 }
+
+/// The channels' noise on its way through a row at theta.
+struct Followed<'a> {
+    record: &'a MeasuredMotion,
+    row: usize,
+    /// Two-sided Fourier coefficients of d(row)/d(slot) along the period.
+    gain: Vec<Vec<Complex<f64>>>,
+    /// Their harmonics that mix noise.
+    mixing: Vec<isize>,
+}
+
+impl<'a> Followed<'a> {
+    fn new(record: &'a MeasuredMotion, row: usize, theta: &[f64]) -> Self {
+        let gain = record.jacobian.gains(row, theta);
+        Followed { record, row, mixing: mixing(&gain), gain }
+    }
+
+    /// Response to the channels' phasors at one harmonic through the mean derivatives.
+    fn direct(&self, k: usize) -> Vec<Complex<f64>> {
+        let record = self.record;
+        let mut direct = record.line_response(&|s| at(&self.gain[s], 0), k as isize);
+        direct.iter_mut().for_each(|z| *z = -*z);
+        direct.extend((0..record.dims.inputs).map(|i| Complex::new(record.map[(self.row, i)], 0.0)));
+        direct
+    }
+
+    fn variance(&self, k: usize) -> f64 {
+        let record = self.record;
+        let mut total = 0.0;
+        for &m in &self.mixing {
+            let line = k as isize - m;
+            if line.unsigned_abs() > record.motion_harmonics || m == 0 {
+                continue;
+            }
+            let through = record.line_response(&|s| at(&self.gain[s], m), line);
+            // The mean is not doubled, and a mean takes half of a line's amplitude from either side.
+            let share = match (k, line) {
+                (0, _) => 0.25,
+                (_, 0) => 4.0,
+                _ => 1.0,
+            };
+            total += share * record.form(&through, &through, line.unsigned_abs(), line < 0, record.dims.coordinates);
+        }
+        let direct = self.direct(k);
+        total + record.form(&direct, &direct, k, false, direct.len())
+    }
+}
+
+/// Steps of the grid on which an addition to the noise is looked for.
+const STEPS: u32 = 240;
 
 /// Power per harmonic that residuals show beyond the stated noise: the maximum of the likelihood of a flat addition.
 ///
@@ -197,16 +181,68 @@ pub(super) fn excess(residual: &[Complex<f64>], variance: &[f64], harmonics: &[u
     if top <= 0.0 {
         return 0.0;
     }
-    let (mut best, mut least) = (0.0, cost(0.0));
+    // The least of a grid, found by halving it: where no term's slope lets the cost fall, only the first point is looked at,
+    // where none lets it rise, only the last.
     let (low, high) = ((bottom * 1e-3).max(top * 1e-24).ln(), (top * 2.0).ln());
-    let steps = 240;
-    for i in 0..=steps {
-        let addition = (low + (high - low) * f64::from(i) / f64::from(steps)).exp();
-        let now = cost(addition);
+    let addition = |i: u32| (low + (high - low) * f64::from(i) / f64::from(STEPS)).exp();
+    let (mut best, mut least) = (0.0, cost(0.0));
+    let mut intervals = [(0, 0); 2 * STEPS.ilog2() as usize + 4];
+    intervals[0] = (0, STEPS);
+    let mut waiting = 1;
+    while waiting > 0 {
+        waiting -= 1;
+        let (first, last) = intervals[waiting];
+        let (from, to) = (addition(first), addition(last));
+        let slope = |near: f64, far: f64| {
+            lines
+                .iter()
+                .map(|&(power, v, count)| count * (1.0 / (v + far) - power / (v + near) / (v + near)))
+                .sum::<f64>()
+        };
+        let tried = if first == last || slope(from, to) >= 0.0 {
+            from
+        } else if slope(to, from) <= 0.0 {
+            to
+        } else {
+            let middle = first + (last - first) / 2;
+            // The left half is looked at first.
+            intervals[waiting] = (middle + 1, last);
+            intervals[waiting + 1] = (first, middle);
+            waiting += 2;
+            continue;
+        };
+        let now = cost(tried);
         if now < least {
             least = now;
-            best = addition;
+            best = tried;
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{STEPS, excess};
+    use nalgebra::Complex;
+    use std::vec::Vec;
+
+    #[test]
+    fn the_excess_is_the_best_point_of_the_whole_grid() {
+        for case in 0..200_u32 {
+            let number = |i: u32| f64::from((case * 7919 + i * 104_729) % 1009) / 1009.0;
+            let count = 1 + case % 9;
+            let variance: Vec<f64> = (0..count).map(|i| 10.0_f64.powf(-8.0 * number(i))).collect();
+            let power: Vec<f64> = (0..count).map(|i| 10.0_f64.powf(-8.0 * number(i + 50))).collect();
+            let residual: Vec<Complex<f64>> = power.iter().map(|p| Complex::new(p.sqrt(), 0.0)).collect();
+            let harmonics: Vec<usize> = (1..=count as usize).collect();
+            let cost = |a: f64| power.iter().zip(&variance).map(|(p, v)| (v + a).ln() + p / (v + a)).sum::<f64>();
+            let top = power.iter().copied().fold(0.0, f64::max);
+            let bottom = variance.iter().copied().fold(f64::INFINITY, f64::min);
+            let (low, high) = ((bottom * 1e-3).max(top * 1e-24).ln(), (top * 2.0).ln());
+            let grid = (0..=STEPS).map(|i| (low + (high - low) * f64::from(i) / f64::from(STEPS)).exp());
+            let least = grid.chain([0.0]).map(cost).fold(f64::INFINITY, f64::min);
+            let found = cost(excess(&residual, &variance, &harmonics, 1.0));
+            assert!((found - least).abs() <= 1e-12 * (1.0 + least.abs()), "{case}: {found} {least}");
+        }
+    }
 }

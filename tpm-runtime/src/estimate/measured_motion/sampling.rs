@@ -4,10 +4,10 @@
 //! grid is fine enough that the harmonics of the rows no longer depend on it (up to [`MAX_GRID`]).
 
 use super::EstimateError;
+use crate::fourier::{analyse, synthesise};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, Model};
 use nalgebra::{Complex, DMatrix, RowDVector};
-use realfft::RealFftPlanner;
 use std::vec;
 use std::vec::Vec;
 
@@ -22,20 +22,47 @@ const JACOBIAN_GRID: usize = 1024;
 /// How far the floor under the highest lines must stand above the noise between them to be taken for a repeated error.
 const REPEATED: f64 = 4.0;
 
+/// Derivatives' harmonics below this share of the strongest one mix nothing.
+const MIXING: f64 = 1e-9;
+
 /// d row / d slot along the period, slots being the coordinates' derivatives that the model uses.
 #[derive(Clone, Debug)]
 pub(super) struct Jacobian {
-    pub(super) points: usize,
     /// (coordinate, derivative).
     pub(super) slots: Vec<(usize, usize)>,
-    /// `[slot][(row * (parameters + 1) + j) * points + i]`; j = parameters is the known term.
-    pub(super) values: Vec<Vec<f64>>,
+    /// Two-sided Fourier coefficients along the period from the mean on, those that mix anything:
+    /// `[slot][row * (parameters + 1) + j]`; j = parameters is the known term.
+    pub(super) lines: Vec<Lines>,
 }
 
 impl Jacobian {
-    pub(super) fn series(&self, slot: usize, column: usize) -> &[f64] {
-        &self.values[slot][column * self.points..(column + 1) * self.points]
+    /// The coefficients of a row's derivative with respect to every slot at theta.
+    pub(super) fn gains(&self, row: usize, theta: &[f64]) -> Lines {
+        let width = theta.len() + 1;
+        let gain = |columns: &Lines| {
+            let own = &columns[row * width..(row + 1) * width];
+            let mut gain = vec![Complex::new(0.0, 0.0); own.iter().map(Vec::len).max().unwrap_or(0)];
+            for (column, &factor) in own.iter().zip(theta.iter().chain(&[1.0])) {
+                for (sum, line) in gain.iter_mut().zip(column) {
+                    *sum += line * factor;
+                }
+            }
+            gain
+        };
+        self.lines.iter().map(gain).collect()
     }
+}
+
+/// Two-sided Fourier coefficients of a derivative along the period.
+fn two_sided(series: &[f64]) -> Vec<Complex<f64>> {
+    let mut lines = analyse(series, 0, 1, (series.len() / 2).saturating_sub(1));
+    for line in lines.iter_mut().skip(1) {
+        *line *= 0.5;
+    }
+    let strongest = lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max);
+    let last = lines.iter().rposition(|line| line.norm_sqr() > MIXING * MIXING * strongest);
+    lines.truncate(last.map_or(0, |last| last + 1));
+    lines
 }
 
 /// Phasors per signal, or per entry of a matrix, and harmonic.
@@ -84,55 +111,6 @@ pub(super) fn hold_corrected(spectra: &Spectra, dims: Dims, hold: Hold) -> (Line
     (inputs, noise)
 }
 
-/// Values of one period of a signal, or of its derivative, at `points` even times.
-pub(in crate::estimate) fn synthesise(
-    planner: &mut RealFftPlanner<f64>,
-    lines: &[Complex<f64>],
-    derivative: usize,
-    fundamental: f64,
-    harmonics: usize,
-    points: usize,
-) -> Vec<f64> {
-    let transform = planner.plan_fft_inverse(points);
-    let mut spectrum = transform.make_input_vec();
-    for (k, slot) in spectrum.iter_mut().enumerate().take(harmonics.min(points / 2 - 1) + 1) {
-        let Some(&line) = lines.get(k) else { break };
-        *slot = if k == 0 {
-            if derivative == 0 { Complex::new(line.re, 0.0) } else { Complex::new(0.0, 0.0) }
-        } else {
-            line * 0.5 * Complex::new(0.0, k as f64 * fundamental).powu(derivative as u32)
-        };
-    }
-    let mut out = transform.make_output_vec();
-    transform
-        .process(&mut spectrum, &mut out)
-        .expect("invariant: the mean is real and the buffers were made for this transform");
-    out
-}
-
-/// One-sided phasors 0 to `harmonics` of a period sampled evenly, every `stride`-th value from `offset`.
-pub(crate) fn analyse(
-    planner: &mut RealFftPlanner<f64>,
-    values: &[f64],
-    offset: usize,
-    stride: usize,
-    harmonics: usize,
-) -> Vec<Complex<f64>> {
-    let mut series: Vec<f64> = values.iter().skip(offset).step_by(stride).copied().collect();
-    let points = series.len();
-    let transform = planner.plan_fft_forward(points);
-    let mut spectrum = transform.make_output_vec();
-    transform.process(&mut series, &mut spectrum).expect("invariant: buffers were made for this transform");
-    let scale = 1.0 / points as f64;
-    (0..=harmonics)
-        .map(|k| match spectrum.get(k) {
-            Some(z) if k == 0 => z * scale,
-            Some(z) => z * (2.0 * scale),
-            None => Complex::new(0.0, 0.0),
-        })
-        .collect()
-}
-
 /// Lines of B u per row, and the mean of B.
 pub(super) fn drive_lines(
     dims: Dims,
@@ -165,9 +143,8 @@ pub(super) fn drive_lines(
             .collect();
         return (drive, mean);
     }
-    let mut planner = RealFftPlanner::new();
     let waves: Vec<Vec<f64>> =
-        inputs.iter().map(|lines| synthesise(&mut planner, lines, 0, 1.0, lines.len() - 1, sampled.points)).collect();
+        inputs.iter().map(|lines| synthesise(lines, 0, 1.0, lines.len() - 1, sampled.points)).collect();
     let drive = (0..dims.rows)
         .map(|r| {
             let product: Vec<f64> = sampled
@@ -179,7 +156,7 @@ pub(super) fn drive_lines(
                     row.iter().zip(&waves).map(|(b, wave)| b * wave[i]).sum()
                 })
                 .collect();
-            analyse(&mut planner, &product, 0, 1, harmonics)
+            analyse(&product, 0, 1, harmonics)
         })
         .collect();
     (drive, mean)
@@ -227,31 +204,20 @@ impl Context<'_> {
     }
 
     fn columns(&self, sampled: &Sampled, stride: usize, harmonics: usize) -> (Lines, Lines) {
-        let mut planner = RealFftPlanner::new();
-        let take = |planner: &mut RealFftPlanner<f64>, values: &[f64], width: usize, at: usize| {
-            analyse(planner, values, at, width * stride, harmonics)
-        };
-        let size = self.dims.regressor_len();
-        let phi = (0..size).map(|e| take(&mut planner, &sampled.phi, size, e)).collect();
-        let known = (0..self.dims.rows).map(|r| take(&mut planner, &sampled.known, self.dims.rows, r)).collect();
+        let (size, rows) = (self.dims.regressor_len(), self.dims.rows);
+        let phi = (0..size).map(|e| analyse(&sampled.phi, e, size * stride, harmonics)).collect();
+        let known = (0..rows).map(|r| analyse(&sampled.known, r, rows * stride, harmonics)).collect();
         (phi, known)
     }
 
     fn sample(&self, points: usize) -> Result<Sampled, EstimateError> {
         let points = points + points % 2;
         let dims = self.dims;
-        let mut planner = RealFftPlanner::new();
         let mut motion = vec![0.0; points * dims.motion_len()];
         for c in 0..dims.coordinates {
             for d in 0..=self.model.coordinate_order(c) {
-                let wave = synthesise(
-                    &mut planner,
-                    &self.spectra.lines[c],
-                    d,
-                    self.spectra.fundamental,
-                    self.motion_harmonics,
-                    points,
-                );
+                let wave =
+                    synthesise(&self.spectra.lines[c], d, self.spectra.fundamental, self.motion_harmonics, points);
                 let slot = d * dims.coordinates + c;
                 for (i, value) in wave.iter().enumerate() {
                     motion[i * dims.motion_len() + slot] = *value;
@@ -306,7 +272,8 @@ impl Context<'_> {
         let points = sampled.points / stride;
         let width = dims.parameters + 1;
         let mut scratch = vec![0.0; self.model.workspace_len()];
-        let mut values = Vec::with_capacity(slots.len());
+        let mut lines = Vec::with_capacity(slots.len());
+        let mut now = vec![0.0; dims.motion_len()];
         let mut side = [
             (vec![0.0; dims.regressor_len()], vec![0.0; dims.rows]),
             (vec![0.0; dims.regressor_len()], vec![0.0; dims.rows]),
@@ -319,7 +286,7 @@ impl Context<'_> {
             let mut series = vec![0.0; dims.rows * width * points];
             for i in 0..points {
                 let at = i * stride * dims.motion_len();
-                let mut now = sampled.motion[at..at + dims.motion_len()].to_vec();
+                now.copy_from_slice(&sampled.motion[at..at + dims.motion_len()]);
                 let centre = now[slot];
                 for (sign, (phi, known)) in [1.0, -1.0].iter().zip(side.iter_mut()) {
                     now[slot] = centre + sign * step;
@@ -337,9 +304,9 @@ impl Context<'_> {
                     }
                 }
             }
-            values.push(series);
+            lines.push(series.chunks_exact(points).map(two_sided).collect());
         }
-        Ok(Jacobian { points, slots, values })
+        Ok(Jacobian { slots, lines })
     }
 
     /// Per row: a term depends on velocities (odd derivatives) and does not change when all of them change sign.
