@@ -300,7 +300,7 @@ void cart_pendulum_reference_from(const cart_pendulum_pattern *pattern, double c
     const double t0 = cosine * cosine - sine * sine;
     const double t1 = cosine * t0;
     const double t2 = cosine * sine;
-    const double t3 = 2.0 * t2;
+    const double t3 = t2 + t2;
     const double t4 = t3 * sine;
     const double t5 = t1 - t4;
     const double t6 = sine * t0 + t3 * cosine;

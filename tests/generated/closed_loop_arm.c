@@ -47,10 +47,10 @@ void closed_loop_arm_regressor(const closed_loop_arm_motion *motion,
     matrix[0][3] = matrix[0][4] = matrix[0][5] = 0.0;
     matrix[1][0] = 0.0;
     /* tau1, a10: 2*ddot(th1) */
-    matrix[0][0] = 2.0 * at.th1.ddot;
+    matrix[0][0] = at.th1.ddot + at.th1.ddot;
     /* tau1, a11: 2*th2*ddot(th1) - 2*th20*ddot(th1) + 2*dot(th1)*dot(th2) */
     const double t0 = at.th2.value - constants->th20;
-    const double t1 = 2.0 * t0;
+    const double t1 = t0 + t0;
     const double t2 = 2.0 * at.th1.dot * at.th2.dot;
     matrix[0][1] = t1 * at.th1.ddot + t2;
     /* tau1, a12: -4*th2*th20*ddot(th1) + 4*th2*dot(th1)*dot(th2) + 2*ddot(th1)*th2^2 -
@@ -73,7 +73,7 @@ void closed_loop_arm_regressor(const closed_loop_arm_motion *motion,
     /* tau2, a12: -2*th2*dot(th1)^2 + 2*th20*dot(th1)^2 */
     matrix[1][2] = -(t1 * t7);
     /* tau2, a20: 2*ddot(th2) */
-    matrix[1][3] = 2.0 * at.th2.ddot;
+    matrix[1][3] = at.th2.ddot + at.th2.ddot;
     /* tau2, a21: dot(th2)^2 + 2*th2*ddot(th2) - 2*th20*ddot(th2) */
     matrix[1][4] = t4 + t1 * at.th2.ddot;
     /* tau2, a22: -4*th2*th20*ddot(th2) + 2*th2*dot(th2)^2 + 2*ddot(th2)*th2^2 - 2*th20*dot(th2)^2 +
@@ -113,19 +113,19 @@ void closed_loop_arm_inverse_dynamics(const closed_loop_arm_motion *motion,
         closed_loop_arm_forces *forces)
 {
     const double t0 = motion->th2.value - constants->th20;
-    const double t1 = 2.0 * t0;
+    const double t1 = t0 + t0;
     const double t2 = 2.0 * motion->th1.dot * motion->th2.dot;
     const double t3 = t0 * motion->th1.ddot;
     const double t4 = motion->th2.dot * motion->th2.dot;
     const double t5 = t0 * motion->th2.ddot;
     const double t6 = t1 * t4;
     const double t7 = motion->th1.dot * motion->th1.dot;
-    const double t8 = 2.0 * motion->th1.ddot * parameters->a10 + (t1 * motion->th1.ddot + t2) *
-            parameters->a11 + (t1 * t3 + t1 * t2) * parameters->a12 + motion->th2.ddot *
-            parameters->a30 + (t4 + t5) * parameters->a31;
-    const double t9 = -t7 * parameters->a11 - t1 * t7 * parameters->a12 + 2.0 * motion->th2.ddot *
-            parameters->a20 + (t4 + t1 * motion->th2.ddot) * parameters->a21 + (t1 * t5 + t6) *
-            parameters->a22;
+    const double t8 = (motion->th1.ddot + motion->th1.ddot) * parameters->a10 + (t1 *
+            motion->th1.ddot + t2) * parameters->a11 + (t1 * t3 + t1 * t2) * parameters->a12 +
+            motion->th2.ddot * parameters->a30 + (t4 + t5) * parameters->a31;
+    const double t9 = -t7 * parameters->a11 - t1 * t7 * parameters->a12 + (motion->th2.ddot +
+            motion->th2.ddot) * parameters->a20 + (t4 + t1 * motion->th2.ddot) * parameters->a21 +
+            (t1 * t5 + t6) * parameters->a22;
     forces->tau1 = t8 + (t5 * t0 + t6) * parameters->a32;
     forces->tau2 = t9 + motion->th1.ddot * parameters->a30 + t3 * parameters->a31 + t3 * t0 *
             parameters->a32;
@@ -136,19 +136,19 @@ void closed_loop_arm_feed_forward(const closed_loop_arm_motion *motion,
         closed_loop_arm_inputs *inputs)
 {
     const double t0 = motion->th2.value - constants->th20;
-    const double t1 = 2.0 * t0;
+    const double t1 = t0 + t0;
     const double t2 = 2.0 * motion->th1.dot * motion->th2.dot;
     const double t3 = t0 * motion->th1.ddot;
     const double t4 = motion->th2.dot * motion->th2.dot;
     const double t5 = t0 * motion->th2.ddot;
     const double t6 = t1 * t4;
     const double t7 = motion->th1.dot * motion->th1.dot;
-    const double t8 = 2.0 * motion->th1.ddot * parameters->a10 + (t1 * motion->th1.ddot + t2) *
-            parameters->a11 + (t1 * t3 + t1 * t2) * parameters->a12 + motion->th2.ddot *
-            parameters->a30 + (t4 + t5) * parameters->a31;
-    const double t9 = -t7 * parameters->a11 - t1 * t7 * parameters->a12 + 2.0 * motion->th2.ddot *
-            parameters->a20 + (t4 + t1 * motion->th2.ddot) * parameters->a21 + (t1 * t5 + t6) *
-            parameters->a22;
+    const double t8 = (motion->th1.ddot + motion->th1.ddot) * parameters->a10 + (t1 *
+            motion->th1.ddot + t2) * parameters->a11 + (t1 * t3 + t1 * t2) * parameters->a12 +
+            motion->th2.ddot * parameters->a30 + (t4 + t5) * parameters->a31;
+    const double t9 = -t7 * parameters->a11 - t1 * t7 * parameters->a12 + (motion->th2.ddot +
+            motion->th2.ddot) * parameters->a20 + (t4 + t1 * motion->th2.ddot) * parameters->a21 +
+            (t1 * t5 + t6) * parameters->a22;
     inputs->tau1 = t8 + (t5 * t0 + t6) * parameters->a32;
     inputs->tau2 = t9 + motion->th1.ddot * parameters->a30 + t3 * parameters->a31 + t3 * t0 *
             parameters->a32;
@@ -163,11 +163,11 @@ void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *m
     matrix[0][3] = matrix[0][4] = matrix[0][5] = 0.0;
     matrix[1][0] = 0.0;
     /* tau1, a10 */
-    const double t0 = 2.0 * at.th1.ddot;
+    const double t0 = at.th1.ddot + at.th1.ddot;
     matrix[0][0] = t0;
     /* tau1, a11 */
     const double t1 = at.th2.value - constants->th20;
-    const double t2 = 2.0 * t1;
+    const double t2 = t1 + t1;
     const double t3 = 2.0 * at.th1.dot * at.th2.dot;
     const double t4 = t2 * at.th1.ddot + t3;
     matrix[0][1] = t4;
@@ -197,7 +197,7 @@ void closed_loop_arm_feed_forward_with_regressor(const closed_loop_arm_motion *m
     const double t14 = t2 * t12;
     matrix[1][2] = -t14;
     /* tau2, a20 */
-    const double t15 = 2.0 * at.th2.ddot;
+    const double t15 = at.th2.ddot + at.th2.ddot;
     matrix[1][3] = t15;
     /* tau2, a21 */
     const double t16 = t7 + t2 * at.th2.ddot;
@@ -226,7 +226,7 @@ void closed_loop_arm_feed_forward_independent(const closed_loop_arm_motion *moti
     const double t0 = motion->th2.dot * motion->th2.dot;
     const double t1 = motion->th2.value - constants->th20;
     const double t2 = t1 * t1;
-    const double t3 = 2.0 * t1;
+    const double t3 = t1 + t1;
     const double t4 = motion->th1.dot * motion->th1.dot;
     inputs->tau1 = motion->th2.ddot * parameters->a30 + (t0 + t1 * motion->th2.ddot) *
             parameters->a31 + (t2 * motion->th2.ddot + t3 * t0) * parameters->a32;
@@ -240,15 +240,15 @@ void closed_loop_arm_feed_forward_dependent(const closed_loop_arm_motion *motion
         closed_loop_arm_inputs *inputs)
 {
     const double t0 = motion->th2.value - constants->th20;
-    const double t1 = 2.0 * t0;
+    const double t1 = t0 + t0;
     const double t2 = t1 * motion->th1.ddot;
     const double t3 = 2.0 * motion->th1.dot * motion->th2.dot;
     const double t4 = motion->th2.dot * motion->th2.dot;
     const double t5 = t1 * motion->th2.ddot;
-    inputs->tau1 = 2.0 * motion->th1.ddot * parameters->a10 + (t2 + t3) * parameters->a11 + (t2 * t0
-            + t1 * t3) * parameters->a12;
-    inputs->tau2 = 2.0 * motion->th2.ddot * parameters->a20 + (t4 + t5) * parameters->a21 + (t5 * t0
-            + t1 * t4) * parameters->a22;
+    inputs->tau1 = (motion->th1.ddot + motion->th1.ddot) * parameters->a10 + (t2 + t3) *
+            parameters->a11 + (t2 * t0 + t1 * t3) * parameters->a12;
+    inputs->tau2 = (motion->th2.ddot + motion->th2.ddot) * parameters->a20 + (t4 + t5) *
+            parameters->a21 + (t5 * t0 + t1 * t4) * parameters->a22;
 }
 
 /* Euclidean length, scaled by the largest entry so that squares neither overflow nor vanish. */
@@ -470,7 +470,7 @@ void closed_loop_arm_estimator_matrix(const closed_loop_arm_pattern *pattern,
     /* tau1, cos 1, a10: -2*lambda1*w^2 */
     const double t0 = own.w * own.w;
     const double t1 = own.lambda1 * t0;
-    const double t2 = 2.0 * t1;
+    const double t2 = t1 + t1;
     matrix[0][0] = -t2;
     /* tau1, cos 1, a11: 16/9*lambda1*lambda2*w^2 */
     const double t3 = t0 * own.lambda2;
@@ -556,7 +556,7 @@ void closed_loop_arm_estimator_matrix(const closed_loop_arm_pattern *pattern,
     /* tau2, cos 1, a12: -1/3*lambda1^2*lambda2*w^2 */
     matrix[9][2] = -(0.3333333333333333 * t11);
     /* tau2, cos 1, a20: -2*lambda2*w^2 */
-    const double t14 = 2.0 * t3;
+    const double t14 = t3 + t3;
     matrix[9][3] = -t14;
     /* tau2, cos 1, a21: 16/9*lambda2^2*w^2 */
     const double t15 = 1.7777777777777777 * t7;

@@ -23,15 +23,15 @@
 //!
 //! | function | additions | multiplications | divisions | function calls |
 //! |---|---|---|---|---|
-//! | `regressor` | 9 | 18 | 0 | 0 |
+//! | `regressor` | 12 | 15 | 0 | 0 |
 //! | `known` | 0 | 0 | 0 | 0 |
 //! | `input_map` | 0 | 0 | 0 | 0 |
-//! | `inverse_dynamics` | 20 | 32 | 0 | 0 |
-//! | `feed_forward` | 20 | 32 | 0 | 0 |
-//! | `feed_forward_independent` | 10 | 18 | 0 | 0 |
-//! | `feed_forward_dependent` | 9 | 18 | 0 | 0 |
+//! | `inverse_dynamics` | 23 | 29 | 0 | 0 |
+//! | `feed_forward` | 23 | 29 | 0 | 0 |
+//! | `feed_forward_independent` | 11 | 17 | 0 | 0 |
+//! | `feed_forward_dependent` | 12 | 15 | 0 | 0 |
 //! | `Pattern::reference_from` | 10 | 19 | 0 | 0 |
-//! | `Pattern::estimator_matrix` | 37 | 71 | 0 | 0 |
+//! | `Pattern::estimator_matrix` | 39 | 69 | 0 | 0 |
 //! | `Accumulator::push_at` | 11 | 33 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
@@ -305,15 +305,15 @@ impl<T> Inputs<T> {
 /// a31: th2*ddot(th1) - th20*ddot(th1)
 /// a32: ddot(th1)*th2^2 + ddot(th1)*th20^2 - 2*th2*th20*ddot(th1)
 /// ```
-/// Operations: 9 additions, 18 multiplications.
+/// Operations: 12 additions, 15 multiplications.
 #[must_use]
 pub fn regressor<T: Real>(motion: &Motion<T>, constants: &Constants<T>) -> [[T; 9]; 2] {
     let mut matrix = [[T::ZERO; 9]; 2];
     // tau1, a10: 2*ddot(th1)
-    matrix[0][0] = T::from_f64(2.0) * motion.th1.ddot;
+    matrix[0][0] = motion.th1.ddot + motion.th1.ddot;
     // tau1, a11: 2*th2*ddot(th1) - 2*th20*ddot(th1) + 2*dot(th1)*dot(th2)
     let t0 = motion.th2.value - constants.th20;
-    let t1 = T::from_f64(2.0) * t0;
+    let t1 = t0 + t0;
     let t2 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
     matrix[0][1] = t1 * motion.th1.ddot + t2;
     // tau1, a12: -4*th2*th20*ddot(th1) + 4*th2*dot(th1)*dot(th2) + 2*ddot(th1)*th2^2 - 4*th20*dot(th1)*dot(th2) +
@@ -335,7 +335,7 @@ pub fn regressor<T: Real>(motion: &Motion<T>, constants: &Constants<T>) -> [[T; 
     // tau2, a12: -2*th2*dot(th1)^2 + 2*th20*dot(th1)^2
     matrix[1][2] = -(t1 * t7);
     // tau2, a20: 2*ddot(th2)
-    matrix[1][3] = T::from_f64(2.0) * motion.th2.ddot;
+    matrix[1][3] = motion.th2.ddot + motion.th2.ddot;
     // tau2, a21: dot(th2)^2 + 2*th2*ddot(th2) - 2*th20*ddot(th2)
     matrix[1][4] = t4 + t1 * motion.th2.ddot;
     // tau2, a22: -4*th2*th20*ddot(th2) + 2*th2*dot(th2)^2 + 2*ddot(th2)*th2^2 - 2*th20*dot(th2)^2 +
@@ -376,7 +376,7 @@ pub fn input_map<T: Real>(_constants: &Constants<T>) -> [[T; 2]; 2] {
 
 /// Phi theta + known: the generalised force of every equation that the motion needs.
 ///
-/// Operations: 20 additions, 32 multiplications.
+/// Operations: 23 additions, 29 multiplications.
 #[must_use]
 pub fn inverse_dynamics<T: Real>(
     motion: &Motion<T>,
@@ -384,19 +384,19 @@ pub fn inverse_dynamics<T: Real>(
     constants: &Constants<T>,
 ) -> Forces<T> {
     let t0 = motion.th2.value - constants.th20;
-    let t1 = T::from_f64(2.0) * t0;
+    let t1 = t0 + t0;
     let t2 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
     let t3 = t0 * motion.th1.ddot;
     let t4 = motion.th2.dot * motion.th2.dot;
     let t5 = t0 * motion.th2.ddot;
     let t6 = t1 * t4;
     let t7 = motion.th1.dot * motion.th1.dot;
-    let t8 = T::from_f64(2.0) * motion.th1.ddot * parameters.a10
+    let t8 = (motion.th1.ddot + motion.th1.ddot) * parameters.a10
         + (t1 * motion.th1.ddot + t2) * parameters.a11
         + (t1 * t3 + t1 * t2) * parameters.a12 + motion.th2.ddot * parameters.a30
         + (t4 + t5) * parameters.a31;
     let t9 = -t7 * parameters.a11 - t1 * t7 * parameters.a12
-        + T::from_f64(2.0) * motion.th2.ddot * parameters.a20
+        + (motion.th2.ddot + motion.th2.ddot) * parameters.a20
         + (t4 + t1 * motion.th2.ddot) * parameters.a21 + (t1 * t5 + t6) * parameters.a22;
     Forces {
         tau1: t8 + (t5 * t0 + t6) * parameters.a32,
@@ -407,7 +407,7 @@ pub fn inverse_dynamics<T: Real>(
 
 /// Feed-forward: the inputs that the reference motion needs.
 ///
-/// Operations: 20 additions, 32 multiplications.
+/// Operations: 23 additions, 29 multiplications.
 #[must_use]
 pub fn feed_forward<T: Real>(
     motion: &Motion<T>,
@@ -415,19 +415,19 @@ pub fn feed_forward<T: Real>(
     constants: &Constants<T>,
 ) -> Inputs<T> {
     let t0 = motion.th2.value - constants.th20;
-    let t1 = T::from_f64(2.0) * t0;
+    let t1 = t0 + t0;
     let t2 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
     let t3 = t0 * motion.th1.ddot;
     let t4 = motion.th2.dot * motion.th2.dot;
     let t5 = t0 * motion.th2.ddot;
     let t6 = t1 * t4;
     let t7 = motion.th1.dot * motion.th1.dot;
-    let t8 = T::from_f64(2.0) * motion.th1.ddot * parameters.a10
+    let t8 = (motion.th1.ddot + motion.th1.ddot) * parameters.a10
         + (t1 * motion.th1.ddot + t2) * parameters.a11
         + (t1 * t3 + t1 * t2) * parameters.a12 + motion.th2.ddot * parameters.a30
         + (t4 + t5) * parameters.a31;
     let t9 = -t7 * parameters.a11 - t1 * t7 * parameters.a12
-        + T::from_f64(2.0) * motion.th2.ddot * parameters.a20
+        + (motion.th2.ddot + motion.th2.ddot) * parameters.a20
         + (t4 + t1 * motion.th2.ddot) * parameters.a21 + (t1 * t5 + t6) * parameters.a22;
     Inputs {
         tau1: t8 + (t5 * t0 + t6) * parameters.a32,
@@ -438,7 +438,7 @@ pub fn feed_forward<T: Real>(
 
 /// [`feed_forward`] and [`regressor`] in one go: what they share is computed once.
 ///
-/// Operations: 21 additions, 32 multiplications.
+/// Operations: 24 additions, 29 multiplications.
 #[must_use]
 pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
@@ -446,10 +446,10 @@ pub fn feed_forward_with_regressor<T: Real>(
     constants: &Constants<T>,
 ) -> (Inputs<T>, [[T; 9]; 2]) {
     // tau1, a10
-    let t0 = T::from_f64(2.0) * motion.th1.ddot;
+    let t0 = motion.th1.ddot + motion.th1.ddot;
     // tau1, a11
     let t1 = motion.th2.value - constants.th20;
-    let t2 = T::from_f64(2.0) * t1;
+    let t2 = t1 + t1;
     let t3 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
     let t4 = t2 * motion.th1.ddot + t3;
     // tau1, a12
@@ -471,7 +471,7 @@ pub fn feed_forward_with_regressor<T: Real>(
     // tau2, a12
     let t14 = t2 * t12;
     // tau2, a20
-    let t15 = T::from_f64(2.0) * motion.th2.ddot;
+    let t15 = motion.th2.ddot + motion.th2.ddot;
     // tau2, a21
     let t16 = t7 + t2 * motion.th2.ddot;
     // tau2, a22
@@ -495,7 +495,7 @@ pub fn feed_forward_with_regressor<T: Real>(
 /// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate
 /// still while the others move. An actuator gives it as fast as its amplifier is, so that it needs no low pass.
 ///
-/// Operations: 10 additions, 18 multiplications.
+/// Operations: 11 additions, 17 multiplications.
 #[must_use]
 pub fn feed_forward_independent<T: Real>(
     motion: &Motion<T>,
@@ -505,7 +505,7 @@ pub fn feed_forward_independent<T: Real>(
     let t0 = motion.th2.dot * motion.th2.dot;
     let t1 = motion.th2.value - constants.th20;
     let t2 = t1 * t1;
-    let t3 = T::from_f64(2.0) * t1;
+    let t3 = t1 + t1;
     let t4 = motion.th1.dot * motion.th1.dot;
     Inputs {
         tau1: motion.th2.ddot * parameters.a30
@@ -520,7 +520,7 @@ pub fn feed_forward_independent<T: Real>(
 /// The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive. With
 /// [`feed_forward_independent`] it adds up to [`feed_forward`].
 ///
-/// Operations: 9 additions, 18 multiplications.
+/// Operations: 12 additions, 15 multiplications.
 #[must_use]
 pub fn feed_forward_dependent<T: Real>(
     motion: &Motion<T>,
@@ -528,15 +528,15 @@ pub fn feed_forward_dependent<T: Real>(
     constants: &Constants<T>,
 ) -> Inputs<T> {
     let t0 = motion.th2.value - constants.th20;
-    let t1 = T::from_f64(2.0) * t0;
+    let t1 = t0 + t0;
     let t2 = t1 * motion.th1.ddot;
     let t3 = T::from_f64(2.0) * motion.th1.dot * motion.th2.dot;
     let t4 = motion.th2.dot * motion.th2.dot;
     let t5 = t1 * motion.th2.ddot;
     Inputs {
-        tau1: T::from_f64(2.0) * motion.th1.ddot * parameters.a10
+        tau1: (motion.th1.ddot + motion.th1.ddot) * parameters.a10
             + (t2 + t3) * parameters.a11 + (t2 * t0 + t1 * t3) * parameters.a12,
-        tau2: T::from_f64(2.0) * motion.th2.ddot * parameters.a20
+        tau2: (motion.th2.ddot + motion.th2.ddot) * parameters.a20
             + (t4 + t5) * parameters.a21 + (t5 * t0 + t1 * t4) * parameters.a22,
     }
 }
@@ -631,14 +631,14 @@ impl<T: Real> Pattern<T> {
     ///
     /// Rows are in the order of [`Harmonics`], columns in the order of [`Parameters`].
     ///
-    /// Operations: 37 additions, 71 multiplications.
+    /// Operations: 39 additions, 69 multiplications.
     #[must_use]
     pub fn estimator_matrix(&self, _constants: &Constants<T>) -> [[T; 9]; 17] {
         let mut matrix = [[T::ZERO; 9]; 17];
         // tau1, cos 1, a10: -2*lambda1*w^2
         let t0 = self.w * self.w;
         let t1 = self.lambda1 * t0;
-        let t2 = T::from_f64(2.0) * t1;
+        let t2 = t1 + t1;
         matrix[0][0] = -t2;
         // tau1, cos 1, a11: 16/9*lambda1*lambda2*w^2
         let t3 = t0 * self.lambda2;
@@ -724,7 +724,7 @@ impl<T: Real> Pattern<T> {
         // tau2, cos 1, a12: -1/3*lambda1^2*lambda2*w^2
         matrix[9][2] = -(T::from_f64(0.3333333333333333) * t11);
         // tau2, cos 1, a20: -2*lambda2*w^2
-        let t14 = T::from_f64(2.0) * t3;
+        let t14 = t3 + t3;
         matrix[9][3] = -t14;
         // tau2, cos 1, a21: 16/9*lambda2^2*w^2
         let t15 = T::from_f64(1.7777777777777777) * t7;

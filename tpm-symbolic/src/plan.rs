@@ -296,6 +296,9 @@ impl Builder<'_> {
     /// The product of what a node shares with others; nothing for a node that is no product of several factors.
     fn shared(&mut self, id: ExprId) -> Option<Slot> {
         let atoms = self.products.atoms(id)?.to_vec();
+        if let [Atom::Two, single] | [single, Atom::Two] = atoms.as_slice() {
+            return Some(self.doubled(*single));
+        }
         let mut product: Option<Slot> = None;
         for atom in atoms {
             let slot = self.atom(atom);
@@ -304,11 +307,20 @@ impl Builder<'_> {
         product
     }
 
+    /// A value twice, as its sum with itself: as exact, without a constant.
+    fn doubled(&mut self, single: Atom) -> Slot {
+        let value = self.atom(single);
+        self.emit(Op::Add(value, value))
+    }
+
     fn atom(&mut self, atom: Atom) -> Slot {
         match atom {
             Atom::Expr(id) => self.done[&id],
             Atom::Two => self.emit(Op::Constant(Rational::from_integer(2.into()))),
             Atom::Pair(index) => {
+                if let Some(single) = self.products.doubled(index) {
+                    return self.doubled(single);
+                }
                 let (left, right) = self.products.pair(index);
                 let (left, right) = (self.atom(left), self.atom(right));
                 self.emit(Op::Mul(left, right))

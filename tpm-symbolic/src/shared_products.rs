@@ -71,6 +71,16 @@ impl SharedProducts {
         self.pairs[index]
     }
 
+    /// What a pair doubles, when more than one product is made of it: of a single product the two is a factor as any other.
+    pub(crate) fn doubled(&self, index: usize) -> Option<Atom> {
+        let (Atom::Two, single) = self.pairs[index] else { return None };
+        let pairs = self.pairs.iter().flat_map(|&(a, b)| [a, b]);
+        // Equal products are one operation.
+        let products: HashSet<&[Atom]> = self.products.values().map(Vec::as_slice).collect();
+        let places = pairs.chain(products.into_iter().flatten().copied()).filter(|&atom| atom == Atom::Pair(index));
+        (places.take(2).count() == 2).then_some(single)
+    }
+
     /// What of a positive coefficient is no atom.
     pub(crate) fn rest(&self, value: &Rational) -> Rational {
         (0..twos(value)).fold(value.clone(), |value, _| value / Rational::from_integer(2.into()))
