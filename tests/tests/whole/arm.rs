@@ -1,7 +1,7 @@
 //! The closed-loop arm of Feng, chapter 5: its quadratic model identified on an arm whose loop is closed exactly.
 
 use crate::support::model as shipped;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::BTreeMap;
 use tpm_runtime::experiment::{CampaignIdentification, Experiment, Machine};
 use tpm_runtime::harmonics::Hold;
@@ -113,6 +113,18 @@ fn tracking(experiment: &Experiment, values: &[f64; 9]) -> [f64; 2] {
     [report.tracking_rms[0], report.tracking_rms[1]]
 }
 
+/// Difference of two estimates, and the second one's size, in what is orthogonal to a direction of (a1k, a2k, a3k): k = 0, 1, 2.
+fn combinations(values: &[f64], wanted: &[f64], null: &[f64; 3]) -> (Vector3<f64>, Vector3<f64>) {
+    let null = Vector3::from(*null).normalize();
+    let shown = |v: &[f64], k: usize| {
+        let v = Vector3::new(v[k], v[3 + k], v[6 + k]);
+        v - null * v.dot(&null)
+    };
+    let size = |k: usize| shown(wanted, k).norm();
+    let difference = |k: usize| (shown(values, k) - shown(wanted, k)).norm();
+    (Vector3::from_fn(|k, _| difference(k)), Vector3::from_fn(|k, _| size(k)))
+}
+
 #[test]
 fn the_thesis_pattern_shows_six_combinations() {
     for (rig, experiment) in experiments(THESIS).into_iter().enumerate() {
@@ -133,17 +145,26 @@ fn the_thesis_pattern_shows_six_combinations() {
                 }
             }
         }
-        // What is orthogonal to them is right, the rest keeps its prior.
-        let best = best_quadratic(&experiment);
-        let norm = null.iter().map(|n| n * n).sum::<f64>().sqrt();
-        let along = |v: &[f64], k: usize| (0..3).map(|i| v[3 * i + k] * null[i] / norm).sum::<f64>();
-        for k in 0..3 {
-            let shown =
-                |v: &[f64]| -> Vec<f64> { (0..3).map(|i| v[3 * i + k] - along(v, k) * null[i] / norm).collect() };
-            let (found, wanted) = (shown(&values), shown(best.as_slice()));
-            let difference = found.iter().zip(&wanted).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-            let size = wanted.iter().map(|b| b * b).sum::<f64>().sqrt();
-            println!("rig {}: combinations of a1{k}, a2{k}, a3{k}: {:.3} %", rig + 1, 100.0 * difference / size);
+        let mut exact = experiment.clone();
+        exact.plant.sensors.clear();
+        // What is orthogonal to them is right. With encoders the second order is left to chance (the Cramer-Rao bound of one
+        // run is 6 % of it on rig 1 and 18 % on rig 2); without them what the quadratic leaves out decides, and the weights:
+        // the nearest quadratic itself moves by .4 to 8 % of the second order when one joint counts ten times as much.
+        for (sensors, experiment, values) in [("with", &experiment, values), ("without", &exact, identified(&exact).1)]
+        {
+            let (difference, size) = combinations(&values, best_quadratic(experiment).as_slice(), &null);
+            for k in 0..3 {
+                println!(
+                    "rig {}, {sensors} sensors: combinations of a1{k}, a2{k}, a3{k}: {:.3} %",
+                    rig + 1,
+                    100.0 * difference[k] / size[k]
+                );
+            }
+            let whole = difference.norm() / size.norm();
+            println!("rig {}, {sensors} sensors: the six together: {:.3} %", rig + 1, 100.0 * whole);
+            if experiment.plant.sensors.is_empty() {
+                assert!(whole <= 2e-3 && (0..2).all(|k| difference[k] <= 2e-3 * size[k]), "{difference} {size}");
+            }
         }
         let start: [f64; 9] = NAMES.map(|name| experiment.prior[name]);
         let [before, after] = [start, values].map(|v| tracking(&experiment, &v));

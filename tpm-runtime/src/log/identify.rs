@@ -283,6 +283,15 @@ fn warnings(
             100.0 * log.mismatch
         ));
     }
+    if options.from_sample.is_none() && 2 * log.steady_from_sample > log.samples {
+        warnings.push(format!(
+            "more than half of the log is left out: samples 0 to {} of {} do not repeat with the period of the last ones; \
+             the end of a motion whose frequency changes passes for periodic, and its parameters are not to be trusted \
+             (--from-sample says where a motion repeats)",
+            log.steady_from_sample - 1,
+            log.samples
+        ));
+    }
     if let Some((from, to)) = record.left_out() {
         warnings.push(format!(
             "harmonics {from} to {to} are excited but left out: the model does not explain them as it does the lower ones (--harmonics {to} takes them in)"

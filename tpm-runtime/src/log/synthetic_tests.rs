@@ -148,6 +148,28 @@ fn what_is_not_visible_is_named_and_not_given_a_number() {
 }
 
 #[test]
+fn the_end_of_a_sweep_is_not_taken_for_a_periodic_motion() {
+    let (dt, truth) = (1e-3, [2.0, 40.0, 1.5]);
+    let (mut xs, mut us) = (Vec::new(), Vec::new());
+    for i in 0..20_000 {
+        // 0.5 to 0.55 Hz in 20 s.
+        let t = f64::from(i) * dt;
+        let (phase, w, slope) = (PI * t * (1.0 + 0.0025 * t), PI * (1.0 + 0.005 * t), 0.005 * PI);
+        let (sin, cos) = phase.sin_cos();
+        let [x, v, a] = [0.3 * sin, 0.3 * w * cos, 0.3 * (slope * cos - w * w * sin)];
+        xs.push(x);
+        us.push(truth[0] * a + truth[1] * x + truth[2] * v * v);
+    }
+    let log = Log::from_samples("sweep", dt, vec![xs, us]).expect("sound");
+    match identify_log(&MassSpringDrag, &log, &LogOptions::default()) {
+        Err(error) => assert!(matches!(error, LogError::NotPeriodic { .. }), "{error}"),
+        Ok(result) => {
+            assert!(result.warnings.iter().any(|w| w.contains("more than half of the log")), "{:?}", result.warnings);
+        }
+    }
+}
+
+#[test]
 fn the_wrong_hold_is_warned_about() {
     // The input is held: what the plant does follows from the mean of the held input, harmonic by harmonic.
     let (dt, w, d) = (1e-3, 2.0 * PI * 4.0, 3e-3);
