@@ -34,6 +34,8 @@ pub(crate) enum Atom {
 pub(crate) struct SharedProducts {
     products: HashMap<ExprId, Vec<Atom>>,
     pairs: Vec<(Atom, Atom)>,
+    /// In how many places of products and of other pairs every pair stands.
+    places: Vec<usize>,
 }
 
 impl SharedProducts {
@@ -54,10 +56,11 @@ impl SharedProducts {
                 products.insert(id, atoms);
             }
         }
-        let mut shared = SharedProducts { products, pairs: Vec::new() };
+        let mut shared = SharedProducts { products, pairs: Vec::new(), places: Vec::new() };
         if order.len() <= MOST_PRODUCTS {
             shared.share(&order);
         }
+        shared.count();
         shared
     }
 
@@ -73,17 +76,28 @@ impl SharedProducts {
 
     /// What a pair doubles, when more than one product is made of it: of a single product the two is a factor as any other.
     pub(crate) fn doubled(&self, index: usize) -> Option<Atom> {
-        let (Atom::Two, single) = self.pairs[index] else { return None };
-        let pairs = self.pairs.iter().flat_map(|&(a, b)| [a, b]);
-        // Equal products are one operation.
-        let products: HashSet<&[Atom]> = self.products.values().map(Vec::as_slice).collect();
-        let places = pairs.chain(products.into_iter().flatten().copied()).filter(|&atom| atom == Atom::Pair(index));
-        (places.take(2).count() == 2).then_some(single)
+        match self.pairs[index] {
+            (Atom::Two, single) if self.places[index] > 1 => Some(single),
+            _ => None,
+        }
     }
 
     /// What of a positive coefficient is no atom.
     pub(crate) fn rest(&self, value: &Rational) -> Rational {
         (0..twos(value)).fold(value.clone(), |value, _| value / Rational::from_integer(2.into()))
+    }
+
+    fn count(&mut self) {
+        // Equal products are one operation, so that they count once.
+        let products: HashSet<&[Atom]> = self.products.values().map(Vec::as_slice).collect();
+        let mut places = vec![0; self.pairs.len()];
+        let inner = self.pairs.iter().flat_map(|&(a, b)| [a, b]);
+        for atom in inner.chain(products.into_iter().flatten().copied()) {
+            if let Atom::Pair(index) = atom {
+                places[index] += 1;
+            }
+        }
+        self.places = places;
     }
 
     fn share(&mut self, order: &[ExprId]) {
