@@ -282,8 +282,8 @@ impl Weighted {
     }
 
     fn of_information(information: &Information, gradient: Option<&[f64]>) -> Self {
-        let rows = information.factor().clone();
-        let mut right = information.right().clone();
+        let rows = information.factor().into_owned();
+        let mut right = information.right().into_owned();
         // R' R c = R' z + g is the same as R c = z + R'^-1 g, where R has an inverse.
         if let Some(shift) = gradient.and_then(|g| rows.transpose().lu().solve(&DVector::from_column_slice(g)))
             && shift.iter().all(|x| x.is_finite())

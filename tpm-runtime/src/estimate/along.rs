@@ -9,7 +9,7 @@ use crate::differences::FIVE_POINT;
 use crate::fourier::{analyse, synthesise};
 use crate::model::{Dims, Model};
 use crate::trajectory::Trajectory;
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, DMatrix};
 use std::vec;
 use std::vec::Vec;
 
@@ -84,7 +84,8 @@ impl Along {
         let points = (8 * (harmonics + 1)).next_power_of_two().clamp(GRID.0, GRID.1);
         let sampled = Sampled::new(model, constants, trajectory, points)?;
         let (phi, _) = sampled.lines(dims, 1, harmonics);
-        let mut matrix = DMatrix::zeros(dims.rows * (2 * harmonics + 1), free.len());
+        // The right-hand sides do not matter.
+        let mut matrix = DMatrix::zeros(dims.rows * (2 * harmonics + 1), free.len() + 1);
         for row in 0..dims.rows {
             for (c, &j) in free.iter().enumerate() {
                 for (k, line) in phi[row * dims.parameters + j].iter().enumerate() {
@@ -98,8 +99,7 @@ impl Along {
                 }
             }
         }
-        let right = DVector::zeros(matrix.nrows());
-        Ok(Information::of(matrix, &right))
+        Ok(Information::of(matrix))
     }
 
     /// Square root of the information about the parameters in `samples` samples over whole periods whose coordinates have

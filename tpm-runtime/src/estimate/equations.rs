@@ -1,7 +1,7 @@
 //! Harmonic equations `phi theta = right + noise`, one complex row per equation of motion and harmonic.
 
 use super::Frozen;
-use nalgebra::{Complex, DMatrix, DVector};
+use nalgebra::{Complex, DMatrix};
 use std::vec::Vec;
 
 /// Weighted harmonic equations.
@@ -123,7 +123,7 @@ impl Equations {
     #[must_use]
     pub fn reduced(&self) -> Self {
         let all: Vec<usize> = (0..self.parameters).collect();
-        let (mut matrix, _) = self.weighted(&all, &[]);
+        let mut matrix = self.weighted(&all, &[]).remove_column(self.parameters);
         for mut column in matrix.column_iter_mut() {
             let norm = column.norm();
             if norm > 0.0 {
@@ -148,31 +148,38 @@ impl Equations {
         reduced
     }
 
-    /// The real equations, each divided by its standard deviation, with the columns `free` only; those of the frozen parameters,
-    /// at their values, are taken from the right.
+    /// The real equations `[A b]`, each divided by its standard deviation, with the columns `free` only; those of the frozen
+    /// parameters, at their values, are taken from the right.
     #[must_use]
-    pub fn weighted(&self, free: &[usize], frozen: &[Frozen]) -> (DMatrix<f64>, DVector<f64>) {
-        let mut matrix = DMatrix::zeros(self.real_len(), free.len());
-        let mut right = DVector::zeros(self.real_len());
-        let mut at = 0;
-        for e in 0..self.len() {
-            let weight = self.weight(e).sqrt();
-            let phi = self.regressor(e);
-            let taken: Complex<f64> = frozen.iter().map(|frozen| phi[frozen.parameter] * frozen.value).sum();
-            let whole = self.right[e] - taken;
-            for (c, &j) in free.iter().enumerate() {
-                matrix[(at, c)] = phi[j].re * weight;
-            }
-            right[at] = whole.re * weight;
-            at += 1;
-            if self.harmonic[e] > 0 {
-                for (c, &j) in free.iter().enumerate() {
-                    matrix[(at, c)] = phi[j].im * weight;
-                }
-                right[at] = whole.im * weight;
-                at += 1;
+    pub fn weighted(&self, free: &[usize], frozen: &[Frozen]) -> DMatrix<f64> {
+        let mut whole = self.right.clone();
+        for frozen in frozen {
+            for (right, phi) in whole.iter_mut().zip(self.column(frozen.parameter)) {
+                *right -= phi * frozen.value;
             }
         }
-        (matrix, right)
+        let weights: Vec<f64> = (0..self.len()).map(|e| self.weight(e).sqrt()).collect();
+        let count = self.real_len();
+        let mut entries = Vec::with_capacity(count * (free.len() + 1));
+        for &j in free {
+            self.append_real(&weights, self.column(j), &mut entries);
+        }
+        self.append_real(&weights, whole.iter(), &mut entries);
+        DMatrix::from_vec(count, free.len() + 1, entries)
+    }
+
+    /// Regressor phasors of one parameter.
+    fn column(&self, parameter: usize) -> impl Iterator<Item = &Complex<f64>> {
+        self.regressors.iter().skip(parameter).step_by(self.parameters)
+    }
+
+    /// Appends the real equations' entries from those of the complex ones.
+    fn append_real<'c>(&self, weights: &[f64], column: impl Iterator<Item = &'c Complex<f64>>, entries: &mut Vec<f64>) {
+        for ((entry, weight), harmonic) in column.zip(weights).zip(&self.harmonic) {
+            entries.push(entry.re * weight);
+            if *harmonic > 0 {
+                entries.push(entry.im * weight);
+            }
+        }
     }
 }

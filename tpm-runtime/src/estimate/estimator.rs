@@ -172,8 +172,8 @@ impl Method {
 struct PooledMotion {
     settings: Settings,
     records: Vec<MeasuredMotion>,
-    /// What the references of the runs up to each one show.
-    design: Vec<Information>,
+    /// What the references of the runs up to each one show, and the directions that they do not.
+    design: Vec<(Information, Vec<Vec<f64>>)>,
 }
 
 impl PooledMotion {
@@ -185,7 +185,7 @@ impl PooledMotion {
         let motion = run.judged_motion();
         let reach = 4 * motion.highest_harmonic() as usize;
         let own = Along::design(model, &run.trial.constants, &motion, reach.max(1), &free)?;
-        let whole = self.design.last().map_or_else(|| own.clone(), |before| before.pool(&own));
+        let whole = self.design.last().map_or_else(|| own.clone(), |(before, _)| before.pool(&own));
         let hidden = whole
             .solve(&vec![0.0; free.len()], None)
             .unobservable
@@ -208,8 +208,8 @@ impl Estimator for PooledMotion {
     }
 
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
-        let (design, hidden) = self.design(model, run)?;
-        let settings = Settings { hidden, ..self.settings.clone() };
+        let (shown, hidden) = self.design(model, run)?;
+        let settings = Settings { hidden: hidden.clone(), ..self.settings.clone() };
         let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &settings)?;
         self.records.push(record);
         let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, &settings)?.values);
@@ -217,8 +217,8 @@ impl Estimator for PooledMotion {
         if refined.is_err() {
             self.records.pop();
         } else {
-            self.design.push(design);
-            self.settings.hidden = settings.hidden;
+            self.design.push((shown, hidden));
+            self.settings = settings;
         }
         refined
     }
@@ -228,6 +228,7 @@ impl Estimator for PooledMotion {
         if estimate.is_err() {
             self.records.pop();
             self.design.pop();
+            self.settings.hidden = self.design.last().map_or_else(Vec::new, |(_, hidden)| hidden.clone());
         }
         estimate.map(Some)
     }
@@ -379,13 +380,13 @@ impl Pools {
 
 /// Distance between the start of a run and its estimate relative to the values: the size of what was linearised. It is
 /// never taken below what noise alone makes of it, so that converged runs count alike.
-fn distance(start: &[f64], found: &[f64], covariance: &nalgebra::DMatrix<f64>) -> f64 {
+fn distance(start: &[f64], found: &[f64], covariance: &nalgebra::DMatrix<f64>, inflation: f64) -> f64 {
     start
         .iter()
         .zip(found)
         .enumerate()
         .map(|(j, (before, now))| {
-            let noise = INSIGNIFICANT * covariance[(j, j)].max(0.0).sqrt();
+            let noise = INSIGNIFICANT * (inflation * covariance[(j, j)]).max(0.0).sqrt();
             (now - before).abs().max(noise) / now.abs().max(f64::MIN_POSITIVE)
         })
         .fold(0.0, f64::max)
@@ -411,31 +412,30 @@ pub(super) fn pool_run(
     if free.is_empty() && p > 0 {
         return Err(EstimateError::AllFrozen);
     }
-    let (matrix, right) = equations.weighted(&free, &settings.frozen);
-    let information = Information::of(matrix, &right);
+    let information = Information::of(equations.weighted(&free, &settings.frozen));
     let start: Vec<f64> = free.iter().map(|&j| prior[j]).collect();
     let alone = information.solve(&start, None);
     let freedom = equations.real_len().saturating_sub(alone.rank);
     let chi_squared = if freedom > 0 { alone.remainder / freedom as f64 } else { 0.0 };
     let inflation = chi_squared.max(1.0);
-    let scaled = information.forget(1.0 / inflation);
+    let own = information.forget(1.0 / inflation);
     let begun: Vec<f64> = free.iter().map(|&j| current[j]).collect();
-    let distance = distance(&begun, &alone.values, &(&alone.covariance * inflation));
+    let distance = distance(&begun, &alone.values, &alone.covariance, inflation);
     let pooled = match pool {
         Some(before) => {
             let trust = (distance / before.distance).powi(2);
             let trust = if trust.is_finite() { trust.min(1.0) } else { 1.0 };
-            before.information.clone().forget(trust * settings.memory(1)).pool(&scaled)
+            before.information.clone().forget(trust * settings.memory(1)).pool(&own)
         }
-        None => scaled,
+        None => own,
     };
-    let solution = pooled.solve(&start, None);
+    let scaled = pooled.scaled();
+    let solution = scaled.solve(&start, None, &[]);
     let mut values = prior;
     let mut std = vec![0.0; p];
     let mut status = vec![Status::Frozen; p];
     let mut covariance = nalgebra::DMatrix::zeros(p, p);
-    let norms: Vec<f64> = pooled.column_norms().iter().map(|n| if *n > 0.0 { *n } else { 1.0 }).collect();
-    let touched = Information::touched(&solution.unobservable, &norms);
+    let touched = scaled.touched(&solution.unobservable);
     for (a, &j) in free.iter().enumerate() {
         values[j] = solution.values[a];
         for (b, &i) in free.iter().enumerate() {
@@ -469,7 +469,7 @@ pub(super) fn pool_run(
         status,
         rank: solution.rank,
         unobservable,
-        condition: solution.condition,
+        condition: scaled.condition(&[]),
         residual: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 },
         chi_squared,
         model_error: vec![0.0; equations.row.iter().max().map_or(0, |r| r + 1)],

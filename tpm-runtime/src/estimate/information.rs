@@ -1,10 +1,10 @@
 //! Square-root information: what data say about the parameters, ready to be pooled.
 //!
-//! Invariant: `factor` R (upper triangular) and `right` z hold `|R theta - z|^2 + remainder`, the weighted sum of squares
-//! of all equations taken in so far. Pooling stacks the factors and triangularises again (Householder), so that the
-//! condition number is never squared as it would be in the normal equations.
+//! Invariant: the triangle `[R z; 0 r]` holds `|R theta - z|^2 + r^2`, the weighted sum of squares of all equations taken in
+//! so far. Pooling stacks the triangles and triangularises again (Householder), so that the condition number is never
+//! squared as it would be in the normal equations.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use std::vec;
 use std::vec::Vec;
 
@@ -15,10 +15,16 @@ const RANK_TOLERANCE: f64 = 1e-10;
 /// Square-root information of a set of parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Information {
+    /// `[R z; 0 r]`, a row and a column more than there are parameters.
+    triangle: DMatrix<f64>,
+}
+
+/// The factor R with columns of length one.
+pub(super) struct Scaled<'a> {
+    of: &'a Information,
     factor: DMatrix<f64>,
-    right: DVector<f64>,
-    remainder: f64,
-    equations: usize,
+    /// What the columns were divided by: their lengths, and one for a column of zeros.
+    scale: Vec<f64>,
 }
 
 /// Parameters solved from information.
@@ -32,8 +38,6 @@ pub struct Solution {
     pub rank: usize,
     /// Directions that they do not show, the largest component of each being one.
     pub unobservable: Vec<Vec<f64>>,
-    /// Ratio of the largest to the smallest singular value that counts, after column scaling.
-    pub condition: f64,
     /// Weighted sum of squares that remains at the solution.
     pub remainder: f64,
 }
@@ -42,71 +46,57 @@ impl Information {
     /// No information on so many parameters.
     #[must_use]
     pub fn empty(parameters: usize) -> Self {
-        Information {
-            factor: DMatrix::zeros(parameters, parameters),
-            right: DVector::zeros(parameters),
-            remainder: 0.0,
-            equations: 0,
-        }
+        Information { triangle: DMatrix::zeros(parameters + 1, parameters + 1) }
     }
 
-    /// Condenses real equations `matrix theta = right` of unit variance.
+    /// Condenses real equations `[A b]`, `A theta = b`, of unit variance.
     #[must_use]
-    pub fn of(matrix: DMatrix<f64>, right: &DVector<f64>) -> Self {
-        let (equations, parameters) = matrix.shape();
-        let mut stacked = matrix.resize(equations.max(parameters + 1), parameters + 1, 0.0);
-        stacked.view_mut((0, parameters), (right.len(), 1)).copy_from(right);
-        let triangle = stacked.qr().unpack_r();
-        let corner = triangle[(parameters, parameters)];
-        Information {
-            factor: triangle.view((0, 0), (parameters, parameters)).into_owned(),
-            right: triangle.column(parameters).rows(0, parameters).into_owned(),
-            remainder: corner * corner,
-            equations,
-        }
+    pub fn of(rows: DMatrix<f64>) -> Self {
+        let (equations, columns) = rows.shape();
+        let rows = if equations < columns { rows.resize_vertically(columns, 0.0) } else { rows };
+        Information { triangle: rows.qr().unpack_r() }
     }
 
     /// Adds what other data say about the same parameters.
     #[must_use]
     pub fn pool(&self, other: &Self) -> Self {
-        let n = self.factor.ncols();
-        let mut matrix = DMatrix::zeros(2 * n, n);
-        matrix.view_mut((0, 0), (n, n)).copy_from(&self.factor);
-        matrix.view_mut((n, 0), (n, n)).copy_from(&other.factor);
-        let mut right = DVector::zeros(2 * n);
-        right.rows_mut(0, n).copy_from(&self.right);
-        right.rows_mut(n, n).copy_from(&other.right);
-        let mut pooled = Information::of(matrix, &right);
-        pooled.remainder += self.remainder + other.remainder;
-        pooled.equations = self.equations + other.equations;
-        pooled
+        let columns = self.triangle.ncols();
+        let mut rows = DMatrix::zeros(2 * columns, columns);
+        rows.rows_mut(0, columns).copy_from(&self.triangle);
+        rows.rows_mut(columns, columns).copy_from(&other.triangle);
+        Information::of(rows)
     }
 
     /// The same data when their age makes them count less: every weight times `factor` in (0, 1].
     #[must_use]
     pub fn forget(mut self, factor: f64) -> Self {
-        self.factor *= factor.sqrt();
-        self.right *= factor.sqrt();
-        self.remainder *= factor;
+        self.triangle *= factor.sqrt();
         self
+    }
+
+    /// Number of parameters.
+    fn parameters(&self) -> usize {
+        self.triangle.ncols() - 1
     }
 
     /// Upper triangular factor R.
     #[must_use]
-    pub const fn factor(&self) -> &DMatrix<f64> {
-        &self.factor
+    pub fn factor(&self) -> DMatrixView<'_, f64> {
+        let n = self.parameters();
+        self.triangle.view((0, 0), (n, n))
     }
 
     /// Right-hand side z of `R theta = z`.
     #[must_use]
-    pub const fn right(&self) -> &DVector<f64> {
-        &self.right
+    pub fn right(&self) -> DVectorView<'_, f64> {
+        let n = self.parameters();
+        self.triangle.generic_view((0, n), (Dyn(n), Const::<1>))
     }
 
-    /// Real equations taken in.
-    #[must_use]
-    pub const fn equations(&self) -> usize {
-        self.equations
+    /// Weighted sum of squares that remains at the solution.
+    fn remainder(&self) -> f64 {
+        let n = self.parameters();
+        self.triangle[(n, n)].powi(2)
     }
 
     /// Solves for the parameters: rank first, then values.
@@ -115,32 +105,40 @@ impl Information {
     /// of the normal equations (a correction for noise in the regressors).
     #[must_use]
     pub fn solve(&self, prior: &[f64], gradient: Option<&[f64]>) -> Solution {
-        self.solve_beside(prior, gradient, &[])
+        self.scaled().solve(prior, gradient, &[])
     }
 
-    /// The same without a step along directions that are known not to be shown.
-    #[must_use]
-    pub fn solve_beside(&self, prior: &[f64], gradient: Option<&[f64]>, hidden: &[Vec<f64>]) -> Solution {
-        let n = self.factor.ncols();
-        let scale: Vec<f64> = self
-            .factor
-            .column_iter()
-            .map(|column| {
-                let norm = column.norm();
-                if norm > 0.0 { norm } else { 1.0 }
-            })
-            .collect();
-        let mut scaled = self.factor.clone();
-        for (mut column, s) in scaled.column_iter_mut().zip(&scale) {
-            column /= *s;
+    /// The factor with columns of length one.
+    pub(super) fn scaled(&self) -> Scaled<'_> {
+        let mut factor = self.factor().into_owned();
+        let divided = factor.column_iter_mut().map(|mut column| {
+            let norm = column.norm();
+            let scale = if norm > 0.0 { norm } else { 1.0 };
+            column /= scale;
+            scale
+        });
+        let scale = divided.collect();
+        Scaled { of: self, factor, scale }
+    }
+}
+
+impl Scaled<'_> {
+    /// [`Information::solve`] without a step along directions that are known not to be shown.
+    pub(super) fn solve(&self, prior: &[f64], gradient: Option<&[f64]>, hidden: &[Vec<f64>]) -> Solution {
+        if hidden.is_empty()
+            && let Some(inverse) = inverse_of_full_rank(&self.factor)
+        {
+            return self.solve_with(&inverse, gradient);
         }
+        let Scaled { of, factor, scale } = self;
+        let n = scale.len();
         let start = DVector::from_fn(n, |i, _| prior.get(i).copied().unwrap_or(0.0) * scale[i]);
-        let mut target = self.right.clone();
-        target.gemv(-1.0, &scaled, &start, 1.0);
-        let shown = beside(hidden, &scale);
+        let mut target = of.right().into_owned();
+        target.gemv(-1.0, factor, &start, 1.0);
+        let shown = beside(hidden, scale);
         let svd = match &shown {
-            Some(basis) => (&scaled * basis).svd(true, true),
-            None => scaled.clone().svd(true, true),
+            Some(basis) => (factor * basis).svd(true, true),
+            None => factor.clone().svd(true, true),
         };
         let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
             // Both factors were asked for.
@@ -149,16 +147,13 @@ impl Information {
                 covariance: DMatrix::zeros(n, n),
                 rank: 0,
                 unobservable: Vec::new(),
-                condition: f64::INFINITY,
-                remainder: self.remainder,
+                remainder: of.remainder(),
             };
         };
-        let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
-        let smallest_counted = largest * RANK_TOLERANCE;
+        let least = least_counted(svd.singular_values.as_slice());
         let mut step = DVector::zeros(n);
         let mut covariance = DMatrix::zeros(n, n);
         let mut rank = 0;
-        let mut smallest = largest;
         let mut unobservable: Vec<Vec<f64>> = if shown.is_some() { hidden.to_vec() } else { Vec::new() };
         let extra = gradient.map(|g| DVector::from_fn(n, |i, _| g[i] / scale[i]));
         let directions = match &shown {
@@ -167,9 +162,8 @@ impl Information {
         };
         for (i, &value) in svd.singular_values.iter().enumerate() {
             let direction = directions.column(i);
-            if value > smallest_counted {
+            if value > least {
                 rank += 1;
-                smallest = smallest.min(value);
                 let mut share = u.column(i).dot(&target) / value;
                 if let Some(extra) = &extra {
                     share += direction.dot(extra) / (value * value);
@@ -177,7 +171,7 @@ impl Information {
                 step.axpy(share, &direction, 1.0);
                 covariance.ger(1.0 / (value * value), &direction, &direction, 1.0);
             } else {
-                let raw: Vec<f64> = direction.iter().zip(&scale).map(|(d, s)| d / s).collect();
+                let raw: Vec<f64> = direction.iter().zip(scale).map(|(d, s)| d / s).collect();
                 let peak = raw.iter().copied().fold(0.0, |p: f64, d| if d.abs() > p.abs() { d } else { p });
                 unobservable.push(raw.iter().map(|d| d / peak).collect());
             }
@@ -188,37 +182,79 @@ impl Information {
                 covariance[(r, c)] /= scale[r] * scale[c];
             }
         }
-        let mut misfit = self.right.clone();
-        misfit.gemv(-1.0, &scaled, &total, 1.0);
+        let mut misfit = of.right().into_owned();
+        misfit.gemv(-1.0, factor, &total, 1.0);
         Solution {
-            values: total.iter().zip(&scale).map(|(t, s)| t / s).collect(),
+            values: total.iter().zip(scale).map(|(t, s)| t / s).collect(),
             covariance,
             rank,
             unobservable,
-            condition: if rank > 0 { largest / smallest } else { f64::INFINITY },
-            remainder: self.remainder + misfit.norm_squared(),
+            remainder: of.remainder() + misfit.norm_squared(),
         }
     }
 
+    /// The solution from the inverse of the factor.
+    fn solve_with(&self, inverse: &DMatrix<f64>, gradient: Option<&[f64]>) -> Solution {
+        let mut target = self.of.right().into_owned();
+        let mut remainder = self.of.remainder();
+        if let Some(gradient) = gradient {
+            // R' R theta = R' z + g is R theta = z + R'^-1 g.
+            let scaled = DVector::from_iterator(gradient.len(), gradient.iter().zip(&self.scale).map(|(g, s)| g / s));
+            let shift = inverse.tr_mul(&scaled);
+            remainder += shift.norm_squared();
+            target += shift;
+        }
+        let values = inverse * target;
+        let scale = &self.scale;
+        let n = scale.len();
+        Solution {
+            values: values.iter().zip(scale).map(|(value, s)| value / s).collect(),
+            covariance: DMatrix::from_fn(n, n, |r, c| inverse.row(r).dot(&inverse.row(c)) / (scale[r] * scale[c])),
+            rank: n,
+            unobservable: Vec::new(),
+            remainder,
+        }
+    }
+
+    /// Ratio of the largest to the smallest singular value that counts, beside the hidden directions; infinite when none counts.
+    pub(super) fn condition(self, hidden: &[Vec<f64>]) -> f64 {
+        let values = match beside(hidden, &self.scale) {
+            Some(basis) => (self.factor * basis).singular_values(),
+            None => self.factor.singular_values(),
+        };
+        let least = least_counted(values.as_slice());
+        let counted = || values.iter().copied().filter(|value| *value > least);
+        let (largest, smallest) = (counted().fold(0.0, f64::max), counted().fold(f64::INFINITY, f64::min));
+        if largest > 0.0 { largest / smallest } else { f64::INFINITY }
+    }
+
     /// Which parameters have a part in an unobservable direction.
-    #[must_use]
-    pub(crate) fn touched(unobservable: &[Vec<f64>], covariance_scale: &[f64]) -> Vec<bool> {
-        let mut touched = vec![false; covariance_scale.len()];
+    pub(super) fn touched(&self, unobservable: &[Vec<f64>]) -> Vec<bool> {
+        let mut touched = vec![false; self.scale.len()];
         for direction in unobservable {
-            let weighed: Vec<f64> = direction.iter().zip(covariance_scale).map(|(d, s)| (d * s).abs()).collect();
-            let peak = weighed.iter().copied().fold(0.0, f64::max);
-            for (flag, part) in touched.iter_mut().zip(&weighed) {
-                *flag |= *part > 1e-6 * peak;
+            let weighed = || direction.iter().zip(&self.scale).map(|(d, s)| (d * s).abs());
+            let peak = weighed().fold(0.0, f64::max);
+            for (flag, part) in touched.iter_mut().zip(weighed()) {
+                *flag |= part > 1e-6 * peak;
             }
         }
         touched
     }
+}
 
-    /// Norm of each column: how strongly the equations feel each parameter.
-    #[must_use]
-    pub fn column_norms(&self) -> Vec<f64> {
-        self.factor.column_iter().map(|c| c.norm()).collect()
-    }
+/// The singular value above which one counts.
+fn least_counted(values: &[f64]) -> f64 {
+    values.iter().copied().fold(0.0, f64::max) * RANK_TOLERANCE
+}
+
+/// The inverse of a triangle, when it proves that every singular value counts: none is below `1 / |inverse|`, none above the
+/// triangle's own length.
+fn inverse_of_full_rank(triangle: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let n = triangle.nrows();
+    let mut inverse = DMatrix::identity(n, n);
+    let regular = triangle.solve_upper_triangular_mut(&mut inverse);
+    // Not a number is no proof either.
+    (regular && inverse.norm() * triangle.norm() * RANK_TOLERANCE < 1.0).then_some(inverse)
 }
 
 /// An orthonormal basis, in scaled parameters, of what is orthogonal to the hidden directions; nothing when there are none.
@@ -262,14 +298,24 @@ pub(crate) fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
 mod tests {
     use super::Information;
     use nalgebra::{DMatrix, DVector};
+    use std::vec::Vec;
+
+    /// Rows `[a b]` beside each other.
+    fn beside(a: &DMatrix<f64>, b: &[f64]) -> DMatrix<f64> {
+        let columns = a.ncols();
+        let mut rows = a.clone().insert_column(columns, 0.0);
+        rows.column_mut(columns).copy_from_slice(b);
+        rows
+    }
 
     #[test]
     fn pooling_equals_solving_everything_at_once() {
         let a = DMatrix::from_fn(7, 3, |r, c| ((r * r * 5 + c * 3 + r * c * c) as f64 * 0.7).sin());
-        let b = DVector::from_fn(7, |r, _| (r as f64).cos());
-        let whole = Information::of(a.clone(), &b).solve(&[0.0; 3], None);
-        let pooled = Information::of(a.rows(0, 2).into_owned(), &b.rows(0, 2).into_owned())
-            .pool(&Information::of(a.rows(2, 5).into_owned(), &b.rows(2, 5).into_owned()))
+        let b: Vec<f64> = (0..7).map(|r| f64::from(r).cos()).collect();
+        let rows = beside(&a, &b);
+        let whole = Information::of(rows.clone()).solve(&[0.0; 3], None);
+        let pooled = Information::of(rows.rows(0, 2).into_owned())
+            .pool(&Information::of(rows.rows(2, 5).into_owned()))
             .solve(&[0.0; 3], None);
         for (x, y) in whole.values.iter().zip(&pooled.values) {
             assert!((x - y).abs() < 1e-13);
@@ -282,8 +328,7 @@ mod tests {
     fn an_unobservable_combination_keeps_its_prior() {
         // Only x + 1000 y is seen, and z; units differ widely.
         let a = DMatrix::from_row_slice(3, 3, &[1.0, 1e3, 0.0, 2.0, 2e3, 0.0, 0.0, 0.0, 1e-6]);
-        let b = DVector::from_row_slice(&[5.0, 10.0, 3e-6]);
-        let solved = Information::of(a, &b).solve(&[4.0, 0.0, 0.0], None);
+        let solved = Information::of(beside(&a, &[5.0, 10.0, 3e-6])).solve(&[4.0, 0.0, 0.0], None);
         assert_eq!(solved.rank, 2);
         assert!((solved.values[0] + 1e3 * solved.values[1] - 5.0).abs() < 1e-12);
         assert!((solved.values[2] - 3.0).abs() < 1e-12);
@@ -293,5 +338,49 @@ mod tests {
         let direction = &solved.unobservable[0];
         assert!((direction[0] - 1.0).abs() < 1e-12 && (direction[1] + 1e-3).abs() < 1e-12);
         assert!(direction[2].abs() < 1e-9);
+    }
+
+    /// The inverse of the triangle and its singular values lead to the same.
+    #[test]
+    fn full_rank_needs_no_singular_values() {
+        let a = DMatrix::from_fn(9, 4, |r, c| {
+            ((r * r * 3 + c * 5 + r * c * c) as f64 * 0.9).sin() * 1e3_f64.powi(c as i32)
+        });
+        let b: Vec<f64> = (0..9).map(|r| (1.3 * f64::from(r)).cos()).collect();
+        let information = Information::of(beside(&a, &b));
+        let gradient = [0.3, -20.0, 1e4, 5e6];
+        let solved = information.solve(&[0.0; 4], Some(&gradient));
+        // The normal equations, well conditioned enough here.
+        let gram = a.tr_mul(&a);
+        let right = a.tr_mul(&DVector::from_column_slice(&b)) + DVector::from_column_slice(&gradient);
+        let covariance = gram.try_inverse().expect("regular");
+        let values = &covariance * right;
+        let misfit = a * &values - DVector::from_column_slice(&b);
+        assert_eq!((solved.rank, solved.unobservable.len()), (4, 0));
+        for i in 0..4 {
+            assert!((solved.values[i] - values[i]).abs() < 1e-10 * values[i].abs(), "{solved:?} {values}");
+            assert!((solved.covariance[(i, i)] / covariance[(i, i)] - 1.0).abs() < 1e-10);
+        }
+        assert!((solved.remainder - misfit.norm_squared()).abs() < 1e-9 * solved.remainder);
+        // A hidden direction leads through the singular values; orthogonal to nothing that matters, it changes nothing else.
+        let hidden = [std::vec![0.0, 0.0, 0.0, 1.0]];
+        let beside = information.scaled().solve(&[0.0, 0.0, 0.0, values[3]], Some(&gradient), &hidden);
+        assert_eq!(beside.rank, 3);
+        for i in 0..4 {
+            assert!((beside.values[i] - values[i]).abs() < 1e-9 * values[i].abs(), "{beside:?} {values}");
+        }
+        let condition = |hidden: &[Vec<f64>]| information.scaled().condition(hidden);
+        assert!((condition(&[]) - scaled_condition(&information)).abs() < 1e-10);
+        assert!(condition(&hidden) <= condition(&[]));
+    }
+
+    fn scaled_condition(information: &Information) -> f64 {
+        let mut scaled = information.factor().into_owned();
+        scaled.column_iter_mut().for_each(|mut column| {
+            let norm = column.norm();
+            column /= norm;
+        });
+        let values = (scaled.tr_mul(&scaled)).symmetric_eigenvalues();
+        (values.max() / values.min()).sqrt()
     }
 }

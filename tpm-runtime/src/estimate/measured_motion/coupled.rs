@@ -8,7 +8,7 @@
 
 use super::MeasuredMotion;
 use crate::estimate::applied::at;
-use nalgebra::{Cholesky, Complex, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, Complex, DMatrix, Dyn};
 use std::vec;
 use std::vec::Vec;
 
@@ -35,9 +35,8 @@ pub(super) struct Weighed {
 
 impl Weighed {
     /// Equations that were divided by their standard deviations become uncorrelated.
-    pub(super) fn whiten(&self, matrix: &mut DMatrix<f64>, right: &mut DVector<f64>) {
-        let lower = self.factor.l_dirty();
-        let regular = lower.solve_lower_triangular_mut(matrix) && lower.solve_lower_triangular_mut(right);
+    pub(super) fn whiten(&self, rows: &mut DMatrix<f64>) {
+        let regular = self.factor.l_dirty().solve_lower_triangular_mut(rows);
         debug_assert!(regular, "a Cholesky factor has no zero on its diagonal");
     }
 }

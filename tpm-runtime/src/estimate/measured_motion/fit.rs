@@ -126,18 +126,18 @@ fn solve_records(
     let mut weighed: Vec<Option<Weighed>> = records.iter().map(|_| None).collect();
     let mut gradient = vec![0.0; free.len()];
     let mut information = Information::empty(free.len());
-    let mut solution = information.solve_beside(&prior_free, None, &hidden);
+    let mut solution = information.scaled().solve(&prior_free, None, &hidden);
     for pass in 0..12 {
         for (i, (equations, weighed)) in equations.iter().zip(&weighed).enumerate() {
-            let (mut matrix, mut right) = equations.weighted(&free, &settings.frozen);
+            let mut rows = equations.weighted(&free, &settings.frozen);
             if let Some(weighed) = weighed {
-                weighed.whiten(&mut matrix, &mut right);
+                weighed.whiten(&mut rows);
             }
-            let own = Information::of(matrix, &right).forget(settings.memory(records.len() - 1 - i));
+            let own = Information::of(rows).forget(settings.memory(records.len() - 1 - i));
             information = if i > 0 { information.pool(&own) } else { own };
         }
         let correction = (pass > 0).then_some(gradient.as_slice());
-        solution = information.solve_beside(&prior_free, correction, &hidden);
+        solution = information.scaled().solve(&prior_free, correction, &hidden);
         let before = theta.clone();
         for (&j, &value) in free.iter().zip(&solution.values) {
             theta[j] = value;
@@ -209,9 +209,8 @@ fn solve_records(
         }
         unobservable.push(full);
     }
-    let norms = information.column_norms();
-    let scales: Vec<f64> = norms.iter().map(|n| if *n > 0.0 { *n } else { 1.0 }).collect();
-    let touched = Information::touched(&solution.unobservable, &scales);
+    let scaled = information.scaled();
+    let touched = scaled.touched(&solution.unobservable);
     let (residual, _) = pooled_residual(records, &theta);
     let mut values = start;
     for (&j, &value) in free.iter().zip(&solution.values) {
@@ -240,7 +239,7 @@ fn solve_records(
         status,
         rank: solution.rank,
         unobservable,
-        condition: solution.condition,
+        condition: scaled.condition(&hidden),
         residual,
         chi_squared,
         model_error: (0..dims.rows).map(|r| model_error.iter().map(|e| e[r].sqrt()).fold(0.0, f64::max)).collect(),

@@ -384,8 +384,7 @@ impl MeasuredMotion {
     fn rank(&self) -> usize {
         let p = self.dims.parameters;
         let all: Vec<usize> = (0..p).collect();
-        let (matrix, right) = self.equations(|_| 1.0).weighted(&all, &[]);
-        Information::of(matrix, &right).solve(&vec![0.0; p], None).rank
+        Information::of(self.equations(|_| 1.0).weighted(&all, &[])).solve(&vec![0.0; p], None).rank
     }
 
     /// The used equations, those of a row with one variance.
