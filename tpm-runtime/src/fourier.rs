@@ -64,3 +64,17 @@ pub(crate) fn analyse(values: &[f64], offset: usize, stride: usize, harmonics: u
         })
         .collect()
 }
+
+/// Two-sided coefficients of a period sampled evenly, from the mean on; those of a real series at negative harmonics are the
+/// conjugates.
+pub(crate) fn two_sided(series: &[f64]) -> Vec<Complex<f64>> {
+    let mut lines = analyse(series, 0, 1, (series.len() / 2).saturating_sub(1));
+    lines.iter_mut().skip(1).for_each(|line| *line *= 0.5);
+    lines
+}
+
+/// The coefficient of any harmonic; nothing beyond the end of the list.
+pub(crate) fn coefficient(two_sided: &[Complex<f64>], harmonic: isize) -> Complex<f64> {
+    let line = two_sided.get(harmonic.unsigned_abs()).copied().unwrap_or_default();
+    if harmonic < 0 { line.conj() } else { line }
+}

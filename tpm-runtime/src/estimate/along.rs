@@ -6,7 +6,7 @@
 
 use super::{EstimateError, Information};
 use crate::differences::FIVE_POINT;
-use crate::fourier::{analyse, synthesise};
+use crate::fourier::{analyse, synthesise, two_sided};
 use crate::model::{Dims, Model};
 use crate::trajectory::Trajectory;
 use nalgebra::{Complex, DMatrix};
@@ -184,9 +184,7 @@ impl Along {
                     *sum += factor * value;
                 }
             }
-            let mut lines = analyse(&series, 0, 1, self.points / 2 - 1);
-            lines.iter_mut().skip(1).for_each(|line| *line *= 0.5);
-            lines
+            two_sided(&series)
         };
         self.jacobian.iter().map(gain).collect()
     }

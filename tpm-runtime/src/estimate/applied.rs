@@ -14,7 +14,7 @@ use super::along::Along;
 use super::measured_motion::MeasuredMotion;
 use super::select::strongest;
 use super::{EstimateError, ROUNDING, Run};
-use crate::fourier::synthesise;
+use crate::fourier::{coefficient, synthesise};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, Model};
 use nalgebra::{Complex, DMatrix};
@@ -231,19 +231,14 @@ impl<'a> Bins<'a> {
     }
 }
 
-/// A two-sided coefficient of a real series given from the mean on; nothing beyond its end.
-pub(super) fn at(lines: &[Complex<f64>], m: isize) -> Complex<f64> {
-    let line = lines.get(m.unsigned_abs()).copied().unwrap_or_default();
-    if m < 0 { line.conj() } else { line }
-}
-
 /// The harmonics of a row's derivatives that mix frequencies: what rounding alone leaves of a coefficient does not.
 pub(super) fn mixing(gain: &[Vec<Complex<f64>>]) -> Vec<isize> {
     let strongest: Vec<f64> =
         gain.iter().map(|lines| lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max)).collect();
     let reach = gain.iter().map(Vec::len).max().unwrap_or(0).max(1) as isize;
-    let mixes =
-        |m: &isize| *m == 0 || gain.iter().zip(&strongest).any(|(lines, peak)| at(lines, *m).norm_sqr() > 1e-14 * peak);
+    let mixes = |m: &isize| {
+        *m == 0 || gain.iter().zip(&strongest).any(|(lines, peak)| coefficient(lines, *m).norm_sqr() > 1e-14 * peak)
+    };
     (1 - reach..reach).filter(mixes).collect()
 }
 
@@ -265,7 +260,7 @@ fn response(
 ) {
     response.fill(Complex::new(0.0, 0.0));
     for (&(c, d), lines) in slots.iter().zip(gain) {
-        response[c] += derived(at(lines, m), frequency, d);
+        response[c] += derived(coefficient(lines, m), frequency, d);
     }
 }
 

@@ -7,7 +7,7 @@
 //! together. Weighing each for itself instead loses information and states deviations that are too small.
 
 use super::MeasuredMotion;
-use crate::estimate::applied::at;
+use crate::fourier::coefficient;
 use nalgebra::{Cholesky, Complex, DMatrix, Dyn};
 use std::vec;
 use std::vec::Vec;
@@ -73,7 +73,7 @@ impl Coupled {
                         let deviation = white[coordinate].sqrt();
                         let turn =
                             |line: isize| Complex::new(0.0, line as f64 * record.fundamental).powu(derivative as u32);
-                        let through = |line: isize| at(gain, k as isize - line) * turn(line) * deviation;
+                        let through = |line: isize| coefficient(gain, k as isize - line) * turn(line) * deviation;
                         for line in 0..=highest {
                             let (plus, minus) = (through(line as isize), through(-(line as isize)));
                             // A one-sided phasor is twice the coefficient; either part of a line has half of its variance.

@@ -5,7 +5,8 @@
 //! harmonic (noise passed round a control loop) is kept.
 
 use super::MeasuredMotion;
-use crate::estimate::applied::{at, mixing};
+use crate::estimate::applied::mixing;
+use crate::fourier::coefficient;
 use nalgebra::Complex;
 use std::vec;
 use std::vec::Vec;
@@ -71,7 +72,7 @@ impl MeasuredMotion {
                 let direct = followed.direct(k);
                 let of_parameter = |j: usize| {
                     // From mean derivatives.
-                    let mean = |s: usize| at(&self.jacobian.lines[s][row * (p + 1) + j], 0);
+                    let mean = |s: usize| coefficient(&self.jacobian.lines[s][row * (p + 1) + j], 0);
                     let mut response = self.line_response(&mean, k as isize);
                     response.resize(direct.len(), Complex::new(0.0, 0.0));
                     self.form(&direct, &response, k, false, direct.len())
@@ -125,7 +126,7 @@ impl<'a> Followed<'a> {
     /// Response to the channels' phasors at one harmonic through the mean derivatives.
     fn direct(&self, k: usize) -> Vec<Complex<f64>> {
         let record = self.record;
-        let mut direct = record.line_response(&|s| at(&self.gain[s], 0), k as isize);
+        let mut direct = record.line_response(&|s| coefficient(&self.gain[s], 0), k as isize);
         direct.iter_mut().for_each(|z| *z = -*z);
         direct.extend((0..record.dims.inputs).map(|i| Complex::new(record.map[(self.row, i)], 0.0)));
         direct
@@ -139,7 +140,7 @@ impl<'a> Followed<'a> {
             if line.unsigned_abs() > record.motion_harmonics || m == 0 {
                 continue;
             }
-            let through = record.line_response(&|s| at(&self.gain[s], m), line);
+            let through = record.line_response(&|s| coefficient(&self.gain[s], m), line);
             // The mean is not doubled, and a mean takes half of a line's amplitude from either side.
             let share = match (k, line) {
                 (0, _) => 0.25,

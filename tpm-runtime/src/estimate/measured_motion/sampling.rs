@@ -4,7 +4,7 @@
 //! grid is fine enough that the harmonics of the rows no longer depend on it (up to [`MAX_GRID`]).
 
 use super::EstimateError;
-use crate::fourier::{analyse, synthesise};
+use crate::fourier::{analyse, synthesise, two_sided};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, Model};
 use nalgebra::{Complex, DMatrix, RowDVector};
@@ -53,12 +53,9 @@ impl Jacobian {
     }
 }
 
-/// Two-sided Fourier coefficients of a derivative along the period.
-fn two_sided(series: &[f64]) -> Vec<Complex<f64>> {
-    let mut lines = analyse(series, 0, 1, (series.len() / 2).saturating_sub(1));
-    for line in lines.iter_mut().skip(1) {
-        *line *= 0.5;
-    }
+/// Two-sided Fourier coefficients of a derivative along the period, as far as they mix anything.
+fn mixing_lines(series: &[f64]) -> Vec<Complex<f64>> {
+    let mut lines = two_sided(series);
     let strongest = lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max);
     let last = lines.iter().rposition(|line| line.norm_sqr() > MIXING * MIXING * strongest);
     lines.truncate(last.map_or(0, |last| last + 1));
@@ -304,7 +301,7 @@ impl Context<'_> {
                     }
                 }
             }
-            lines.push(series.chunks_exact(points).map(two_sided).collect());
+            lines.push(series.chunks_exact(points).map(mixing_lines).collect());
         }
         Ok(Jacobian { slots, lines })
     }
