@@ -47,7 +47,7 @@ impl Cube {
         let motion =
             |(k, coefficient): (u32, &Polynomial<u32>)| coefficient.mul(&Polynomial::variable(2 * self.carts + k));
         let x1 = (0..).zip(&self.first_cart()).map(motion).fold(Polynomial::zero(), |sum, part| sum.add(&part));
-        x1.pow(3).mul(&Polynomial::variable(0))
+        Polynomial::product_of_powers(&[(&Polynomial::variable(0), 1), (&x1, 3)])
     }
 
     /// Every term as `coefficient symbol^power ...`, for comparison with other tools.

@@ -467,12 +467,11 @@ struct Substitution {
     coordinate: Coordinate,
     /// The coordinate's value and its time derivatives, as far as they were needed.
     derivatives: Vec<Fraction<ExprId>>,
-    powers: HashMap<(u32, i32), Fraction<ExprId>>,
 }
 
 impl Substitution {
     fn new(coordinate: Coordinate, value: Fraction<ExprId>) -> Self {
-        Self { coordinate, derivatives: vec![value], powers: HashMap::new() }
+        Self { coordinate, derivatives: vec![value] }
     }
 
     fn derivative(&mut self, model: &mut Model, order: u32) -> Fraction<ExprId> {
@@ -496,11 +495,10 @@ impl Substitution {
         }
         let mut sum = Fraction::zero();
         for (own, rest) in groups {
-            let mut product = Fraction::polynomial(rest.into_iter().collect());
-            for (&atom, exponent) in own.factors() {
-                product = product.mul(&self.power(model, atom, exponent));
-            }
-            sum = sum.add(&product);
+            let mut factors = vec![(Fraction::polynomial(rest.into_iter().collect()), 1)];
+            factors.extend(own.factors().map(|(&atom, exponent)| self.power(model, atom, exponent)));
+            let factors: Vec<(&Fraction<ExprId>, u32)> = factors.iter().map(|(value, power)| (value, *power)).collect();
+            sum = sum.add(&Fraction::product_of_powers(&factors));
         }
         // The denominator holds parameters only, so that it is the same before and after.
         value.denominator().fold(sum, |sum, (factor, exponent)| {
@@ -510,18 +508,10 @@ impl Substitution {
         })
     }
 
-    /// What a power of an atom that contains the coordinate becomes.
-    fn power(&mut self, model: &mut Model, atom: ExprId, exponent: i32) -> Fraction<ExprId> {
-        if let Node::Derivative(_, order) = *model.graph.node(atom)
-            && exponent > 0
-        {
-            if let Some(known) = self.powers.get(&(order, exponent)) {
-                return known.clone();
-            }
-            let base = self.derivative(model, order);
-            let power = base.pow(exponent).expect("invariant: positive powers exist");
-            self.powers.insert((order, exponent), power.clone());
-            return power;
+    /// What a power of an atom that contains the coordinate becomes: a value and its power.
+    fn power(&mut self, model: &mut Model, atom: ExprId, exponent: i32) -> (Fraction<ExprId>, u32) {
+        if let (&Node::Derivative(_, order), Ok(exponent)) = (model.graph.node(atom), u32::try_from(exponent)) {
+            return (self.derivative(model, order), exponent);
         }
         // A function or quotient of the coordinate stays one, of the coordinate's expression.
         let mut replacement: HashMap<ExprId, ExprId> = HashMap::new();
@@ -535,7 +525,7 @@ impl Substitution {
         }
         let replaced = model.graph.substitute(atom, &replacement);
         let replaced = model.graph.pow(replaced, exponent);
-        Fraction::polynomial(model.graph.polynomial(replaced))
+        (Fraction::polynomial(model.graph.polynomial(replaced)), 1)
     }
 }
 

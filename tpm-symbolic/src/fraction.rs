@@ -127,15 +127,22 @@ impl<V: Ord + Clone> Fraction<V> {
     /// The product.
     #[must_use]
     pub fn mul(&self, other: &Self) -> Self {
-        let numerator = self.numerator.mul(&other.numerator);
-        if self.denominator.is_empty() && other.denominator.is_empty() {
-            return Self::polynomial(numerator);
+        Self::product_of_powers(&[(self, 1), (other, 1)])
+    }
+
+    /// A product of non-negative powers, multiplied out at once.
+    #[must_use]
+    pub fn product_of_powers(factors: &[(&Self, u32)]) -> Self {
+        let numerators: Vec<(&Polynomial<V>, u32)> = factors.iter().map(|(value, e)| (&value.numerator, *e)).collect();
+        let numerator = Polynomial::product_of_powers(&numerators);
+        let mut denominator = BTreeMap::new();
+        for (value, power) in factors {
+            for (factor, exponent) in &value.denominator {
+                *denominator.entry(factor.clone()).or_insert(0) += exponent * power;
+            }
         }
-        let mut denominator = self.denominator.clone();
-        for (factor, exponent) in &other.denominator {
-            *denominator.entry(factor.clone()).or_insert(0) += exponent;
-        }
-        Self { numerator, denominator }.cancelled()
+        denominator.retain(|_, exponent| *exponent > 0);
+        if denominator.is_empty() { Self::polynomial(numerator) } else { Self { numerator, denominator }.cancelled() }
     }
 
     /// The reciprocal; `None` for 0.

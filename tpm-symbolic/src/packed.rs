@@ -41,13 +41,29 @@ pub(crate) trait Key: Clone + Ord {
 }
 
 /// A key of one word.
-pub(crate) trait ShortKey: Key + Copy + Hash {
-    /// A word that compares as the lists of factors do: by the first variable that is in one of them only, a list being
-    /// larger without it unless it has ended; by the exponent where both have it.
+pub(crate) trait ShortKey: Key + Copy + Default + Hash {
+    /// Variables whose exponent is not zero, the last one first, with their exponents.
+    type Present: ExactSizeIterator<Item = (usize, i64)>;
+    /// A one in every field.
+    fn ones(layout: Layout) -> Self;
+    /// The factors that there are.
+    fn present(&self, layout: Layout, ones: Self) -> Self::Present;
+    /// A word that compares as the lists of factors do, the last variable's first: by the first one that is in one of them only, a
+    /// list being larger without it unless it has ended; by the exponent where both have it.
     ///
-    /// The fields, the first variable's in front, are 0 once the list has ended, all ones for a variable that is left out
-    /// before, and otherwise the exponent, counted from the lowest one on without the exponent 0.
-    fn listed(&self, layout: Layout) -> Self;
+    /// The fields are 0 once the list has ended, all ones for a variable that is left out before, and otherwise the exponent,
+    /// counted from the lowest one on without the exponent 0.
+    fn listed(&self, layout: Layout, ones: Self) -> Self;
+}
+
+/// What all fields of a key are, at once.
+pub(crate) struct Fields<K> {
+    /// Bits of a field.
+    bits: u32,
+    /// The exponents, each raised by half of what a field can hold.
+    raised: K,
+    /// The highest bit of the fields whose exponent is not zero.
+    present: K,
 }
 
 macro_rules! short_key {
@@ -80,23 +96,65 @@ macro_rules! short_key {
             }
         }
 
+        impl Fields<$key> {
+            #[inline]
+            fn of(key: $key, layout: Layout, ones: $key) -> Self {
+                let high = ones << (layout.bits - 1);
+                // Raised fields are not negative, so that none borrows from the next.
+                let raised = key.wrapping_add(high);
+                let (off, low) = (raised ^ high, high - ones);
+                Self { bits: layout.bits, raised, present: (((off & low) + low) | off) & high }
+            }
+        }
+
+        impl Iterator for Fields<$key> {
+            type Item = (usize, i64);
+
+            #[inline]
+            fn next(&mut self) -> Option<(usize, i64)> {
+                let top = self.present.checked_ilog2()?;
+                self.present ^= 1 << top;
+                // A field is as wide as a power of two.
+                let field = self.raised >> (top & !(self.bits - 1));
+                let half = 1 << (self.bits - 1);
+                let exponent = (field as u64 & (half - 1 + half)).wrapping_sub(half) as i64;
+                Some(((top >> self.bits.trailing_zeros()) as usize, exponent))
+            }
+
+            #[inline]
+            fn size_hint(&self) -> (usize, Option<usize>) {
+                let left = self.present.count_ones() as usize;
+                (left, Some(left))
+            }
+        }
+
+        impl ExactSizeIterator for Fields<$key> {}
+
         impl ShortKey for $key {
-            fn listed(&self, layout: Layout) -> Self {
-                let bits = layout.bits;
-                let absent = <$key>::MAX >> (<$key>::BITS - bits);
-                let (mut word, mut read, mut ended) = (0, 0, 0);
-                self.exponents(layout, |_, exponent| {
-                    let code = match exponent {
-                        0 => absent,
-                        _ => ((exponent - i64::from(exponent > 0)) as Self & absent) ^ (1 << (bits - 1)),
-                    };
-                    word = (word << (bits - 1) << 1) | code;
-                    read += 1;
-                    ended = if exponent == 0 { ended } else { read };
-                });
-                // What was read after the last factor goes, and the first variable's field moves to the front.
-                let word = word.checked_shr(bits * (read - ended)).unwrap_or(0);
-                word.checked_shl(bits * (layout.variables as u32 - ended)).unwrap_or(0)
+            type Present = Fields<$key>;
+
+            fn ones(layout: Layout) -> Self {
+                (0..layout.variables).fold(0, |ones, variable| ones | <Self as Key>::variable(layout, variable))
+            }
+
+            #[inline]
+            fn present(&self, layout: Layout, ones: Self) -> Fields<$key> {
+                Fields::<$key>::of(*self, layout, ones)
+            }
+
+            #[inline]
+            fn listed(&self, layout: Layout, ones: Self) -> Self {
+                let Fields { raised, present, .. } = Fields::<$key>::of(*self, layout, ones);
+                if present == 0 {
+                    return 0;
+                }
+                let (high, sign) = (ones << (layout.bits - 1), layout.bits - 1);
+                let coded = raised - ((raised & present) >> sign);
+                let absent = high ^ present;
+                // All ones of the fields that are absent, modulo 2^BITS.
+                let absent = (absent << 1).wrapping_sub(absent >> sign);
+                let ended = present.trailing_zeros() >> layout.bits.trailing_zeros() << layout.bits.trailing_zeros();
+                (coded | absent) & (<$key>::MAX << ended)
             }
         }
     };

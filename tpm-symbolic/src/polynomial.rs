@@ -332,7 +332,7 @@ impl<V: Ord + Clone> Polynomial<V> {
             _ => {}
         }
         if self.len() * other.len() >= PACKED
-            && let Some(product) = product::product(&self.0, &other.0)
+            && let Some(product) = product::product_of_powers(&[(&self.0, 1), (&other.0, 1)])
         {
             return Self(product.into());
         }
@@ -364,19 +364,36 @@ impl<V: Ord + Clone> Polynomial<V> {
     /// A non-negative power.
     #[must_use]
     pub fn pow(&self, exponent: u32) -> Self {
-        if let (Some((monomial, coefficient)), Ok(exponent)) = (self.as_term(), i32::try_from(exponent)) {
-            return Self::term(monomial.pow(exponent), rational::power(coefficient, exponent));
+        Self::product_of_powers(&[(self, exponent)])
+    }
+
+    /// A product of non-negative powers, multiplied out at once.
+    #[must_use]
+    pub fn product_of_powers(factors: &[(&Self, u32)]) -> Self {
+        let mut common = (Monomial::one(), Rational::one());
+        let mut sums: SmallVec<[(&Self, u32); 4]> = SmallVec::new();
+        for &(factor, exponent) in factors.iter().filter(|(_, exponent)| *exponent > 0) {
+            if let (Some((monomial, coefficient)), Ok(exponent)) = (factor.as_term(), i32::try_from(exponent)) {
+                common = (common.0.mul(&monomial.pow(exponent)), common.1 * rational::power(coefficient, exponent));
+            } else {
+                sums.push((factor, exponent));
+            }
         }
-        if exponent > 1
-            && self.len() * self.len() >= PACKED
-            && let Some(power) = product::power(&self.0, exponent)
-        {
-            return Self(power.into());
+        let products = sums
+            .iter()
+            .fold(1, |count: usize, (sum, exponent)| count.saturating_mul(sum.len().saturating_pow(*exponent)));
+        let common = [common];
+        if products >= PACKED {
+            let mut factors: SmallVec<[product::Factor<'_, V>; 4]> =
+                sums.iter().map(|(sum, exponent)| (sum.0.as_slice(), *exponent)).collect();
+            factors.push((&common, 1));
+            if let Some(product) = product::product_of_powers(&factors) {
+                return Self(product.into());
+            }
         }
-        match exponent {
-            0 => Self::one(),
-            _ => (1..exponent).fold(self.clone(), |power, _| power.mul(self)),
-        }
+        let all = sums.iter().flat_map(|&(sum, exponent)| (0..exponent).map(move |_| sum));
+        let [(monomial, coefficient)] = common;
+        all.fold(Self::term(monomial, coefficient), |left, right| left.mul(right))
     }
 
     /// The partial derivative with respect to `variable`.
@@ -485,7 +502,7 @@ mod tests {
     #[test]
     fn exponents_that_no_word_holds_are_multiplied_all_the_same() {
         let wide: P = (0..40).map(|v| (Monomial::power_of(v, 1_000_000), integer(1))).collect();
-        assert_eq!(crate::product::product(&wide.0, &wide.0), None);
+        assert_eq!(crate::product::product_of_powers(&[(&wide.0, 1), (&wide.0, 1)]), None);
         let square = wide.mul(&wide);
         assert_eq!(square.len(), 40 * 41 / 2);
         assert_eq!(square.evaluate(|_| integer(1)), Some(integer(1600)));
@@ -508,8 +525,17 @@ mod tests {
                 .terms()
                 .flat_map(|(m, x)| b.terms().map(move |(n, y)| (m.mul(n), x * y)))
                 .collect();
-            prop_assert_eq!(crate::product::product(&a.0, &b.0).map(|terms| Polynomial(terms.into())), Some(plain.clone()));
+            let packed = crate::product::product_of_powers(&[(&a.0, 1), (&b.0, 1)]);
+            prop_assert_eq!(packed.map(|terms| Polynomial(terms.into())), Some(plain.clone()));
             prop_assert_eq!(a.mul(&b), plain);
+        }
+
+        #[test]
+        fn powers_are_repeated_products(a in laurent(), b in polynomial(), c in polynomial(), n in 0u32..5, m in 0u32..4) {
+            let repeated = |p: &P, n: u32| (0..n).fold(P::one(), |power, _| power.mul(p));
+            let expected = repeated(&a, n).mul(&repeated(&b, m)).mul(&c);
+            prop_assert_eq!(P::product_of_powers(&[(&a, n), (&b, m), (&c, 1)]), expected);
+            prop_assert_eq!(a.pow(n), repeated(&a, n));
         }
 
         #[test]
