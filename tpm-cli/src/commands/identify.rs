@@ -249,11 +249,26 @@ fn stable(stability: &Stability) -> String {
 fn remarks(unobservable: &[BTreeMap<String, String>], warnings: &[String]) -> String {
     let mut text = String::new();
     for direction in unobservable {
-        let terms: Vec<String> = direction.iter().map(|(name, weight)| format!("{weight} {name}")).collect();
-        text.push_str(&format!("the data do not show the direction {}\n", terms.join(" + ")));
+        text.push_str(&format!("the data do not show the direction {}\n", combination(direction)));
     }
     for warning in warnings {
         text.push_str(&format!("warning: {warning}\n"));
+    }
+    text
+}
+
+/// `0.40647 a10 - a20`, from weights by name.
+fn combination(direction: &BTreeMap<String, String>) -> String {
+    let mut text = String::new();
+    for (name, weight) in direction {
+        let (sign, size) = weight.strip_prefix('-').map_or((" + ", weight.as_str()), |size| (" - ", size));
+        text.push_str(match (text.is_empty(), sign) {
+            (false, sign) => sign,
+            (true, " - ") => "-",
+            (true, _) => "",
+        });
+        let size = size.parse().map_or_else(|_| size.to_owned(), number);
+        text.push_str(&if size == "1" { name.clone() } else { format!("{size} {name}") });
     }
     text
 }

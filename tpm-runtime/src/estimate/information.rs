@@ -154,7 +154,7 @@ impl Scaled<'_> {
         let mut step = DVector::zeros(n);
         let mut covariance = DMatrix::zeros(n, n);
         let mut rank = 0;
-        let mut unobservable: Vec<Vec<f64>> = if shown.is_some() { hidden.to_vec() } else { Vec::new() };
+        let mut lost: Vec<Vec<f64>> = Vec::new();
         let extra = gradient.map(|g| DVector::from_fn(n, |i, _| g[i] / scale[i]));
         let directions = match &shown {
             Some(basis) => basis * v_t.transpose(),
@@ -171,9 +171,7 @@ impl Scaled<'_> {
                 step.axpy(share, &direction, 1.0);
                 covariance.ger(1.0 / (value * value), &direction, &direction, 1.0);
             } else {
-                let raw: Vec<f64> = direction.iter().zip(scale).map(|(d, s)| d / s).collect();
-                let peak = raw.iter().copied().fold(0.0, |p: f64, d| if d.abs() > p.abs() { d } else { p });
-                unobservable.push(raw.iter().map(|d| d / peak).collect());
+                lost.push(direction.iter().copied().collect());
             }
         }
         let total = start + step;
@@ -184,6 +182,8 @@ impl Scaled<'_> {
         }
         let mut misfit = of.right().into_owned();
         misfit.gemv(-1.0, factor, &total, 1.0);
+        let known = if shown.is_some() { hidden } else { &[] };
+        let unobservable = known.iter().cloned().chain(reduced(lost).iter().map(|d| self.raw(d))).collect();
         Solution {
             values: total.iter().zip(scale).map(|(t, s)| t / s).collect(),
             covariance,
@@ -228,6 +228,13 @@ impl Scaled<'_> {
         if largest > 0.0 { largest / smallest } else { f64::INFINITY }
     }
 
+    /// A direction in the parameters themselves, its largest component one.
+    fn raw(&self, scaled: &[f64]) -> Vec<f64> {
+        let raw: Vec<f64> = scaled.iter().zip(&self.scale).map(|(d, s)| d / s).collect();
+        let peak = raw.iter().copied().fold(0.0, |peak: f64, d| if d.abs() > peak.abs() { d } else { peak });
+        raw.iter().map(|d| d / peak).collect()
+    }
+
     /// Which parameters have a part in an unobservable direction.
     pub(super) fn touched(&self, unobservable: &[Vec<f64>]) -> Vec<bool> {
         let mut touched = vec![false; self.scale.len()];
@@ -245,6 +252,34 @@ impl Scaled<'_> {
 /// The singular value above which one counts.
 fn least_counted(values: &[f64]) -> f64 {
     values.iter().copied().fold(0.0, f64::max) * RANK_TOLERANCE
+}
+
+/// The same space by directions of which each has a component that the others do not have (Gauss and Jordan, pivoting wholly), so
+/// that parameters which have nothing to do with each other stand in different ones. From orthonormal directions.
+fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    for done in 0..directions.len() {
+        let entries = directions.iter().enumerate().skip(done).flat_map(|(row, direction)| {
+            direction.iter().enumerate().map(move |(column, entry)| (row, column, entry.abs()))
+        });
+        let Some((row, column, _)) = entries.max_by(|a, b| a.2.total_cmp(&b.2)) else { break };
+        directions.swap(done, row);
+        let mut pivot = std::mem::take(&mut directions[done]);
+        let largest = pivot[column];
+        pivot.iter_mut().for_each(|entry| *entry /= largest);
+        for other in directions.iter_mut().filter(|other| !other.is_empty()) {
+            let share = other[column];
+            for (entry, by) in other.iter_mut().zip(&pivot) {
+                *entry -= share * by;
+                if entry.abs() < RANK_TOLERANCE {
+                    *entry = 0.0;
+                }
+            }
+        }
+        directions[done] = pivot;
+    }
+    let first = |direction: &Vec<f64>| direction.iter().position(|entry| *entry != 0.0);
+    directions.sort_by_key(first);
+    directions
 }
 
 /// The inverse of a triangle, when it proves that every singular value counts: none is below `1 / |inverse|`, none above the
@@ -340,6 +375,29 @@ mod tests {
         assert!(direction[2].abs() < 1e-9);
     }
 
+    /// Each of two combinations is shown as a whole only: neither direction that is lost mixes them.
+    #[test]
+    fn directions_that_have_nothing_in_common_are_apart() {
+        // a + 2 b and 3 c - d + e, in units that differ, and f.
+        let combinations =
+            [[1.0, 2.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 3.0, -100.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 1e-3]];
+        let a = DMatrix::from_fn(8, 6, |r, c| {
+            combinations.iter().enumerate().map(|(i, row)| ((r * (i + 2)) as f64).sin() * row[c]).sum()
+        });
+        let solved = Information::of(beside(&a, &[1.0; 8])).solve(&[0.0; 6], None);
+        assert_eq!((solved.rank, solved.unobservable.len()), (3, 3));
+        for direction in &solved.unobservable {
+            for combination in combinations {
+                let along: f64 = direction.iter().zip(combination).map(|(d, c)| d * c).sum();
+                assert!(along.abs() < 1e-9, "{direction:?}");
+            }
+            let of_first = direction[..2].iter().any(|d| *d != 0.0);
+            let of_second = direction[2..5].iter().any(|d| *d != 0.0);
+            assert!(of_first != of_second && direction[5] == 0.0, "{direction:?}");
+        }
+        assert!((solved.unobservable[0][1] + 0.5).abs() < 1e-12, "{solved:?}");
+    }
+
     /// The inverse of the triangle and its singular values lead to the same.
     #[test]
     fn full_rank_needs_no_singular_values() {
@@ -362,7 +420,7 @@ mod tests {
             assert!((solved.covariance[(i, i)] / covariance[(i, i)] - 1.0).abs() < 1e-10);
         }
         assert!((solved.remainder - misfit.norm_squared()).abs() < 1e-9 * solved.remainder);
-        // A hidden direction leads through the singular values; orthogonal to nothing that matters, it changes nothing else.
+        // By singular values, as a hidden direction asks for: where the prior is right along it, the others come out the same.
         let hidden = [std::vec![0.0, 0.0, 0.0, 1.0]];
         let beside = information.scaled().solve(&[0.0, 0.0, 0.0, values[3]], Some(&gradient), &hidden);
         assert_eq!(beside.rank, 3);
