@@ -42,6 +42,139 @@ def flint_expand(p):
     return work
 
 
+def flint_whole(start):
+    """From where tpm starts: the terms of the regressor form and the series of the pattern, as `expansion ... start` lists them.
+
+    The method is tpm's: substitute the parts of every motion, collect, so that offsets cancel; then multiply out every
+    product of series that is left once, and sort its harmonics into the table.
+    """
+    from flint import fmpq, fmpq_poly
+    exact = lambda text: fmpq(*map(int, text.split('/')))
+    motions, terms, numbers = {}, [], {'w': 0}
+    number = lambda symbol: numbers.setdefault(symbol, len(numbers))
+    for kind, *rest in map(str.split, start):
+        if kind == 'motion':
+            coordinate, symbol, *series = rest
+            pairs = [(int(k), exact(c)) for k, c in (pair.split(':') for pair in series)]
+            motions.setdefault(int(coordinate), []).append((number(symbol), pairs))
+        else:
+            equation, parameter, coefficient, *factors = rest
+            atoms = []
+            for atom, exponent in (factor.split('^') for factor in factors):
+                coordinate, _, order = atom.partition('.')
+                atoms.append((int(coordinate), int(order), int(exponent)) if order else (None, number(atom), int(exponent)))
+            terms.append((equation, parameter, exact(coefficient), atoms))
+    symbols, width = list(numbers), len(numbers)
+    zero, one, half, turns = fmpq(0), fmpq(1), fmpq(1, 2), (1, -1, -1, 1)
+
+    def work():
+        # Coordinates on the same series share its powers; a constant part needs none.
+        series, parts = [], {}
+        for coordinate, motion in motions.items():
+            of = parts[coordinate] = []
+            for symbol, pairs in motion:
+                if len(pairs) == 1 and pairs[0][0] == 0:
+                    of.append((symbol, None, pairs[0][1]))
+                    continue
+                if pairs not in series:
+                    series.append(pairs)
+                of.append((symbol, series.index(pairs), one))
+        # With harmonics of one parity a series is z^-highest times a polynomial in z^2.
+        step = 2 if all(len({k % 2 for k, _ in pairs}) == 1 for pairs in series) else 1
+        groups = {}
+        for equation, parameter, coefficient, atoms in terms:
+            powers, path, several = [0] * width, [], []
+            for coordinate, order, exponent in atoms:
+                if coordinate is None:
+                    powers[order] += exponent
+                    continue
+                powers[0] += order * exponent
+                moving = parts[coordinate]
+                if order:
+                    moving = [part for part in moving if part[1] is not None]
+                if len(moving) == 1:
+                    symbol, index, factor = moving[0]
+                    powers[symbol] += exponent
+                    if index is None:
+                        coefficient = coefficient * factor ** exponent
+                    else:
+                        path += [(index, order)] * exponent
+                else:
+                    several += [(moving, order)] * exponent
+            sums = {(tuple(powers), tuple(path)): coefficient}
+            for moving, order in several:
+                following = {}
+                for (powers, path), c in sums.items():
+                    for symbol, index, factor in moving:
+                        raised = powers[:symbol] + (powers[symbol] + 1,) + powers[symbol + 1:]
+                        key = raised, path if index is None else path + ((index, order),)
+                        following[key] = following.get(key, zero) + c * factor
+                sums = following
+            for (powers, path), c in sums.items():
+                key = equation, parameter, powers
+                if key not in groups:
+                    groups[key] = {}
+                group, path = groups[key], tuple(sorted(path))
+                group[path] = group[path] + c if path in group else c
+        bases, table = {}, []
+        # Products by their factors, as a tree of (polynomial, z^-span in front of it, the products with one factor more).
+        root = fmpq_poly([1]), 0, {}
+        for key, group in groups.items():
+            nodes, top, sine = [], 0, False
+            for path, c in group.items():
+                if not c:
+                    continue
+                node, sines = root, 0
+                for factor in path:
+                    sines += factor[1] % 2
+                    following = node[2].get(factor)
+                    if following is None:
+                        base = bases.get(factor)
+                        if base is None:
+                            pairs, order = series[factor[0]], factor[1]
+                            high = max(k for k, _ in pairs)
+                            dense = [zero] * (2 * high // step + 1)
+                            for k, x in pairs:
+                                if k:
+                                    x = x * (turns[order % 4] * k ** order) * half
+                                    dense[(high + k) // step] = x
+                                    dense[(high - k) // step] = -x if order % 2 else x
+                                elif not order:
+                                    dense[high // step] = x
+                            base = bases[factor] = fmpq_poly(dense), high
+                        following = node[2][factor] = node[0] * base[0], node[1] + base[1], {}
+                    node = following
+                nodes.append((node[0], node[1], -c if sines // 2 % 2 else c))
+                top, sine = max(top, node[1]), sines % 2
+            total = None
+            for poly, span, c in nodes:
+                if c != 1:
+                    poly = poly * c
+                if span != top:
+                    poly = fmpq_poly([0] * ((top - span) // step) + poly.coeffs())
+                total = poly if total is None else total + poly
+            if total is None:
+                continue
+            coefficients = total.coeffs()
+            middle = (top + step - 1) // step
+            entries = []
+            for index, c in enumerate(coefficients[middle:], middle):
+                if c:
+                    k = step * index - top
+                    entries.append((k, c if k == 0 else 2 * c))
+            table.append((key, sine, entries))
+        return table
+
+    def lines(table):
+        out = []
+        for (equation, parameter, powers), sine, entries in table:
+            text = ''.join(sorted(f' {s}^{e}' for s, e in zip(symbols, powers) if e))
+            function = 'sin' if sine else 'cos'
+            out += [f'{equation} {parameter} {function} {k} {c}{text}' for k, c in entries]
+        return sorted(out)
+    return work, lines
+
+
 def sympy_expand(p):
     from sympy import QQ, ring
     domain, _ = ring('z', QQ)

@@ -1,7 +1,7 @@
 //! The expansion workloads, as models in memory: built once, expanded many times.
 
 use crate::chain::chain;
-use tpm_symbolic::expr::{ExprId, Graph};
+use tpm_symbolic::expr::{ExprId, Graph, Names as _, Node};
 use tpm_symbolic::fourier::{Fourier, Trig};
 use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
 use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
@@ -67,6 +67,49 @@ pub fn listing(table: &HarmonicTable) -> Vec<String> {
             line
         })
         .collect()
+}
+
+/// What an expansion starts from, for tools that are to start there too: per coordinate and part of its motion a line
+/// `motion coordinate symbol harmonic:coefficient ...` (cosines), per term of the regressor form a line
+/// `term equation parameter coefficient factor^exponent ...`, a factor being a symbol or `coordinate.order`.
+///
+/// # Panics
+/// When a motion has sines, or a term functions, which no workload has.
+#[must_use]
+pub fn start(workload: &Workload) -> Vec<String> {
+    let Workload { model, form, pattern } = workload;
+    let mut lines = Vec::new();
+    for (coordinate, motion) in pattern.motions.iter().enumerate() {
+        for (symbols, shape) in motion.iter().flat_map(Motion::terms) {
+            let mut line = format!("motion {coordinate}");
+            for (&symbol, exponent) in symbols.factors() {
+                assert_eq!(exponent, 1, "parts of workloads have one symbol");
+                line.push_str(&format!(" {}", model.symbol_name(symbol)));
+            }
+            for (harmonic, function, coefficient) in shape.terms() {
+                assert_eq!(function, Trig::Cos, "workloads are sums of cosines");
+                line.push_str(&format!(" {harmonic}:{coefficient}"));
+            }
+            lines.push(line);
+        }
+    }
+    for row in &form.rows {
+        for term in &row.terms {
+            let column = term.column.map_or("-", |column| form.columns[column].name.as_str());
+            let mut line = format!("term {} {column} {}", row.name, term.coefficient);
+            for (&atom, exponent) in term.atoms.factors() {
+                match model.graph.node(atom) {
+                    Node::Symbol(symbol) => line.push_str(&format!(" {}^{exponent}", model.symbol_name(*symbol))),
+                    Node::Derivative(coordinate, order) => {
+                        line.push_str(&format!(" {}.{order}^{exponent}", coordinate.0));
+                    }
+                    _ => panic!("workloads are polynomials"),
+                }
+            }
+            lines.push(line);
+        }
+    }
+    lines
 }
 
 pub(crate) struct Builder {

@@ -3,6 +3,7 @@
 //!
 //! ```text
 //! expansion WORKLOAD list            the table, one entry a line
+//! expansion WORKLOAD start           what the expansion of a table starts from, for other tools
 //! expansion WORKLOAD time SECONDS    the median, in microseconds, of repetitions over so many seconds
 //! expansion WORKLOAD run COUNT       so many expansions and nothing else
 //! ```
@@ -13,7 +14,7 @@ use std::hint::black_box;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tpm_benches::chain::Cube;
-use tpm_benches::workloads::{Workload, by_name, listing};
+use tpm_benches::workloads::{Workload, by_name, listing, start};
 
 enum Work {
     Table(Box<Workload>),
@@ -35,6 +36,13 @@ impl Work {
         }
     }
 
+    fn start(&self) -> Vec<String> {
+        match self {
+            Self::Table(workload) => start(workload),
+            Self::Cube(_) => Vec::new(),
+        }
+    }
+
     fn run(&self) {
         match self {
             Self::Table(workload) => drop(black_box(black_box(workload).expand())),
@@ -47,12 +55,13 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let usage = || {
-        eprintln!("usage: expansion w1|w2|w3|w4:DEGREE|w5a:CARTS|w5b:CARTS|w6:ORDER list|time SECONDS|run COUNT");
+        eprintln!("usage: expansion w1|w2|w3|w4:DEGREE|w5a:CARTS|w5b:CARTS|w6:ORDER list|start|time SECONDS|run COUNT");
         ExitCode::from(2)
     };
     let Some(work) = arguments.first().and_then(|name| Work::by_name(name)) else { return usage() };
     match arguments[1..] {
         ["list"] => work.list().iter().for_each(|line| println!("{line}")),
+        ["start"] => work.start().iter().for_each(|line| println!("{line}")),
         ["run", count] => {
             let Ok(count) = count.parse::<u32>() else { return usage() };
             for _ in 0..count {

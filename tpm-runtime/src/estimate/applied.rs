@@ -17,7 +17,7 @@ use super::{EstimateError, ROUNDING, Run};
 use crate::fourier::{coefficient, synthesise};
 use crate::harmonics::{Hold, Spectra};
 use crate::model::{Dims, Model};
-use nalgebra::{Complex, DMatrix};
+use nalgebra::{Complex, DMatrix, DVector};
 use std::vec;
 use std::vec::Vec;
 
@@ -334,8 +334,9 @@ fn true_motion(
     let mut checked = vec![0.0; states.len()];
     let mut squares = vec![0.0; states.len()];
     let zero = Complex::new(0.0, 0.0);
-    let (mut matrix, mut through) = (vec![zero; coordinates * coordinates], vec![zero; coordinates]);
-    let (mut force, mut parts) = (vec![zero; coordinates], vec![zero; slots.len()]);
+    let mut matrix = DMatrix::from_element(coordinates, coordinates, zero);
+    let (mut force, mut through) = (DVector::from_element(coordinates, zero), vec![zero; coordinates]);
+    let mut parts = vec![zero; slots.len()];
     let mut powers = vec![(0.0, 0.0); coordinates];
     // The motion that the inputs explain in the bins around a line, coordinate by coordinate.
     let mut explained: Vec<Complex<f64>> = Vec::new();
@@ -355,17 +356,17 @@ fn true_motion(
             let frequency = bins.frequency(bin);
             for (row, gain) in gains.iter().enumerate() {
                 response(slots, gain, 0, frequency, &mut through);
-                matrix[row * coordinates..(row + 1) * coordinates].copy_from_slice(&through);
+                matrix.row_mut(row).copy_from_slice(&through);
                 force[row] = maps[row].iter().enumerate().map(|(i, &b)| bins.applied(coordinates, i, bin) * b).sum();
             }
-            if !solve_complex(&mut matrix, &mut force) {
+            if !matrix.clone().lu().solve_mut(&mut force) {
                 return None;
             }
             for (c, power) in powers.iter_mut().enumerate() {
                 power.0 += force[c].norm_sqr();
                 power.1 += bins.at(c, bin).norm_sqr();
             }
-            explained.extend_from_slice(&force);
+            explained.extend(force.iter());
         }
         if explained.is_empty() {
             return None;
@@ -454,56 +455,4 @@ fn shifts(
 
 const fn slot_index(slot: (usize, usize), coordinates: usize) -> usize {
     slot.1 * coordinates + slot.0
-}
-
-/// Solves a square system, row by row, by elimination with pivoting in place of the right-hand side; whether it is regular.
-fn solve_complex(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> bool {
-    let n = right.len();
-    for k in 0..n {
-        let size = |r: &usize| matrix[r * n + k].norm_sqr();
-        let Some(pivot) = (k..n).max_by(|a, b| size(a).total_cmp(&size(b))) else { return false };
-        let largest = size(&pivot);
-        if !largest.is_finite() || largest <= 0.0 {
-            return false;
-        }
-        for c in 0..n {
-            matrix.swap(k * n + c, pivot * n + c);
-        }
-        right.swap(k, pivot);
-        for r in k + 1..n {
-            let factor = matrix[r * n + k] / matrix[k * n + k];
-            for c in k..n {
-                let above = matrix[k * n + c];
-                matrix[r * n + c] -= factor * above;
-            }
-            let above = right[k];
-            right[r] -= factor * above;
-        }
-    }
-    for k in (0..n).rev() {
-        let rest: Complex<f64> = (k + 1..n).map(|c| matrix[k * n + c] * right[c]).sum();
-        right[k] = (right[k] - rest) / matrix[k * n + k];
-    }
-    true
-}
-
-#[cfg(test)]
-mod tests {
-    use super::solve_complex;
-    use nalgebra::Complex;
-
-    #[test]
-    fn complex_systems_are_solved_with_pivoting() {
-        let z = Complex::new;
-        // (j y, x + 2 y, x + z) = (-2, 5 + 2j, 2 - j) at x, y, z = 5 - 2j, 2j, -3 + j.
-        let zero = z(0.0, 0.0);
-        let one = z(1.0, 0.0);
-        let mut matrix = [zero, z(0.0, 1.0), zero, one, z(2.0, 0.0), zero, one, zero, one];
-        let mut right = [z(-2.0, 0.0), z(5.0, 2.0), z(2.0, -1.0)];
-        assert!(solve_complex(&mut matrix, &mut right));
-        for (found, expected) in right.iter().zip([z(5.0, -2.0), z(0.0, 2.0), z(-3.0, 1.0)]) {
-            assert!((found - expected).norm() < 1e-14, "{right:?}");
-        }
-        assert!(!solve_complex(&mut [one, one, one, one], &mut [one, one]));
-    }
 }

@@ -179,26 +179,19 @@ struct PooledMotion {
 impl PooledMotion {
     /// What the references up to this run show, and the directions that they do not.
     fn design(&self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(Information, Vec<Vec<f64>>), EstimateError> {
-        let p = model.dims().parameters;
-        let free: Vec<usize> =
-            (0..p).filter(|j| self.settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
+        let free = self.settings.free(model.dims().parameters)?;
         let motion = run.judged_motion();
         let reach = 4 * motion.highest_harmonic() as usize;
-        let own = Along::design(model, &run.trial.constants, &motion, reach.max(1), &free)?;
+        let own = Along::design(model, &run.trial.constants, &motion, reach.max(1), &free.indices)?;
         let whole = self.design.last().map_or_else(|| own.clone(), |(before, _)| before.pool(&own));
-        let hidden = whole
-            .solve(&vec![0.0; free.len()], None)
-            .unobservable
-            .into_iter()
-            .map(|direction| {
-                let mut full = vec![0.0; p];
-                for (&j, part) in free.iter().zip(direction) {
-                    full[j] = part;
-                }
-                full
-            })
-            .collect();
+        let found = whole.solve(&vec![0.0; free.indices.len()], None).unobservable;
+        let hidden = found.iter().map(|direction| free.spread(direction)).collect();
         Ok((whole, hidden))
+    }
+
+    /// The settings with the directions that these references do not show.
+    fn with(&self, hidden: &[Vec<f64>]) -> Settings {
+        Settings { hidden: hidden.to_vec(), ..self.settings.clone() }
     }
 }
 
@@ -208,8 +201,8 @@ impl Estimator for PooledMotion {
     }
 
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
-        let (shown, hidden) = self.design(model, run)?;
-        let settings = Settings { hidden: hidden.clone(), ..self.settings.clone() };
+        let design = self.design(model, run)?;
+        let settings = Settings { reach: 4 * run.judged_motion().highest_harmonic() as usize, ..self.with(&design.1) };
         let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &settings)?;
         self.records.push(record);
         let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, &settings)?.values);
@@ -217,18 +210,17 @@ impl Estimator for PooledMotion {
         if refined.is_err() {
             self.records.pop();
         } else {
-            self.design.push((shown, hidden));
-            self.settings = settings;
+            self.design.push(design);
         }
         refined
     }
 
     fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
-        let estimate = estimate_measured_motion(&mut self.records, &self.settings);
+        let settings = self.with(self.design.last().map_or(&[], |(_, hidden)| hidden));
+        let estimate = estimate_measured_motion(&mut self.records, &settings);
         if estimate.is_err() {
             self.records.pop();
             self.design.pop();
-            self.settings.hidden = self.design.last().map_or_else(Vec::new, |(_, hidden)| hidden.clone());
         }
         estimate.map(Some)
     }
@@ -400,27 +392,17 @@ pub(super) fn pool_run(
     current: &[f64],
 ) -> Result<(Estimate, Pool), EstimateError> {
     let p = equations.parameters;
+    let free = settings.free(p)?;
     let mut prior = if settings.prior.len() == p { settings.prior.clone() } else { current.to_vec() };
-    let mut free: Vec<usize> = (0..p).collect();
-    for frozen in &settings.frozen {
-        if frozen.parameter >= p {
-            return Err(EstimateError::Frozen(frozen.parameter));
-        }
-        prior[frozen.parameter] = frozen.value;
-        free.retain(|&j| j != frozen.parameter);
-    }
-    if free.is_empty() && p > 0 {
-        return Err(EstimateError::AllFrozen);
-    }
-    let information = Information::of(equations.weighted(&free, &settings.frozen));
-    let start: Vec<f64> = free.iter().map(|&j| prior[j]).collect();
+    settings.hold(&mut prior);
+    let information = Information::of(equations.weighted(&free.indices, &settings.frozen));
+    let start = free.of(&prior);
     let alone = information.solve(&start, None);
     let freedom = equations.real_len().saturating_sub(alone.rank);
     let chi_squared = if freedom > 0 { alone.remainder / freedom as f64 } else { 0.0 };
     let inflation = chi_squared.max(1.0);
     let own = information.forget(1.0 / inflation);
-    let begun: Vec<f64> = free.iter().map(|&j| current[j]).collect();
-    let distance = distance(&begun, &alone.values, &alone.covariance, inflation);
+    let distance = distance(&free.of(current), &alone.values, &alone.covariance, inflation);
     let pooled = match pool {
         Some(before) => {
             let trust = (distance / before.distance).powi(2);
@@ -436,9 +418,9 @@ pub(super) fn pool_run(
     let mut status = vec![Status::Frozen; p];
     let mut covariance = nalgebra::DMatrix::zeros(p, p);
     let touched = scaled.touched(&solution.unobservable);
-    for (a, &j) in free.iter().enumerate() {
-        values[j] = solution.values[a];
-        for (b, &i) in free.iter().enumerate() {
+    free.put(&solution.values, &mut values);
+    for (a, &j) in free.indices.iter().enumerate() {
+        for (b, &i) in free.indices.iter().enumerate() {
             covariance[(j, i)] = solution.covariance[(a, b)];
         }
         (std[j], status[j]) = if touched[a] {
@@ -448,17 +430,7 @@ pub(super) fn pool_run(
             (std, if std > POOR * values[j].abs() { Status::PoorlyDetermined } else { Status::Identified })
         };
     }
-    let unobservable = solution
-        .unobservable
-        .iter()
-        .map(|direction| {
-            let mut full = vec![0.0; p];
-            for (&j, &part) in free.iter().zip(direction) {
-                full[j] = part;
-            }
-            full
-        })
-        .collect();
+    let unobservable = solution.unobservable.iter().map(|direction| free.spread(direction)).collect();
     let (left, whole) = (0..equations.len()).fold((0.0, 0.0), |(left, whole), e| {
         (left + equations.residual(e, &values).norm_sqr(), whole + equations.right[e].norm_sqr())
     });

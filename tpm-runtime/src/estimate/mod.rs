@@ -12,6 +12,7 @@ mod eliminated;
 mod equations;
 mod estimator;
 mod first_order;
+mod free;
 mod information;
 mod measured_motion;
 mod numerical;

@@ -74,6 +74,12 @@ pub enum ExperimentError {
     /// Another machine than the model's is simulated, with other signals.
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
     Machine,
+    /// A value for a machine that obeys the model, although another one is simulated.
+    #[error("{key}: the machine of plant.closed_loop_arm has no such value; leave it out, or change the arm's own there")]
+    NotOfMachine {
+        /// Its key.
+        key: String,
+    },
     /// A motor of the experiment.
     #[error("motors: {message}")]
     Motors {
@@ -259,15 +265,19 @@ impl Experiment {
             self.plant.sub_steps as f64,
             "there must be one at least",
         )?;
+        let (parameters, constants) = if self.plant.closed_loop_arm.is_some() {
+            for (place, given) in [("parameters", &self.plant.parameters), ("drift", &self.plant.drift)] {
+                if let Some(name) = given.keys().next() {
+                    return Err(ExperimentError::NotOfMachine { key: std::format!("plant.{place}.{name}") });
+                }
+            }
+            (Vec::new(), Vec::new())
+        } else {
+            (parameters(model).all("plant.parameters", &self.plant.parameters)?, self.constant_values(model)?)
+        };
         Ok(Bench {
-            parameters: match self.plant.closed_loop_arm {
-                Some(_) => Vec::new(),
-                None => parameters(model).all("plant.parameters", &self.plant.parameters)?,
-            },
-            constants: match self.plant.closed_loop_arm {
-                Some(_) => Vec::new(),
-                None => self.constant_values(model)?,
-            },
+            parameters,
+            constants,
             sensors,
             actuators: (limits.into_iter().zip(steps).zip(dynamics))
                 .map(|((limit, step), dynamics)| Actuator { limit, step, dynamics })

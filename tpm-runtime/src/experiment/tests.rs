@@ -102,6 +102,15 @@ fn unknown_fields_and_names_are_refused() {
     let mut missing = experiment();
     missing.plant.parameters.remove("m");
     assert!(matches!(missing.bench(&MassSpringDrag), Err(ExperimentError::Missing { .. })));
+    // Another machine than the model's has other values: these would change nothing.
+    let mut arm = Experiment::parse(include_str!("../../../models/closed_loop_arm.toml")).expect("the shipped file");
+    arm.plant.sensors.clear();
+    for key in ["plant.parameters.m3", "plant.drift.a10"] {
+        arm.apply_override(key, "-1").expect("a table of values");
+        let refused = arm.bench(&MassSpringDrag).expect_err("not the arm's");
+        assert!(matches!(&refused, ExperimentError::NotOfMachine { key: named } if named == key), "{refused}");
+        arm.plant.parameters.clear();
+    }
     let mut still = experiment();
     still.schedule.stages[0].values.insert("w".to_string(), 0.0);
     let hold = crate::harmonics::Hold::Zoh;

@@ -93,22 +93,12 @@ fn solve_records(
     structure: &mut dyn Structure,
 ) -> Result<Fitted, EstimateError> {
     let p = dims.parameters;
+    let free = settings.free(p)?;
     let mut start = settings.prior.clone();
     start.resize(p, 0.0);
-    let mut free: Vec<usize> = (0..p).collect();
-    for frozen in &settings.frozen {
-        if frozen.parameter >= p {
-            return Err(EstimateError::Frozen(frozen.parameter));
-        }
-        start[frozen.parameter] = frozen.value;
-        free.retain(|&j| j != frozen.parameter);
-    }
-    if free.is_empty() && p > 0 {
-        return Err(EstimateError::AllFrozen);
-    }
-    let prior_free: Vec<f64> = free.iter().map(|&j| start[j]).collect();
-    let hidden: Vec<Vec<f64>> =
-        settings.hidden.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
+    settings.hold(&mut start);
+    let prior_free = free.of(&start);
+    let hidden: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
 
     let mut theta = start.clone();
     let mut model_error = vec![vec![0.0; dims.rows]; records.len()];
@@ -124,12 +114,12 @@ fn solve_records(
         .collect();
     let equations_total: usize = equations.iter().map(Equations::real_len).sum();
     let mut weighed: Vec<Option<Weighed>> = records.iter().map(|_| None).collect();
-    let mut gradient = vec![0.0; free.len()];
-    let mut information = Information::empty(free.len());
+    let mut gradient = vec![0.0; free.indices.len()];
+    let mut information = Information::empty(free.indices.len());
     let mut solution = information.scaled().solve(&prior_free, None, &hidden);
     for pass in 0..12 {
         for (i, (equations, weighed)) in equations.iter().zip(&weighed).enumerate() {
-            let mut rows = equations.weighted(&free, &settings.frozen);
+            let mut rows = equations.weighted(&free.indices, &settings.frozen);
             if let Some(weighed) = weighed {
                 weighed.whiten(&mut rows);
             }
@@ -139,15 +129,14 @@ fn solve_records(
         let correction = (pass > 0).then_some(gradient.as_slice());
         solution = information.scaled().solve(&prior_free, correction, &hidden);
         let before = theta.clone();
-        for (&j, &value) in free.iter().zip(&solution.values) {
-            theta[j] = value;
-        }
-        if free.len() == p
+        free.put(&solution.values, &mut theta);
+        if free.indices.len() == p
             && let Some(explained) = structure.explain(&information, &gradient)
         {
             theta = explained;
         }
         let moved = free
+            .indices
             .iter()
             .map(|&j| (theta[j] - before[j]).abs() - 1e-9 * theta[j].abs())
             .fold(f64::NEG_INFINITY, f64::max);
@@ -174,14 +163,14 @@ fn solve_records(
             let whole: Vec<f64> = variance.iter().flatten().copied().collect();
             weighed[i] = record.coupled.as_ref().and_then(|coupled| coupled.weigh(&theta, &noise, &whole));
             if let Some(weighed) = &weighed[i] {
-                for (g, &j) in gradient.iter_mut().zip(&free) {
+                for (g, &j) in gradient.iter_mut().zip(&free.indices) {
                     *g += memory * weighed.gradient[j];
                 }
             } else {
                 for (row, bias) in record.row_bias(&theta).iter().enumerate() {
                     for ((v, &k), parts) in variance[row].iter().zip(&record.used[row]).zip(bias) {
                         let weight = memory * if k == 0 { 1.0 } else { 2.0 } / v;
-                        for (g, &j) in gradient.iter_mut().zip(&free) {
+                        for (g, &j) in gradient.iter_mut().zip(&free.indices) {
                             *g -= weight * parts[j];
                         }
                     }
@@ -196,29 +185,20 @@ fn solve_records(
     // Noise read between the lines may miss errors that repeat in every period; the residuals then show them.
     let inflation = chi_squared.max(1.0);
     let mut covariance = DMatrix::zeros(p, p);
-    for (a, &i) in free.iter().enumerate() {
-        for (b, &j) in free.iter().enumerate() {
+    for (a, &i) in free.indices.iter().enumerate() {
+        for (b, &j) in free.indices.iter().enumerate() {
             covariance[(i, j)] = solution.covariance[(a, b)] * inflation;
         }
     }
-    let mut unobservable = Vec::new();
-    for direction in &solution.unobservable {
-        let mut full = vec![0.0; p];
-        for (&j, &part) in free.iter().zip(direction) {
-            full[j] = part;
-        }
-        unobservable.push(full);
-    }
+    let unobservable = solution.unobservable.iter().map(|direction| free.spread(direction)).collect();
     let scaled = information.scaled();
     let touched = scaled.touched(&solution.unobservable);
     let (residual, _) = pooled_residual(records, &theta);
     let mut values = start;
-    for (&j, &value) in free.iter().zip(&solution.values) {
-        values[j] = value;
-    }
+    free.put(&solution.values, &mut values);
     let mut std = vec![0.0; p];
     let mut status = vec![Status::Frozen; p];
-    for (a, &j) in free.iter().enumerate() {
+    for (a, &j) in free.indices.iter().enumerate() {
         if touched[a] {
             std[j] = f64::INFINITY;
             status[j] = Status::Unobservable;

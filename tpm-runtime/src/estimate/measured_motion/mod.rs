@@ -94,6 +94,9 @@ pub struct Settings {
     pub prior: Vec<f64>,
     /// Parameters that are held.
     pub frozen: Vec<Frozen>,
+    /// Harmonics up to this one are those of the experiment: an input that is known to be small there says as much as a
+    /// large one. Beyond, and by default, what is not excited counts as distortion.
+    pub reach: usize,
     /// Directions that the experiments cannot show, known beforehand: the estimate keeps its prior along them although
     /// noise and errors of the tracking seem to show them.
     pub hidden: Vec<Vec<f64>>,
@@ -220,12 +223,12 @@ impl MeasuredMotion {
             white: None,
             coupled: None,
         };
-        this.used = (0..dims.rows).map(|r| this.excited(r, wanted, false)).collect();
+        this.used = (0..dims.rows).map(|r| this.excited(r, wanted, settings.reach, false)).collect();
         let rank = this.rank();
         if rank < dims.parameters {
             // A parameter may be visible only where the motion is distorted.
             let narrow = core::mem::take(&mut this.used);
-            this.used = (0..dims.rows).map(|r| this.excited(r, wanted, true)).collect();
+            this.used = (0..dims.rows).map(|r| this.excited(r, wanted, settings.reach, true)).collect();
             if this.rank() == rank {
                 this.used = narrow;
             }
@@ -322,7 +325,7 @@ impl MeasuredMotion {
     /// Lines of a row in which the input, or a regressor that is strong there, stands out of the noise.
     ///
     /// With `distortion`, also lines at which only the motion stands out.
-    fn excited(&self, row: usize, limit: usize, distortion: bool) -> Vec<usize> {
+    fn excited(&self, row: usize, limit: usize, reach: usize, distortion: bool) -> Vec<usize> {
         let p = self.dims.parameters;
         let peak = strongest(&self.drive[row]);
         let force = (0.5 * self.drive[row].iter().skip(1).map(Complex::norm_sqr).sum::<f64>()).sqrt();
@@ -337,8 +340,9 @@ impl MeasuredMotion {
                 let share = if k == 0 { MEAN_FORCE * force } else { DISTORTION * near };
                 let substantial = drive[k].norm() > share;
                 let floor = if k == 0 { self.floor[row] / 4.0 } else { self.floor[row] };
-                let applied =
-                    self.driven[row] && substantial && visible(drive[k], self.drive_variance(row, k).max(floor), peak);
+                let applied = self.driven[row]
+                    && (k > 0 && k <= reach
+                        || substantial && visible(drive[k], self.drive_variance(row, k).max(floor), peak));
                 // An equation whose regressors are noise says nothing, and in strength biases.
                 (0..p).any(|j| {
                     let line = self.phi[row * p + j][k];

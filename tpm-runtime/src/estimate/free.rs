@@ -1,0 +1,55 @@
+//! The parameters that are estimated, apart from those that are held.
+
+use super::{EstimateError, Settings};
+use std::vec;
+use std::vec::Vec;
+
+/// Which of a model's parameters are estimated.
+pub(super) struct Free {
+    parameters: usize,
+    /// Their indices, ascending.
+    pub(super) indices: Vec<usize>,
+}
+
+impl Settings {
+    /// The parameters that are not held.
+    ///
+    /// # Errors
+    /// [`EstimateError::Frozen`] when one is held that does not exist, [`EstimateError::AllFrozen`].
+    pub(super) fn free(&self, parameters: usize) -> Result<Free, EstimateError> {
+        if let Some(frozen) = self.frozen.iter().find(|frozen| frozen.parameter >= parameters) {
+            return Err(EstimateError::Frozen(frozen.parameter));
+        }
+        let held = |j: &usize| self.frozen.iter().any(|frozen| frozen.parameter == *j);
+        let indices: Vec<usize> = (0..parameters).filter(|j| !held(j)).collect();
+        if indices.is_empty() && parameters > 0 { Err(EstimateError::AllFrozen) } else { Ok(Free { parameters, indices }) }
+    }
+
+    /// Puts the values at which parameters are held.
+    pub(super) fn hold(&self, values: &mut [f64]) {
+        for frozen in &self.frozen {
+            values[frozen.parameter] = frozen.value;
+        }
+    }
+}
+
+impl Free {
+    /// The entries of the free parameters.
+    pub(super) fn of(&self, whole: &[f64]) -> Vec<f64> {
+        self.indices.iter().map(|&j| whole[j]).collect()
+    }
+
+    /// A direction of the free parameters as one of all, in which the others do not move.
+    pub(super) fn spread(&self, part: &[f64]) -> Vec<f64> {
+        let mut whole = vec![0.0; self.parameters];
+        self.put(part, &mut whole);
+        whole
+    }
+
+    /// Puts the entries of the free parameters.
+    pub(super) fn put(&self, part: &[f64], whole: &mut [f64]) {
+        for (&j, &value) in self.indices.iter().zip(part) {
+            whole[j] = value;
+        }
+    }
+}
