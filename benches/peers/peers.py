@@ -1,5 +1,6 @@
 """Runs the peers on the workloads, checks that all give tpm's table, and prints the ratios. Started by `run`."""
 import json
+import re
 import statistics
 import subprocess
 import sys
@@ -42,36 +43,82 @@ def flint_expand(p):
     return work
 
 
-def flint_whole(start):
-    """From where tpm starts: the terms of the regressor form and the series of the pattern, as `expansion ... start` lists them.
+def flint_tools(count):
+    """What the derivation from the model needs of python-flint."""
+    from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
-    The method is tpm's: substitute the parts of every motion, collect, so that offsets cancel; then multiply out every
-    product of series that is left once, and sort its harmonics into the table.
+    def entries(total, top, step):
+        middle = (top + step - 1) // step
+        found = enumerate(total.coeffs()[middle:], middle)
+        return [(k, c if k == 0 else 2 * c) for k, c in ((step * index - top, c) for index, c in found if c)]
+    generators = fmpq_mpoly_ctx.get([f'a{i}' for i in range(count)], Ordering.lex).gens()
+    shift = lambda poly, n: fmpq_poly([0] * n + poly.coeffs())
+    return fmpq, generators, lambda poly: poly.to_dict().items(), fmpq_poly, shift, entries
+
+
+def sympy_tools(count):
+    """The same of SymPy."""
+    from sympy import QQ, ring
+    _, *generators = ring([f'a{i}' for i in range(count)], QQ)
+    domain, _ = ring('z', QQ)
+
+    def entries(total, top, step):
+        found = ((step * index - top, c) for (index,), c in total.items())
+        return [(k, c if k == 0 else 2 * c) for k, c in found if k >= 0]
+    series = lambda dense: domain.from_dict({(i,): QQ(c) for i, c in enumerate(dense) if c})
+    return QQ, generators, lambda poly: poly.items(), series, lambda poly, n: poly.mul_monom((n,)), entries
+
+
+def from_model(source, tools):
+    """From the model's expressions to the table, as `expansion ... source` lists them.
+
+    The method is tpm's: multiply the equations out over coordinates, constants and parameters, substitute the parts of every
+    motion, collect, so that offsets cancel; then multiply out every product of series that is left once, and sort its
+    harmonics into the table. With z and the amplitudes among the variables of one polynomial it takes longer.
     """
-    from flint import fmpq, fmpq_poly
-    exact = lambda text: fmpq(*map(int, text.split('/')))
-    motions, terms, numbers = {}, [], {'w': 0}
+    rational = tools(1)[0]
+    exact = lambda text: rational(*map(int, text.split('/')))
+    motions, nodes, equations, atoms, numbers = {}, [], [], [], {'w': 0}
     number = lambda symbol: numbers.setdefault(symbol, len(numbers))
-    for kind, *rest in map(str.split, start):
+    for kind, *rest in map(str.split, source):
         if kind == 'motion':
             coordinate, symbol, *series = rest
             pairs = [(int(k), exact(c)) for k, c in (pair.split(':') for pair in series)]
             motions.setdefault(int(coordinate), []).append((number(symbol), pairs))
+        elif kind == 'equation':
+            equations.append((rest[0], [int(node) for node in rest[1:]]))
         else:
-            equation, parameter, coefficient, *factors = rest
-            atoms = []
-            for atom, exponent in (factor.split('^') for factor in factors):
-                coordinate, _, order = atom.partition('.')
-                atoms.append((int(coordinate), int(order), int(exponent)) if order else (None, number(atom), int(exponent)))
-            terms.append((equation, parameter, exact(coefficient), atoms))
+            _, what, *rest = rest
+            if what == 'number':
+                nodes.append((what, exact(rest[0])))
+            elif what in ('sum', 'product', 'power'):
+                nodes.append((what, [int(text) for text in rest]))
+            else:
+                nodes.append(('atom', len(atoms)))
+                atoms.append((what, int(rest[0]), int(rest[1])) if what == 'derivative' else
+                             (what, number(rest[0]) if what == 'constant' else rest[0], 0))
+    _, generators, terms_of, polynomial, shift, entries_of = tools(len(atoms))
     symbols, width = list(numbers), len(numbers)
-    zero, one, half, turns = fmpq(0), fmpq(1), fmpq(1, 2), (1, -1, -1, 1)
+    zero, one, half, turns = rational(0), rational(1), rational(1, 2), (1, -1, -1, 1)
 
     def work():
-        # Coordinates on the same series share its powers; a constant part needs none.
+        values = []
+        for what, rest in nodes:
+            if what == 'atom':
+                value = generators[rest]
+            elif what == 'number':
+                value = rest
+            elif what == 'power':
+                value = values[rest[0]] ** rest[1]
+            else:
+                value = values[rest[0]]
+                for i in rest[1:]:
+                    value = value + values[i] if what == 'sum' else value * values[i]
+            values.append(value)
+        # Coordinates on the same series share its powers; a constant part needs none, and has no derivative.
         series, parts = [], {}
         for coordinate, motion in motions.items():
-            of = parts[coordinate] = []
+            of = []
             for symbol, pairs in motion:
                 if len(pairs) == 1 and pairs[0][0] == 0:
                     of.append((symbol, None, pairs[0][1]))
@@ -79,48 +126,57 @@ def flint_whole(start):
                 if pairs not in series:
                     series.append(pairs)
                 of.append((symbol, series.index(pairs), one))
+            parts[coordinate] = of, [part for part in of if part[1] is not None]
         # With harmonics of one parity a series is z^-highest times a polynomial in z^2.
         step = 2 if all(len({k % 2 for k, _ in pairs}) == 1 for pairs in series) else 1
         groups = {}
-        for equation, parameter, coefficient, atoms in terms:
-            powers, path, several = [0] * width, [], []
-            for coordinate, order, exponent in atoms:
-                if coordinate is None:
-                    powers[order] += exponent
-                    continue
-                powers[0] += order * exponent
-                moving = parts[coordinate]
-                if order:
-                    moving = [part for part in moving if part[1] is not None]
-                if len(moving) == 1:
-                    symbol, index, factor = moving[0]
-                    powers[symbol] += exponent
-                    if index is None:
-                        coefficient = coefficient * factor ** exponent
+        for equation, terms in equations:
+            total = values[terms[0]]
+            for i in terms[1:]:
+                total = total + values[i]
+            for exponents, coefficient in terms_of(total):
+                powers, path, several, parameter = [0] * width, [], [], None
+                for i, exponent in enumerate(exponents):
+                    if not exponent:
+                        continue
+                    what, name, order = atoms[i]
+                    if what == 'derivative':
+                        powers[0] += order * exponent
+                        moving = parts[name][order > 0]
+                        if len(moving) == 1:
+                            symbol, index, factor = moving[0]
+                            powers[symbol] += exponent
+                            path += [(index, order)] * exponent
+                        else:
+                            several += [(moving, order)] * exponent
+                    elif what == 'constant':
+                        powers[name] += exponent
                     else:
-                        path += [(index, order)] * exponent
-                else:
-                    several += [(moving, order)] * exponent
-            sums = {(tuple(powers), tuple(path)): coefficient}
-            for moving, order in several:
-                following = {}
+                        parameter = what, name
+                if parameter[0] == 'input':
+                    continue
+                sums = {(tuple(powers), tuple(path)): coefficient}
+                for moving, order in several:
+                    following = {}
+                    for (powers, path), c in sums.items():
+                        for symbol, index, factor in moving:
+                            raised = powers[:symbol] + (powers[symbol] + 1,) + powers[symbol + 1:]
+                            key = raised, path if index is None else path + ((index, order),)
+                            part = c if factor is one else c * factor
+                            following[key] = following[key] + part if key in following else part
+                    sums = following
                 for (powers, path), c in sums.items():
-                    for symbol, index, factor in moving:
-                        raised = powers[:symbol] + (powers[symbol] + 1,) + powers[symbol + 1:]
-                        key = raised, path if index is None else path + ((index, order),)
-                        following[key] = following.get(key, zero) + c * factor
-                sums = following
-            for (powers, path), c in sums.items():
-                key = equation, parameter, powers
-                if key not in groups:
-                    groups[key] = {}
-                group, path = groups[key], tuple(sorted(path))
-                group[path] = group[path] + c if path in group else c
+                    key = equation, parameter[1], powers
+                    group = groups.get(key)
+                    if group is None:
+                        group = groups[key] = {}
+                    path = tuple(sorted(path))
+                    group[path] = group[path] + c if path in group else c
         bases, table = {}, []
         # Products by their factors, as a tree of (polynomial, z^-span in front of it, the products with one factor more).
-        root = fmpq_poly([1]), 0, {}
+        root = polynomial([one]), 0, {}
         for key, group in groups.items():
-            nodes, top, sine = [], 0, False
+            found, top, sine = [], 0, False
             for path, c in group.items():
                 if not c:
                     continue
@@ -141,28 +197,20 @@ def flint_whole(start):
                                     dense[(high - k) // step] = -x if order % 2 else x
                                 elif not order:
                                     dense[high // step] = x
-                            base = bases[factor] = fmpq_poly(dense), high
+                            base = bases[factor] = polynomial(dense), high
                         following = node[2][factor] = node[0] * base[0], node[1] + base[1], {}
                     node = following
-                nodes.append((node[0], node[1], -c if sines // 2 % 2 else c))
+                found.append((node[0], node[1], -c if sines // 2 % 2 else c))
                 top, sine = max(top, node[1]), sines % 2
             total = None
-            for poly, span, c in nodes:
+            for poly, span, c in found:
                 if c != 1:
                     poly = poly * c
                 if span != top:
-                    poly = fmpq_poly([0] * ((top - span) // step) + poly.coeffs())
+                    poly = shift(poly, (top - span) // step)
                 total = poly if total is None else total + poly
-            if total is None:
-                continue
-            coefficients = total.coeffs()
-            middle = (top + step - 1) // step
-            entries = []
-            for index, c in enumerate(coefficients[middle:], middle):
-                if c:
-                    k = step * index - top
-                    entries.append((k, c if k == 0 else 2 * c))
-            table.append((key, sine, entries))
+            if total is not None:
+                table.append((key, sine, entries_of(total, top, step)))
         return table
 
     def lines(table):
@@ -264,7 +312,7 @@ def symengine_cube(carts):
 
 
 def outside_cube(carts, text):
-    """Lines `coefficient symbol^power ...` and, last, the time."""
+    """Lines `coefficient symbol^power ...` and, last, the times of the polynomial and of it with its terms read out."""
     symbols = chain_symbols(carts)
     *lines, last = [line for line in text.split('\n') if line.strip()]
     terms = []
@@ -272,11 +320,12 @@ def outside_cube(carts, text):
         c, *powers = line.split()
         exponents = dict(power.split('^') for power in powers)
         terms.append(([int(exponents.get(s, 0)) for s in symbols], c))
-    return chain_lines(carts, terms), float(last)
+    return chain_lines(carts, terms), *map(float, last.split())
 
 
 def gp_cube(carts, seconds, gp):
-    script = f'l={carts};seconds={seconds};\n' + Path(__file__).with_name('cube.gp').read_text()
+    names = ','.join(f'"{s}"' for s in chain_symbols(carts))
+    script = f'l={carts};seconds={seconds};names=[{names}];\n' + Path(__file__).with_name('cube.gp').read_text()
     return outside_cube(carts, subprocess.run([gp, '-q', '-f'], input=script, check=True, capture_output=True, text=True).stdout)
 
 
@@ -353,6 +402,56 @@ def run_gp(p, seconds, gp):
     return outside_table(p, '\n'.join(lines[:-1])), float(lines[-1])
 
 
+def gp_model(source, seconds, gp):
+    """The lines of the table and the time from the model's expressions, with z and everything else variables of one polynomial."""
+    names, parameters, motions, nodes, equations, titles = ['z', 'w'], set(), {}, [], [], []
+
+    def variable(name):
+        if name not in names:
+            names.append(name)
+        return names.index(name) + 1
+    for kind, *rest in map(str.split, source):
+        if kind == 'motion':
+            coordinate, symbol, *pairs = rest
+            motions.setdefault(int(coordinate), []).append(f"[{variable(symbol)},[{','.join('[' + p.replace(':', ',') + ']' for p in pairs)}]]")
+            continue
+        if kind == 'equation':
+            titles.append(rest[0])
+            equations.append('[' + ','.join(str(int(i) + 1) for i in rest[1:]) + ']')
+            continue
+        _, what, *rest = rest
+        if what == 'parameter':
+            parameters.add(rest[0])
+        code = {'input': 0, 'number': 1, 'parameter': 2, 'constant': 2, 'derivative': 3, 'sum': 4, 'product': 5, 'power': 6}[what]
+        if code == 2:
+            rest = [variable(rest[0])]
+        elif code == 3:
+            rest[0] = int(rest[0]) + 1
+        elif code == 6:
+            rest[0] = int(rest[0]) + 1
+        elif code > 3:
+            rest = [int(i) + 1 for i in rest]
+        nodes.append('[' + ','.join(map(str, [code] + (rest if code else []))) + ']')
+    high = [max(int(k) for k in re.findall(r'\[(\d+),-?[\d/]+\]', ''.join(motion))) for _, motion in sorted(motions.items())]
+    quoted = ','.join(f'"{name}"' for name in names)
+    script = (f"names=[{quoted}];high={high};seconds={seconds};motions=[{','.join('[' + ','.join(m) + ']' for _, m in sorted(motions.items()))}];"
+              f"nodes=[{','.join(nodes)}];equations=[{','.join(equations)}];\n" + Path(__file__).with_name('model.gp').read_text())
+    with tempfile.NamedTemporaryFile('w', suffix='.gp') as file:
+        file.write(script)
+        file.flush()
+        text = subprocess.run([gp, '-q', '-f', file.name], check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL).stdout
+    *found, last = [line for line in text.splitlines() if line.strip()]
+    lines = []
+    for line in found:
+        equation, harmonic, c, *powers = line.split()
+        exponents = dict(power.split('^') for power in powers)
+        parameter = next((name for name in exponents if name in parameters), '-')
+        function = 'sin' if int(exponents.get('w', 0)) % 2 else 'cos'
+        rest = ''.join(sorted(f' {name}^{e}' for name, e in exponents.items() if name != parameter))
+        lines.append(f'{titles[int(equation)]} {parameter} {function} {harmonic} {c}{rest}')
+    return sorted(lines), float(last)
+
+
 def main():
     options = json.loads(sys.argv[1])
     seconds = options['seconds']
@@ -363,47 +462,70 @@ def main():
             available[name] = make
         except ImportError:
             print(f'{name}: not installed, left out', file=sys.stderr)
+    whole_tools = {'python-flint': flint_tools, 'SymPy': sympy_tools}
     cubes = {'python-flint': flint_cube, 'SymPy': sympy_cube, 'SymEngine': symengine_cube}
     scripting = list(available) + (['PARI/GP'] if options['gp'] else [])
     peers = scripting + (['FLINT from C'] if options['c'] else [])
     print('| workload | entries | tpm, us | ' + ' | '.join(peers) + ' | best scripting |')
     print('|---|---|---|' + '---|' * len(peers) + '---|')
+
+    def row(name, entries, own, ratios):
+        cells = ' | '.join(f'{ratios[peer]:.1f}' if peer in ratios else '' for peer in peers)
+        best = min(ratio for peer, ratio in ratios.items() if peer in scripting)
+        print(f'| {name} | {entries} | {statistics.median(own):.1f} | {cells} | {best:.1f} |', flush=True)
+
     for name in options['workloads']:
         kind, _, size = name.partition(':')
         carts = int(size) if kind == 'w5a' else None
         p = None if carts else program(name)
-        tpm = [options['tpm'], name]
-        expected = sorted(subprocess.run(tpm + ['list'], check=True, capture_output=True, text=True).stdout.splitlines())
-        own, ratios = [], {peer: [] for peer in peers}
+        tpm = lambda *arguments: subprocess.run([options['tpm'], name, *arguments], check=True, capture_output=True, text=True).stdout
+        expected = sorted(tpm('list').splitlines())
+
+        def cube(peer):
+            """The lines of the cube, the time of the polynomial, and that of the polynomial with its terms read out."""
+            if peer in available:
+                work, terms = cubes[peer](carts)
+                return chain_lines(carts, terms(work())), median_of(work, seconds), median_of(lambda: list(terms(work())), seconds)
+            return gp_cube(carts, seconds, options['gp']) if peer == 'PARI/GP' else c_cube(carts, seconds, options['c_cube'])
+
+        def table(peer):
+            """The lines of the table, the time from the prepared program to it, and that from the model, where it is measured."""
+            whole = None
+            if peer == 'FLINT from C':
+                found, median = run_c(p, seconds, options['c'])
+            elif peer == 'PARI/GP':
+                found, median = run_gp(p, seconds, options['gp'])
+                # Larger tables take seconds from the model.
+                if kind != 'w5b' and len(expected) < 1000:
+                    lines, whole = gp_model(tpm('source').splitlines(), seconds, options['gp'])
+                    if lines != expected:
+                        raise SystemExit(f'{peer} disagrees on {name} from the model')
+            else:
+                work = available[peer](p)
+                found, median = [entries for _, entries in work()], median_of(work, seconds)
+                if peer in whole_tools and kind != 'w5b':
+                    work, lines = from_model(tpm('source').splitlines(), whole_tools[peer])
+                    if lines(work()) != expected:
+                        raise SystemExit(f'{peer} disagrees on {name} from the model')
+                    whole = median_of(work, seconds)
+            return p.lines(found), median, whole
+
+        own, derived, ratios, wholes = [], [], {peer: [] for peer in peers}, {peer: [] for peer in peers}
         # Peers and tpm alternate, so that a change of the machine's load meets all of them.
         for repetition in range(options['repetitions']):
-            own.append(float(subprocess.run(tpm + ['time', str(seconds)], check=True, capture_output=True, text=True).stdout))
+            own.append(float(tpm('time', str(seconds))))
+            derived.append(own[-1] if kind in ('w5a', 'w5b') else float(tpm('derive', str(seconds))))
             for peer in peers:
-                if carts:
-                    if peer in available:
-                        work, terms = cubes[peer](carts)
-                        lines, median = chain_lines(carts, terms(work())), median_of(work, seconds)
-                    elif peer == 'PARI/GP':
-                        lines, median = gp_cube(carts, seconds, options['gp'])
-                    else:
-                        lines, median = c_cube(carts, seconds, options['c_cube'])
-                elif peer == 'FLINT from C':
-                    table, median = run_c(p, seconds, options['c'])
-                elif peer == 'PARI/GP':
-                    table, median = run_gp(p, seconds, options['gp'])
-                else:
-                    work = available[peer](p)
-                    table, median = [entries for _, entries in work()], median_of(work, seconds)
-                if not carts:
-                    lines = p.lines(table)
+                lines, median, whole = cube(peer) if carts else table(peer)
                 if repetition == 0 and lines != expected:
                     different = set(lines) ^ set(expected)
                     raise SystemExit(f'{peer} disagrees on {name}: {sorted(different)[:6]}')
                 ratios[peer].append(median / own[-1])
-        middle = {peer: statistics.median(values) for peer, values in ratios.items()}
-        best = min(middle[peer] for peer in scripting)
-        cells = ' | '.join(f'{middle[peer]:.1f}' for peer in peers)
-        print(f'| {name} | {len(expected)} | {statistics.median(own):.1f} | {cells} | {best:.1f} |', flush=True)
+                if whole is not None:
+                    wholes[peer].append(whole / derived[-1])
+        row(name, len(expected), own, {peer: statistics.median(values) for peer, values in ratios.items()})
+        if any(wholes.values()):
+            row(f'{name}, whole', '', derived, {peer: statistics.median(values) for peer, values in wholes.items() if values})
 
 
 main()

@@ -1,6 +1,7 @@
 //! The expansion workloads, as models in memory: built once, expanded many times.
 
 use crate::chain::chain;
+use std::collections::BTreeMap;
 use tpm_symbolic::expr::{ExprId, Graph, Names as _, Node};
 use tpm_symbolic::fourier::{Fourier, Trig};
 use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
@@ -21,6 +22,20 @@ pub struct Workload {
 }
 
 impl Workload {
+    /// The table from the model as it was declared, sorted into its parameters first; nothing where coordinates were
+    /// eliminated on the way.
+    ///
+    /// # Panics
+    /// As [`expand`](Self::expand).
+    #[must_use]
+    pub fn derive(&self) -> Option<HarmonicTable> {
+        if !self.model.eliminations.is_empty() {
+            return None;
+        }
+        let form = regressor_form(&self.model).expect("invariant: workloads are linear in their parameters");
+        Some(tpm_symbolic::expand::expand(&self.model, &form, &self.pattern).expect("invariant: workloads expand"))
+    }
+
     /// The table, within the default limits.
     ///
     /// # Panics
@@ -69,15 +84,15 @@ pub fn listing(table: &HarmonicTable) -> Vec<String> {
         .collect()
 }
 
-/// What an expansion starts from, for tools that are to start there too: per coordinate and part of its motion a line
-/// `motion coordinate symbol harmonic:coefficient ...` (cosines), per term of the regressor form a line
-/// `term equation parameter coefficient factor^exponent ...`, a factor being a symbol or `coordinate.order`.
+/// What a table is worked out from, for tools that are to start there too: per coordinate and part of its motion a line
+/// `motion coordinate symbol harmonic:coefficient ...` (cosines), per node of the equations' expressions, each after those
+/// that it needs, a line `node number kind ...`, and per equation a line `equation name node ...`, its terms.
 ///
 /// # Panics
-/// When a motion has sines, or a term functions, which no workload has.
+/// When a motion has sines, or an expression functions, which no workload has.
 #[must_use]
-pub fn start(workload: &Workload) -> Vec<String> {
-    let Workload { model, form, pattern } = workload;
+pub fn source(workload: &Workload) -> Vec<String> {
+    let Workload { model, pattern, .. } = workload;
     let mut lines = Vec::new();
     for (coordinate, motion) in pattern.motions.iter().enumerate() {
         for (symbols, shape) in motion.iter().flat_map(Motion::terms) {
@@ -93,23 +108,46 @@ pub fn start(workload: &Workload) -> Vec<String> {
             lines.push(line);
         }
     }
-    for row in &form.rows {
-        for term in &row.terms {
-            let column = term.column.map_or("-", |column| form.columns[column].name.as_str());
-            let mut line = format!("term {} {column} {}", row.name, term.coefficient);
-            for (&atom, exponent) in term.atoms.factors() {
-                match model.graph.node(atom) {
-                    Node::Symbol(symbol) => line.push_str(&format!(" {}^{exponent}", model.symbol_name(*symbol))),
-                    Node::Derivative(coordinate, order) => {
-                        line.push_str(&format!(" {}.{order}^{exponent}", coordinate.0));
-                    }
-                    _ => panic!("workloads are polynomials"),
-                }
-            }
-            lines.push(line);
+    let mut numbers = BTreeMap::new();
+    for equation in &model.equations {
+        let mut line = format!("equation {}", equation.name);
+        for term in &equation.terms {
+            line.push_str(&format!(" {}", write_node(model, term.expr, &mut numbers, &mut lines)));
         }
+        lines.push(line);
     }
     lines
+}
+
+/// The number of a node, written with those that it needs where it is new.
+fn write_node(model: &Model, expr: ExprId, numbers: &mut BTreeMap<ExprId, usize>, lines: &mut Vec<String>) -> usize {
+    if let Some(&number) = numbers.get(&expr) {
+        return number;
+    }
+    let mut parts = |kind: &str, parts: &[ExprId]| {
+        let parts = parts.iter().map(|&part| format!(" {}", write_node(model, part, numbers, lines)));
+        format!("{kind}{}", parts.collect::<String>())
+    };
+    let text = match model.graph.node(expr) {
+        Node::Number(value) => format!("number {value}"),
+        Node::Symbol(symbol) => {
+            let kind = match model.symbols[symbol.0 as usize].kind {
+                Kind::Parameter => "parameter",
+                Kind::Input => "input",
+                _ => "constant",
+            };
+            format!("{kind} {}", model.symbol_name(*symbol))
+        }
+        Node::Derivative(coordinate, order) => format!("derivative {} {order}", coordinate.0),
+        Node::Sum(terms) => parts("sum", terms),
+        Node::Product(factors) => parts("product", factors),
+        Node::Power(base, exponent) => format!("{} {exponent}", parts("power", &[*base])),
+        _ => panic!("workloads are polynomials"),
+    };
+    let number = numbers.len();
+    lines.push(format!("node {number} {text}"));
+    numbers.insert(expr, number);
+    number
 }
 
 pub(crate) struct Builder {
@@ -333,6 +371,10 @@ mod tests {
         assert_eq!(table("w4:4").len(), 69);
         assert!(listing(&table("w3")).contains(&"tau1 a12 cos 9 1/54 lambda1^1 lambda2^2 w^2".to_owned()));
         assert!(!table("w6:4").is_empty());
+        for name in ["w1", "w2", "w3", "w4:4", "w6:2"] {
+            let workload = by_name(name).expect("known");
+            assert_eq!(workload.derive().map(|table| listing(&table)), Some(listing(&workload.expand())), "{name}");
+        }
         // The chain of two carts is W2, derived; its names come in the order of Feng, Eqn 4.34.
         assert_eq!(listing(&table("w5b:2")), listing(&table("w2")));
         assert!(by_name("w9").is_none());

@@ -6,10 +6,12 @@
 //!
 //! The graph is an arena of plain data, so that it is `Send + Sync` and can be serialised.
 
-use crate::polynomial::{Monomial, Polynomial};
+use crate::polynomial::{Factorisation, Monomial, Polynomial, Terms};
 use crate::rational::{self, Rational};
 use num_traits::{One, Signed, Zero};
+use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
+use smallvec::{SmallVec, smallvec};
 use std::collections::{BTreeMap, HashMap};
 
 /// Index of a node in its [`Graph`].
@@ -134,6 +136,9 @@ pub enum Node {
     /// The angle of the point (second, first): `atan2(y, x)`.
     Atan2(ExprId, ExprId),
 }
+
+/// Room for so many polynomials is made when the first one is kept.
+const MEMO: usize = 28;
 
 /// The arena.
 #[derive(Clone, Debug, Default)]
@@ -705,94 +710,138 @@ impl Graph {
     /// powers with negative exponent of sums. Sums under a positive power are multiplied out.
     #[must_use]
     pub fn polynomial(&self, expr: ExprId) -> Polynomial<ExprId> {
+        self.polynomial_beside(expr, &mut FxHashMap::default())
+    }
+
+    /// Several expressions as polynomials, each part that they share multiplied out once.
+    #[must_use]
+    pub fn polynomials(&self, exprs: impl IntoIterator<Item = ExprId>) -> Vec<Polynomial<ExprId>> {
+        let mut memo = FxHashMap::default();
+        exprs.into_iter().map(|expr| self.polynomial_beside(expr, &mut memo)).collect()
+    }
+
+    fn polynomial_beside(&self, expr: ExprId, memo: &mut FxHashMap<ExprId, Polynomial<ExprId>>) -> Polynomial<ExprId> {
         if let Some((monomial, coefficient)) = self.single_term(expr) {
             return Polynomial::term(monomial, coefficient);
         }
-        let mut memo: HashMap<ExprId, Polynomial<ExprId>> = HashMap::new();
-        let mut stack = vec![expr];
-        while let Some(&id) = stack.last() {
-            if memo.contains_key(&id) {
-                stack.pop();
-                continue;
-            }
-            let waiting = stack.len();
-            if matches!(self.node(id), Node::Sum(_) | Node::Product(_) | Node::Power(..)) {
-                let open = |operand: &ExprId| !self.is_single_term(*operand) && !memo.contains_key(operand);
-                stack.extend(self.operands(id).filter(open));
-            }
-            if stack.len() > waiting {
-                continue;
-            }
-            stack.pop();
-            let value = match self.node(id) {
-                Node::Sum(terms) => {
-                    let mut sum = Vec::with_capacity(terms.len());
-                    for term in terms {
-                        match self.single_term(*term) {
-                            Some(single) => sum.push(single),
-                            None => sum.extend(memo[term].terms().map(|(m, c)| (m.clone(), c.clone()))),
-                        }
-                    }
-                    sum.into_iter().collect()
-                }
-                Node::Product(factors) => {
-                    let mut single = (Monomial::one(), Rational::one());
-                    let mut others = Vec::new();
-                    for factor in factors {
-                        match self.single_term(*factor) {
-                            Some((monomial, coefficient)) => {
-                                single = (single.0.mul(&monomial), single.1 * coefficient);
-                            }
-                            None => others.push(&memo[factor]),
-                        }
-                    }
-                    let single = Polynomial::term(single.0, single.1);
-                    others.into_iter().fold(single, |product, factor| product.mul(factor))
-                }
-                Node::Power(base, exponent) => {
-                    let polynomial = memo.get(base).cloned().unwrap_or_else(|| self.polynomial(*base));
-                    if *exponent > 0 {
-                        polynomial.pow(exponent.unsigned_abs())
-                    } else if let Some((monomial, coefficient)) = polynomial.as_term() {
-                        Polynomial::term(monomial.pow(*exponent), rational::power(coefficient, *exponent))
-                    } else {
-                        // The atom is the base itself with a negative exponent, so that 1/(a+b)^2 and 1/(a+b) share it.
-                        Polynomial::term(Monomial::power_of(*base, *exponent), Rational::one())
-                    }
-                }
-                _ => Polynomial::variable(id),
-            };
-            memo.insert(id, value);
+        if let Some(known) = memo.get(&expr) {
+            return known.clone();
         }
-        memo.remove(&expr).expect("invariant: the root is converted last")
+        let mut stack: SmallVec<[ExprId; 8]> = smallvec![expr];
+        while let Some(&id) = stack.last() {
+            match self.polynomial_of(id, memo, &mut stack) {
+                // Terms of a model share their parts, hardly ever the whole.
+                Some(value) if id == expr => return value,
+                Some(value) => {
+                    stack.pop();
+                    if memo.is_empty() {
+                        memo.reserve(MEMO);
+                    }
+                    memo.insert(id, value);
+                }
+                None => {}
+            }
+        }
+        unreachable!("invariant: the root is converted last")
+    }
+
+    /// The polynomial of a node that is no single term from those of its operands; where some are missing, these are put on
+    /// the stack instead.
+    fn polynomial_of(
+        &self,
+        id: ExprId,
+        memo: &FxHashMap<ExprId, Polynomial<ExprId>>,
+        stack: &mut SmallVec<[ExprId; 8]>,
+    ) -> Option<Polynomial<ExprId>> {
+        let waiting = stack.len();
+        let mut known = |operand: &ExprId| {
+            let found = memo.get(operand);
+            if found.is_none() && !stack[waiting..].contains(operand) {
+                stack.push(*operand);
+            }
+            found
+        };
+        match self.node(id) {
+            Node::Sum(terms) => {
+                let mut sum = Terms::with_capacity(terms.len());
+                for term in terms {
+                    if let Some(single) = self.single_term(*term) {
+                        sum.push(single);
+                    } else if let Some(operand) = known(term) {
+                        sum.extend(operand.to_terms());
+                    }
+                }
+                (stack.len() == waiting).then(|| Polynomial::from_terms(sum))
+            }
+            Node::Product(factors) => {
+                let mut coefficient = Rational::one();
+                let mut single = Factorisation::new();
+                let mut others: SmallVec<[&Polynomial<ExprId>; 4]> = SmallVec::new();
+                for factor in factors {
+                    if !self.extend_term(*factor, &mut coefficient, &mut single) {
+                        others.extend(known(factor));
+                    }
+                }
+                let product = || {
+                    let single = Polynomial::term(single.into_iter().collect(), coefficient);
+                    others.into_iter().fold(single, |product, factor| product.mul(factor))
+                };
+                (stack.len() == waiting).then(product)
+            }
+            Node::Power(base, exponent) => {
+                let own =
+                    self.single_term(*base).map(|(monomial, coefficient)| Polynomial::term(monomial, coefficient));
+                let polynomial = match &own {
+                    Some(own) => own,
+                    None => known(base)?,
+                };
+                Some(if *exponent > 0 {
+                    polynomial.pow(exponent.unsigned_abs())
+                } else if let Some((monomial, coefficient)) = polynomial.as_term() {
+                    Polynomial::term(monomial.pow(*exponent), rational::power(coefficient, *exponent))
+                } else {
+                    // The atom is the base itself with a negative exponent, so that 1/(a+b)^2 and 1/(a+b) share it.
+                    Polynomial::term(Monomial::power_of(*base, *exponent), Rational::one())
+                })
+            }
+            _ => Some(Polynomial::variable(id)),
+        }
     }
 
     /// A number, an atom, a power of an atom, or a product of these, as a term; `None` for anything else.
     fn single_term(&self, expr: ExprId) -> Option<(Monomial<ExprId>, Rational)> {
-        match self.node(expr) {
-            Node::Number(value) => Some((Monomial::one(), value.clone())),
-            Node::Product(factors) => {
-                let mut coefficient = Rational::one();
-                let mut list = Vec::with_capacity(factors.len());
-                for &id in factors {
-                    match self.node(id) {
-                        Node::Number(value) => coefficient *= value,
-                        _ => list.push(self.atom_power(id)?),
-                    }
-                }
-                Some((list.into_iter().collect(), coefficient))
-            }
-            _ => self.atom_power(expr).map(|(atom, exponent)| (Monomial::power_of(atom, exponent), Rational::one())),
-        }
+        let mut coefficient = Rational::one();
+        let mut factors = Factorisation::new();
+        let single = self.extend_term(expr, &mut coefficient, &mut factors);
+        single.then(|| (factors.into_iter().collect(), coefficient))
     }
 
-    /// Whether [`single_term`](Self::single_term) has a term.
-    fn is_single_term(&self, expr: ExprId) -> bool {
-        let factor = |id: ExprId| matches!(self.node(id), Node::Number(_)) || self.atom_power(id).is_some();
-        match self.node(expr) {
-            Node::Product(factors) => factors.iter().all(|&id| factor(id)),
-            _ => factor(expr),
+    /// Multiplies a term by such an expression; false, with the term as it was, for anything else.
+    fn extend_term(&self, expr: ExprId, coefficient: &mut Rational, factors: &mut Factorisation<ExprId>) -> bool {
+        let parts = match self.node(expr) {
+            Node::Sum(_) => return false,
+            Node::Product(parts) => parts.as_slice(),
+            _ => std::slice::from_ref(&expr),
+        };
+        let before = factors.len();
+        let mut number = None;
+        for &part in parts {
+            match (self.node(part), self.atom_power(part)) {
+                // A product has one number at most.
+                (Node::Number(value), _) => number = Some(value),
+                (_, Some(power)) => factors.push(power),
+                _ => {
+                    factors.truncate(before);
+                    return false;
+                }
+            }
         }
+        match number {
+            Some(value) if coefficient.is_one() => coefficient.clone_from(value),
+            Some(value) => *coefficient *= value,
+            None => {}
+        }
+        true
     }
 
     /// An atom, or a power of one, as atom and exponent.

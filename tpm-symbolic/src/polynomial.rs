@@ -118,11 +118,19 @@ impl<V: Ord + Clone> Monomial<V> {
 
 impl<V: Ord + Clone> FromIterator<(V, i32)> for Monomial<V> {
     fn from_iter<I: IntoIterator<Item = (V, i32)>>(factors: I) -> Self {
-        let list: Factorisation<V> = factors.into_iter().filter(|factor| factor.1 != 0).collect();
-        if list.is_sorted_by(|a, b| a.0 < b.0) {
-            return Self(list);
+        let mut list: Factorisation<V> = factors.into_iter().filter(|factor| factor.1 != 0).collect();
+        if !list.is_sorted_by(|a, b| a.0 < b.0) {
+            list.sort_unstable_by(|a, b| a.0.cmp(&b.0));
+            list.dedup_by(|next, kept| {
+                let same = next.0 == kept.0;
+                if same {
+                    kept.1 += next.1;
+                }
+                same
+            });
+            list.retain(|factor| factor.1 != 0);
         }
-        list.into_iter().fold(Self::one(), |product, (v, e)| product.mul(&Self::power_of(v, e)))
+        Self(list)
     }
 }
 
@@ -130,8 +138,8 @@ impl<V: Ord + Clone> FromIterator<(V, i32)> for Monomial<V> {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Polynomial<V: Ord>(Terms<V>);
 
-/// One term lies in place: most polynomials of a model are single terms.
-type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
+/// Terms of a polynomial. One lies in place: most polynomials of a model are single terms.
+pub(crate) type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
 
 /// From how many products on packing the exponents pays.
 const PACKED: usize = 24;
@@ -223,6 +231,16 @@ impl<V: Ord + Clone> Polynomial<V> {
             terms.push((monomial, coefficient));
         }
         Self(terms)
+    }
+
+    /// From terms in any order, several of one monomial among them.
+    pub(crate) fn from_terms(terms: Terms<V>) -> Self {
+        Self(collected(terms))
+    }
+
+    /// The terms, cloned.
+    pub(crate) fn to_terms(&self) -> impl ExactSizeIterator<Item = (Monomial<V>, Rational)> + '_ {
+        self.0.iter().cloned()
     }
 
     /// Whether this is 0.

@@ -13,7 +13,8 @@ use crate::model::{Kind, Model, TermId};
 use crate::polynomial::{Monomial, Polynomial};
 use crate::rational::Rational;
 use crate::regressor::{
-    CollectedRow, Column, RegressorError, RegressorForm, Row, Term, WrittenTerm, collect_terms, regressor_form,
+    CollectedRow, CollectedTerm, Column, RegressorError, RegressorForm, Row, Term, WrittenTerm, collect_terms, names,
+    regressor_form,
 };
 use crate::unit::Unit;
 use num_traits::One;
@@ -180,7 +181,7 @@ fn lump(model: &Model, rows: Vec<CollectedRow>, prefix: &str) -> RegressorForm {
     for (index, row) in rows.into_iter().enumerate() {
         let mut coefficients: BTreeMap<Monomial<ExprId>, (Polynomial<ExprId>, TermId)> = BTreeMap::new();
         let mut terms = Vec::new();
-        for ((parameters, motion), (coefficient, source)) in row.terms {
+        for CollectedTerm { parameters, motion, coefficient, source } in row.terms {
             if parameters.is_one() {
                 terms.push(Term { column: None, coefficient, atoms: motion, source });
             } else {
@@ -195,13 +196,12 @@ fn lump(model: &Model, rows: Vec<CollectedRow>, prefix: &str) -> RegressorForm {
             coefficient,
             source,
         }));
-        result.push(Row { name: row.name.into(), terms, inputs: row.inputs });
+        result.push(Row { name: row.name, terms, inputs: row.inputs });
     }
     let keys: Vec<MotionKey> = lumped.iter().map(|entry| motion_key(&model.graph, &entry.motion)).collect();
     let mut order: Vec<usize> = (0..lumped.len()).collect();
     order.sort_by(|&a, &b| compare(&keys[a], &keys[b]).then(lumped[a].row.cmp(&lumped[b].row)));
-    let mut taken: BTreeSet<String> = model.symbols.iter().map(|quantity| quantity.name.to_string()).collect();
-    taken.extend(model.coordinates.iter().map(|coordinate| coordinate.name.clone()));
+    let mut taken = names(model);
     let mut columns: Vec<Column> = Vec::new();
     let mut known: BTreeMap<Polynomial<ExprId>, (usize, Rational)> = BTreeMap::new();
     for index in order {

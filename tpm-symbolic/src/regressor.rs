@@ -18,6 +18,7 @@ use crate::unit::Unit;
 use ecow::EcoString;
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
+use smallvec::{SmallVec, smallvec};
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 
@@ -178,13 +179,25 @@ fn classify(model: &Model, atom: ExprId) -> Class {
 /// The parameter side of a term: a monomial over parameter atoms.
 type ParameterMonomial = Monomial<ExprId>;
 
-/// coefficient and source of every (parameter monomial, motion monomial) of one equation.
-pub(crate) type Collected = BTreeMap<(ParameterMonomial, Monomial<ExprId>), (Rational, TermId)>;
+/// One term of an equation, split into its parameter side and its motion side.
+pub(crate) struct CollectedTerm {
+    pub(crate) parameters: ParameterMonomial,
+    pub(crate) motion: Monomial<ExprId>,
+    pub(crate) coefficient: Rational,
+    pub(crate) source: TermId,
+}
 
-/// An equation sorted into parameter and motion monomials.
+impl CollectedTerm {
+    fn sides(&self) -> (&ParameterMonomial, &Monomial<ExprId>) {
+        (&self.parameters, &self.motion)
+    }
+}
+
+/// An equation sorted into parameter and motion monomials: each pair once, in increasing order, with a coefficient that is
+/// not zero.
 pub(crate) struct CollectedRow {
-    pub(crate) name: String,
-    pub(crate) terms: Collected,
+    pub(crate) name: EcoString,
+    pub(crate) terms: Vec<CollectedTerm>,
     pub(crate) inputs: Vec<(Symbol, Polynomial<ExprId>)>,
 }
 
@@ -200,9 +213,17 @@ pub(crate) struct WrittenTerm {
 /// # Errors
 /// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
 pub fn regressor_form(model: &Model) -> Result<RegressorForm, RegressorError> {
+    // Equations share functions of the motion, such as the elements of an inertia matrix.
+    let terms = model.equations.iter().flat_map(|equation| &equation.terms);
+    let mut polynomials = model.graph.polynomials(terms.map(|term| term.expr)).into_iter();
     let mut rows = Vec::with_capacity(model.equations.len());
     for equation in &model.equations {
-        rows.push(collect(model, equation)?);
+        let written = equation.terms.iter().zip(polynomials.by_ref()).map(|(term, polynomial)| WrittenTerm {
+            id: term.id,
+            source: term.expr,
+            polynomial,
+        });
+        rows.push(collect_terms(model, &equation.name, &written.collect::<Vec<_>>())?);
     }
     if rows.iter().all(|row| row.inputs.is_empty()) {
         return Err(RegressorError::NoInput);
@@ -211,21 +232,12 @@ pub fn regressor_form(model: &Model) -> Result<RegressorForm, RegressorError> {
     Ok(assemble(model, rows, groups))
 }
 
-fn collect(model: &Model, equation: &crate::model::Equation) -> Result<CollectedRow, RegressorError> {
-    let written = equation.terms.iter().map(|term| WrittenTerm {
-        id: term.id,
-        source: term.expr,
-        polynomial: model.graph.polynomial(term.expr),
-    });
-    collect_terms(model, &equation.name, &written.collect::<Vec<_>>())
-}
-
 pub(crate) fn collect_terms(
     model: &Model,
     name: &str,
     written: &[WrittenTerm],
 ) -> Result<CollectedRow, RegressorError> {
-    let mut terms: Collected = BTreeMap::new();
+    let mut terms = Vec::with_capacity(written.iter().map(|source| source.polynomial.len()).sum());
     // input -> (factor monomial -> coefficient), on the left-hand side
     let mut inputs: BTreeMap<Symbol, (Polynomial<ExprId>, TermId)> = BTreeMap::new();
     for source in written {
@@ -269,12 +281,20 @@ pub(crate) fn collect_terms(
                 let slot = inputs.entry(symbol).or_insert_with(|| (Polynomial::zero(), source.id));
                 slot.0.add_term(parameters.mul(&motion), coefficient);
             } else {
-                let slot = terms.entry((parameters, motion)).or_insert_with(|| (Rational::zero(), source.id));
-                slot.0 += coefficient;
+                terms.push(CollectedTerm { parameters, motion, coefficient, source: source.id });
             }
         }
     }
-    terms.retain(|_, (coefficient, _)| !coefficient.is_zero());
+    // Stable, so that the first source of a pair stays.
+    terms.sort_by(|a, b| a.sides().cmp(&b.sides()));
+    terms.dedup_by(|next, kept| {
+        let same = next.sides() == kept.sides();
+        if same {
+            kept.coefficient += &next.coefficient;
+        }
+        same
+    });
+    terms.retain(|term| !term.coefficient.is_zero());
     inputs.retain(|_, (factor, _)| !factor.is_zero());
     if terms.is_empty() {
         let term = written.first().map(|term| term.id);
@@ -282,8 +302,8 @@ pub(crate) fn collect_terms(
     }
     normalise(model, &mut terms, &mut inputs)?;
     let name = match inputs.len() {
-        1 => inputs.keys().next().map_or_else(String::new, |symbol| model.symbol_name(*symbol)),
-        _ => name.to_owned(),
+        1 => inputs.keys().next().map_or_else(EcoString::new, |symbol| model.quantity(*symbol).name.clone()),
+        _ => name.into(),
     };
     // The input moves to the right-hand side.
     let minus_one = rational::integer(-1);
@@ -295,7 +315,7 @@ pub(crate) fn collect_terms(
 /// plain number.
 fn normalise(
     model: &Model,
-    terms: &mut Collected,
+    terms: &mut Vec<CollectedTerm>,
     inputs: &mut BTreeMap<Symbol, (Polynomial<ExprId>, TermId)>,
 ) -> Result<(), RegressorError> {
     let unknown = |factor: &Polynomial<ExprId>| {
@@ -321,10 +341,17 @@ fn normalise(
     };
     let (parameters, constants) = divisor.0.partition(|&atom| matches!(classify(model, atom), Class::Parameter));
     let scale = -divisor.1.recip();
-    let divided = std::mem::take(terms)
-        .into_iter()
-        .map(|((p, m), (c, id))| ((p.mul(&parameters.pow(-1)), m.mul(&constants.pow(-1))), (c * &scale, id)));
-    *terms = divided.collect();
+    if !scale.is_one() {
+        terms.iter_mut().for_each(|term| term.coefficient *= &scale);
+    }
+    if !divisor.0.is_one() {
+        let (parameters, constants) = (parameters.pow(-1), constants.pow(-1));
+        for term in &mut *terms {
+            term.parameters = term.parameters.mul(&parameters);
+            term.motion = term.motion.mul(&constants);
+        }
+        terms.sort_unstable_by(|a, b| a.sides().cmp(&b.sides()));
+    }
     let inverse = divisor.0.pow(-1);
     for (factor, _) in inputs.values_mut() {
         *factor = factor.mul_monomial(&inverse).scale(&scale);
@@ -346,41 +373,57 @@ fn input_not_linear(model: &Model, term: TermId, symbol: Symbol, found: ExprId) 
     RegressorError::InputNotLinear { term, input: model.symbol_name(symbol), found: model.display(found) }
 }
 
-/// A column's regressor over the whole system: (row, motion monomial) -> coefficient.
-type ColumnVector = BTreeMap<(usize, Monomial<ExprId>), Rational>;
-
 /// A merged column: sum of ratio * parameter monomial, with the regressor of the first.
 struct Group {
-    members: Vec<(ParameterMonomial, Rational)>,
+    members: SmallVec<[(ParameterMonomial, Rational); 1]>,
+}
+
+/// A parameter monomial's regressor over the whole system: its terms, row by row.
+type Regressor<'a> = SmallVec<[(usize, &'a [CollectedTerm]); 2]>;
+
+/// What `regressor` is as a multiple of `first`, when it is one.
+fn multiple(regressor: &Regressor<'_>, first: &Regressor<'_>) -> Option<Rational> {
+    let mut pairs = Vec::new();
+    for ((row, terms), (first_row, first_terms)) in regressor.iter().zip(first) {
+        if row != first_row || terms.len() != first_terms.len() {
+            return None;
+        }
+        pairs.extend(terms.iter().zip(*first_terms));
+    }
+    let same_motion = regressor.len() == first.len() && pairs.iter().all(|(a, b)| a.motion == b.motion);
+    let (lead, first_lead) = pairs.first().filter(|_| same_motion)?;
+    let ratio = &lead.coefficient / &first_lead.coefficient;
+    pairs.iter().all(|(a, b)| a.coefficient == &ratio * &b.coefficient).then_some(ratio)
 }
 
 /// Groups parameter monomials whose regressors are proportional over all rows.
 fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
-    let mut vectors: BTreeMap<&ParameterMonomial, ColumnVector> = BTreeMap::new();
-    let mut order: Vec<&ParameterMonomial> = Vec::new();
+    // Columns appear as the user wrote them: by row, then by source term.
+    let mut regressors: BTreeMap<&ParameterMonomial, ((usize, TermId), Regressor<'_>)> = BTreeMap::new();
     for (r, row) in rows.iter().enumerate() {
-        // Source order, so that columns appear as the user wrote them.
-        let mut entries: Vec<_> = row.terms.iter().filter(|((p, _), _)| !p.is_one()).collect();
-        entries.sort_by_key(|(_, (_, source))| *source);
-        for ((parameters, motion), (coefficient, _)) in entries {
-            let vector = vectors.entry(parameters).or_insert_with(|| {
-                order.push(parameters);
-                ColumnVector::new()
-            });
-            vector.insert((r, motion.clone()), coefficient.clone());
+        for terms in row.terms.chunk_by(|a, b| a.parameters == b.parameters) {
+            let Some(source) = terms.iter().map(|term| term.source).min() else { continue };
+            if !terms[0].parameters.is_one() {
+                let (_, regressor) =
+                    regressors.entry(&terms[0].parameters).or_insert_with(|| ((r, source), Regressor::new()));
+                regressor.push((r, terms));
+            }
         }
     }
-    let mut groups: Vec<Group> = Vec::new();
-    let mut seen: BTreeMap<ColumnVector, (usize, Rational)> = BTreeMap::new();
-    for parameters in order {
-        let vector = &vectors[parameters];
-        let lead = vector.values().next().expect("invariant: a column has a term").clone();
-        let unit: ColumnVector = vector.iter().map(|(key, c)| (key.clone(), c / &lead)).collect();
-        match seen.get(&unit) {
-            Some((group, first)) => groups[*group].members.push((parameters.clone(), lead / first)),
+    let mut order: Vec<(&ParameterMonomial, (usize, TermId), Regressor<'_>)> =
+        regressors.into_iter().map(|(parameters, (place, regressor))| (parameters, place, regressor)).collect();
+    order.sort_by_key(|(_, place, _)| *place);
+    let mut groups: Vec<Group> = Vec::with_capacity(order.len());
+    // The regressor of every group's first member, by where and on which motion it begins.
+    let mut seen: BTreeMap<(usize, &Monomial<ExprId>), SmallVec<[(usize, &Regressor<'_>); 1]>> = BTreeMap::new();
+    for (parameters, _, regressor) in &order {
+        let Some((row, terms)) = regressor.first() else { continue };
+        let alike = seen.entry((*row, &terms[0].motion)).or_default();
+        match alike.iter().find_map(|(group, first)| Some((group, multiple(regressor, first)?))) {
+            Some((&group, ratio)) => groups[group].members.push(((*parameters).clone(), ratio)),
             None => {
-                seen.insert(unit, (groups.len(), lead));
-                groups.push(Group { members: vec![(parameters.clone(), Rational::one())] });
+                alike.push((groups.len(), regressor));
+                groups.push(Group { members: smallvec![((*parameters).clone(), Rational::one())] });
             }
         }
     }
@@ -404,36 +447,51 @@ fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group>) -> Regre
     let mut indexed: Vec<(Option<Symbol>, Group)> = groups.into_iter().map(|group| (single(&group), group)).collect();
     // The model's own parameters in order of declaration, then the lumped ones as they appeared.
     indexed.sort_by_key(|(symbol, _)| (symbol.is_none(), *symbol));
-    let mut taken: BTreeSet<String> = model.symbols.iter().map(|quantity| quantity.name.to_string()).collect();
-    taken.extend(model.coordinates.iter().map(|coordinate| coordinate.name.clone()));
+    let mut taken: Option<BTreeSet<String>> = None;
     let mut columns = Vec::with_capacity(indexed.len());
-    let mut position: BTreeMap<ParameterMonomial, (usize, Rational)> = BTreeMap::new();
+    let mut position: Vec<(ParameterMonomial, usize)> = Vec::with_capacity(indexed.len());
     for (index, (symbol, group)) in indexed.into_iter().enumerate() {
-        let definition: Polynomial<ExprId> = group.members.iter().cloned().collect();
-        let unit = group.members.first().and_then(|(monomial, _)| monomial_unit(model, monomial));
+        let first = group.members.first().map(|(monomial, _)| monomial.clone());
+        let unit = first.as_ref().and_then(|monomial| monomial_unit(model, monomial));
+        let definition: Polynomial<ExprId> = group.members.into_iter().collect();
         let name = match symbol {
-            Some(symbol) => model.symbol_name(symbol),
-            None => lumped_name(model, &definition, &mut taken),
+            Some(symbol) => model.quantity(symbol).name.clone(),
+            None => lumped_name(model, &definition, taken.get_or_insert_with(|| names(model))).into(),
         };
         // Only the first member keeps its terms: theta_first + r theta_other multiplies the first's regressor.
-        if let Some((first, _)) = group.members.first() {
-            position.insert(first.clone(), (index, Rational::one()));
-        }
-        columns.push(Column { name: name.into(), unit, definition, parameter: symbol });
+        position.extend(first.map(|first| (first, index)));
+        columns.push(Column { name, unit, definition, parameter: symbol });
     }
+    position.sort_unstable();
     let rows = rows.into_iter().map(|row| {
-        let mut terms: Vec<Term> = row
-            .terms
-            .into_iter()
-            .filter_map(|((parameters, atoms), (coefficient, source))| {
-                let column = if parameters.is_one() { None } else { Some(position.get(&parameters)?.0) };
-                Some(Term { column, coefficient, atoms, source })
-            })
-            .collect();
-        terms.sort_by(|a, b| (a.column, &a.atoms).cmp(&(b.column, &b.atoms)));
-        Row { name: row.name.into(), terms, inputs: row.inputs }
+        let mut terms = Vec::with_capacity(row.terms.len());
+        let mut at = 0;
+        for CollectedTerm { parameters, motion: atoms, coefficient, source } in row.terms {
+            let column = if parameters.is_one() {
+                None
+            } else {
+                // Both lists ascend.
+                while position.get(at).is_some_and(|(first, _)| *first < parameters) {
+                    at += 1;
+                }
+                match position.get(at) {
+                    Some((first, column)) if *first == parameters => Some(*column),
+                    _ => continue,
+                }
+            };
+            terms.push(Term { column, coefficient, atoms, source });
+        }
+        // Within a column they are sorted by what they multiply already.
+        terms.sort_by_key(|term| term.column);
+        Row { name: row.name, terms, inputs: row.inputs }
     });
     RegressorForm { rows: rows.collect(), columns }
+}
+
+/// All names that a model has already.
+pub(crate) fn names(model: &Model) -> BTreeSet<String> {
+    let symbols = model.symbols.iter().map(|quantity| quantity.name.to_string());
+    symbols.chain(model.coordinates.iter().map(|coordinate| coordinate.name.clone())).collect()
 }
 
 fn monomial_unit(model: &Model, monomial: &ParameterMonomial) -> Option<Unit> {

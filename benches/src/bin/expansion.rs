@@ -1,11 +1,12 @@
-//! One expansion workload: its table (or, for w5a, its polynomial) as lines, how long it takes, or as many runs as asked for under an instruction
-//! counter.
+//! One expansion workload: its table (or, for w5a, its polynomial) as lines, how long it takes, or as many runs as asked for
+//! under an instruction counter.
 //!
 //! ```text
 //! expansion WORKLOAD list            the table, one entry a line
-//! expansion WORKLOAD start           what the expansion of a table starts from, for other tools
+//! expansion WORKLOAD source          the model and the pattern, for other tools
 //! expansion WORKLOAD time SECONDS    the median, in microseconds, of repetitions over so many seconds
-//! expansion WORKLOAD run COUNT       so many expansions and nothing else
+//! expansion WORKLOAD derive SECONDS  the same from the model as it was declared, which is sorted into its parameters first
+//! expansion WORKLOAD run COUNT       so many expansions and nothing else; run-derive the same from the model
 //! ```
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program whose result is its output")]
@@ -14,7 +15,7 @@ use std::hint::black_box;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 use tpm_benches::chain::Cube;
-use tpm_benches::workloads::{Workload, by_name, listing, start};
+use tpm_benches::workloads::{Workload, by_name, listing, source};
 
 enum Work {
     Table(Box<Workload>),
@@ -36,10 +37,17 @@ impl Work {
         }
     }
 
-    fn start(&self) -> Vec<String> {
+    fn source(&self) -> Vec<String> {
         match self {
-            Self::Table(workload) => start(workload),
+            Self::Table(workload) => source(workload),
             Self::Cube(_) => Vec::new(),
+        }
+    }
+
+    fn derive(&self) {
+        match self {
+            Self::Table(workload) => drop(black_box(black_box(workload).derive())),
+            Self::Cube(_) => self.run(),
         }
     }
 
@@ -55,22 +63,25 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let usage = || {
-        eprintln!("usage: expansion w1|w2|w3|w4:DEGREE|w5a:CARTS|w5b:CARTS|w6:ORDER list|start|time SECONDS|run COUNT");
+        eprintln!(
+            "usage: expansion w1|w2|w3|w4:DEGREE|w5a:CARTS|w5b:CARTS|w6:ORDER list|source|time|derive SECONDS|run COUNT"
+        );
         ExitCode::from(2)
     };
     let Some(work) = arguments.first().and_then(|name| Work::by_name(name)) else { return usage() };
     match arguments[1..] {
         ["list"] => work.list().iter().for_each(|line| println!("{line}")),
-        ["start"] => work.start().iter().for_each(|line| println!("{line}")),
-        ["run", count] => {
+        ["source"] => work.source().iter().for_each(|line| println!("{line}")),
+        [how @ ("run" | "run-derive"), count] => {
             let Ok(count) = count.parse::<u32>() else { return usage() };
             for _ in 0..count {
-                work.run();
+                if how == "run" { work.run() } else { work.derive() }
             }
         }
-        ["time", seconds] => {
+        [how @ ("time" | "derive"), seconds] => {
             let Ok(seconds) = seconds.parse::<f64>() else { return usage() };
-            println!("{:.3}", median_microseconds(Duration::from_secs_f64(seconds), || work.run()));
+            let once = || if how == "time" { work.run() } else { work.derive() };
+            println!("{:.3}", median_microseconds(Duration::from_secs_f64(seconds), once));
         }
         _ => return usage(),
     }

@@ -22,7 +22,11 @@ impl Settings {
         }
         let held = |j: &usize| self.frozen.iter().any(|frozen| frozen.parameter == *j);
         let indices: Vec<usize> = (0..parameters).filter(|j| !held(j)).collect();
-        if indices.is_empty() && parameters > 0 { Err(EstimateError::AllFrozen) } else { Ok(Free { parameters, indices }) }
+        if indices.is_empty() && parameters > 0 {
+            Err(EstimateError::AllFrozen)
+        } else {
+            Ok(Free { parameters, indices })
+        }
     }
 
     /// Puts the values at which parameters are held.

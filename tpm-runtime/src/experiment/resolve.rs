@@ -75,7 +75,9 @@ pub enum ExperimentError {
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
     Machine,
     /// A value for a machine that obeys the model, although another one is simulated.
-    #[error("{key}: the machine of plant.closed_loop_arm has no such value; leave it out, or change the arm's own there")]
+    #[error(
+        "{key}: the machine of plant.closed_loop_arm has no such value; leave it out, or change the arm's own there"
+    )]
     NotOfMachine {
         /// Its key.
         key: String,

@@ -1,0 +1,41 @@
+var=vector(#names,i,eval(names[i]));number=Map();for(i=1,#var,mapput(number,var[i],i));
+add(a,b)=if(a[1]>b[1],[a[1],a[2]+b[2]*z^(a[1]-b[1])],[b[1],a[2]*z^(b[1]-a[1])+b[2]]);
+series(c,order)={
+  my(h=high[c],p=0);
+  foreach(motions[c],part,foreach(part[2],t,my(k=t[1],x=t[2]);
+    p+=var[part[1]]*if(k,x/2*k^order*(z^(h+k)+(-1)^order*z^(h-k)),if(order,0,x*z^h))));
+  [h,p*var[2]^order];
+};
+value(n,v)={
+  my(r);
+  if(n[1]==0,return([0,0]));
+  if(n[1]==1,return([0,n[2]]));
+  if(n[1]==2,return([0,var[n[2]]]));
+  if(n[1]==3,return(series(n[2],n[3])));
+  r=v[n[2]];
+  if(n[1]==6,return([r[1]*n[3],r[2]^n[3]]));
+  for(i=3,#n,my(o=v[n[i]]);r=if(n[1]==4,add(r,o),[r[1]+o[1],r[2]*o[2]]));
+  r;
+};
+collect(p,e)={if(type(p)!="t_POL",if(p,listput(out,[p,e])),my(v=mapget(number,variable(p)),g=e);for(d=0,poldegree(p),g[v]=d;collect(polcoef(p,d),g)))};
+work()={
+  my(v=vector(#nodes),table=List());
+  for(i=1,#nodes,v[i]=value(nodes[i],v));
+  for(q=1,#equations,
+    my(t=equations[q],r=v[t[1]]);
+    for(i=2,#t,r=add(r,v[t[i]]));
+    out=List();collect(r[2],vector(#var));
+    foreach(out,o,my(c=o[1],e=o[2],k=e[1]-r[1],turn=e[2]%4);
+      if(k>=0,listput(table,[q,k,if(turn==1||turn==2,-c,c)*if(k,2,1),e]))));
+  table;
+};
+{
+  my(batch=1,times=List(),t,start);
+  foreach(work(),t,print1(t[1]-1," ",t[2]," ",t[3]);for(i=2,#var,if(t[4][i],print1(" ",names[i],"^",t[4][i])));print());
+  while(1,t=getabstime();for(i=1,batch,work());if(getabstime()-t>=20,break);batch*=2);
+  start=getabstime();
+  while(getabstime()-start<1000*seconds||#times<5,t=getabstime();for(i=1,batch,work());listput(times,(getabstime()-t)/batch));
+  times=vecsort(Vec(times));
+  printf("%.3f\n",1000.*times[#times\2+1]);
+}
+quit
