@@ -333,7 +333,8 @@ def c_cube(carts, seconds, binary):
     return outside_cube(carts, subprocess.run([binary, str(carts), str(seconds)], check=True, capture_output=True, text=True).stdout)
 
 
-def median_of(work, seconds):
+def least(work, seconds):
+    """The least time of a run, over batches of a millisecond: a virtual machine halves its speed now and then."""
     batch, elapsed = 1, 0
     while True:
         start = time.process_time()
@@ -349,7 +350,7 @@ def median_of(work, seconds):
         for _ in range(batch):
             work()
         times.append((time.process_time() - start) / batch * 1e6)
-    return statistics.median(times)
+    return min(times)
 
 
 def flat(p):
@@ -452,6 +453,16 @@ def gp_model(source, seconds, gp):
     return sorted(lines), float(last)
 
 
+def ratios(measures, tpm, repetitions):
+    """tpm's least time and, per peer, its least time over tpm's; they alternate."""
+    own, found = [], {peer: [] for peer in measures}
+    for _ in range(repetitions):
+        own.append(tpm())
+        for peer, measure in measures.items():
+            found[peer].append(measure())
+    return min(own), {peer: min(times) / min(own) for peer, times in found.items()}
+
+
 def main():
     options = json.loads(sys.argv[1])
     seconds = options['seconds']
@@ -472,7 +483,7 @@ def main():
     def row(name, entries, own, ratios):
         cells = ' | '.join(f'{ratios[peer]:.1f}' if peer in ratios else '' for peer in peers)
         best = min(ratio for peer, ratio in ratios.items() if peer in scripting)
-        print(f'| {name} | {entries} | {statistics.median(own):.1f} | {cells} | {best:.1f} |', flush=True)
+        print(f'| {name} | {entries} | {own:.1f} | {cells} | {best:.1f} |', flush=True)
 
     for name in options['workloads']:
         kind, _, size = name.partition(':')
@@ -481,51 +492,44 @@ def main():
         tpm = lambda *arguments: subprocess.run([options['tpm'], name, *arguments], check=True, capture_output=True, text=True).stdout
         expected = sorted(tpm('list').splitlines())
 
-        def cube(peer):
-            """The lines of the cube, the time of the polynomial, and that of the polynomial with its terms read out."""
-            if peer in available:
-                work, terms = cubes[peer](carts)
-                return chain_lines(carts, terms(work())), median_of(work, seconds), median_of(lambda: list(terms(work())), seconds)
-            return gp_cube(carts, seconds, options['gp']) if peer == 'PARI/GP' else c_cube(carts, seconds, options['c_cube'])
+        def check(peer, lines):
+            if lines != expected:
+                different = set(lines) ^ set(expected)
+                raise SystemExit(f'{peer} disagrees on {name}: {sorted(different)[:6]}')
 
-        def table(peer):
-            """The lines of the table, the time from the prepared program to it, and that from the model, where it is measured."""
-            whole = None
-            if peer == 'FLINT from C':
-                found, median = run_c(p, seconds, options['c'])
-            elif peer == 'PARI/GP':
-                found, median = run_gp(p, seconds, options['gp'])
-                # Larger tables take seconds from the model.
-                if kind != 'w5b' and len(expected) < 1000:
-                    lines, whole = gp_model(tpm('source').splitlines(), seconds, options['gp'])
-                    if lines != expected:
-                        raise SystemExit(f'{peer} disagrees on {name} from the model')
-            else:
+        # What a peer takes from a prepared program to the polynomials, and from tpm's start to tpm's end, in microseconds.
+        prepared, whole = {}, {}
+        for peer in peers:
+            if carts and peer in available:
+                work, terms = cubes[peer](carts)
+                check(peer, chain_lines(carts, terms(work())))
+                prepared[peer] = lambda work=work: least(work, seconds)
+                whole[peer] = lambda work=work, terms=terms: least(lambda: list(terms(work())), seconds)
+            elif carts:
+                run = (lambda: gp_cube(carts, seconds, options['gp'])) if peer == 'PARI/GP' else (lambda: c_cube(carts, seconds, options['c_cube']))
+                check(peer, run()[0])
+                prepared[peer], whole[peer] = lambda run=run: run()[1], lambda run=run: run()[2]
+            elif peer in available:
                 work = available[peer](p)
-                found, median = [entries for _, entries in work()], median_of(work, seconds)
+                check(peer, p.lines([entries for _, entries in work()]))
+                prepared[peer] = lambda work=work: least(work, seconds)
                 if peer in whole_tools and kind != 'w5b':
                     work, lines = from_model(tpm('source').splitlines(), whole_tools[peer])
-                    if lines(work()) != expected:
-                        raise SystemExit(f'{peer} disagrees on {name} from the model')
-                    whole = median_of(work, seconds)
-            return p.lines(found), median, whole
-
-        own, derived, ratios, wholes = [], [], {peer: [] for peer in peers}, {peer: [] for peer in peers}
-        # Peers and tpm alternate, so that a change of the machine's load meets all of them.
-        for repetition in range(options['repetitions']):
-            own.append(float(tpm('time', str(seconds))))
-            derived.append(own[-1] if kind in ('w5a', 'w5b') else float(tpm('derive', str(seconds))))
-            for peer in peers:
-                lines, median, whole = cube(peer) if carts else table(peer)
-                if repetition == 0 and lines != expected:
-                    different = set(lines) ^ set(expected)
-                    raise SystemExit(f'{peer} disagrees on {name}: {sorted(different)[:6]}')
-                ratios[peer].append(median / own[-1])
-                if whole is not None:
-                    wholes[peer].append(whole / derived[-1])
-        row(name, len(expected), own, {peer: statistics.median(values) for peer, values in ratios.items()})
-        if any(wholes.values()):
-            row(f'{name}, whole', '', derived, {peer: statistics.median(values) for peer, values in wholes.items() if values})
+                    check(peer, lines(work()))
+                    whole[peer] = lambda work=work: least(work, seconds)
+            else:
+                run = (lambda: run_gp(p, seconds, options['gp'])) if peer == 'PARI/GP' else (lambda: run_c(p, seconds, options['c']))
+                check(peer, p.lines(run()[0]))
+                prepared[peer] = lambda run=run: run()[1]
+                # Larger tables take seconds from the model.
+                if peer == 'PARI/GP' and kind != 'w5b' and len(expected) < 1000:
+                    run = lambda: gp_model(tpm('source').splitlines(), seconds, options['gp'])
+                    check(peer, run()[0])
+                    whole[peer] = lambda run=run: run()[1]
+        row(name, len(expected), *ratios(prepared, lambda: float(tpm('time', str(seconds))), options['repetitions']))
+        if whole:
+            how = 'time' if carts else 'derive'
+            row(f'{name}, whole', '', *ratios(whole, lambda: float(tpm(how, str(seconds))), options['repetitions']))
 
 
 main()

@@ -128,6 +128,10 @@ fn a10_to_a32_agree_with_numerical_differentiation_and_with_implicit_differentia
     for (found, printed) in implicit.slopes().iter().zip(&printed) {
         assert!(b.is_zero(&(b.e(*found) - printed)));
     }
+    let text = |name: &str, e: &E| format!("{name} = {}\n", b.model(|m| m.display(e.id)));
+    let slopes = implicit.slopes().iter().zip(["dth3/dth2", "dth4/dth2"]).map(|(slope, name)| text(name, &b.e(*slope)));
+    let functions = arm.f.iter().zip(["f1", "f2", "f3"]).map(|(f, name)| text(name, f));
+    insta::assert_snapshot!("functions_of_th2", slopes.chain(functions).collect::<String>());
     let derivatives: Vec<Vec<E>> = arm
         .f
         .iter()
@@ -201,6 +205,8 @@ fn a10_and_a11_are_the_printed_ones() {
     let f1 = b.e(b.graph(|g| g.substitute(arm.f[0].id, &replaced)));
     let expansion = Expansion { coordinate: arm.th2, point: q.id, order: 1 };
     let found = b.model(|model| series(model, f1.id, &[expansion])).expect("regular");
+    let text = |k: u32| b.model(|m| m.display(found.coefficients[&smallvec::smallvec![k]]));
+    insta::assert_snapshot!("a10_and_a11", format!("a10 = {}\na11 = {}\n", text(0), text(1)));
     let mut rng = ChaCha8Rng::seed_from_u64(9);
     for _ in 0..40 {
         let (mut values, point) = geometry(&arm, &mut rng);

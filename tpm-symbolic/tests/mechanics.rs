@@ -9,6 +9,7 @@ use tpm_symbolic::lagrange::{EulerLagrange, LagrangeError, Lagrangian, euler_lag
 use tpm_symbolic::linearize::{LinearizeError, OperatingPoint, linearize, substitute_coordinate};
 use tpm_symbolic::model::{Equation, Kind};
 use tpm_symbolic::rational::{self, Rational, integer, ratio};
+use tpm_symbolic::trig;
 
 fn derive(b: &Build, lagrangian: &Lagrangian) -> EulerLagrange {
     b.model(|model| euler_lagrange(model, lagrangian)).expect("energies of a mechanical system")
@@ -18,8 +19,9 @@ fn row(b: &Build, equation: &Equation) -> E {
     b.e(b.graph(|g| g.sum(&equation.terms.iter().map(|term| term.expr).collect::<Vec<_>>())))
 }
 
-/// The derived equations and M q'' + C q' + G - Q agree with the printed left minus right-hand sides.
-fn check(b: &Build, derived: &EulerLagrange, printed: &[E]) {
+/// The derived equations and M q'' + C q' + G - Q agree with the printed left minus right-hand sides; as tpm prints them
+/// they are kept under a name.
+fn check(name: &str, b: &Build, derived: &EulerLagrange, printed: &[E]) {
     let residual = b.model(|model| derived.residual(model));
     assert_eq!(derived.equations.len(), printed.len());
     for ((equation, residual), printed) in derived.equations.iter().zip(residual).zip(printed) {
@@ -27,6 +29,39 @@ fn check(b: &Build, derived: &EulerLagrange, printed: &[E]) {
         assert!(b.is_zero(&(&found - printed)), "{}", b.model(|m| m.display(found.id)));
         assert!(b.is_zero(&(b.e(residual) - found)));
     }
+    let mut text = String::new();
+    for equation in &derived.equations {
+        text += &format!("{}: {} = 0\n", equation.name, simplest(b, row(b, equation).id));
+    }
+    let matrices = [("M", Some(&derived.mass)), ("C", Some(&derived.coriolis)), ("D", derived.damping.as_ref())];
+    for (letter, matrix) in matrices.into_iter().filter_map(|(letter, matrix)| Some((letter, matrix?))) {
+        text += &entries(b, letter, matrix);
+    }
+    text += &entries(b, "G", &derived.gravity.iter().map(|entry| vec![*entry]).collect::<Vec<_>>());
+    insta::assert_snapshot!(name, text);
+}
+
+/// An expression as it is, or multiplied out in single angles where that is shorter.
+fn simplest(b: &Build, expr: ExprId) -> String {
+    b.model(|m| {
+        let simplified = trig::simplify(&mut m.graph, expr);
+        let texts = [m.display(expr), m.display(simplified)];
+        texts.into_iter().min_by_key(String::len).unwrap_or_default()
+    })
+}
+
+/// The entries of a matrix that are not zero, a line each.
+fn entries(b: &Build, letter: &str, matrix: &[Vec<ExprId>]) -> String {
+    let mut text = String::new();
+    for (i, row) in matrix.iter().enumerate() {
+        for (j, entry) in row.iter().enumerate() {
+            let entry = simplest(b, *entry);
+            if entry != "0" {
+                text += &format!("{letter}[{}, {}] = {entry}\n", i + 1, j + 1);
+            }
+        }
+    }
+    text
 }
 
 fn same(b: &Build, found: ExprId, expected: &E) {
@@ -59,7 +94,7 @@ fn feng_5_1_and_5_2_from_the_energy() {
         2 * (&f1 * &a1) + &f3 * &a2 + 2 * (&df1 * &v1) * &v2 + &df3 * v2.pow(2) - &tau1,
         &f3 * &a1 + 2 * (&f2 * &a2) - &df1 * v1.pow(2) + &df2 * v2.pow(2) - &tau2,
     ];
-    check(&b, &derived, &printed);
+    check("feng_5_1_and_5_2", &b, &derived, &printed);
     assert_eq!(derived.equations[0].name, "tau1");
     same(&b, derived.mass[0][0], &(2 * &f1));
     same(&b, derived.mass[0][1], &f3);
@@ -88,7 +123,7 @@ fn feng_6_6_and_6_7_cart_and_pendulum_in_the_horizontal_plane() {
         &m * &l * (&dds * s.cos() - ds.pow(2) * s.sin()) + (&big + &m) * &a - &force,
         &m * &l * &a * s.cos() + &m * l.pow(2) * &dds - &tau,
     ];
-    check(&b, &derived, &printed);
+    check("feng_6_6_and_6_7", &b, &derived, &printed);
 }
 
 /// Fong's pendulum: energies as in the paper, J2 about the pivot with m2 c2^2 added to it once more.
@@ -179,7 +214,7 @@ fn fong_3_and_26_from_the_energies() {
     for (upright, sign) in [(true, 1), (false, -1)] {
         let p = pendulum(upright);
         let (mass, velocity, gravity, residual) = printed(&p, sign);
-        check(&p.b, &p.derived, &residual);
+        check(if upright { "fong_3" } else { "fong_26" }, &p.b, &p.derived, &residual);
         let damping = p.derived.damping.as_ref().expect("viscous friction is quadratic");
         for i in 0..2 {
             same(&p.b, p.derived.gravity[i], &gravity[i]);
@@ -257,6 +292,11 @@ fn fong_15_to_28_linearised() {
         // Eqns 20, 22 (upright) and 27 (downward), state (th1, th2, th1', th2').
         let determinant = &arm * &rod - coupling.pow(2);
         same(b, linear.determinant, &determinant);
+        let mut text = entries(b, "M", &linear.mass) + &entries(b, "D", &linear.damping);
+        text += &(entries(b, "K", &linear.stiffness) + &entries(b, "F", &linear.input));
+        text += &entries(b, "det", &[vec![linear.determinant]]);
+        text += &(entries(b, "A", &linear.a) + &entries(b, "B", &linear.b));
+        insta::assert_snapshot!(if upright { "fong_15_to_22" } else { "fong_27" }, text);
         let expected = [
             [zero.clone(), &coupling * &gravity, -(&rod * &friction), -(&coupling * &f2), &rod * &drive],
             [zero.clone(), &arm * &gravity, -(&coupling * &friction), -(&arm * &f2), &coupling * &drive],
@@ -411,7 +451,7 @@ fn gyroscopic_terms_and_dry_friction() {
         &m * &ax - 2 * (&m * &w * &vy) - &m * w.pow(2) * &qx + &f * &sign,
         &m * &ay + 2 * (&m * &w * &vx) - &m * w.pow(2) * &qy,
     ];
-    check(&b, &derived, &printed);
+    check("rotating_frame", &b, &derived, &printed);
     assert_eq!(derived.damping, None);
     same(&b, derived.coriolis[0][1], &-(2 * (&m * &w)));
 }

@@ -4,7 +4,7 @@
 //! ```text
 //! expansion WORKLOAD list            the table, one entry a line
 //! expansion WORKLOAD source          the model and the pattern, for other tools
-//! expansion WORKLOAD time SECONDS    the median, in microseconds, of repetitions over so many seconds
+//! expansion WORKLOAD time SECONDS    the least time, in microseconds, of repetitions over so many seconds
 //! expansion WORKLOAD derive SECONDS  the same from the model as it was declared, which is sorted into its parameters first
 //! expansion WORKLOAD run COUNT       so many expansions and nothing else; run-derive the same from the model
 //! ```
@@ -81,31 +81,30 @@ fn main() -> ExitCode {
         [how @ ("time" | "derive"), seconds] => {
             let Ok(seconds) = seconds.parse::<f64>() else { return usage() };
             let once = || if how == "time" { work.run() } else { work.derive() };
-            println!("{:.3}", median_microseconds(Duration::from_secs_f64(seconds), once));
+            println!("{:.3}", least_microseconds(Duration::from_secs_f64(seconds), once));
         }
         _ => return usage(),
     }
     ExitCode::SUCCESS
 }
 
-/// The median over batches of at least 20 microseconds each.
-fn median_microseconds(budget: Duration, mut work: impl FnMut()) -> f64 {
-    let mut batch = 1u32;
-    loop {
+/// The least time of a run, over batches of a millisecond: a virtual machine halves its speed now and then.
+fn least_microseconds(budget: Duration, mut work: impl FnMut()) -> f64 {
+    let mut batch_of = |count: u32| {
         let start = Instant::now();
-        (0..batch).for_each(|_| work());
-        if start.elapsed() > Duration::from_micros(20) {
-            break;
-        }
+        (0..count).for_each(|_| work());
+        start.elapsed()
+    };
+    let mut batch = 1u32;
+    while batch_of(batch) < Duration::from_millis(1) {
         batch *= 2;
     }
     let start = Instant::now();
-    let mut times = Vec::new();
-    while start.elapsed() < budget || times.len() < 5 {
-        let one = Instant::now();
-        (0..batch).for_each(|_| work());
-        times.push(one.elapsed().as_secs_f64() * 1e6 / f64::from(batch));
+    let mut least = batch_of(batch);
+    let mut runs = 1;
+    while start.elapsed() < budget || runs < 5 {
+        least = least.min(batch_of(batch));
+        runs += 1;
     }
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+    least.as_secs_f64() * 1e6 / f64::from(batch)
 }
