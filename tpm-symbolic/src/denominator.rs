@@ -345,7 +345,7 @@ impl Reduction<'_> {
     /// Writes `numerator / (denominator / 2^halvings)` in lowest terms: the numerator's words in two's complement, then
     /// [`Self::words`] of the positive denominator. The numerator is not zero; the denominator is even when `halvings`
     /// is 1.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn write<T: Numerator>(&self, numerator: &T, halvings: u32, out: &mut [u64]) {
         let (above, below) = out.split_at_mut(out.len() - self.words);
         if self.cofactor.is_some() {
@@ -381,7 +381,7 @@ impl Reduction<'_> {
     }
 
     /// [`Self::write`] for all other numbers.
-    #[inline]
+    #[inline(never)]
     fn write_wide<T: Numerator>(&self, numerator: &T, two: u32, above: &mut [u64], below: &mut [u64]) {
         let negative = numerator.is_negative();
         let magnitude = if negative { numerator.negated() } else { numerator.clone() };

@@ -483,7 +483,7 @@ struct Expansion<'a, 'p, K> {
     factors: Factors,
     bases: SmallVec<[Base; 4]>,
     /// The parts of all atoms, as products.
-    parts: SmallVec<[Product<K>; 4]>,
+    parts: Vec<Product<K>>,
     /// Powers of atoms with several parts, by atom and exponent.
     powers: Vec<Vec<Vec<Product<K>>>>,
     /// Common denominators of columns.
@@ -491,9 +491,9 @@ struct Expansion<'a, 'p, K> {
     /// The products of the column at hand, and room to multiply them.
     products: Vec<Product<K>>,
     scratch: Vec<Product<K>>,
-    groups: SmallVec<[Group; 4]>,
+    groups: Vec<Group>,
     sums: Vec<Sum>,
-    contributions: SmallVec<[Contribution<K>; 4]>,
+    contributions: Vec<Contribution<K>>,
     /// Bits of the largest factor of a contribution, and of the largest common denominator of a column.
     factor_bits: u64,
     common_bits: u64,
@@ -524,14 +524,14 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
             symbol_layout,
             factors: Factors::default(),
             bases: SmallVec::new(),
-            parts: SmallVec::new(),
+            parts: Vec::with_capacity(atoms.parts.len()),
             powers,
             common: Vec::new(),
             products: Vec::with_capacity(terms),
             scratch: Vec::new(),
-            groups: SmallVec::with_capacity(terms),
+            groups: Vec::with_capacity(terms),
             sums: Vec::new(),
-            contributions: SmallVec::with_capacity(terms),
+            contributions: Vec::with_capacity(terms),
             factor_bits: 0,
             common_bits: 0,
             rooms: Rooms::default(),
@@ -797,7 +797,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
         let words = (degree * bits as f64 + (self.factor_bits + self.common_bits) as f64) / 64.0 + 2.0;
         let entries = self.contributions.len() as f64 * 2.0 * (degree * highest + 1.0);
         // Half of the harmonics are of the other parity, and one of cosine and sine is mostly missing.
-        ((entries * words / 4.0) as usize, entries * words < 1e4)
+        ((entries * words / 4.0) as usize, entries * words < 3e4)
     }
 
     fn report(
@@ -822,7 +822,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
         let mut present: SmallVec<[i64; 8]> = smallvec![0; count];
         let mut exponents = present.clone();
         let (present, exponents) = (present.as_mut_slice(), exponents.as_mut_slice());
-        let mut levels: SmallVec<[Level; 4]> = SmallVec::new();
+        let mut levels: Vec<Level> = Vec::with_capacity(4);
         // What comes first is the empty product, when there is one.
         let constant = contributions.first().is_some_and(|first| first.shapes == K::one(self.shape_layout));
         let spectrum = if constant { Spectrum::one() } else { Spectrum::factor_one() };
