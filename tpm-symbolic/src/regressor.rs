@@ -413,21 +413,22 @@ fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
     let mut order: Vec<(&ParameterMonomial, (usize, TermId), Regressor<'_>)> =
         regressors.into_iter().map(|(parameters, (place, regressor))| (parameters, place, regressor)).collect();
     order.sort_by_key(|(_, place, _)| *place);
-    let mut groups: Vec<Group> = Vec::with_capacity(order.len());
-    // The regressor of every group's first member, by where and on which motion it begins.
-    let mut seen: BTreeMap<(usize, &Monomial<ExprId>), SmallVec<[(usize, &Regressor<'_>); 1]>> = BTreeMap::new();
+    // A group with the regressor of its first member.
+    let mut groups: Vec<(Group, &Regressor<'_>)> = Vec::with_capacity(order.len());
+    // Groups by where, and on which motion, they begin.
+    let mut seen: BTreeMap<(usize, &Monomial<ExprId>), SmallVec<[usize; 1]>> = BTreeMap::new();
     for (parameters, _, regressor) in &order {
         let Some((row, terms)) = regressor.first() else { continue };
         let alike = seen.entry((*row, &terms[0].motion)).or_default();
-        match alike.iter().find_map(|(group, first)| Some((group, multiple(regressor, first)?))) {
-            Some((&group, ratio)) => groups[group].members.push(((*parameters).clone(), ratio)),
+        match alike.iter().find_map(|&group| Some((group, multiple(regressor, groups[group].1)?))) {
+            Some((group, ratio)) => groups[group].0.members.push(((*parameters).clone(), ratio)),
             None => {
-                alike.push((groups.len(), regressor));
-                groups.push(Group { members: smallvec![((*parameters).clone(), Rational::one())] });
+                alike.push(groups.len());
+                groups.push((Group { members: smallvec![((*parameters).clone(), Rational::one())] }, regressor));
             }
         }
     }
-    groups
+    groups.into_iter().map(|(group, _)| group).collect()
 }
 
 fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group>) -> RegressorForm {
