@@ -729,6 +729,11 @@ impl Graph {
         }
         let mut stack: SmallVec<[ExprId; 8]> = smallvec![expr];
         while let Some(&id) = stack.last() {
+            // Another node that needs it may have come first.
+            if memo.contains_key(&id) {
+                stack.pop();
+                continue;
+            }
             match self.polynomial_of(id, memo, &mut stack) {
                 // Terms of a model share their parts, hardly ever the whole.
                 Some(value) if id == expr => return value,
@@ -756,7 +761,7 @@ impl Graph {
         let waiting = stack.len();
         let mut known = |operand: &ExprId| {
             let found = memo.get(operand);
-            if found.is_none() && !stack[waiting..].contains(operand) {
+            if found.is_none() {
                 stack.push(*operand);
             }
             found

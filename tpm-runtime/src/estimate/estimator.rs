@@ -60,7 +60,7 @@ impl Run<'_> {
         if !(measured && self.trial.open.iter().any(rests)) {
             return Cow::Borrowed(reference);
         }
-        let reach = 4 * reference.highest_harmonic().max(1) as usize;
+        let reach = reach(reference).max(1);
         let series = |c: usize| {
             let certain =
                 |k: usize, z: &Complex<f64>| k <= reach && z.norm_sqr() > CERTAIN * self.spectra.noise[k][(c, c)].re;
@@ -181,8 +181,7 @@ impl PooledMotion {
     fn design(&self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(Information, Vec<Vec<f64>>), EstimateError> {
         let free = self.settings.free(model.dims().parameters)?;
         let motion = run.judged_motion();
-        let reach = 4 * motion.highest_harmonic() as usize;
-        let own = Along::design(model, &run.trial.constants, &motion, reach.max(1), &free.indices)?;
+        let own = Along::design(model, &run.trial.constants, &motion, reach(&motion).max(1), &free.indices)?;
         let whole = self.design.last().map_or_else(|| own.clone(), |(before, _)| before.pool(&own));
         let found = whole.solve(&vec![0.0; free.indices.len()], None).unobservable;
         let hidden = found.iter().map(|direction| free.spread(direction)).collect();
@@ -202,7 +201,7 @@ impl Estimator for PooledMotion {
 
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
         let design = self.design(model, run)?;
-        let settings = Settings { reach: 4 * run.judged_motion().highest_harmonic() as usize, ..self.with(&design.1) };
+        let settings = Settings { reach: reach(&run.judged_motion()), ..self.with(&design.1) };
         let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &settings)?;
         self.records.push(record);
         let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, &settings)?.values);
@@ -340,10 +339,14 @@ impl Reduced {
     }
 }
 
-/// Harmonics to use: as asked, or four times the highest of the reference, as far as the record resolves them.
+/// The harmonics that belong to an experiment with this motion: up to four times its highest.
+fn reach(motion: &Trajectory) -> usize {
+    4 * motion.highest_harmonic() as usize
+}
+
+/// Harmonics to use: as asked, or those of the experiment, as far as the record resolves them.
 pub(super) fn highest_harmonic(settings: &Settings, run: &Run<'_>) -> usize {
-    let reach = 4 * run.trial.trajectory.highest_harmonic() as usize;
-    settings.harmonics.unwrap_or(reach).min(run.spectra.highest()).max(1)
+    settings.harmonics.unwrap_or(reach(&run.trial.trajectory)).min(run.spectra.highest()).max(1)
 }
 
 /// What linearised runs have taught.
