@@ -237,6 +237,22 @@ proptest! {
         let expected = (0..n).fold(one, |product, _| naive::series_product(&product, &base));
         prop_assert_eq!(naive::series_of(&a.pow(n)), expected);
     }
+
+    /// On odd harmonics x^p x'^q has those of the parity of p + q, cosines for even q and sines for odd, up to (p + q) times
+    /// the highest.
+    #[test]
+    fn harmonics_have_the_parity_of_the_product(p in 0i32..9, q in 0i32..9, half in 0u32..5) {
+        let order = 2 * half + 1;
+        let (b, pattern) = monomials(order, [(p, q)].into_iter());
+        let table = expand(&b.model, &b.form, &pattern).expect("finite");
+        let degree = usize::try_from(p + q).expect("not negative");
+        for entry in table.entries() {
+            prop_assert_eq!(entry.harmonic % 2, degree % 2);
+            prop_assert_eq!(entry.function == Trig::Sin, q % 2 == 1);
+        }
+        let highest = table.entries().map(|entry| entry.harmonic).max();
+        prop_assert_eq!(highest, Some(degree * order as usize));
+    }
 }
 
 /// All x^p x'^q with `degrees` of p + q, under a rest-to-rest pattern.
