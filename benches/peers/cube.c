@@ -4,7 +4,7 @@
 #include <flint/fmpz_vec.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
+#include "least.h"
 
 static long l;
 static fmpz_mpoly_ctx_t ctx;
@@ -77,12 +77,6 @@ static void list(void) {
     }
 }
 
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return 1e6 * t.tv_sec + 1e-3 * t.tv_nsec;
-}
-
 /* Every coefficient with its exponents, as a caller needs them. */
 static void read_out(const fmpz_mpoly_t cube) {
     long length = fmpz_mpoly_length(cube, ctx), count = 3 * l - 1;
@@ -96,27 +90,19 @@ static void read_out(const fmpz_mpoly_t cube) {
     free(e);
 }
 
-static double batch_of(long batch, int whole) {
+static void polynomial(void) {
     fmpz_mpoly_t cube;
-    double start = now();
-    for (long i = 0; i < batch; i++) {
-        fmpz_mpoly_init(cube, ctx);
-        work(cube);
-        if (whole) read_out(cube);
-        fmpz_mpoly_clear(cube, ctx);
-    }
-    return now() - start;
+    fmpz_mpoly_init(cube, ctx);
+    work(cube);
+    fmpz_mpoly_clear(cube, ctx);
 }
 
-static double least(double seconds, int whole) {
-    long batch = 1, n = 0;
-    while (batch_of(batch, whole) < 1000) batch *= 2;
-    double end = now() + 1e6 * seconds, found = 0;
-    for (; now() < end || n < 5; n++) {
-        double once = batch_of(batch, whole) / batch;
-        if (n == 0 || once < found) found = once;
-    }
-    return found;
+static void whole(void) {
+    fmpz_mpoly_t cube;
+    fmpz_mpoly_init(cube, ctx);
+    work(cube);
+    read_out(cube);
+    fmpz_mpoly_clear(cube, ctx);
 }
 
 int main(int argc, char **argv) {
@@ -125,7 +111,7 @@ int main(int argc, char **argv) {
     if (l < 2 || l > 30) return 2;
     fmpz_mpoly_ctx_init(ctx, 3 * l - 1, ORD_DEGREVLEX);
     list();
-    double polynomial = least(atof(argv[2]), 0);
-    printf("%.3f %.3f\n", polynomial, least(atof(argv[2]), 1));
+    double seconds = atof(argv[2]), alone = least(seconds, polynomial);
+    printf("%.3f %.3f\n", alone, least(seconds, whole));
     return 0;
 }

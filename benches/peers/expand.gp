@@ -11,14 +11,10 @@ work()={
     listput(table,entries));
   table;
 }
+if(#nodes==0,nodes=matrix(0,2));
 {
-  my(table,batch=1,times=List(),t,start,begun);
-  if(#nodes==0,nodes=matrix(0,2));
-  table=work();
+  my(table=work());
   for(g=1,#table,foreach(table[g],e,print(g-1," ",e[1]," ",e[2])));
-  while(1,t=getabstime();for(i=1,batch,work());if(getabstime()-t>=20,break);batch*=2);
-  start=getabstime();
-  while(getabstime()-start<1000*seconds||#times<5,t=getabstime();for(i=1,batch,work());listput(times,(getabstime()-t)/batch));
-  printf("%.3f\n",1000.*vecmin(Vec(times)));
 }
+printf("%.3f\n",least(work));
 quit

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
+#include "least.h"
 
 typedef struct { long node; fmpq_t factor; } part;
 typedef struct { long count; part *parts; } group;
@@ -153,31 +153,12 @@ static void work(int list) {
     free(table); free(lengths); free(values);
 }
 
-static double now(void) {
-    struct timespec t;
-    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-    return t.tv_sec * 1e6 + t.tv_nsec * 1e-3;
-}
+static void table(void) { work(0); }
 
 int main(int argc, char **argv) {
     if (argc < 3) return 2;
     load(argv[1]);
     if (!strcmp(argv[2], "list")) { work(1); return 0; }
-    double seconds = atof(argv[3]);
-    long batch = 1;
-    for (;;) {
-        double t = now();
-        for (long i = 0; i < batch; i++) work(0);
-        if (now() - t > 1000) break;
-        batch *= 2;
-    }
-    double least = 0, begun = now();
-    for (long count = 0; now() - begun < 1e6 * seconds || count < 5; count++) {
-        double t = now();
-        for (long i = 0; i < batch; i++) work(0);
-        double once = (now() - t) / batch;
-        if (count == 0 || once < least) least = once;
-    }
-    printf("%.3f\n", least);
+    printf("%.3f\n", least(atof(argv[3]), table));
     return 0;
 }

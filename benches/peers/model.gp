@@ -17,24 +17,16 @@ value(n,v)={
   for(i=3,#n,my(o=v[n[i]]);r=if(n[1]==4,add(r,o),[r[1]+o[1],r[2]*o[2]]));
   r;
 };
-collect(p,e)={if(type(p)!="t_POL",if(p,listput(out,[p,e])),my(v=mapget(number,variable(p)),g=e);for(d=0,poldegree(p),g[v]=d;collect(polcoef(p,d),g)))};
 work()={
   my(v=vector(#nodes),table=List());
   for(i=1,#nodes,v[i]=value(nodes[i],v));
   for(q=1,#equations,
     my(t=equations[q],r=v[t[1]]);
     for(i=2,#t,r=add(r,v[t[i]]));
-    out=List();collect(r[2],vector(#var));
-    foreach(out,o,my(c=o[1],e=o[2],k=e[1]-r[1],turn=e[2]%4);
+    foreach(terms(r[2]),o,my(c=o[1],e=o[2],k=e[1]-r[1],turn=e[2]%4);
       if(k>=0,listput(table,[q,k,if(turn==1||turn==2,-c,c)*if(k,2,1),e]))));
   table;
 };
-{
-  my(batch=1,times=List(),t,start);
-  foreach(work(),t,print1(t[1]-1," ",t[2]," ",t[3]);for(i=2,#var,if(t[4][i],print1(" ",names[i],"^",t[4][i])));print());
-  while(1,t=getabstime();for(i=1,batch,work());if(getabstime()-t>=20,break);batch*=2);
-  start=getabstime();
-  while(getabstime()-start<1000*seconds||#times<5,t=getabstime();for(i=1,batch,work());listput(times,(getabstime()-t)/batch));
-  printf("%.3f\n",1000.*vecmin(Vec(times)));
-}
+foreach(work(),t,print1(t[1]-1," ",t[2]," ",t[3]);t[4][1]=0;factors(t[4]));
+printf("%.3f\n",least(work));
 quit

@@ -1,7 +1,5 @@
 """Runs the peers on the workloads, checks that all give tpm's table, and prints the ratios. Started by `run`."""
 import json
-import re
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -9,6 +7,26 @@ import time
 from pathlib import Path
 
 from workloads import chain_cube, chain_lines, chain_symbols, program
+
+
+def flint_entries(total, top, step):
+    """The coefficients of the harmonics from 0 on of z^-top times a polynomial in z^step."""
+    middle = (top + step - 1) // step
+    entries = []
+    for index, c in enumerate(total.coeffs()[middle:], middle):
+        if c:
+            k = step * index - top
+            entries.append((k, c if k == 0 else 2 * c))
+    return entries
+
+
+def sympy_entries(total, top, step):
+    entries = []
+    for (index,), c in total.items():
+        k = step * index - top
+        if k >= 0:
+            entries.append((k, c if k == 0 else 2 * c))
+    return entries
 
 
 def flint_expand(p):
@@ -31,14 +49,7 @@ def flint_expand(p):
                 term = values[i] if c == 1 else values[i] * c
                 term = shift(term, (top - span[i]) // step)
                 total = term if total is None else total + term
-            coefficients = total.coeffs()
-            middle = (top + step - 1) // step
-            entries = []
-            for index, c in enumerate(coefficients[middle:], middle):
-                if c:
-                    k = step * index - top
-                    entries.append((k, c if k == 0 else 2 * c))
-            table.append((key, entries))
+            table.append((key, flint_entries(total, top, step)))
         return table
     return work
 
@@ -46,14 +57,9 @@ def flint_expand(p):
 def flint_tools(count):
     """What the derivation from the model needs of python-flint."""
     from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpq_poly
-
-    def entries(total, top, step):
-        middle = (top + step - 1) // step
-        found = enumerate(total.coeffs()[middle:], middle)
-        return [(k, c if k == 0 else 2 * c) for k, c in ((step * index - top, c) for index, c in found if c)]
     generators = fmpq_mpoly_ctx.get([f'a{i}' for i in range(count)], Ordering.lex).gens()
     shift = lambda poly, n: fmpq_poly([0] * n + poly.coeffs())
-    return fmpq, generators, lambda poly: poly.to_dict().items(), fmpq_poly, shift, entries
+    return fmpq, generators, lambda poly: poly.to_dict().items(), fmpq_poly, shift, flint_entries
 
 
 def sympy_tools(count):
@@ -61,12 +67,25 @@ def sympy_tools(count):
     from sympy import QQ, ring
     _, *generators = ring([f'a{i}' for i in range(count)], QQ)
     domain, _ = ring('z', QQ)
-
-    def entries(total, top, step):
-        found = ((step * index - top, c) for (index,), c in total.items())
-        return [(k, c if k == 0 else 2 * c) for k, c in found if k >= 0]
     series = lambda dense: domain.from_dict({(i,): QQ(c) for i, c in enumerate(dense) if c})
-    return QQ, generators, lambda poly: poly.items(), series, lambda poly, n: poly.mul_monom((n,)), entries
+    return QQ, generators, lambda poly: poly.items(), series, lambda poly, n: poly.mul_monom((n,)), sympy_entries
+
+
+def read_model(source):
+    """What `expansion ... source` lists: per coordinate the parts (symbol, [(harmonic, coefficient)]) of its motion, the nodes
+    (kind, what it has), and the equations (name, [node])."""
+    motions, nodes, equations = {}, [], []
+    for kind, *rest in map(str.split, source):
+        if kind == 'motion':
+            coordinate, symbol, *pairs = rest
+            pairs = [(int(k), c) for k, c in (pair.split(':') for pair in pairs)]
+            motions.setdefault(int(coordinate), []).append((symbol, pairs))
+        elif kind == 'equation':
+            equations.append((rest[0], [int(node) for node in rest[1:]]))
+        else:
+            _, what, *rest = rest
+            nodes.append((what, *(rest if what in ('number', 'constant', 'parameter', 'input') else map(int, rest))))
+    return motions, nodes, equations
 
 
 def from_model(source, tools):
@@ -76,28 +95,17 @@ def from_model(source, tools):
     motion, collect, so that offsets cancel; then multiply out every product of series that is left once, and sort its
     harmonics into the table. With z and the amplitudes among the variables of one polynomial it takes longer.
     """
-    rational = tools(1)[0]
-    exact = lambda text: rational(*map(int, text.split('/')))
-    motions, nodes, equations, atoms, numbers = {}, [], [], [], {'w': 0}
+    motions, nodes, equations = read_model(source)
+    atoms, numbers = [], {'w': 0}
     number = lambda symbol: numbers.setdefault(symbol, len(numbers))
-    for kind, *rest in map(str.split, source):
-        if kind == 'motion':
-            coordinate, symbol, *series = rest
-            pairs = [(int(k), exact(c)) for k, c in (pair.split(':') for pair in series)]
-            motions.setdefault(int(coordinate), []).append((number(symbol), pairs))
-        elif kind == 'equation':
-            equations.append((rest[0], [int(node) for node in rest[1:]]))
-        else:
-            _, what, *rest = rest
-            if what == 'number':
-                nodes.append((what, exact(rest[0])))
-            elif what in ('sum', 'product', 'power'):
-                nodes.append((what, [int(text) for text in rest]))
-            else:
-                nodes.append(('atom', len(atoms)))
-                atoms.append((what, int(rest[0]), int(rest[1])) if what == 'derivative' else
-                             (what, number(rest[0]) if what == 'constant' else rest[0], 0))
-    _, generators, terms_of, polynomial, shift, entries_of = tools(len(atoms))
+    for i, (what, *rest) in enumerate(nodes):
+        if what not in ('number', 'sum', 'product', 'power'):
+            nodes[i] = 'atom', len(atoms)
+            atoms.append((what, *rest) if what == 'derivative' else (what, number(rest[0]) if what == 'constant' else rest[0], 0))
+    rational, generators, terms_of, polynomial, shift, entries_of = tools(len(atoms))
+    exact = lambda text: rational(*map(int, text.split('/')))
+    motions = {c: [(number(symbol), [(k, exact(x)) for k, x in pairs]) for symbol, pairs in motion] for c, motion in motions.items()}
+    nodes = [(what, exact(rest[0]) if what == 'number' else rest[0] if what == 'atom' else rest) for what, *rest in nodes]
     symbols, width = list(numbers), len(numbers)
     zero, one, half, turns = rational(0), rational(1), rational(1, 2), (1, -1, -1, 1)
 
@@ -135,7 +143,7 @@ def from_model(source, tools):
             for i in terms[1:]:
                 total = total + values[i]
             for exponents, coefficient in terms_of(total):
-                powers, path, several, parameter = [0] * width, [], [], None
+                powers, path, several, parameter = [0] * width, [], [], ('known', '-')
                 for i, exponent in enumerate(exponents):
                     if not exponent:
                         continue
@@ -245,12 +253,7 @@ def sympy_expand(p):
                 if top != span[i]:
                     term = term.mul_monom(((top - span[i]) // step,))
                 total = term if total is None else total + term
-            entries = []
-            for (index,), c in total.items():
-                k = step * index - top
-                if k >= 0:
-                    entries.append((k, c if k == 0 else 2 * c))
-            table.append((key, entries))
+            table.append((key, sympy_entries(total, top, step)))
         return table
     return work
 
@@ -311,10 +314,10 @@ def symengine_cube(carts):
     return lambda: expand(chain_cube(carts, symbols, symengine.Integer(1), lambda x: expand(expand(x) ** 3))), terms
 
 
-def outside_cube(carts, text):
+def outside_cube(carts, lines):
     """Lines `coefficient symbol^power ...` and, last, the times of the polynomial and of it with its terms read out."""
     symbols = chain_symbols(carts)
-    *lines, last = [line for line in text.split('\n') if line.strip()]
+    *lines, last = lines
     terms = []
     for line in lines:
         c, *powers = line.split()
@@ -323,14 +326,26 @@ def outside_cube(carts, text):
     return chain_lines(carts, terms), *map(float, last.split())
 
 
+def gp_lines(gp, name, data):
+    """What a script prints that finds this data, without empty lines."""
+    parts = [Path(__file__).with_name(part).read_text() for part in ('common.gp', name)]
+    with tempfile.NamedTemporaryFile('w', suffix='.gp') as file:
+        file.write('\n'.join([data, *parts]))
+        file.flush()
+        out = subprocess.run([gp, '-q', '-f', file.name], check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL).stdout
+    return [line for line in out.splitlines() if line.strip()]
+
+
+quoted = lambda names: '[' + ','.join(f'"{name}"' for name in names) + ']'
+
+
 def gp_cube(carts, seconds, gp):
-    names = ','.join(f'"{s}"' for s in chain_symbols(carts))
-    script = f'l={carts};seconds={seconds};names=[{names}];\n' + Path(__file__).with_name('cube.gp').read_text()
-    return outside_cube(carts, subprocess.run([gp, '-q', '-f'], input=script, check=True, capture_output=True, text=True).stdout)
+    return outside_cube(carts, gp_lines(gp, 'cube.gp', f'l={carts};seconds={seconds};names={quoted(chain_symbols(carts))};'))
 
 
 def c_cube(carts, seconds, binary):
-    return outside_cube(carts, subprocess.run([binary, str(carts), str(seconds)], check=True, capture_output=True, text=True).stdout)
+    out = subprocess.run([binary, str(carts), str(seconds)], check=True, capture_output=True, text=True).stdout
+    return outside_cube(carts, out.splitlines())
 
 
 def least(work, seconds):
@@ -372,9 +387,9 @@ def flat(p):
     return out
 
 
-def outside_table(p, text):
+def outside_table(p, lines):
     table = [[] for _ in p.groups]
-    for line in text.splitlines():
+    for line in lines:
         group, harmonic, coefficient = line.split()
         table[int(group)].append((int(harmonic), coefficient))
     return table
@@ -384,64 +399,47 @@ def run_c(p, seconds, binary):
     with tempfile.NamedTemporaryFile('w', suffix='.txt') as file:
         file.write(' '.join(map(str, flat(p))))
         file.flush()
-        table = outside_table(p, subprocess.run([binary, file.name, 'list'], check=True, capture_output=True, text=True).stdout)
+        table = outside_table(p, subprocess.run([binary, file.name, 'list'], check=True, capture_output=True, text=True).stdout.splitlines())
         return table, float(subprocess.run([binary, file.name, 'time', str(seconds)], check=True, capture_output=True, text=True).stdout)
 
 
 def run_gp(p, seconds, gp):
-    script = Path(__file__).with_name('expand.gp').read_text()
     rational = lambda c: f'{c.numerator}/{c.denominator}'
     dense = ','.join('[' + ','.join(map(rational, p.dense(b))) + ']' for b in range(len(p.bases)))
     nodes = ';'.join(f'{parent + 1},{base + 1}' for parent, base in p.nodes[1:])
     groups = ','.join('Mat([' + ';'.join(f'{i + 1},{rational(c)}' for i, c in g[4]) + '])' for g in p.groups)
-    data = f'step={p.step};span={[s for s in p.span]};dense=[{dense}];nodes=Mat([{nodes}]);groups=[{groups}];seconds={seconds};\n'
-    with tempfile.NamedTemporaryFile('w', suffix='.gp') as file:
-        file.write(data + script)
-        file.flush()
-        out = subprocess.run([gp, '-q', '-f', file.name], check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL).stdout
-    lines = [line for line in out.splitlines() if line.strip()]
-    return outside_table(p, '\n'.join(lines[:-1])), float(lines[-1])
+    data = f'step={p.step};span={[s for s in p.span]};dense=[{dense}];nodes=Mat([{nodes}]);groups=[{groups}];seconds={seconds};'
+    *lines, last = gp_lines(gp, 'expand.gp', data)
+    return outside_table(p, lines), float(last)
 
 
 def gp_model(source, seconds, gp):
     """The lines of the table and the time from the model's expressions, with z and everything else variables of one polynomial."""
-    names, parameters, motions, nodes, equations, titles = ['z', 'w'], set(), {}, [], [], []
+    motions, nodes, equations = read_model(source)
+    names = ['z', 'w']
 
     def variable(name):
         if name not in names:
             names.append(name)
         return names.index(name) + 1
-    for kind, *rest in map(str.split, source):
-        if kind == 'motion':
-            coordinate, symbol, *pairs = rest
-            motions.setdefault(int(coordinate), []).append(f"[{variable(symbol)},[{','.join('[' + p.replace(':', ',') + ']' for p in pairs)}]]")
-            continue
-        if kind == 'equation':
-            titles.append(rest[0])
-            equations.append('[' + ','.join(str(int(i) + 1) for i in rest[1:]) + ']')
-            continue
-        _, what, *rest = rest
-        if what == 'parameter':
-            parameters.add(rest[0])
-        code = {'input': 0, 'number': 1, 'parameter': 2, 'constant': 2, 'derivative': 3, 'sum': 4, 'product': 5, 'power': 6}[what]
-        if code == 2:
+    listed = lambda items: '[' + ','.join(map(str, items)) + ']'
+    codes = {'input': 0, 'number': 1, 'parameter': 2, 'constant': 2, 'derivative': 3, 'sum': 4, 'product': 5, 'power': 6}
+    written = []
+    for what, *rest in nodes:
+        if what in ('parameter', 'constant'):
             rest = [variable(rest[0])]
-        elif code == 3:
-            rest[0] = int(rest[0]) + 1
-        elif code == 6:
-            rest[0] = int(rest[0]) + 1
-        elif code > 3:
-            rest = [int(i) + 1 for i in rest]
-        nodes.append('[' + ','.join(map(str, [code] + (rest if code else []))) + ']')
-    high = [max(int(k) for k in re.findall(r'\[(\d+),-?[\d/]+\]', ''.join(motion))) for _, motion in sorted(motions.items())]
-    quoted = ','.join(f'"{name}"' for name in names)
-    script = (f"names=[{quoted}];high={high};seconds={seconds};motions=[{','.join('[' + ','.join(m) + ']' for _, m in sorted(motions.items()))}];"
-              f"nodes=[{','.join(nodes)}];equations=[{','.join(equations)}];\n" + Path(__file__).with_name('model.gp').read_text())
-    with tempfile.NamedTemporaryFile('w', suffix='.gp') as file:
-        file.write(script)
-        file.flush()
-        text = subprocess.run([gp, '-q', '-f', file.name], check=True, capture_output=True, text=True, stdin=subprocess.DEVNULL).stdout
-    *found, last = [line for line in text.splitlines() if line.strip()]
+        elif what in ('sum', 'product'):
+            rest = [node + 1 for node in rest]
+        elif what in ('derivative', 'power'):
+            rest[0] += 1
+        written.append(listed([codes[what], *(rest if what != 'input' else [])]))
+    moving = [[listed([variable(symbol), listed(map(listed, pairs))]) for symbol, pairs in motions[c]] for c in sorted(motions)]
+    high = [max(k for _, pairs in motions[c] for k, _ in pairs) for c in sorted(motions)]
+    sums = [listed(node + 1 for node in terms) for _, terms in equations]
+    data = (f'names={quoted(names)};high={high};seconds={seconds};motions={listed(map(listed, moving))};'
+            f'nodes={listed(written)};equations={listed(sums)};')
+    *found, last = gp_lines(gp, 'model.gp', data)
+    parameters = {rest[0] for what, *rest in nodes if what == 'parameter'}
     lines = []
     for line in found:
         equation, harmonic, c, *powers = line.split()
@@ -449,7 +447,7 @@ def gp_model(source, seconds, gp):
         parameter = next((name for name in exponents if name in parameters), '-')
         function = 'sin' if int(exponents.get('w', 0)) % 2 else 'cos'
         rest = ''.join(sorted(f' {name}^{e}' for name, e in exponents.items() if name != parameter))
-        lines.append(f'{titles[int(equation)]} {parameter} {function} {harmonic} {c}{rest}')
+        lines.append(f'{equations[int(equation)][0]} {parameter} {function} {harmonic} {c}{rest}')
     return sorted(lines), float(last)
 
 

@@ -2,8 +2,10 @@
 
 use crate::chain::chain;
 use std::collections::BTreeMap;
+use tpm_symbolic::expand::expand;
 use tpm_symbolic::expr::{ExprId, Graph, Names as _, Node};
 use tpm_symbolic::fourier::{Fourier, Trig};
+use tpm_symbolic::jet::nodes_of;
 use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
 use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::polynomial::Monomial;
@@ -22,28 +24,32 @@ pub struct Workload {
 }
 
 impl Workload {
-    /// The table from the model as it was declared, sorted into its parameters first; nothing where coordinates were
-    /// eliminated on the way.
-    ///
-    /// # Panics
-    /// As [`expand`](Self::expand).
-    #[must_use]
-    pub fn derive(&self) -> Option<HarmonicTable> {
-        if !self.model.eliminations.is_empty() {
-            return None;
-        }
-        let form = regressor_form(&self.model).expect("invariant: workloads are linear in their parameters");
-        Some(tpm_symbolic::expand::expand(&self.model, &form, &self.pattern).expect("invariant: workloads expand"))
-    }
-
     /// The table, within the default limits.
     ///
     /// # Panics
     /// When the workload does not expand, which would be a fault of this crate.
     #[must_use]
     pub fn expand(&self) -> HarmonicTable {
-        tpm_symbolic::expand::expand(&self.model, &self.form, &self.pattern).expect("invariant: workloads expand")
+        self.table(&self.form)
     }
+
+    /// The same from the model as it was declared, sorted into its parameters first; nothing where coordinates were eliminated on
+    /// the way.
+    ///
+    /// # Panics
+    /// As [`expand`](Self::expand).
+    #[must_use]
+    pub fn derive(&self) -> Option<HarmonicTable> {
+        self.model.eliminations.is_empty().then(|| self.table(&sorted(&self.model)))
+    }
+
+    fn table(&self, form: &RegressorForm) -> HarmonicTable {
+        expand(&self.model, form, &self.pattern).expect("invariant: workloads expand")
+    }
+}
+
+fn sorted(model: &Model) -> RegressorForm {
+    regressor_form(model).expect("invariant: workloads are linear in their parameters")
 }
 
 /// The workload of a name such as `w1` or `w4:32`; `None` for an unknown name.
@@ -110,28 +116,28 @@ pub fn source(workload: &Workload) -> Vec<String> {
     }
     let mut numbers = BTreeMap::new();
     for equation in &model.equations {
-        let mut line = format!("equation {}", equation.name);
-        for term in &equation.terms {
-            line.push_str(&format!(" {}", write_node(model, term.expr, &mut numbers, &mut lines)));
+        for (id, node) in equation.terms.iter().flat_map(|term| nodes_of(&model.graph, term.expr)) {
+            if !numbers.contains_key(&id) {
+                lines.push(format!("node {} {}", numbers.len(), written(model, &node, &numbers)));
+                numbers.insert(id, numbers.len());
+            }
         }
-        lines.push(line);
+        let terms = equation.terms.iter().map(|term| format!(" {}", numbers[&term.expr]));
+        lines.push(format!("equation {}{}", equation.name, terms.collect::<String>()));
     }
     lines
 }
 
-/// The number of a node, written with those that it needs where it is new.
-fn write_node(model: &Model, expr: ExprId, numbers: &mut BTreeMap<ExprId, usize>, lines: &mut Vec<String>) -> usize {
-    if let Some(&number) = numbers.get(&expr) {
-        return number;
-    }
-    let mut parts = |kind: &str, parts: &[ExprId]| {
-        let parts = parts.iter().map(|&part| format!(" {}", write_node(model, part, numbers, lines)));
-        format!("{kind}{}", parts.collect::<String>())
+/// A node by the numbers of those that it needs.
+fn written(model: &Model, node: &Node, numbers: &BTreeMap<ExprId, usize>) -> String {
+    let all = |kind: &str, operands: &[ExprId]| {
+        let operands = operands.iter().map(|operand| format!(" {}", numbers[operand]));
+        format!("{kind}{}", operands.collect::<String>())
     };
-    let text = match model.graph.node(expr) {
+    match node {
         Node::Number(value) => format!("number {value}"),
         Node::Symbol(symbol) => {
-            let kind = match model.symbols[symbol.0 as usize].kind {
+            let kind = match model.quantity(*symbol).kind {
                 Kind::Parameter => "parameter",
                 Kind::Input => "input",
                 _ => "constant",
@@ -139,15 +145,11 @@ fn write_node(model: &Model, expr: ExprId, numbers: &mut BTreeMap<ExprId, usize>
             format!("{kind} {}", model.symbol_name(*symbol))
         }
         Node::Derivative(coordinate, order) => format!("derivative {} {order}", coordinate.0),
-        Node::Sum(terms) => parts("sum", terms),
-        Node::Product(factors) => parts("product", factors),
-        Node::Power(base, exponent) => format!("{} {exponent}", parts("power", &[*base])),
+        Node::Sum(terms) => all("sum", terms),
+        Node::Product(factors) => all("product", factors),
+        Node::Power(base, exponent) => format!("{} {exponent}", all("power", &[*base])),
         _ => panic!("workloads are polynomials"),
-    };
-    let number = numbers.len();
-    lines.push(format!("node {number} {text}"));
-    numbers.insert(expr, number);
-    number
+    }
 }
 
 pub(crate) struct Builder {
@@ -188,7 +190,7 @@ impl Builder {
 
     fn finish(self, motions: Vec<(&str, Option<&str>, Fourier)>) -> Workload {
         self.finish_with(motions.into_iter().map(Some).collect(), |model| {
-            let form = regressor_form(&model).expect("invariant: workloads are linear in their parameters");
+            let form = sorted(&model);
             (model, form)
         })
     }

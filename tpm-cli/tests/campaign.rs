@@ -4,16 +4,13 @@
 mod support;
 
 use std::path::Path;
-use support::{names, root, tpm, tpm_in};
+use support::{names, printed_in, root, tpm, tpm_in};
 
 const SHORT: [&str; 6] =
     ["--set", "schedule.max_runs=3", "--set", "schedule.measure_time=6", "--set", "schedule.updates_per_stage=1"];
 
 fn run(folder: &Path, arguments: &[&str]) -> String {
-    let output = tpm_in(folder, arguments);
-    let error = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.code() == Some(0), "{arguments:?}: {error}");
-    String::from_utf8(output.stdout).expect("text")
+    printed_in(folder, arguments, 0)
 }
 
 fn json(output: &std::process::Output) -> serde_json::Value {

@@ -5,19 +5,13 @@ mod support;
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
-use support::{fails, tpm};
+use support::{fails, printed, tpm};
 
 const UP: &str = "models/rotary_pendulum.tpm";
 const DOWN: &str = "models/rotary_pendulum_down.tpm";
 const TABLE_1: &str = "models/rotary_pendulum_table1.toml";
 /// Fong, Eqn 29, highest power first.
 const EQN_29: &str = "0.0277,-24.92,-323.4,164.6/1,15.28,200.6,1589,6548";
-
-fn printed(arguments: &[&str]) -> String {
-    let output = tpm(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).expect("text")
-}
 
 fn json(arguments: &[&str]) -> Value {
     serde_json::from_str(&printed(arguments)).expect("JSON")

@@ -137,9 +137,6 @@ pub enum Node {
     Atan2(ExprId, ExprId),
 }
 
-/// Room for so many polynomials is made when the first one is kept.
-const MEMO: usize = 28;
-
 /// The arena.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
@@ -739,9 +736,6 @@ impl Graph {
                 Some(value) if id == expr => return value,
                 Some(value) => {
                     stack.pop();
-                    if memo.is_empty() {
-                        memo.reserve(MEMO);
-                    }
                     memo.insert(id, value);
                 }
                 None => {}

@@ -20,6 +20,19 @@ pub(crate) fn tpm(arguments: &[&str]) -> Output {
     tpm_in(&root(), arguments)
 }
 
+/// What the tool prints in a folder, ending with this exit code.
+pub(crate) fn printed_in(folder: &Path, arguments: &[&str], code: i32) -> String {
+    let output = tpm_in(folder, arguments);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+    String::from_utf8(output.stdout).expect("text")
+}
+
+/// What the tool prints in the workspace's folder when all is well.
+pub(crate) fn printed(arguments: &[&str]) -> String {
+    printed_in(&root(), arguments, 0)
+}
+
 /// The command fails with this exit code and says all of this on standard error.
 pub(crate) fn fails(arguments: &[&str], code: i32, said: &[&str]) {
     let output = tpm(arguments);

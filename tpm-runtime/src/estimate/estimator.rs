@@ -177,11 +177,15 @@ struct PooledMotion {
 }
 
 impl PooledMotion {
-    /// What the references up to this run show, and the directions that they do not.
-    fn design(&self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(Information, Vec<Vec<f64>>), EstimateError> {
+    /// What the references up to a run show, this one being its motion, and the directions that they do not.
+    fn design(
+        &self,
+        model: &dyn Model<f64>,
+        constants: &[f64],
+        motion: &Trajectory,
+    ) -> Result<(Information, Vec<Vec<f64>>), EstimateError> {
         let free = self.settings.free(model.dims().parameters)?;
-        let motion = run.judged_motion();
-        let own = Along::design(model, &run.trial.constants, &motion, reach(&motion).max(1), &free.indices)?;
+        let own = Along::design(model, constants, motion, reach(motion).max(1), &free.indices)?;
         let whole = self.design.last().map_or_else(|| own.clone(), |(before, _)| before.pool(&own));
         let found = whole.solve(&vec![0.0; free.indices.len()], None).unobservable;
         let hidden = found.iter().map(|direction| free.spread(direction)).collect();
@@ -200,8 +204,9 @@ impl Estimator for PooledMotion {
     }
 
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
-        let design = self.design(model, run)?;
-        let settings = Settings { reach: reach(&run.judged_motion()), ..self.with(&design.1) };
+        let motion = run.judged_motion();
+        let design = self.design(model, &run.trial.constants, &motion)?;
+        let settings = Settings { reach: reach(&motion), ..self.with(&design.1) };
         let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &settings)?;
         self.records.push(record);
         let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, &settings)?.values);
@@ -419,17 +424,14 @@ pub(super) fn pool_run(
     let mut values = prior;
     let mut std = vec![0.0; p];
     let mut status = vec![Status::Frozen; p];
-    let mut covariance = nalgebra::DMatrix::zeros(p, p);
+    let covariance = free.spread_square(&solution.covariance);
     let touched = scaled.touched(&solution.unobservable);
     free.put(&solution.values, &mut values);
     for (a, &j) in free.indices.iter().enumerate() {
-        for (b, &i) in free.indices.iter().enumerate() {
-            covariance[(j, i)] = solution.covariance[(a, b)];
-        }
         (std[j], status[j]) = if touched[a] {
             (f64::INFINITY, Status::Unobservable)
         } else {
-            let std = solution.covariance[(a, a)].max(0.0).sqrt();
+            let std = covariance[(j, j)].max(0.0).sqrt();
             (std, if std > POOR * values[j].abs() { Status::PoorlyDetermined } else { Status::Identified })
         };
     }

@@ -1,6 +1,7 @@
 //! The parameters that are estimated, apart from those that are held.
 
 use super::{EstimateError, Settings};
+use nalgebra::DMatrix;
 use std::vec;
 use std::vec::Vec;
 
@@ -47,6 +48,17 @@ impl Free {
     pub(super) fn spread(&self, part: &[f64]) -> Vec<f64> {
         let mut whole = vec![0.0; self.parameters];
         self.put(part, &mut whole);
+        whole
+    }
+
+    /// A matrix over the free parameters as one over all, with zeros for the others.
+    pub(super) fn spread_square(&self, part: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut whole = DMatrix::zeros(self.parameters, self.parameters);
+        for (a, &i) in self.indices.iter().enumerate() {
+            for (b, &j) in self.indices.iter().enumerate() {
+                whole[(i, j)] = part[(a, b)];
+            }
+        }
         whole
     }
 

@@ -8,7 +8,6 @@ use super::noise::excess;
 use super::{EstimateError, MeasuredMotion, Settings};
 use crate::estimate::{Equations, Estimate, Information, Status};
 use crate::model::Dims;
-use nalgebra::DMatrix;
 use std::vec;
 use std::vec::Vec;
 
@@ -184,12 +183,7 @@ fn solve_records(
     let chi_squared = if freedom > 0 { solution.remainder / freedom as f64 } else { 0.0 };
     // Noise read between the lines may miss errors that repeat in every period; the residuals then show them.
     let inflation = chi_squared.max(1.0);
-    let mut covariance = DMatrix::zeros(p, p);
-    for (a, &i) in free.indices.iter().enumerate() {
-        for (b, &j) in free.indices.iter().enumerate() {
-            covariance[(i, j)] = solution.covariance[(a, b)] * inflation;
-        }
-    }
+    let covariance = free.spread_square(&solution.covariance) * inflation;
     let unobservable = solution.unobservable.iter().map(|direction| free.spread(direction)).collect();
     let scaled = information.scaled();
     let touched = scaled.touched(&solution.unobservable);
