@@ -47,6 +47,8 @@ pub mod report;
 #[cfg(feature = "std")]
 pub mod simulate;
 #[cfg(feature = "std")]
+mod singular;
+#[cfg(feature = "std")]
 pub mod smoothing;
 #[cfg(feature = "std")]
 pub mod stability;

@@ -8,9 +8,10 @@
 //! Invariant: rows of `Weighted` are combinations of the c that the data show, each of variance one and uncorrelated with
 //! the others. Directions that the data do not show have no row.
 
-use crate::estimate::{Estimate, Information, Status, complement};
+use crate::estimate::{Estimate, Information, Status};
 use crate::model::Model;
 use crate::report::ParameterReport;
+use crate::singular::{Singular, complement};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -481,33 +482,26 @@ impl Fixed {
             Some(jacobian) if !free.is_empty() && jacobian.nrows() > 0 => {
                 let scale: Vec<f64> =
                     free.iter().map(|&i| jacobian.column(i).norm()).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
-                // As many rows as columns at least, so that the directions of no singular value are there too.
-                let scaled: DMatrix<f64> = DMatrix::from_fn(jacobian.nrows().max(free.len()), free.len(), |r, c| {
-                    if r < jacobian.nrows() { jacobian[(r, free[c])] / scale[c] } else { 0.0 }
-                });
-                // Singular values of the Jacobian itself: its square would lose half of the digits.
-                let svd = scaled.svd(false, true);
-                let directions = svd.v_t.unwrap_or_else(|| DMatrix::zeros(0, free.len()));
-                let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
-                for (singular, direction) in svd.singular_values.iter().zip(directions.row_iter()) {
-                    let value = singular * singular;
-                    if *singular > RANK_TOLERANCE * largest {
-                        rank += 1;
-                        condition = if rank == 1 { 1.0 } else { f64::max(condition, largest / singular) };
-                        for (r, &i) in free.iter().enumerate() {
-                            for (c, &j) in free.iter().enumerate() {
-                                covariance[(i, j)] += direction[r] * direction[c] / (value * scale[r] * scale[c]);
-                            }
+                let scaled: DMatrix<f64> =
+                    DMatrix::from_fn(jacobian.nrows(), free.len(), |r, c| jacobian[(r, free[c])] / scale[c]);
+                let singular = Singular::new(&scaled, RANK_TOLERANCE);
+                rank = singular.rank();
+                condition = singular.condition();
+                for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {
+                    for (r, &i) in free.iter().enumerate() {
+                        for (c, &j) in free.iter().enumerate() {
+                            covariance[(i, j)] += direction[r] * direction[c] / (value * value * scale[r] * scale[c]);
                         }
-                    } else {
-                        let mut raw = vec![0.0; count];
-                        for (r, &i) in free.iter().enumerate() {
-                            hidden[i] |= direction[r].abs() > 1e-6;
-                            raw[i] = direction[r] / scale[r];
-                        }
-                        let peak = raw.iter().copied().fold(0.0, |p: f64, d| if d.abs() > p.abs() { d } else { p });
-                        unobservable.push(raw.iter().map(|d| d / peak).collect());
                     }
+                }
+                for direction in singular.null().column_iter() {
+                    let mut raw = vec![0.0; count];
+                    for (r, &i) in free.iter().enumerate() {
+                        hidden[i] |= direction[r].abs() > 1e-6;
+                        raw[i] = direction[r] / scale[r];
+                    }
+                    let peak = raw.iter().copied().fold(0.0, |p: f64, d| if d.abs() > p.abs() { d } else { p });
+                    unobservable.push(raw.iter().map(|d| d / peak).collect());
                 }
             }
             Some(_) => hidden.iter_mut().enumerate().for_each(|(i, hidden)| *hidden = free.contains(&i)),

@@ -4,6 +4,7 @@
 //! so far. Pooling stacks the triangles and triangularises again (Householder), so that the condition number is never
 //! squared as it would be in the normal equations.
 
+use crate::singular::{Singular, complement};
 use nalgebra::{Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use std::vec;
 use std::vec::Vec;
@@ -136,43 +137,30 @@ impl Scaled<'_> {
         let mut target = of.right().into_owned();
         target.gemv(-1.0, factor, &start, 1.0);
         let shown = beside(hidden, scale);
-        let svd = match &shown {
-            Some(basis) => (factor * basis).svd(true, true),
-            None => factor.clone().svd(true, true),
+        let singular = match &shown {
+            Some(basis) => Singular::new(&(factor * basis), RANK_TOLERANCE),
+            None => Singular::new(factor, RANK_TOLERANCE),
         };
-        let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
-            // Both factors were asked for.
-            return Solution {
-                values: prior.to_vec(),
-                covariance: DMatrix::zeros(n, n),
-                rank: 0,
-                unobservable: Vec::new(),
-                remainder: of.remainder(),
-            };
-        };
-        let least = least_counted(svd.singular_values.as_slice());
         let mut step = DVector::zeros(n);
         let mut covariance = DMatrix::zeros(n, n);
-        let mut rank = 0;
-        let mut lost: Vec<Vec<f64>> = Vec::new();
         let extra = gradient.map(|g| DVector::from_fn(n, |i, _| g[i] / scale[i]));
-        let directions = match &shown {
-            Some(basis) => basis * v_t.transpose(),
-            None => v_t.transpose(),
+        let beside = |directions: DMatrix<f64>| match &shown {
+            Some(basis) => basis * directions,
+            None => directions,
         };
-        for (i, &value) in svd.singular_values.iter().enumerate() {
-            let direction = directions.column(i);
-            if value > least {
-                rank += 1;
-                let mut share = u.column(i).dot(&target) / value;
-                if let Some(extra) = &extra {
-                    share += direction.dot(extra) / (value * value);
-                }
-                step.axpy(share, &direction, 1.0);
-                covariance.ger(1.0 / (value * value), &direction, &direction, 1.0);
-            } else {
-                lost.push(direction.iter().copied().collect());
+        let null = beside(singular.null());
+        let lost: Vec<Vec<f64>> = null.column_iter().map(|direction| direction.iter().copied().collect()).collect();
+        let rank = singular.rank();
+        let directions = beside(singular.right);
+        for ((value, direction), left) in
+            singular.values.iter().zip(directions.column_iter()).zip(singular.left.column_iter())
+        {
+            let mut share = left.dot(&target) / value;
+            if let Some(extra) = &extra {
+                share += direction.dot(extra) / (value * value);
             }
+            step.axpy(share, &direction, 1.0);
+            covariance.ger(1.0 / (value * value), &direction, &direction, 1.0);
         }
         let total = start + step;
         for r in 0..n {
@@ -218,14 +206,11 @@ impl Scaled<'_> {
 
     /// Ratio of the largest to the smallest singular value that counts, beside the hidden directions; infinite when none counts.
     pub(super) fn condition(self, hidden: &[Vec<f64>]) -> f64 {
-        let values = match beside(hidden, &self.scale) {
-            Some(basis) => (self.factor * basis).singular_values(),
-            None => self.factor.singular_values(),
-        };
-        let least = least_counted(values.as_slice());
-        let counted = || values.iter().copied().filter(|value| *value > least);
-        let (largest, smallest) = (counted().fold(0.0, f64::max), counted().fold(f64::INFINITY, f64::min));
-        if largest > 0.0 { largest / smallest } else { f64::INFINITY }
+        match beside(hidden, &self.scale) {
+            Some(basis) => Singular::new(&(self.factor * basis), RANK_TOLERANCE),
+            None => Singular::new(&self.factor, RANK_TOLERANCE),
+        }
+        .condition()
     }
 
     /// A direction in the parameters themselves, its largest component one.
@@ -249,14 +234,9 @@ impl Scaled<'_> {
     }
 }
 
-/// The singular value above which one counts.
-fn least_counted(values: &[f64]) -> f64 {
-    values.iter().copied().fold(0.0, f64::max) * RANK_TOLERANCE
-}
-
 /// The same space by directions of which each has a component that the others do not have (Gauss and Jordan, pivoting wholly), so
-/// that parameters which have nothing to do with each other stand in different ones. From orthonormal directions.
-fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+/// that parameters which have nothing to do with each other stand in different ones. From independent directions about as long as one.
+pub(super) fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
     for done in 0..directions.len() {
         let entries = directions.iter().enumerate().skip(done).flat_map(|(row, direction)| {
             direction.iter().enumerate().map(move |(column, entry)| (row, column, entry.abs()))
@@ -300,33 +280,6 @@ fn beside(hidden: &[Vec<f64>], scale: &[f64]) -> Option<DMatrix<f64>> {
     let n = scale.len();
     let columns = DMatrix::from_fn(n, hidden.len(), |r, c| hidden[c][r] * scale[r]);
     Some(complement(&columns)).filter(|basis| basis.ncols() > 0)
-}
-
-/// An orthonormal basis, by columns, of what is orthogonal to the columns given.
-pub(crate) fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
-    let n = columns.nrows();
-    let mut basis: Vec<DVector<f64>> = Vec::with_capacity(n);
-    let mut given = 0;
-    let unit = |i: usize| DVector::from_fn(n, |r, _| if r == i { 1.0 } else { 0.0 });
-    let all = columns.column_iter().map(|column| column.normalize()).chain((0..n).map(unit));
-    for (index, column) in all.enumerate() {
-        let mut rest = column;
-        // Twice is enough (Gram and Schmidt, repeated).
-        for _ in 0..2 {
-            for known in &basis {
-                rest -= known * known.dot(&rest);
-            }
-        }
-        let size = rest.norm();
-        if size > 1e-6 && basis.len() < n {
-            basis.push(rest / size);
-        }
-        if index + 1 == columns.ncols() {
-            given = basis.len();
-        }
-    }
-    let kept = &basis[given..];
-    if kept.is_empty() { DMatrix::zeros(n, 0) } else { DMatrix::from_columns(kept) }
 }
 
 #[cfg(test)]

@@ -24,8 +24,6 @@ pub use eliminated::{Eliminated, EliminatedError};
 pub use equations::Equations;
 pub use estimator::{Estimator, Method, Run};
 pub(crate) use first_order::error_lines;
-#[cfg(feature = "interpret")]
-pub(crate) use information::complement;
 pub use information::{Information, Solution};
 pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, estimate_measured_motion};
 pub use numerical::NumericalSettings;

@@ -12,6 +12,7 @@ use crate::harmonics::Hold;
 use crate::model::Model;
 use crate::procedure::{LEAST_PERIODS, Record, RunEnding, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
 use crate::simulate::{Bench, Sensor, simulate};
+use crate::singular::Singular;
 use crate::trajectory::{Pattern, Series, Trajectory};
 use nalgebra::DMatrix;
 use serde::{Serialize, Serializer};
@@ -205,35 +206,21 @@ fn shown(root: &DMatrix<f64>) -> Shown {
     let p = root.ncols();
     let scale: Vec<f64> =
         root.column_iter().map(|column| column.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
-    let scaled =
-        DMatrix::from_fn(root.nrows().max(p), p, |r, c| if r < root.nrows() { root[(r, c)] / scale[c] } else { 0.0 });
-    let svd = scaled.svd(false, true);
-    let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
-    let (mut rank, mut smallest, mut determinant) = (0, largest, 0.0);
+    let scaled = DMatrix::from_fn(root.nrows(), p, |r, c| root[(r, c)] / scale[c]);
+    let singular = Singular::new(&scaled, RANK);
     let mut variance = vec![0.0; p];
-    let mut hidden = vec![false; p];
-    if let Some(directions) = &svd.v_t {
-        for (value, direction) in svd.singular_values.iter().zip(directions.row_iter()) {
-            let shown = *value > RANK * largest;
-            rank += usize::from(shown);
-            if shown {
-                smallest = f64::min(smallest, *value);
-                determinant += 2.0 * value.ln();
-            }
-            for j in 0..p {
-                if shown {
-                    variance[j] += (direction[j] / value / scale[j]).powi(2);
-                } else {
-                    hidden[j] |= direction[j].abs() > 1e-6;
-                }
-            }
+    for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {
+        for j in 0..p {
+            variance[j] += (direction[j] / value / scale[j]).powi(2);
         }
     }
+    let null = singular.null();
+    let hidden = |j: usize| null.row(j).iter().any(|part| part.abs() > 1e-6);
     Shown {
-        rank,
-        condition: if rank > 0 { largest / smallest } else { f64::INFINITY },
-        determinant,
-        deviations: (0..p).map(|j| (!hidden[j]).then(|| variance[j].sqrt())).collect(),
+        rank: singular.rank(),
+        condition: singular.condition(),
+        determinant: singular.values.iter().map(|value| 2.0 * value.ln()).sum(),
+        deviations: (0..p).map(|j| (!hidden(j)).then(|| variance[j].sqrt())).collect(),
         scale,
     }
 }

@@ -4,7 +4,8 @@
 //! imaginary parts have variance 1/2 each when the model is right and the errors are noise.
 
 use super::response::{Estimator, FrequencyResponse};
-use nalgebra::{Complex, DMatrix, DVector};
+use crate::singular::Singular;
+use nalgebra::{Complex, DMatrix, DVector, DVectorView};
 use std::vec::Vec;
 
 /// Least error of a line relative to H: a coherence of one to the last digit is rounding, not certainty.
@@ -105,40 +106,28 @@ pub(super) fn information(jacobian: &DMatrix<f64>, variance: f64, tolerance: f64
     for (mut column, norm) in scaled.column_iter_mut().zip(&norms) {
         column /= *norm;
     }
-    // The triangular factor has the singular values of the whole and is small.
-    let svd = scaled.qr().r().svd(false, true);
-    let vt = svd.v_t.as_ref().expect("invariant: the right vectors were asked for");
-    let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
+    let singular = Singular::new(&scaled, tolerance);
+    let raw = |direction: DVectorView<'_, f64>| DVector::from_fn(size, |j, _| direction[j] / norms[j]);
     let mut covariance = DMatrix::zeros(size, size);
-    let (mut rank, mut null, mut smallest) = (0, Vec::new(), f64::INFINITY);
-    for (i, &value) in svd.singular_values.iter().enumerate() {
-        let direction = DVector::from_fn(size, |j, _| vt[(i, j)] / norms[j]);
-        smallest = smallest.min(value);
-        if value > tolerance * largest {
-            rank += 1;
-            covariance += &direction * direction.transpose() * (variance / (value * value));
-        } else {
-            null.push(direction.normalize());
-        }
+    for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {
+        let direction = raw(direction);
+        covariance += &direction * direction.transpose() * (variance / (value * value));
     }
-    let condition = if rank == size && rank > 0 { largest / smallest } else { f64::INFINITY };
+    let null: Vec<DVector<f64>> = singular.null().column_iter().map(|direction| raw(direction).normalize()).collect();
+    let rank = singular.rank();
+    let condition = if rank == size { singular.condition() } else { f64::INFINITY };
     Information { covariance, rank, condition, null }
 }
 
 /// Least squares with column scaling; the smallest solution where columns depend on each other.
-pub(super) fn least_squares(mut matrix: DMatrix<f64>, mut right: DVector<f64>) -> DVector<f64> {
+pub(super) fn least_squares(mut matrix: DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
     let norms: Vec<f64> = matrix.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
     for (mut column, norm) in matrix.column_iter_mut().zip(&norms) {
         column /= *norm;
     }
-    let size = matrix.ncols();
-    let qr = matrix.qr();
-    qr.q_tr_mul(&mut right);
-    let svd = qr.r().svd(true, true);
-    let tolerance = RANK * svd.singular_values.iter().copied().fold(0.0, f64::max);
-    let mut solution = svd
-        .solve(&right.rows(0, size).into_owned(), tolerance)
-        .expect("invariant: both sets of singular vectors were asked for");
+    let singular = Singular::new(&matrix, RANK);
+    let shares = singular.left.tr_mul(right).component_div(&singular.values);
+    let mut solution = singular.right * shares;
     for (value, norm) in solution.iter_mut().zip(&norms) {
         *value /= norm;
     }

@@ -409,7 +409,7 @@ impl<'a> Problem<'a> {
                 right[k] = known.re;
                 right[n + k] = known.im;
             }
-            let mut unknowns = least_squares(matrix, right);
+            let mut unknowns = least_squares(matrix, &right);
             if matches!(settings.delay, Delay::Free(_)) {
                 unknowns = unknowns.push(delay * basis.scale);
             }

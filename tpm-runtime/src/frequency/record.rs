@@ -194,7 +194,7 @@ impl Lines {
             right[k] = left.re * weight;
             right[n + k] = left.im * weight;
         }
-        let found = least_squares(matrix, right);
+        let found = least_squares(matrix, &right);
         (0..n).map(|k| (0..self.terms).map(|i| term(k, i) * found[i]).sum()).collect()
     }
 
