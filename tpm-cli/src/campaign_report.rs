@@ -2,7 +2,7 @@
 //! after, and the inputs beside their feed-forward (Figures 5.5, 5.6), as Markdown, SVG and PNG.
 
 use crate::failure::Failure;
-use crate::text_table::number;
+use crate::text_table::{combination, number};
 use crate::{output, picture};
 use std::path::Path;
 use tpm_runtime::experiment::{CampaignIdentification, Machine};
@@ -114,8 +114,14 @@ fn table(machine: &Machine, result: &CampaignIdentification) -> String {
     if !result.unobservable.is_empty() {
         text.push_str("\nAlong these directions the runs show nothing, and the values above keep the prior:\n\n");
         for direction in &result.unobservable {
-            let terms: Vec<String> = direction.iter().map(|(name, weight)| format!("{weight} {name}")).collect();
-            text.push_str(&format!("- {}\n", terms.join(" + ")));
+            text.push_str(&format!("- {}\n", combination(direction)));
+        }
+    }
+    if !result.combinations.is_empty() {
+        text.push_str("\nWhat they do show of these parameters:\n\n");
+        for shown in &result.combinations {
+            let [value, std] = [shown.value, shown.std].map(number);
+            text.push_str(&format!("- {} = {value}, standard deviation {std}\n", combination(&shown.terms)));
         }
     }
     text

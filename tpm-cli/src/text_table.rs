@@ -1,4 +1,6 @@
-//! Tables for reading in a terminal.
+//! Tables and sums for reading in a terminal.
+
+use std::collections::BTreeMap;
 
 /// How a column is aligned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,6 +64,22 @@ pub(crate) fn number(value: f64) -> String {
     let decimals = (5.0 - magnitude).max(0.0) as usize;
     let text = format!("{value:.decimals$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// `0.40647 a10 - a20`, from weights by name.
+pub(crate) fn combination(direction: &BTreeMap<String, String>) -> String {
+    let mut text = String::new();
+    for (name, weight) in direction {
+        let (sign, size) = weight.strip_prefix('-').map_or((" + ", weight.as_str()), |size| (" - ", size));
+        text.push_str(match (text.is_empty(), sign) {
+            (false, sign) => sign,
+            (true, " - ") => "-",
+            (true, _) => "",
+        });
+        let size = size.parse().map_or_else(|_| size.to_owned(), number);
+        text.push_str(&if size == "1" { name.clone() } else { format!("{size} {name}") });
+    }
+    text
 }
 
 #[cfg(test)]

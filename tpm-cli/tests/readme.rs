@@ -1,7 +1,7 @@
 //! The README is executed: its commands run, and what it prints after them is what they print.
 //!
 //! A `sh` block is a list of commands; a `text` block right after it is their standard output, where a line `...` stands
-//! for any number of lines. A `tpm` block is a model file that must pass `tpm check`. Blocks of Rust are doc tests of the
+//! for any number of lines; a command may say that it ends with another exit code than 0. A `tpm` block is a model file that must pass `tpm check`. Blocks of Rust are doc tests of the
 //! `tests` crate.
 
 mod support;
@@ -57,9 +57,10 @@ fn commands_print_what_the_readme_says() {
             if line == "cargo test --workspace" {
                 continue;
             }
-            let arguments = line
+            let (command, code) = line.split_once("  # ends with ").unwrap_or((line, "0"));
+            let arguments = command
                 .strip_prefix("cargo run --release -q -- ")
-                .or_else(|| line.strip_prefix("cargo run --release -- "))
+                .or_else(|| command.strip_prefix("cargo run --release -- "))
                 .unwrap_or_else(|| panic!("README line {}: `{line}` is not a command of the tool", block.line));
             if arguments.contains("$TPM_DATA") && std::env::var_os("TPM_DATA").is_none() {
                 println!("skipped (TPM_DATA is not set): {line}");
@@ -69,8 +70,8 @@ fn commands_print_what_the_readme_says() {
             let arguments: Vec<String> = arguments.split_whitespace().map(|a| a.replace("$TPM_DATA", &data)).collect();
             let output = tpm(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
             assert!(
-                output.status.success(),
-                "README line {}: `{line}` failed:\n{}",
+                output.status.code().is_some_and(|ended| ended.to_string() == code.trim()),
+                "README line {}: `{line}` ended otherwise:\n{}",
                 block.line,
                 String::from_utf8_lossy(&output.stderr)
             );

@@ -3,6 +3,7 @@
 use crate::support::model as shipped;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::BTreeMap;
+use tpm_runtime::estimate::Weights;
 use tpm_runtime::experiment::{CampaignIdentification, Experiment, Machine};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::model::Model as _;
@@ -71,7 +72,15 @@ fn best_quadratic(experiment: &Experiment) -> DVector<f64> {
     }
     let scale: Vec<f64> = matrix.column_iter().map(|column| column.norm()).collect();
     let scaled = DMatrix::from_fn(2 * samples, 9, |r, c| matrix[(r, c)] / scale[c]);
-    let found = scaled.svd(true, true).solve(&torque, 1e-9).expect("both factors");
+    // The smallest solution of the normal equations; the columns that are independent are well conditioned.
+    let eigen = scaled.tr_mul(&scaled).symmetric_eigen();
+    let right = scaled.tr_mul(&torque);
+    let mut found = DVector::<f64>::zeros(9);
+    for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if *value > 1e-12 {
+            found += direction * (direction.dot(&right) / value);
+        }
+    }
     let mut best = DVector::zeros(9);
     for j in 0..9 {
         let at = NAMES.iter().position(|name| *name == plant.parameter(j).name).expect("a coefficient");
@@ -153,30 +162,62 @@ fn the_thesis_pattern_shows_six_combinations() {
                 }
             }
         }
-        let exact = without_sensors(&experiment);
-        // What is orthogonal to them is right. With encoders the second order is left to chance (the Cramer-Rao bound of one
-        // run is 6 % of it on rig 1 and 18 % on rig 2); without them what the quadratic leaves out decides, and the weights:
-        // the nearest quadratic itself moves by .4 to 8 % of the second order when one joint counts ten times as much.
-        for (sensors, experiment, values) in [("with", &experiment, values), ("without", &exact, identified(&exact).1)]
-        {
-            let (difference, size) = combinations(&values, best_quadratic(experiment).as_slice(), &null);
-            for k in 0..3 {
-                println!(
-                    "rig {}, {sensors} sensors: combinations of a1{k}, a2{k}, a3{k}: {:.3} %",
-                    rig + 1,
-                    100.0 * difference[k] / size[k]
-                );
-            }
-            let whole = difference.norm() / size.norm();
-            println!("rig {}, {sensors} sensors: the six together: {:.3} %", rig + 1, 100.0 * whole);
-            if experiment.plant.sensors.is_empty() {
-                assert!(whole <= 2e-3 && (0..2).all(|k| difference[k] <= 2e-3 * size[k]), "{difference} {size}");
-            }
+        // They are reported with their deviations: what the data show of two parameters of every three.
+        assert_eq!(result.combinations.len(), 6);
+        let best = best_quadratic(&experiment);
+        for shown in &result.combinations {
+            let weight = |name: &str| shown.terms.get(name).map_or(0.0, |text| text.parse().expect("a number"));
+            let wanted: f64 = NAMES.iter().zip(best.iter()).map(|(name, value)| weight(name) * value).sum();
+            println!("rig {}: {:?} {} +- {}, best quadratic {wanted}", rig + 1, shown.terms, shown.value, shown.std);
+            assert!((shown.value - wanted).abs() <= 3.0 * shown.std, "{shown:?} {wanted}");
         }
         let start: [f64; 9] = NAMES.map(|name| experiment.prior[name]);
         let [before, after] = [start, values].map(|v| tracking(&experiment, &v));
         println!("rig {}: tracking {before:?} -> {after:?}", rig + 1);
         assert!(before[0] > 4.0 * after[0] && before[1] > 4.0 * after[1], "{before:?} {after:?}");
+    }
+}
+
+/// Differences of the combinations from the best quadratic's as shares of their sizes: k = 0, 1, 2, and all six together.
+fn off(experiment: &Experiment) -> [f64; 4] {
+    let stage = &experiment.schedule.stages[0].values;
+    let (l1, l2) = (stage["lambda1"], stage["lambda2"]);
+    let (_, values) = identified(experiment);
+    let best = best_quadratic(experiment);
+    let (difference, size) = combinations(&values, best.as_slice(), &[l2 * l2, l1 * l1, -2.0 * l1 * l2]);
+    let of = |k: usize| difference[k] / size[k];
+    [of(0), of(1), of(2), difference.norm() / size.norm()]
+}
+
+#[test]
+fn without_sensors_the_six_combinations_are_those_of_the_best_quadratic() {
+    for (rig, experiment) in experiments(THESIS).into_iter().enumerate() {
+        let pooled = without_sensors(&experiment);
+        // Every update from the latest run alone, as in the thesis, and all equations alike: the first run tracks so badly that
+        // what its parameters are along the hidden directions shows in it.
+        let mut latest = pooled.clone();
+        latest.weights = Weights::Equal;
+        latest.schedule.forgetting = 1e-4;
+        let found = off(&latest);
+        println!("rig {}, latest run: orders 0, 1, 2, all six together off by {found:.5?}", rig + 1);
+        assert!(found.iter().all(|share| *share <= 2e-3), "{found:?}");
+        // With all runs, weighted by what each leaves unexplained, the second order is 1.4 % off.
+        let found = off(&pooled);
+        println!("rig {}, all runs: off by {found:.5?}", rig + 1);
+        assert!(found[0] <= 2e-3 && found[1] <= 2e-3 && found[3] <= 2e-3, "{found:?}");
+    }
+}
+
+#[test]
+fn with_encoders_the_six_combinations_take_eight_minutes_a_run() {
+    for (rig, mut experiment) in experiments(THESIS).into_iter().enumerate() {
+        // Half a count of noise, so that rounding averages out. The second order for itself stays noise: the Cramer-Rao bound of
+        // one run of the shipped 20 s is 6 % of it on rig 1 and 18 % on rig 2.
+        experiment.plant.sensors.values_mut().for_each(|sensor| sensor.noise = 4e-4);
+        experiment.schedule.measure_time = 480.0;
+        let found = off(&experiment);
+        println!("rig {}, eight minutes a run: orders 0, 1, 2, all six together off by {found:.5?}", rig + 1);
+        assert!(found[0] <= 2e-3 && found[1] <= 2e-3 && found[3] <= 2e-3, "{found:?}");
     }
 }
 

@@ -7,11 +7,12 @@ use crate::assignments::{assignment, by_name, number_assignment};
 use crate::campaign_report::{self, Played};
 use crate::failure::Failure;
 use crate::load::Loaded;
-use crate::text_table::{Align, TextTable, number};
+use crate::text_table::{Align, TextTable, combination, number};
 use crate::{Outcome, interrupt, output, progress};
+use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_runtime::estimate::{Estimate, Frozen};
+use tpm_runtime::estimate::{Estimate, Frozen, Weights};
 use tpm_runtime::experiment::CampaignIdentification;
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
@@ -19,7 +20,7 @@ use tpm_runtime::log::{Identification, Log, LogOptions, identify_log};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::physical::{PhysicalSettings, has_inertia, is_lumped, negative_masses, physical};
 use tpm_runtime::procedure::{Record, RunReport, Trial};
-use tpm_runtime::report::ParameterReport;
+use tpm_runtime::report::{CombinationReport, ParameterReport};
 use tpm_runtime::stability::Stability;
 use tpm_symbolic::model::Kind;
 use tpm_symbolic::prepare::Prepared;
@@ -40,6 +41,9 @@ pub(crate) struct Args {
     /// Hold a parameter, or a physical one, at a value.
     #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     freeze: Vec<(String, f64)>,
+    /// How much every harmonic counts: by its noise, or alike, for a model that leaves something out.
+    #[arg(long, value_enum, requires = "log")]
+    weights: Option<WeightsChoice>,
     /// Bounds of a physical parameter behind lumped ones, either side may be left out; kg and kg*m^2 are not negative unless said.
     #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = bounds_assignment)]
     bound: Vec<(String, (f64, f64))>,
@@ -57,6 +61,24 @@ pub(crate) struct Args {
     /// Write to this file instead of standard output.
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+}
+
+/// What the harmonics of a log count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum WeightsChoice {
+    /// By their noise and the model's own error: the smallest deviations (the default).
+    Noise,
+    /// Alike, rows by the size of their force: the nearest model over the period, whatever the noise.
+    Equal,
+}
+
+impl From<WeightsChoice> for Weights {
+    fn from(choice: WeightsChoice) -> Self {
+        match choice {
+            WeightsChoice::Noise => Weights::Noise,
+            WeightsChoice::Equal => Weights::Equal,
+        }
+    }
 }
 
 fn bounds_assignment(text: &str) -> Result<(String, (f64, f64)), String> {
@@ -207,6 +229,7 @@ pub(crate) fn describe_campaign(
     }
     text.push('\n');
     text.push_str(&parameters(&result.parameters));
+    text.push_str(&combinations(&result.combinations));
     if !result.physical.is_empty() {
         text.push_str("\nphysical parameters\n");
         text.push_str(&parameters(&result.physical));
@@ -253,22 +276,6 @@ fn remarks(unobservable: &[BTreeMap<String, String>], warnings: &[String]) -> St
     }
     for warning in warnings {
         text.push_str(&format!("warning: {warning}\n"));
-    }
-    text
-}
-
-/// `0.40647 a10 - a20`, from weights by name.
-fn combination(direction: &BTreeMap<String, String>) -> String {
-    let mut text = String::new();
-    for (name, weight) in direction {
-        let (sign, size) = weight.strip_prefix('-').map_or((" + ", weight.as_str()), |size| (" - ", size));
-        text.push_str(match (text.is_empty(), sign) {
-            (false, sign) => sign,
-            (true, " - ") => "-",
-            (true, _) => "",
-        });
-        let size = size.parse().map_or_else(|_| size.to_owned(), number);
-        text.push_str(&if size == "1" { name.clone() } else { format!("{size} {name}") });
     }
     text
 }
@@ -351,6 +358,7 @@ fn log_options(args: &Args, model: &Interpreted, physical: &[String]) -> Result<
     let frozen = by_name("--freeze", &args.freeze, &either)?;
     let index = |name: &str| parameters.iter().position(|parameter| parameter == name);
     Ok(LogOptions {
+        weights: args.weights.map_or_else(Weights::default, Weights::from),
         prior: if parameters.iter().all(|name| !priors.contains_key(name)) {
             Vec::new()
         } else {
@@ -397,6 +405,7 @@ fn describe(result: &Identification) -> String {
         text.push('\n');
     }
     text.push_str(&parameters(&result.parameters));
+    text.push_str(&combinations(&result.combinations));
     if !result.physical.is_empty() {
         text.push_str("\nphysical parameters\n");
         text.push_str(&parameters(&result.physical));
@@ -414,30 +423,45 @@ fn describe(result: &Identification) -> String {
 
 /// Parameter, unit, prior, identified, standard deviation, change. An unobservable parameter gets no number.
 fn parameters(list: &[ParameterReport]) -> String {
-    let mut table = TextTable::new(&[
-        ("parameter", Align::Left),
+    let mut table = estimates("parameter");
+    for parameter in list {
+        let remark = if parameter.status == "identified" { String::new() } else { parameter.status.replace('_', " ") };
+        let [prior, value, std] = [parameter.prior, parameter.value, parameter.std];
+        table.row(&row(parameter.name.clone(), parameter.unit.as_deref(), [prior, value, std], remark));
+    }
+    table.finish()
+}
+
+/// The same of what is shown of parameters that do not show alone.
+fn combinations(list: &[CombinationReport]) -> String {
+    if list.is_empty() {
+        return String::new();
+    }
+    let mut table = estimates("combination");
+    for shown in list {
+        let values = [shown.prior, Some(shown.value), Some(shown.std)];
+        table.row(&row(combination(&shown.terms), shown.unit.as_deref(), values, String::new()));
+    }
+    format!("\n{}", table.finish())
+}
+
+fn estimates(of: &str) -> TextTable {
+    TextTable::new(&[
+        (of, Align::Left),
         ("unit", Align::Left),
         ("prior", Align::Right),
         ("identified", Align::Right),
         ("std. dev.", Align::Right),
         ("change", Align::Right),
         ("", Align::Left),
-    ]);
-    for parameter in list {
-        let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
-        let change = match (parameter.prior, parameter.value) {
-            (Some(prior), Some(value)) if prior != 0.0 => format!("{:+.3} %", 100.0 * (value - prior) / prior),
-            _ => "-".to_owned(),
-        };
-        table.row(&[
-            parameter.name.clone(),
-            parameter.unit.clone().unwrap_or_else(|| "-".to_owned()),
-            optional(parameter.prior),
-            optional(parameter.value),
-            optional(parameter.std),
-            change,
-            if parameter.status == "identified" { String::new() } else { parameter.status.replace('_', " ") },
-        ]);
-    }
-    table.finish()
+    ])
+}
+
+fn row(name: String, unit: Option<&str>, [prior, value, std]: [Option<f64>; 3], remark: String) -> [String; 7] {
+    let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
+    let change = match (prior, value) {
+        (Some(prior), Some(value)) if prior != 0.0 => format!("{:+.3} %", 100.0 * (value - prior) / prior),
+        _ => "-".to_owned(),
+    };
+    [name, unit.unwrap_or("-").to_owned(), optional(prior), optional(value), optional(std), change, remark]
 }

@@ -7,6 +7,7 @@
 
 mod along;
 mod applied;
+mod combination;
 #[cfg(feature = "interpret")]
 mod eliminated;
 mod equations;
@@ -19,13 +20,14 @@ mod numerical;
 mod select;
 
 pub use along::Along;
+pub use combination::Combination;
 #[cfg(feature = "interpret")]
 pub use eliminated::{Eliminated, EliminatedError};
 pub use equations::Equations;
 pub use estimator::{Estimator, Method, Run};
 pub(crate) use first_order::error_lines;
 pub use information::{Information, Solution};
-pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, estimate_measured_motion};
+pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
 pub use numerical::NumericalSettings;
 
 use nalgebra::DMatrix;

@@ -6,7 +6,7 @@
 use super::{
     CampaignIdentification, Equations, Experiment, ExperimentError, StageSection, Store, Watch, play_campaign,
 };
-use crate::estimate::{Eliminated, EliminatedError, Method};
+use crate::estimate::{Eliminated, EliminatedError, Method, Weights};
 use crate::interpret::Interpreted;
 use crate::model::Model as _;
 use crate::physical::{PhysicalSettings, has_inertia};
@@ -126,6 +126,9 @@ impl Machine {
     pub fn campaign(&self, experiment: &Experiment, setup: Setup) -> Result<Campaign<'_>, ExperimentError> {
         let campaign = match &self.eliminated {
             Some(form) if setup.method == Method::MeasuredMotion && experiment.equations == Equations::Eliminated => {
+                if setup.estimation.weights == Weights::Equal {
+                    return Err(ExperimentError::Weights);
+                }
                 let estimator = form.estimator(&setup.estimation);
                 Campaign::with_estimator(&self.plant, setup, estimator)
             }

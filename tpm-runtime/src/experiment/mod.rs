@@ -26,7 +26,7 @@ pub use store::{GainManifest, Manifest, RunManifest, Store, StoreError, samples_
 pub use study::{Identify, ParameterStudy, Study, study, study_campaigns};
 pub use updates::{Convergence, LIMITS, Updates, convergence, updates};
 
-use crate::estimate::{Method, NumericalSettings};
+use crate::estimate::{Method, NumericalSettings, Weights};
 use crate::procedure::HoldCompensation;
 use crate::smoothing::Smoothing;
 use serde::{Deserialize, Serialize};
@@ -47,6 +47,9 @@ pub struct Experiment {
     /// measured-motion (default), error, hill, effort or numerical.
     #[serde(default)]
     pub estimator: Method,
+    /// How much every equation counts in measured-motion: noise (default), or equal, for models that leave something out.
+    #[serde(default)]
+    pub weights: Weights,
     /// How the estimator numerical uses its matrix.
     #[serde(default)]
     pub numerical: NumericalSettings,

@@ -4,7 +4,7 @@ use super::actuators::limited;
 use super::overrides::near;
 use super::{ArmSection, DropoutSection, Experiment, Named, StoreError};
 use crate::control::Gain;
-use crate::estimate::{EstimateError, Frozen, Settings};
+use crate::estimate::{EstimateError, Frozen, Method, Settings, Weights};
 use crate::harmonics::Hold;
 use crate::model::{EvalError, Model};
 use crate::procedure::{CampaignError, Loop, Procedure, Setup, Stage, Velocity};
@@ -82,6 +82,11 @@ pub enum ExperimentError {
         /// Its key.
         key: String,
     },
+    /// Equations that count alike are for one estimator.
+    #[error(
+        "weights = \"equal\" is for the estimator measured-motion on the machine's own equations; leave it out, or set estimator = \"measured-motion\" (and equations = \"own\" where the model eliminates coordinates)"
+    )]
+    Weights,
     /// A motor of the experiment.
     #[error("motors: {message}")]
     Motors {
@@ -461,6 +466,9 @@ impl Experiment {
         let forgetting = schedule.forgetting;
         let usable = forgetting > 0.0 && forgetting <= 1.0;
         require(usable, "schedule.forgetting".into(), forgetting, "the value must lie in (0, 1]")?;
+        if self.weights == Weights::Equal && self.estimator != Method::MeasuredMotion {
+            return Err(ExperimentError::Weights);
+        }
         let mut frozen = Vec::with_capacity(self.frozen.len());
         for (name, &value) in &self.frozen {
             frozen.push(Frozen { parameter: parameters.index("frozen", name)?, value });
@@ -497,6 +505,7 @@ impl Experiment {
             method: self.estimator,
             estimation: Settings {
                 harmonics: self.harmonics,
+                weights: self.weights,
                 prior: prior.clone(),
                 frozen,
                 numerical: self.numerical,

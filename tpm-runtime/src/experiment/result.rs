@@ -5,7 +5,7 @@ use crate::actuator::LimitUse;
 use crate::estimate::{Estimate, LARGE_RESIDUAL, Status, no_result};
 use crate::model::Model;
 use crate::procedure::{Campaign, Outcome, Record, RunEnding, RunReport, Trial};
-use crate::report::{EstimateReport, ParameterReport};
+use crate::report::{CombinationReport, EstimateReport, ParameterReport, doubts};
 use crate::simulate::simulate;
 use crate::stability::Stability;
 use crate::trajectory::Pattern;
@@ -41,6 +41,8 @@ pub struct CampaignIdentification {
     pub physical: Vec<ParameterReport>,
     /// Directions that the runs do not show: parameter to weight.
     pub unobservable: Vec<BTreeMap<String, String>>,
+    /// What the runs do show of the unobservable parameters.
+    pub combinations: Vec<CombinationReport>,
     /// Covariance of the parameters; nothing where unobservable.
     pub covariance: Vec<Vec<Option<f64>>>,
     /// Independent combinations that the runs show.
@@ -158,7 +160,7 @@ pub fn summary(model: &dyn Model<f64>, campaign: &Campaign<'_>, seed: u64) -> Ca
         Some((lumped, found)) => (lumped, Some(found), EstimateReport::new(lumped, &[], Some(found)), own.parameters),
         None => (model, estimate, own, Vec::new()),
     };
-    let EstimateReport { parameters, unobservable, covariance } = report;
+    let EstimateReport { parameters, unobservable, combinations, covariance } = report;
     CampaignIdentification {
         schema: "tpm.identification/1",
         model: model.name().into(),
@@ -171,6 +173,7 @@ pub fn summary(model: &dyn Model<f64>, campaign: &Campaign<'_>, seed: u64) -> Ca
         parameters,
         physical,
         unobservable,
+        combinations,
         covariance,
         rank: found.map_or(0, |e| e.rank),
         condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
@@ -229,14 +232,7 @@ fn warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Camp
         None => warnings.push("no run was accepted; nothing is identified".to_string()),
         Some(estimate) => {
             warnings.extend(estimate.unexplained());
-            for (j, status) in estimate.status.iter().enumerate() {
-                let name = model.parameter(j).name;
-                match status {
-                    Status::Unobservable => warnings.push(format!("{name} is not visible in these runs")),
-                    Status::PoorlyDetermined => warnings.push(format!("{name} is poorly determined")),
-                    Status::Identified | Status::Frozen => {}
-                }
-            }
+            warnings.extend(doubts(model, estimate, "these runs"));
         }
     }
     warnings.extend_from_slice(campaign.estimator().warnings());

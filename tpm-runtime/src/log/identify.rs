@@ -6,7 +6,7 @@ use crate::estimate::{Estimate, EstimateError, MeasuredMotion, Settings, Status,
 use crate::harmonics::{Hold, Spectra};
 use crate::model::Model;
 use crate::procedure::correct_actuators;
-use crate::report::{EstimateReport, ParameterReport};
+use crate::report::{CombinationReport, EstimateReport, ParameterReport, doubts};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::format;
@@ -93,6 +93,8 @@ pub struct Identification {
     pub physical: Vec<ParameterReport>,
     /// Directions that the data do not show: parameter to weight.
     pub unobservable: Vec<BTreeMap<String, String>>,
+    /// What they do show of the unobservable parameters.
+    pub combinations: Vec<CombinationReport>,
     /// Covariance of the parameters; nothing where unobservable.
     pub covariance: Vec<Vec<Option<f64>>>,
     /// Independent combinations that the data show.
@@ -142,6 +144,7 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
     let (periodic, spectra) = periodic_spectra(log, dims.coordinates, options)?;
     let settings = Settings {
         harmonics: options.harmonics,
+        weights: options.weights,
         prior: options.prior.clone(),
         frozen: options.frozen.clone(),
         ..Settings::default()
@@ -298,23 +301,8 @@ fn warnings(
         ));
     }
     warnings.extend(estimate.unexplained());
-    for (j, status) in estimate.status.iter().enumerate() {
-        let name = model.parameter(j).name;
-        match status {
-            Status::Unobservable => warnings.push(format!("{name} is not visible in this log")),
-            Status::PoorlyDetermined => warnings.push(format!(
-                "{name} is poorly determined: {} with a standard deviation of {}",
-                short(estimate.values[j]),
-                short(estimate.std[j])
-            )),
-            Status::Identified | Status::Frozen => {}
-        }
-    }
+    warnings.extend(doubts(model, estimate, "this log"));
     warnings
-}
-
-fn short(value: f64) -> String {
-    format!("{value:.3e}")
 }
 
 fn report(
@@ -325,7 +313,7 @@ fn report(
     log: LogReport,
     warnings: Vec<String>,
 ) -> Identification {
-    let EstimateReport { parameters, unobservable, covariance } =
+    let EstimateReport { parameters, unobservable, combinations, covariance } =
         EstimateReport::new(model, &options.prior, Some(&estimate));
     Identification {
         schema: "tpm.identification/1",
@@ -335,6 +323,7 @@ fn report(
         parameters,
         physical: Vec::new(),
         unobservable,
+        combinations,
         covariance,
         rank: estimate.rank,
         condition: estimate.condition,

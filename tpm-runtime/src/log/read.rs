@@ -5,7 +5,7 @@
 
 use super::LogError;
 use crate::actuator::Dynamics;
-use crate::estimate::Frozen;
+use crate::estimate::{Frozen, Weights};
 use crate::harmonics::Hold;
 use crate::model::{Label, Model};
 use std::collections::BTreeMap;
@@ -43,6 +43,8 @@ pub struct LogOptions {
     pub actuators: Vec<Dynamics>,
     /// Highest harmonic; chosen from the spectrum when not given.
     pub harmonics: Option<usize>,
+    /// How much every equation counts.
+    pub weights: Weights,
     /// Values of the model's run-time constants, in its order.
     pub constants: Vec<f64>,
     /// Prior values of the parameters, in the model's order; may be empty.

@@ -1,6 +1,7 @@
 //! Logs made of known motions and known parameters.
 
 use super::{Identification, Log, LogError, LogOptions, identify_log};
+use crate::estimate::Weights;
 use crate::harmonics::Hold;
 use crate::model::Model;
 use crate::test_models::{Emps, MassSpringDrag, Silverbox, TwoCarts};
@@ -141,6 +142,12 @@ fn what_is_not_visible_is_named_and_not_given_a_number() {
     let direction = &result.unobservable[0];
     let part = |name: &str| direction[name].parse::<f64>().expect("a number");
     assert!((part("k1") - 1.0).abs() < 1e-9 && (part("m") - 1.0 / (w * w)).abs() < 1e-9);
+    // What they are together is seen.
+    assert_eq!(result.combinations.len(), 1);
+    let together = &result.combinations[0];
+    assert!((together.value - (2.0 - 40.0 / (w * w))).abs() < 1e-8 && together.std < 1e-6, "{together:?}");
+    assert_eq!(together.terms["m"], "1");
+    assert!(result.warnings.iter().any(|warning| warning.ends_with("only in combinations with each other: m, k1")));
     let json = serde_json::to_value(&result).expect("serialises");
     assert_eq!(json["schema"], "tpm.identification/1");
     assert!(json["parameters"][0]["value"].is_null() && json["covariance"][0][0].is_null());
@@ -261,6 +268,55 @@ fn stated_deviations_agree_with_the_spread() {
             spread(|seed| slider(truth, 400.0, 400 * periods + 50, noise, seed), &LogOptions::default(), &truth, 200);
         for r in &ratio {
             assert!((0.75..1.33).contains(r), "noise {noise:?}, {periods} periods: {ratio:?}");
+        }
+    }
+}
+
+#[test]
+fn equal_weights_give_the_nearest_model_whatever_the_noise_and_say_how_well() {
+    let truth = [2.0, 40.0, 1.5];
+    let (dt, period, samples, seeds) = (1e-3, 800_usize, 8200, 60_u64);
+    let w = 2.0 * PI / (period as f64 * dt);
+    // A hardening spring that the model leaves out, or not.
+    for cubic in [300.0, 0.0] {
+        let force = |[x, v, a]: [f64; 3]| truth[0] * a + truth[1] * x + truth[2] * v * v + cubic * x * x * x;
+        // Least squares over the samples of one period of the motion itself.
+        let rows: Vec<([f64; 3], f64)> = (0..period)
+            .map(|i| motion(REST_TO_REST, w, i as f64 * dt))
+            .map(|[x, v, a]| ([a, x, v * v], force([x, v, a])))
+            .collect();
+        let matrix = nalgebra::DMatrix::from_fn(period, 3, |r, c| rows[r].0[c]);
+        let right = nalgebra::DVector::from_fn(period, |r, _| rows[r].1);
+        let nearest = matrix.tr_mul(&matrix).cholesky().expect("independent").solve(&matrix.tr_mul(&right));
+        let off = |seed: u64| {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let (mut xs, mut us) = (Vec::new(), Vec::new());
+            for i in 0..samples {
+                let [x, v, a] = motion(REST_TO_REST, w, i as f64 * dt);
+                xs.push(x + 1e-3 * normal(&mut rng));
+                us.push(force([x, v, a]));
+            }
+            let log = Log::from_samples("synthetic", dt, vec![xs, us]).expect("sound");
+            let options = LogOptions {
+                weights: Weights::Equal,
+                harmonics: Some(9),
+                period: Some(period as f64 * dt),
+                from_sample: Some(0),
+                ..LogOptions::default()
+            };
+            let estimate = identify_log(&MassSpringDrag, &log, &options).expect("identifies").estimate;
+            [0, 1, 2].map(|j| (estimate.values[j] - nearest[j], estimate.std[j]))
+        };
+        let all: Vec<[(f64, f64); 3]> = (0..seeds).map(off).collect();
+        for j in 0..3 {
+            let mean = all.iter().map(|e| e[j].0).sum::<f64>() / seeds as f64;
+            let spread = (all.iter().map(|e| (e[j].0 - mean).powi(2)).sum::<f64>() / (seeds - 1) as f64).sqrt();
+            let stated = all.iter().map(|e| e[j].1).sum::<f64>() / seeds as f64;
+            assert!(mean.abs() < 4.0 * spread / (seeds as f64).sqrt(), "{j}: {mean:e} {spread:e}");
+            if cubic == 0.0 {
+                // So many seeds tell a deviation to about a tenth.
+                assert!((0.7..1.4).contains(&(stated / spread)), "{j}: {stated:e} {spread:e}");
+            }
         }
     }
 }

@@ -39,6 +39,11 @@ impl Weighed {
         let regular = self.factor.l_dirty().solve_lower_triangular_mut(rows);
         debug_assert!(regular, "a Cholesky factor has no zero on its diagonal");
     }
+
+    /// Transposed rows of which each stands for an equation's noise of unit variance, made to stand for independent noise.
+    pub(super) fn decouple(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        self.factor.l_dirty().lower_triangle().tr_mul(rows)
+    }
 }
 
 impl Coupled {

@@ -1,13 +1,15 @@
 //! Weighted least squares over the harmonic equations of one or several records.
 //!
-//! Invariant: the weights are those of the noise at the present estimate plus a flat error of the model, both found anew
-//! until the estimate stands still; what noise in the regressors adds to the normal equations is taken out.
+//! Invariant: the noise at the present estimate and a flat error of the model are found anew until the estimate stands still.
+//! They are the weights unless all equations count alike; what is stated of the estimate follows from them either way. What
+//! noise in the regressors adds to the normal equations is taken out.
 
 use super::coupled::Weighed;
 use super::noise::excess;
-use super::{EstimateError, MeasuredMotion, Settings};
+use super::{EstimateError, MeasuredMotion, Settings, Weights};
 use crate::estimate::{Equations, Estimate, Information, Status};
 use crate::model::Dims;
+use nalgebra::DMatrix;
 use std::vec;
 use std::vec::Vec;
 
@@ -112,14 +114,16 @@ fn solve_records(
         })
         .collect();
     let equations_total: usize = equations.iter().map(Equations::real_len).sum();
-    let mut weighed: Vec<Option<Weighed>> = records.iter().map(|_| None).collect();
+    let mut noise: Vec<Option<Noise>> = records.iter().map(|_| None).collect();
     let mut gradient = vec![0.0; free.indices.len()];
     let mut information = Information::empty(free.indices.len());
     let mut solution = information.scaled().solve(&prior_free, None, &hidden);
     for pass in 0..12 {
-        for (i, (equations, weighed)) in equations.iter().zip(&weighed).enumerate() {
+        for (i, (equations, noise)) in equations.iter().zip(&noise).enumerate() {
             let mut rows = equations.weighted(&free.indices, &settings.frozen);
-            if let Some(weighed) = weighed {
+            if settings.weights == Weights::Noise
+                && let Some(Noise { weighed: Some(weighed), .. }) = noise
+            {
                 weighed.whiten(&mut rows);
             }
             let own = Information::of(rows).forget(settings.memory(records.len() - 1 - i));
@@ -147,10 +151,10 @@ fn solve_records(
         for (i, (record, equations)) in records.iter().zip(&mut equations).enumerate() {
             let mut variance = record.row_noise(&theta);
             let memory = settings.memory(records.len() - 1 - i);
-            let noise = record.used.iter().zip(&variance).enumerate().flat_map(|(row, (used, variance))| {
+            let sensors = record.used.iter().zip(&variance).enumerate().flat_map(|(row, (used, variance))| {
                 used.iter().zip(variance).map(move |(&k, v)| v - record.error_apart(row, k))
             });
-            let noise: Vec<f64> = noise.collect();
+            let sensors: Vec<f64> = sensors.collect();
             for row in 0..dims.rows {
                 let residual = record.residuals(row, &theta);
                 let error = excess(&residual, &variance[row], &record.used[row], share);
@@ -159,31 +163,48 @@ fn solve_records(
                     *v += if k == 0 { error / 4.0 } else { error };
                 }
             }
-            let whole: Vec<f64> = variance.iter().flatten().copied().collect();
-            weighed[i] = record.coupled.as_ref().and_then(|coupled| coupled.weigh(&theta, &noise, &whole));
-            if let Some(weighed) = &weighed[i] {
+            let whole: Vec<f64> = variance.into_iter().flatten().collect();
+            let weighed = record.coupled.as_ref().and_then(|coupled| coupled.weigh(&theta, &sensors, &whole));
+            equations.variance = match settings.weights {
+                Weights::Noise => whole.clone(),
+                Weights::Equal => record.alike(&theta),
+            };
+            if settings.weights == Weights::Noise
+                && let Some(weighed) = &weighed
+            {
                 for (g, &j) in gradient.iter_mut().zip(&free.indices) {
                     *g += memory * weighed.gradient[j];
                 }
             } else {
-                for (row, bias) in record.row_bias(&theta).iter().enumerate() {
-                    for ((v, &k), parts) in variance[row].iter().zip(&record.used[row]).zip(bias) {
-                        let weight = memory * if k == 0 { 1.0 } else { 2.0 } / v;
-                        for (g, &j) in gradient.iter_mut().zip(&free.indices) {
-                            *g -= weight * parts[j];
-                        }
+                for (e, parts) in record.row_bias(&theta).iter().flatten().enumerate() {
+                    for (g, &j) in gradient.iter_mut().zip(&free.indices) {
+                        *g -= memory * equations.weight(e) * parts[j];
                     }
                 }
             }
-            equations.variance = whole;
+            noise[i] = Some(Noise { variance: whole, weighed });
         }
     }
 
     let freedom = equations_total.saturating_sub(solution.rank);
-    let chi_squared = if freedom > 0 { solution.remainder / freedom as f64 } else { 0.0 };
+    let (remainder, own) = match settings.weights {
+        Weights::Noise => (solution.remainder, solution.covariance.clone()),
+        Weights::Equal => {
+            let mut remainder = 0.0;
+            let mut spread = DMatrix::zeros(free.indices.len(), free.indices.len());
+            for (i, (equations, noise)) in equations.iter().zip(&noise).enumerate() {
+                let Some(noise) = noise else { continue };
+                remainder += noise.remainder(equations, &theta);
+                let rows = noise.rows(&equations.weighted(&free.indices, &settings.frozen), equations);
+                spread += rows.tr_mul(&rows) * settings.memory(records.len() - 1 - i).powi(2);
+            }
+            (remainder, &solution.covariance * spread * &solution.covariance)
+        }
+    };
+    let chi_squared = if freedom > 0 { remainder / freedom as f64 } else { 0.0 };
     // Noise read between the lines may miss errors that repeat in every period; the residuals then show them.
     let inflation = chi_squared.max(1.0);
-    let covariance = free.spread_square(&solution.covariance) * inflation;
+    let covariance = free.spread_square(&own) * inflation;
     let unobservable = solution.unobservable.iter().map(|direction| free.spread(direction)).collect();
     let scaled = information.scaled();
     let touched = scaled.touched(&solution.unobservable);
@@ -219,6 +240,41 @@ fn solve_records(
         model_error: (0..dims.rows).map(|r| model_error.iter().map(|e| e[r].sqrt()).fold(0.0, f64::max)).collect(),
     };
     Ok(Fitted { estimate, theta })
+}
+
+/// The noise of one record's equations with the model's own error.
+struct Noise {
+    /// E|n|^2 of every equation.
+    variance: Vec<f64>,
+    /// How they hang together, where that is known.
+    weighed: Option<Weighed>,
+}
+
+impl Noise {
+    /// Squares of the residuals at theta over their variances.
+    fn remainder(&self, equations: &Equations, theta: &[f64]) -> f64 {
+        let of = |(e, variance): (usize, &f64)| {
+            equations.weight(e) * equations.variance[e] / variance * equations.residual(e, theta).norm_sqr()
+        };
+        self.variance.iter().enumerate().map(of).sum()
+    }
+
+    /// Rows B with `B' B` the covariance of `A' W n`, from the real equations `W^1/2 [A b]` as they were weighted.
+    fn rows(&self, weighted: &DMatrix<f64>, equations: &Equations) -> DMatrix<f64> {
+        let mut rows = weighted.columns(0, weighted.ncols() - 1).into_owned();
+        let ratio = |e: usize| (self.variance[e] / equations.variance[e]).sqrt();
+        let of_real = (0..equations.len()).flat_map(|e| {
+            let real = if equations.harmonic[e] == 0 { 1 } else { 2 };
+            std::iter::repeat_n(ratio(e), real)
+        });
+        for (mut row, ratio) in rows.row_iter_mut().zip(of_real) {
+            row *= ratio;
+        }
+        match &self.weighed {
+            Some(weighed) => weighed.decouple(&rows),
+            None => rows,
+        }
+    }
 }
 
 /// Residual of all records as a share of the force: root mean square over rows and records of each one's share.

@@ -83,6 +83,18 @@ pub struct Frozen {
     pub value: f64,
 }
 
+/// How much every equation counts in a measured-motion estimate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weights {
+    /// By its noise and the model's own error: the smallest deviations.
+    #[default]
+    Noise,
+    /// Alike, rows by the size of their force: the model whose force is nearest to the machine's over the period, whatever the
+    /// noise. For models that leave something out, such as a series cut off: their parameters move with the weights.
+    Equal,
+}
+
 /// What the caller may decide about a measured-motion estimate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settings {
@@ -100,6 +112,8 @@ pub struct Settings {
     /// Directions that the experiments cannot show, known beforehand: the estimate keeps its prior along them although
     /// noise and errors of the tracking seem to show them.
     pub hidden: Vec<Vec<f64>>,
+    /// How much every equation counts.
+    pub weights: Weights,
     /// How `numerical` uses its matrix.
     pub numerical: NumericalSettings,
     /// Factor on the weight of all earlier runs when a run is taken in, for parameters that drift; one, or zero, forgets nothing.
@@ -443,6 +457,17 @@ impl MeasuredMotion {
                 };
         }
         (residual.sqrt(), force.sqrt())
+    }
+
+    /// Variances of the used equations that let every one count alike over the period, rows by the size of their force at theta.
+    fn alike(&self, theta: &[f64]) -> Vec<f64> {
+        let of_row = |(row, lines): (usize, &Vec<usize>)| {
+            let (_, force) = self.row_power(row, theta);
+            let line = if force > 0.0 { force * force } else { 1.0 };
+            // The square of a mean has twice the share in the mean square that an amplitude's square has.
+            lines.iter().map(|&k| if k == 0 { line / 4.0 } else { line }).collect::<Vec<f64>>()
+        };
+        self.used.iter().enumerate().flat_map(of_row).collect()
     }
 
     /// Cuts a tail that the model does not explain; true when there was one.
