@@ -3,7 +3,7 @@
 
 mod support;
 
-use support::{names, root, tpm_in};
+use support::{fails, names, root, tpm_in};
 
 /// The refusal of `arguments` with `input` as the file `name` has all of `parts` in its message.
 fn check_refused(name: &str, input: &[u8], arguments: &[&str], parts: &[&str]) {
@@ -173,9 +173,17 @@ fn experiments() {
         ("unknown field", format!("colour = 3\n{good}"), &["in.toml", "colour"]),
         ("not TOML", "= = =".to_owned(), &["in.toml", "line 1"]),
         ("empty", String::new(), &["in.toml", "missing"]),
+        ("unknown weights", format!("weights = \"even\"\n{good}"), &["in.toml", "noise", "equal"]),
+        (
+            "weights of another estimator",
+            format!("weights = \"equal\"\n{}", good.replacen("measured-motion", "hill", 1)),
+            &["weights = \"equal\"", "measured-motion"],
+        ),
     ];
     for (what, input, parts) in &cases {
         println!("{what}");
         check_refused("in.toml", input.as_bytes(), &["identify", model, "--experiment", "in.toml", "--json"], parts);
     }
+    // Coordinates are eliminated there, and the physical parameters found as the noise weighs the lumped ones.
+    fails(&["identify", "models/two_carts.tpm", "--set", "weights=equal"], 2, &["weights = \"equal\"", "equations"]);
 }

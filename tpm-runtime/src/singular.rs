@@ -30,13 +30,7 @@ impl Singular {
             let of_factor = Singular::new(&qr.r(), tolerance);
             return Singular { left: qr.q() * of_factor.left, ..of_factor };
         }
-        let finite = matrix.iter().all(|x| x.is_finite());
-        let mut whole = DMatrix::zeros(rows + columns, rows + columns);
-        if finite {
-            whole.view_mut((0, rows), (rows, columns)).copy_from(matrix);
-            whole.view_mut((rows, 0), (columns, rows)).copy_from(&matrix.transpose());
-        }
-        let eigen = whole.symmetric_eigen();
+        let eigen = doubled(matrix).symmetric_eigen();
         let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
         let mut counted: Vec<usize> =
             (0..rows + columns).filter(|&i| eigen.eigenvalues[i] > tolerance * largest).collect();
@@ -77,6 +71,29 @@ impl Singular {
     }
 }
 
+/// [`Singular::condition`] without the vectors.
+pub(crate) fn condition(matrix: &DMatrix<f64>, tolerance: f64) -> f64 {
+    let values = if matrix.nrows() > matrix.ncols() {
+        doubled(&matrix.clone().qr().r()).symmetric_eigenvalues()
+    } else {
+        doubled(matrix).symmetric_eigenvalues()
+    };
+    let largest = values.iter().copied().fold(0.0, f64::max);
+    let smallest = values.iter().copied().filter(|value| *value > tolerance * largest).fold(f64::INFINITY, f64::min);
+    if smallest.is_finite() { largest / smallest } else { f64::INFINITY }
+}
+
+/// `[0 A; A' 0]`; zeros when an entry is not finite.
+fn doubled(matrix: &DMatrix<f64>) -> DMatrix<f64> {
+    let (rows, columns) = matrix.shape();
+    let mut whole = DMatrix::zeros(rows + columns, rows + columns);
+    if matrix.iter().all(|x| x.is_finite()) {
+        whole.view_mut((0, rows), (rows, columns)).copy_from(matrix);
+        whole.view_mut((rows, 0), (columns, rows)).copy_from(&matrix.transpose());
+    }
+    whole
+}
+
 /// An orthonormal basis, by columns, of what is orthogonal to the columns given.
 pub(crate) fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
     let n = columns.nrows();
@@ -111,7 +128,7 @@ pub(crate) fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::Singular;
+    use super::{Singular, condition};
     use nalgebra::DMatrix;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -135,6 +152,7 @@ mod tests {
                 let again = &found.left * DMatrix::from_diagonal(&found.values) * found.right.transpose();
                 assert!((again - &matrix).norm() < tolerance, "{case}");
             }
+            assert!((condition(&matrix, 1e-10) / whole.condition() - 1.0).abs() < 1e-5, "{case}");
             let null = whole.null();
             assert_eq!(null.ncols() + whole.rank(), columns);
             for (vectors, wanted) in [(&whole.left, whole.rank()), (&whole.right, whole.rank()), (&null, null.ncols())]
@@ -152,7 +170,9 @@ mod tests {
         for entry in [0.0, f64::NAN, f64::INFINITY] {
             let found = Singular::new(&DMatrix::from_element(3, 2, entry), 1e-10);
             assert_eq!((found.rank(), found.null().ncols()), (0, 2));
-            assert!(found.condition().is_infinite());
+            assert!(
+                found.condition().is_infinite() && condition(&DMatrix::from_element(3, 2, entry), 1e-10).is_infinite()
+            );
         }
     }
 }

@@ -4,7 +4,7 @@
 //! so far. Pooling stacks the triangles and triangularises again (Householder), so that the condition number is never
 //! squared as it would be in the normal equations.
 
-use crate::singular::{Singular, complement};
+use crate::singular::{Singular, complement, condition};
 use nalgebra::{Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use std::vec;
 use std::vec::Vec;
@@ -207,10 +207,9 @@ impl Scaled<'_> {
     /// Ratio of the largest to the smallest singular value that counts, beside the hidden directions; infinite when none counts.
     pub(super) fn condition(self, hidden: &[Vec<f64>]) -> f64 {
         match beside(hidden, &self.scale) {
-            Some(basis) => Singular::new(&(self.factor * basis), RANK_TOLERANCE),
-            None => Singular::new(&self.factor, RANK_TOLERANCE),
+            Some(basis) => condition(&(self.factor * basis), RANK_TOLERANCE),
+            None => condition(&self.factor, RANK_TOLERANCE),
         }
-        .condition()
     }
 
     /// A direction in the parameters themselves, its largest component one.
