@@ -167,6 +167,10 @@ fn the_thesis_pattern_shows_six_combinations() {
         let best = best_quadratic(&experiment);
         for shown in &result.combinations {
             let weight = |name: &str| shown.terms.get(name).map_or(0.0, |text| text.parse().expect("a number"));
+            // The base parameters that follow from the exact table: a1k + l2/(2 l1) a3k and a2k + l1/(2 l2) a3k.
+            let k = shown.terms.keys().next().and_then(|name| name.get(2..)).expect("a coefficient");
+            let exact = if weight(&format!("a1{k}")) == 1.0 { l2 / l1 / 2.0 } else { l1 / l2 / 2.0 };
+            assert!((weight(&format!("a3{k}")) - exact).abs() < 1e-8 && shown.terms.len() == 2, "{shown:?}");
             let wanted: f64 = NAMES.iter().zip(best.iter()).map(|(name, value)| weight(name) * value).sum();
             println!("rig {}: {:?} {} +- {}, best quadratic {wanted}", rig + 1, shown.terms, shown.value, shown.std);
             assert!((shown.value - wanted).abs() <= 3.0 * shown.std, "{shown:?} {wanted}");
