@@ -1,8 +1,8 @@
 //! The README is executed: its commands run, and what it prints after them is what they print.
 //!
 //! A `sh` block is a list of commands; a `text` block right after it is their standard output, where a line `...` stands
-//! for any number of lines; a command may say that it ends with another exit code than 0. A `tpm` block is a model file that must pass `tpm check`. Blocks of Rust are doc tests of the
-//! `tests` crate.
+//! for any number of lines; a command may say that it ends with another exit code than 0. A `tpm` block is a model file
+//! that must pass `tpm check`. Blocks of Rust are doc tests of the `tests` crate.
 
 mod support;
 

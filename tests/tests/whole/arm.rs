@@ -197,8 +197,8 @@ fn off(experiment: &Experiment) -> [f64; 4] {
 fn without_sensors_the_six_combinations_are_those_of_the_best_quadratic() {
     for (rig, experiment) in experiments(THESIS).into_iter().enumerate() {
         let pooled = without_sensors(&experiment);
-        // Every update from the latest run alone, as in the thesis, and all equations alike: the first run tracks so badly that
-        // what its parameters are along the hidden directions shows in it.
+        // Every update from the latest run alone, as in the thesis, and all equations alike: the first run tracks so badly that what
+        // the arm's coefficients are along the hidden directions shows in it.
         let mut latest = pooled.clone();
         latest.weights = Weights::Equal;
         latest.schedule.forgetting = 1e-4;
