@@ -11,7 +11,7 @@
 use crate::estimate::{Estimate, Information, Status};
 use crate::model::Model;
 use crate::report::ParameterReport;
-use crate::singular::{Singular, complement};
+use crate::singular::{Singular, complement, largest_one, unit_columns};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -480,10 +480,7 @@ impl Fixed {
         let mut warnings = Vec::new();
         match self.jacobian(map, weighted, &solution.values) {
             Some(jacobian) if !free.is_empty() && jacobian.nrows() > 0 => {
-                let scale: Vec<f64> =
-                    free.iter().map(|&i| jacobian.column(i).norm()).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
-                let scaled: DMatrix<f64> =
-                    DMatrix::from_fn(jacobian.nrows(), free.len(), |r, c| jacobian[(r, free[c])] / scale[c]);
+                let (scaled, scale) = unit_columns(jacobian.select_columns(&free));
                 let singular = Singular::new(&scaled, RANK_TOLERANCE);
                 rank = singular.rank();
                 condition = singular.condition();
@@ -500,8 +497,7 @@ impl Fixed {
                         hidden[i] |= direction[r].abs() > 1e-6;
                         raw[i] = direction[r] / scale[r];
                     }
-                    let peak = raw.iter().copied().fold(0.0, |p: f64, d| if d.abs() > p.abs() { d } else { p });
-                    unobservable.push(raw.iter().map(|d| d / peak).collect());
+                    unobservable.push(largest_one(&raw));
                 }
             }
             Some(_) => hidden.iter_mut().enumerate().for_each(|(i, hidden)| *hidden = free.contains(&i)),

@@ -3,8 +3,8 @@
 //! The library's own decomposition loses digits where a singular value is small beside the largest: of random matrices with
 //! dependent columns it gives back one in fifty with errors of 1e-9 to 1 (dimforge/nalgebra, issue 1172), and estimates along the
 //! directions that the data do show come out wrong. Its symmetric eigenvalues are right to rounding. Invariant: the eigenvalues
-//! of `[0 A; A' 0]` are plus and minus the singular values of A, and zeros (Golub and Van Loan, Matrix Computations, 8.6), so that
-//! the square of A, which would lose half of the digits, is never formed.
+//! of `[0 A; A' 0]` are plus and minus the singular values of A, and zeros (Golub and Van Loan, Matrix Computations, 8.6). The
+//! square of A, which loses half of the digits, serves for condition numbers that can spare them only.
 
 use nalgebra::{DMatrix, DVector};
 use std::vec::Vec;
@@ -25,17 +25,19 @@ impl Singular {
     /// none.
     pub(crate) fn new(matrix: &DMatrix<f64>, tolerance: f64) -> Self {
         let (rows, columns) = matrix.shape();
-        let none =
-            || Singular { values: DVector::zeros(0), left: DMatrix::zeros(rows, 0), right: DMatrix::zeros(columns, 0) };
         if matrix.is_empty() || matrix.iter().any(|x| !x.is_finite()) {
-            return none();
+            let (left, right) = (DMatrix::zeros(rows, 0), DMatrix::zeros(columns, 0));
+            return Singular { values: DVector::zeros(0), left, right };
         }
         if rows > columns {
             let qr = matrix.clone().qr();
             let of_factor = Singular::new(&qr.r(), tolerance);
             return Singular { left: qr.q() * of_factor.left, ..of_factor };
         }
-        let eigen = doubled(matrix).symmetric_eigen();
+        let mut doubled = DMatrix::zeros(rows + columns, rows + columns);
+        doubled.view_mut((0, rows), (rows, columns)).copy_from(matrix);
+        doubled.view_mut((rows, 0), (columns, rows)).copy_from(&matrix.transpose());
+        let eigen = doubled.symmetric_eigen();
         let largest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
         let mut counted: Vec<usize> =
             (0..rows + columns).filter(|&i| eigen.eigenvalues[i] > tolerance * largest).collect();
@@ -43,17 +45,10 @@ impl Singular {
         // The parts of an eigenvector are the left and the right vector, each of half of its square; where the eigenvectors of plus and
         // minus a value mix, the parts keep their directions.
         let part = |from: usize, count: usize| {
-            DMatrix::from_columns(
-                &counted
-                    .iter()
-                    .map(|&i| eigen.eigenvectors.column(i).rows(from, count).normalize())
-                    .collect::<Vec<DVector<f64>>>(),
-            )
+            let raw = DMatrix::from_fn(count, counted.len(), |r, c| eigen.eigenvectors[(from + r, counted[c])]);
+            unit_columns(raw).0
         };
         let values = DVector::from_iterator(counted.len(), counted.iter().map(|&i| eigen.eigenvalues[i]));
-        if counted.is_empty() {
-            return none();
-        }
         Singular { values, left: part(0, rows), right: part(rows, columns) }
     }
 
@@ -72,7 +67,8 @@ impl Singular {
 
     /// An orthonormal basis, by columns, of what the matrix takes to zero.
     pub(crate) fn null(&self) -> DMatrix<f64> {
-        complement(&self.right)
+        let columns = self.right.nrows();
+        if self.rank() == columns { DMatrix::zeros(columns, 0) } else { complement(&self.right) }
     }
 }
 
@@ -87,20 +83,26 @@ pub(crate) fn condition(matrix: &DMatrix<f64>, tolerance: f64) -> f64 {
     if smallest > tolerance.max(1e-4).powi(2) * largest {
         return (largest / smallest).sqrt();
     }
-    let factor = if matrix.nrows() > matrix.ncols() { &matrix.clone().qr().r() } else { matrix };
-    let values = doubled(factor).symmetric_eigenvalues();
-    let largest = values.iter().copied().fold(0.0, f64::max);
-    let smallest = values.iter().copied().filter(|value| *value > tolerance * largest).fold(f64::INFINITY, f64::min);
-    if smallest.is_finite() { largest / smallest } else { f64::INFINITY }
+    Singular::new(matrix, tolerance).condition()
 }
 
-/// `[0 A; A' 0]`.
-fn doubled(matrix: &DMatrix<f64>) -> DMatrix<f64> {
-    let (rows, columns) = matrix.shape();
-    let mut whole = DMatrix::zeros(rows + columns, rows + columns);
-    whole.view_mut((0, rows), (rows, columns)).copy_from(matrix);
-    whole.view_mut((rows, 0), (columns, rows)).copy_from(&matrix.transpose());
-    whole
+/// The same with columns of length one, and what they were divided by: their lengths, and one for a column of zeros.
+pub(crate) fn unit_columns(mut matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
+    let divided = matrix.column_iter_mut().map(|mut column| {
+        let length = column.norm();
+        let scale = if length > 0.0 { length } else { 1.0 };
+        column /= scale;
+        scale
+    });
+    let scale = divided.collect();
+    (matrix, scale)
+}
+
+/// The same direction with its largest component one.
+pub(crate) fn largest_one(direction: &[f64]) -> Vec<f64> {
+    let largest =
+        direction.iter().copied().fold(0.0, |largest: f64, d| if d.abs() > largest.abs() { d } else { largest });
+    direction.iter().map(|d| d / largest).collect()
 }
 
 /// An orthonormal basis, by columns, of what is orthogonal to the columns given.

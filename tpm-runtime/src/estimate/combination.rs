@@ -2,7 +2,7 @@
 
 use super::information::reduced;
 use super::{Estimate, Status};
-use std::vec;
+use nalgebra::DVector;
 use std::vec::Vec;
 
 /// A combination of parameters that the data show: one that they do not show alone, and others times constants.
@@ -25,23 +25,16 @@ impl Estimate {
     pub fn combinations(&self) -> Vec<Combination> {
         let p = self.values.len();
         let directions = reduced(self.unobservable.clone());
-        let pivot = |i: usize| {
-            let alone = |j: &usize| directions.iter().enumerate().all(|(o, d)| d[*j] == f64::from(u8::from(o == i)));
-            (0..p).find(alone)
-        };
-        let pivots: Vec<(usize, &Vec<f64>)> =
-            directions.iter().enumerate().filter_map(|(i, direction)| Some((pivot(i)?, direction))).collect();
-        let lead = |j: &usize| self.status[*j] == Status::Unobservable && pivots.iter().all(|(pivot, _)| pivot != j);
+        let lead = |j: &usize| self.status[*j] == Status::Unobservable && directions.iter().all(|(own, _)| own != j);
         let of = |lead: usize| {
-            let mut weights = vec![0.0; p];
+            let mut weights = DVector::zeros(p);
             weights[lead] = 1.0;
-            for &(pivot, direction) in &pivots {
-                weights[pivot] = -direction[lead];
+            for (own, direction) in &directions {
+                weights[*own] = -direction[lead];
             }
             let value = weights.iter().zip(&self.values).map(|(weight, value)| weight * value).sum();
-            let along = |i: usize| (0..p).map(|j| self.covariance[(i, j)] * weights[j]).sum::<f64>();
-            let variance: f64 = weights.iter().enumerate().map(|(i, weight)| weight * along(i)).sum();
-            Combination { lead, weights, value, std: variance.max(0.0).sqrt() }
+            let variance = weights.dot(&(&self.covariance * &weights));
+            Combination { lead, weights: weights.as_slice().to_vec(), value, std: variance.max(0.0).sqrt() }
         };
         (0..p).filter(lead).map(of).collect()
     }

@@ -1,6 +1,7 @@
 //! Harmonic equations `phi theta = right + noise`, one complex row per equation of motion and harmonic.
 
 use super::Frozen;
+use crate::singular::unit_columns;
 use nalgebra::{Complex, DMatrix};
 use std::vec::Vec;
 
@@ -123,13 +124,7 @@ impl Equations {
     #[must_use]
     pub fn reduced(&self) -> Self {
         let all: Vec<usize> = (0..self.parameters).collect();
-        let mut matrix = self.weighted(&all, &[]).remove_column(self.parameters);
-        for mut column in matrix.column_iter_mut() {
-            let norm = column.norm();
-            if norm > 0.0 {
-                column /= norm;
-            }
-        }
+        let (matrix, _) = unit_columns(self.weighted(&all, &[]).remove_column(self.parameters));
         // Where every real equation comes from: the row, and whether its imaginary part.
         let parts = (0..self.len()).flat_map(|e| {
             let imaginary: &[bool] = if self.harmonic[e] == 0 { &[false] } else { &[false, true] };

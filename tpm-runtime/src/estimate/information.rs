@@ -4,8 +4,9 @@
 //! so far. Pooling stacks the triangles and triangularises again (Householder), so that the condition number is never
 //! squared as it would be in the normal equations.
 
-use crate::singular::{Singular, complement, condition};
+use crate::singular::{Singular, complement, condition, largest_one, unit_columns};
 use nalgebra::{Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
+use std::borrow::Cow;
 use std::vec;
 use std::vec::Vec;
 
@@ -111,14 +112,7 @@ impl Information {
 
     /// The factor with columns of length one.
     pub(super) fn scaled(&self) -> Scaled<'_> {
-        let mut factor = self.factor().into_owned();
-        let divided = factor.column_iter_mut().map(|mut column| {
-            let norm = column.norm();
-            let scale = if norm > 0.0 { norm } else { 1.0 };
-            column /= scale;
-            scale
-        });
-        let scale = divided.collect();
+        let (factor, scale) = unit_columns(self.factor().into_owned());
         Scaled { of: self, factor, scale }
     }
 }
@@ -137,21 +131,18 @@ impl Scaled<'_> {
         let mut target = of.right().into_owned();
         target.gemv(-1.0, factor, &start, 1.0);
         let shown = beside(hidden, scale);
-        let singular = match &shown {
-            Some(basis) => Singular::new(&(factor * basis), RANK_TOLERANCE),
-            None => Singular::new(factor, RANK_TOLERANCE),
-        };
+        let singular = Singular::new(&self.in_terms_of(shown.as_ref()), RANK_TOLERANCE);
         let mut step = DVector::zeros(n);
         let mut covariance = DMatrix::zeros(n, n);
         let extra = gradient.map(|g| DVector::from_fn(n, |i, _| g[i] / scale[i]));
-        let beside = |directions: DMatrix<f64>| match &shown {
+        let whole = |directions: DMatrix<f64>| match &shown {
             Some(basis) => basis * directions,
             None => directions,
         };
-        let null = beside(singular.null());
+        let null = whole(singular.null());
         let lost: Vec<Vec<f64>> = null.column_iter().map(|direction| direction.iter().copied().collect()).collect();
         let rank = singular.rank();
-        let directions = beside(singular.right);
+        let directions = whole(singular.right);
         for ((value, direction), left) in
             singular.values.iter().zip(directions.column_iter()).zip(singular.left.column_iter())
         {
@@ -171,7 +162,7 @@ impl Scaled<'_> {
         let mut misfit = of.right().into_owned();
         misfit.gemv(-1.0, factor, &total, 1.0);
         let known = if shown.is_some() { hidden } else { &[] };
-        let unobservable = known.iter().cloned().chain(reduced(lost).iter().map(|d| self.raw(d))).collect();
+        let unobservable = known.iter().cloned().chain(reduced(lost).iter().map(|(_, d)| self.raw(d))).collect();
         Solution {
             values: total.iter().zip(scale).map(|(t, s)| t / s).collect(),
             covariance,
@@ -206,17 +197,18 @@ impl Scaled<'_> {
 
     /// Ratio of the largest to the smallest singular value that counts, beside the hidden directions; infinite when none counts.
     pub(super) fn condition(self, hidden: &[Vec<f64>]) -> f64 {
-        match beside(hidden, &self.scale) {
-            Some(basis) => condition(&(self.factor * basis), RANK_TOLERANCE),
-            None => condition(&self.factor, RANK_TOLERANCE),
-        }
+        condition(&self.in_terms_of(beside(hidden, &self.scale).as_ref()), RANK_TOLERANCE)
+    }
+
+    /// The factor for parameters that are a basis times others; as it is without a basis.
+    fn in_terms_of(&self, basis: Option<&DMatrix<f64>>) -> Cow<'_, DMatrix<f64>> {
+        basis.map_or(Cow::Borrowed(&self.factor), |basis| Cow::Owned(&self.factor * basis))
     }
 
     /// A direction in the parameters themselves, its largest component one.
     fn raw(&self, scaled: &[f64]) -> Vec<f64> {
         let raw: Vec<f64> = scaled.iter().zip(&self.scale).map(|(d, s)| d / s).collect();
-        let peak = raw.iter().copied().fold(0.0, |peak: f64, d| if d.abs() > peak.abs() { d } else { peak });
-        raw.iter().map(|d| d / peak).collect()
+        largest_one(&raw)
     }
 
     /// Which parameters have a part in an unobservable direction.
@@ -234,14 +226,17 @@ impl Scaled<'_> {
 }
 
 /// The same space by directions of which each has a component that the others do not have (Gauss and Jordan, pivoting wholly), so
-/// that parameters which have nothing to do with each other stand in different ones. From independent directions about as long as one.
-pub(super) fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+/// that parameters which have nothing to do with each other stand in different ones. Each comes with that
+/// component, which is one. From independent directions about as long as one.
+pub(super) fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<(usize, Vec<f64>)> {
+    let mut own = Vec::with_capacity(directions.len());
     for done in 0..directions.len() {
         let entries = directions.iter().enumerate().skip(done).flat_map(|(row, direction)| {
             direction.iter().enumerate().map(move |(column, entry)| (row, column, entry.abs()))
         });
         let Some((row, column, _)) = entries.max_by(|a, b| a.2.total_cmp(&b.2)) else { break };
         directions.swap(done, row);
+        own.push(column);
         let mut pivot = std::mem::take(&mut directions[done]);
         let largest = pivot[column];
         pivot.iter_mut().for_each(|entry| *entry /= largest);
@@ -256,9 +251,9 @@ pub(super) fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         }
         directions[done] = pivot;
     }
-    let first = |direction: &Vec<f64>| direction.iter().position(|entry| *entry != 0.0);
-    directions.sort_by_key(first);
-    directions
+    let mut reduced: Vec<(usize, Vec<f64>)> = own.into_iter().zip(directions).collect();
+    reduced.sort_by_key(|(_, direction)| direction.iter().position(|entry| *entry != 0.0));
+    reduced
 }
 
 /// The inverse of a triangle, when it proves that every singular value counts: none is below `1 / |inverse|`, none above the

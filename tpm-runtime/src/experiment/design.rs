@@ -12,7 +12,7 @@ use crate::harmonics::Hold;
 use crate::model::Model;
 use crate::procedure::{LEAST_PERIODS, Record, RunEnding, RunReport, Setup, Stage, Trial, TrialError, TrialSettings};
 use crate::simulate::{Bench, Sensor, simulate};
-use crate::singular::Singular;
+use crate::singular::{Singular, unit_columns};
 use crate::trajectory::{Pattern, Series, Trajectory};
 use nalgebra::DMatrix;
 use serde::{Serialize, Serializer};
@@ -204,9 +204,7 @@ struct Shown {
 
 fn shown(root: &DMatrix<f64>) -> Shown {
     let p = root.ncols();
-    let scale: Vec<f64> =
-        root.column_iter().map(|column| column.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
-    let scaled = DMatrix::from_fn(root.nrows(), p, |r, c| root[(r, c)] / scale[c]);
+    let (scaled, scale) = unit_columns(root.clone());
     let singular = Singular::new(&scaled, RANK);
     let mut variance = vec![0.0; p];
     for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {

@@ -4,7 +4,7 @@
 //! imaginary parts have variance 1/2 each when the model is right and the errors are noise.
 
 use super::response::{Estimator, FrequencyResponse};
-use crate::singular::Singular;
+use crate::singular::{Singular, unit_columns};
 use nalgebra::{Complex, DMatrix, DVector, DVectorView};
 use std::vec::Vec;
 
@@ -101,11 +101,7 @@ pub(super) struct Information {
 /// The covariance of least-squares estimates whose residuals have this variance each.
 pub(super) fn information(jacobian: &DMatrix<f64>, variance: f64, tolerance: f64) -> Information {
     let size = jacobian.ncols();
-    let norms: Vec<f64> = jacobian.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
-    let mut scaled = jacobian.clone();
-    for (mut column, norm) in scaled.column_iter_mut().zip(&norms) {
-        column /= *norm;
-    }
+    let (scaled, norms) = unit_columns(jacobian.clone());
     let singular = Singular::new(&scaled, tolerance);
     let raw = |direction: DVectorView<'_, f64>| DVector::from_fn(size, |j, _| direction[j] / norms[j]);
     let mut covariance = DMatrix::zeros(size, size);
@@ -120,11 +116,8 @@ pub(super) fn information(jacobian: &DMatrix<f64>, variance: f64, tolerance: f64
 }
 
 /// Least squares with column scaling; the smallest solution where columns depend on each other.
-pub(super) fn least_squares(mut matrix: DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
-    let norms: Vec<f64> = matrix.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
-    for (mut column, norm) in matrix.column_iter_mut().zip(&norms) {
-        column /= *norm;
-    }
+pub(super) fn least_squares(matrix: DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
+    let (matrix, norms) = unit_columns(matrix);
     let singular = Singular::new(&matrix, RANK);
     let shares = singular.left.tr_mul(right).component_div(&singular.values);
     let mut solution = singular.right * shares;

@@ -121,9 +121,7 @@ fn solve_records(
     for pass in 0..12 {
         for (i, (equations, noise)) in equations.iter().zip(&noise).enumerate() {
             let mut rows = equations.weighted(&free.indices, &settings.frozen);
-            if settings.weights == Weights::Noise
-                && let Some(Noise { weighed: Some(weighed), .. }) = noise
-            {
+            if let Some(weighed) = noise.as_ref().and_then(|noise| noise.whitening(settings)) {
                 weighed.whiten(&mut rows);
             }
             let own = Information::of(rows).forget(settings.memory(records.len() - 1 - i));
@@ -169,9 +167,8 @@ fn solve_records(
                 Weights::Noise => whole.clone(),
                 Weights::Equal => record.alike(&theta),
             };
-            if settings.weights == Weights::Noise
-                && let Some(weighed) = &weighed
-            {
+            let now = noise[i].insert(Noise { variance: whole, weighed });
+            if let Some(weighed) = now.whitening(settings) {
                 for (g, &j) in gradient.iter_mut().zip(&free.indices) {
                     *g += memory * weighed.gradient[j];
                 }
@@ -182,13 +179,12 @@ fn solve_records(
                     }
                 }
             }
-            noise[i] = Some(Noise { variance: whole, weighed });
         }
     }
 
     let freedom = equations_total.saturating_sub(solution.rank);
-    let (remainder, own) = match settings.weights {
-        Weights::Noise => (solution.remainder, solution.covariance.clone()),
+    let (remainder, covariance) = match settings.weights {
+        Weights::Noise => (solution.remainder, free.spread_square(&solution.covariance)),
         Weights::Equal => {
             let mut remainder = 0.0;
             let mut spread = DMatrix::zeros(free.indices.len(), free.indices.len());
@@ -198,13 +194,13 @@ fn solve_records(
                 let rows = noise.rows(&equations.weighted(&free.indices, &settings.frozen), equations);
                 spread += rows.tr_mul(&rows) * settings.memory(records.len() - 1 - i).powi(2);
             }
-            (remainder, &solution.covariance * spread * &solution.covariance)
+            (remainder, free.spread_square(&(&solution.covariance * spread * &solution.covariance)))
         }
     };
     let chi_squared = if freedom > 0 { remainder / freedom as f64 } else { 0.0 };
     // Noise read between the lines may miss errors that repeat in every period; the residuals then show them.
     let inflation = chi_squared.max(1.0);
-    let covariance = free.spread_square(&own) * inflation;
+    let covariance = covariance * inflation;
     let unobservable = solution.unobservable.iter().map(|direction| free.spread(direction)).collect();
     let scaled = information.scaled();
     let touched = scaled.touched(&solution.unobservable);
@@ -251,6 +247,11 @@ struct Noise {
 }
 
 impl Noise {
+    /// What makes equations that were divided by their standard deviations uncorrelated; nothing when all count alike.
+    fn whitening(&self, settings: &Settings) -> Option<&Weighed> {
+        self.weighed.as_ref().filter(|_| settings.weights == Weights::Noise)
+    }
+
     /// Squares of the residuals at theta over their variances.
     fn remainder(&self, equations: &Equations, theta: &[f64]) -> f64 {
         let of = |(e, variance): (usize, &f64)| {
