@@ -15,7 +15,7 @@ use tpm_runtime::experiment::{Experiment, Machine};
 use tpm_runtime::harmonics::{Hold, Spectra};
 use tpm_runtime::procedure::Campaign;
 use tpm_runtime::simulate::simulate;
-use tpm_symbolic::prepare::prepare;
+use tpm_symbolic::regressor::prepare::prepare;
 
 const MODEL: &str = include_str!("../../models/mass_spring_drag.tpm");
 const METHODS: [Method; 4] = [Method::Error, Method::Effort, Method::Hill, Method::MeasuredMotion];

@@ -4,10 +4,10 @@
 //! x_{i-1} = x_i + (m_i x_i'' + ... + m_l x_l'')/g_{i-1} (Feng, Eqns 4.5-4.12).
 
 use crate::workloads::{Builder, Workload, shape};
-use tpm_symbolic::model::{Elimination, Kind};
-use tpm_symbolic::polynomial::{Monomial, Polynomial};
-use tpm_symbolic::prepare::prepare;
-use tpm_symbolic::rational::integer;
+use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
+use tpm_symbolic::mechanics::model::{Elimination, Kind};
+use tpm_symbolic::number::rational::integer;
+use tpm_symbolic::regressor::prepare::prepare;
 
 /// W5(a): k2 x1^3 multiplied out, with symbolic masses and stiffnesses.
 pub struct Cube {

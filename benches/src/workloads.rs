@@ -2,16 +2,16 @@
 
 use crate::chain::chain;
 use std::collections::BTreeMap;
-use tpm_symbolic::expand::expand;
-use tpm_symbolic::expr::{ExprId, Graph, Names as _, Node};
-use tpm_symbolic::fourier::{Fourier, Trig};
-use tpm_symbolic::jet::nodes_of;
-use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::rational::{Rational, integer, ratio};
-use tpm_symbolic::regressor::{RegressorForm, regressor_form};
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::algebra::fourier::{Fourier, Trig};
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{ExprId, Graph, Names as _, Node};
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::linear::jet::nodes_of;
+use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::number::rational::{Rational, integer, ratio};
+use tpm_symbolic::regressor::form::{RegressorForm, regressor_form};
 
 /// A workload ready to expand.
 pub struct Workload {
@@ -363,7 +363,7 @@ fn taylor(g: &mut Graph, argument: ExprId, order: u32, odd: u32) -> ExprId {
 mod tests {
     use super::{by_name, listing};
     use crate::chain::Cube;
-    use tpm_symbolic::rational::integer;
+    use tpm_symbolic::number::rational::integer;
 
     #[test]
     fn workloads_have_the_expected_tables() {

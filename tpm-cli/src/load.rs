@@ -8,9 +8,9 @@ use tpm_codegen::emit::estimator::Estimator;
 use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
-use tpm_symbolic::model::Model;
-use tpm_symbolic::pattern::Pattern;
-use tpm_symbolic::prepare::{Prepared, prepare};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 /// A parsed model with the text it came from, so that later stages can still point at places.
 pub(crate) struct Loaded {

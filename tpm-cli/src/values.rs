@@ -7,10 +7,10 @@ use crate::failure::Failure;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::SCHEMA;
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::model::{Kind, Model};
-use tpm_symbolic::pattern::Pattern;
-use tpm_symbolic::rational::{self, Rational};
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::number::rational::{self, Rational};
 
 /// Options that give values.
 #[derive(clap::Args)]

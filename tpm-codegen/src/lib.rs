@@ -12,7 +12,7 @@
 //! ordinary library between the text and the exact algebra of `tpm-symbolic`:
 //!
 //! ```text
-//! Source --lex, parse--> ast::Model --check--> (names, structure, units) --lower--> tpm_symbolic::model::Model
+//! Source --lex, parse--> ast::Model --check--> (names, structure, units) --lower--> tpm_symbolic::mechanics::model::Model
 //! Model --> emit::estimator::Estimator --emit--> tables, Rust, C
 //! ```
 //!

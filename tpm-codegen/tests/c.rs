@@ -15,12 +15,12 @@ use support::exact::{Point, Sum, exact, harmonic_power, unlumped};
 use support::{estimator, models_in};
 use tpm_codegen::emit::estimator::Estimator;
 use tpm_codegen::generate::{File, Language, Options, Scalar, generate};
-use tpm_symbolic::estimator::{PatternPlan, TablePlan, Unlumping};
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::model::Kind;
-use tpm_symbolic::rational;
-use tpm_symbolic::rational::Rational;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::number::rational;
+use tpm_symbolic::number::rational::Rational;
+use tpm_symbolic::plan::estimator::{PatternPlan, TablePlan, Unlumping};
 
 /// Roundings that any value of these models may gather.
 const ROUNDINGS: f64 = 16.0;
@@ -477,7 +477,8 @@ fn check_dynamics(estimator: &Estimator, case: &Case, found: &mut Found<'_>) {
             }
         }
         for input in inputs {
-            let alone = |row: &&tpm_symbolic::regressor::Row| row.inputs.iter().any(|(present, _)| present == input);
+            let alone =
+                |row: &&tpm_symbolic::regressor::form::Row| row.inputs.iter().any(|(present, _)| present == input);
             let (r, row) = estimator.form.rows.iter().enumerate().find(|(_, row)| alone(row)).expect("its row");
             let factor = point.input_factor(row, *input).value;
             let mut sum = Sum::default();

@@ -4,13 +4,13 @@ use std::fs;
 use std::path::Path;
 
 use tpm_codegen::{Parsed, Source, parse_model};
-use tpm_symbolic::expand::expand;
-use tpm_symbolic::identifiability::{Experiment, identifiability};
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::prepare::{Prepared, prepare};
-use tpm_symbolic::rational::integer;
-use tpm_symbolic::regressor::canonical;
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::harmonic::identifiability::{Experiment, identifiability};
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::number::rational::integer;
+use tpm_symbolic::regressor::form::canonical;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 fn parse(text: &str) -> Parsed {
     let source = Source::new("test", text);

@@ -2,11 +2,11 @@
 
 use tpm_codegen::emit::estimator::{EmitError, Estimator, Identified, IdentifiedError};
 use tpm_codegen::generate::{Language, Options, generate};
-use tpm_symbolic::expr::ExprId;
-use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::unit::Unit;
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::ExprId;
+use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::mechanics::unit::Unit;
 
 /// Feng, Eqn 3.24: m x'' + k1 x + k2 x'^2 = u.
 fn mass_spring_drag() -> Model {
@@ -94,7 +94,7 @@ fn identified_values_that_do_not_fit_are_refused() {
 #[test]
 fn numbers_beyond_double_precision_are_refused() {
     let mut model = mass_spring_drag();
-    let large = tpm_symbolic::rational::power(&tpm_symbolic::rational::integer(10), 400);
+    let large = tpm_symbolic::number::rational::power(&tpm_symbolic::number::rational::integer(10), 400);
     let first = model.equations[0].terms[0].expr;
     model.equations[0].terms[0].expr = model.graph.scale(first, large);
     let error = Estimator::new(model).expect_err("1e400 is no double");

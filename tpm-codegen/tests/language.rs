@@ -11,7 +11,7 @@ use tpm_codegen::diagnostic::Diagnostics;
 use tpm_codegen::language;
 use tpm_codegen::parse_value;
 use tpm_codegen::source::Source;
-use tpm_symbolic::model::{Kind, Model};
+use tpm_symbolic::mechanics::model::{Kind, Model};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -133,7 +133,7 @@ mod built {
         Model, Motion, Operation, Pattern, PatternItem, Quantity, Role, Series, Sign, Taylor, UnitExpr,
     };
     use tpm_codegen::source::Span;
-    use tpm_symbolic::rational::Rational;
+    use tpm_symbolic::number::rational::Rational;
 
     const NOWHERE: Span = Span { start: 0, end: 0 };
 

@@ -5,11 +5,11 @@ use std::fs;
 use std::path::Path;
 
 use tpm_codegen::{Parsed, Source, parse_model, parse_tokens};
-use tpm_symbolic::expand::{ExpandError, expand};
-use tpm_symbolic::expr::Node;
-use tpm_symbolic::fourier::Fourier;
-use tpm_symbolic::rational::{display, ratio};
-use tpm_symbolic::regressor::{RegressorError, RegressorForm, regressor_form};
+use tpm_symbolic::algebra::fourier::Fourier;
+use tpm_symbolic::expr::graph::Node;
+use tpm_symbolic::harmonic::expand::{ExpandError, expand};
+use tpm_symbolic::number::rational::{display, ratio};
+use tpm_symbolic::regressor::form::{RegressorError, RegressorForm, regressor_form};
 
 fn parse(text: &str) -> Parsed {
     let source = Source::new("test", text);
@@ -53,7 +53,7 @@ fn residuals(parsed: &Parsed, seed: u64) -> Vec<f64> {
         Node::Derivative(coordinate, order) => value(&model.coordinates[coordinate.0 as usize].name, *order),
         _ => f64::NAN,
     };
-    let equation = |equation: &tpm_symbolic::model::Equation| {
+    let equation = |equation: &tpm_symbolic::mechanics::model::Equation| {
         equation.terms.iter().map(|term| model.graph.evaluate(term.expr, leaf)).sum()
     };
     model.equations.iter().map(equation).collect()

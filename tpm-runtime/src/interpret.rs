@@ -1,6 +1,6 @@
 //! A model that is run without being compiled: the evaluation plans, executed operation by operation.
 //!
-//! Invariant: the operations are those of [`tpm_symbolic::evaluation::Evaluation`], in the same order and with one
+//! Invariant: the operations are those of [`tpm_symbolic::plan::evaluation::Evaluation`], in the same order and with one
 //! rounding each, so that the numbers are those of the emitted code.
 
 use crate::linear;
@@ -12,12 +12,12 @@ use crate::real::Real;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
-use tpm_symbolic::evaluation::Evaluation;
-use tpm_symbolic::expr::{Function, Node, Symbol};
-use tpm_symbolic::model::Model as Declared;
-use tpm_symbolic::plan::{Op, Plan, Slot};
-use tpm_symbolic::rational;
-use tpm_symbolic::regressor::RegressorForm;
+use tpm_symbolic::expr::graph::{Function, Node, Symbol};
+use tpm_symbolic::mechanics::model::Model as Declared;
+use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::evaluation::Evaluation;
+use tpm_symbolic::plan::straight_line::{Op, Plan, Slot};
+use tpm_symbolic::regressor::form::RegressorForm;
 
 /// A name and unit, owned.
 #[derive(Clone, Debug)]
@@ -208,7 +208,7 @@ impl Interpreted {
     #[must_use]
     pub fn new(model: &Declared, form: &RegressorForm) -> Self {
         let (evaluation, dynamics) = Evaluation::with_dynamics(model, form);
-        let name = |name: &str, unit: Option<&tpm_symbolic::unit::Unit>| Name {
+        let name = |name: &str, unit: Option<&tpm_symbolic::mechanics::unit::Unit>| Name {
             name: name.to_string(),
             unit: unit.map(ToString::to_string),
         };
@@ -389,9 +389,9 @@ mod tests {
     use crate::model::{EvalError, Model, difference_workspace_len, forward_by_differences};
     use crate::test_models::Emps;
     use std::vec;
-    use tpm_symbolic::expr::Function;
-    use tpm_symbolic::model::{Equation, Kind, Model as Declared, SourceTerm, TermId};
-    use tpm_symbolic::regressor::regressor_form;
+    use tpm_symbolic::expr::graph::Function;
+    use tpm_symbolic::mechanics::model::{Equation, Kind, Model as Declared, SourceTerm, TermId};
+    use tpm_symbolic::regressor::form::regressor_form;
 
     /// M q'' + Fv q' + Fc sign(q') + OF = force.
     fn emps() -> Interpreted {

@@ -20,11 +20,11 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::model::Kind;
-use tpm_symbolic::parameter_map::{Inverse, ParameterMap};
-use tpm_symbolic::prepare::Prepared;
-use tpm_symbolic::unit::Unit;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::mechanics::unit::Unit;
+use tpm_symbolic::regressor::parameter_map::{Inverse, ParameterMap};
+use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A combination of variance below this share of the largest, after scaling, is taken for rounding.
 const ROUNDING: f64 = 1e-14;
@@ -334,7 +334,7 @@ impl Fixed {
         let atoms =
             map.definitions().iter().flat_map(|d| d.terms().flat_map(|(m, _)| m.factors().map(|(&atom, _)| atom)));
         for leaf in atoms.flat_map(|atom| graph.leaves(atom)) {
-            if let tpm_symbolic::expr::Node::Symbol(symbol) = graph.node(leaf) {
+            if let tpm_symbolic::expr::graph::Node::Symbol(symbol) = graph.node(leaf) {
                 let quantity = prepared.model.quantity(*symbol);
                 if matches!(quantity.kind, Kind::Constant { value: None }) && !constants.contains_key(symbol) {
                     return Err(PhysicalError::NoConstant { name: quantity.name.to_string() });

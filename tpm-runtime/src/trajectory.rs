@@ -193,8 +193,8 @@ impl Pattern {
     /// # Errors
     /// [`PatternError`].
     pub fn of_symbolic(
-        pattern: &tpm_symbolic::pattern::Pattern,
-        model: &tpm_symbolic::model::Model,
+        pattern: &tpm_symbolic::mechanics::pattern::Pattern,
+        model: &tpm_symbolic::mechanics::model::Model,
         constant: impl Fn(&str) -> Option<f64>,
     ) -> Result<Self, PatternError> {
         let all: Vec<usize> = (0..model.coordinates.len()).collect();
@@ -211,25 +211,25 @@ impl Pattern {
     /// # Errors
     /// [`PatternError::NoValue`].
     pub fn of_rows(
-        pattern: &tpm_symbolic::pattern::Pattern,
-        model: &tpm_symbolic::model::Model,
-        form: &tpm_symbolic::regressor::RegressorForm,
+        pattern: &tpm_symbolic::mechanics::pattern::Pattern,
+        model: &tpm_symbolic::mechanics::model::Model,
+        form: &tpm_symbolic::regressor::form::RegressorForm,
         constant: impl Fn(&str) -> Option<f64>,
     ) -> Result<Self, PatternError> {
-        let evaluation = tpm_symbolic::evaluation::Evaluation::new(model, form);
+        let evaluation = tpm_symbolic::plan::evaluation::Evaluation::new(model, form);
         let used: Vec<usize> = evaluation.coordinates.iter().map(|(coordinate, _)| coordinate.0 as usize).collect();
         Self::of_coordinates(pattern, model, &used, constant)
     }
 
     fn of_coordinates(
-        pattern: &tpm_symbolic::pattern::Pattern,
-        model: &tpm_symbolic::model::Model,
+        pattern: &tpm_symbolic::mechanics::pattern::Pattern,
+        model: &tpm_symbolic::mechanics::model::Model,
         coordinates: &[usize],
         constant: impl Fn(&str) -> Option<f64>,
     ) -> Result<Self, PatternError> {
-        use tpm_symbolic::fourier::Trig;
-        use tpm_symbolic::model::Kind;
-        use tpm_symbolic::rational::to_f64;
+        use tpm_symbolic::algebra::fourier::Trig;
+        use tpm_symbolic::mechanics::model::Kind;
+        use tpm_symbolic::number::rational::to_f64;
         let mut motions = Vec::with_capacity(coordinates.len());
         for &c in coordinates {
             let mut parts = Vec::new();

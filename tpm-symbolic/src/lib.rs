@@ -25,55 +25,18 @@
 //!                    \--ParameterMap--> lumped from physical parameters, and back
 //! ```
 //!
-//! Around it stands the calculus that leads to such a model and from it: Euler-Lagrange equations ([`lagrange`]), Taylor
-//! series of what does not expand finitely ([`series`]), signs and absolute values ([`nonsmooth`]), linearisation
-//! ([`linearize`]).
+//! Around it stands the calculus that leads to such a model and from it: Euler-Lagrange equations ([`mechanics::lagrange`]), Taylor
+//! series of what does not expand finitely ([`linear::taylor`]), signs and absolute values ([`harmonic::nonsmooth`]), linearisation
+//! ([`linear::linearize`]).
 //!
 //! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
-//! ([`rational::to_f64`]), for error bounds ([`interval`]) and for Bessel functions, which are not rational ([`bessel`]).
+//! ([`number::rational::to_f64`]), for error bounds ([`expr::interval`]) and for Bessel functions, which are not rational ([`harmonic::bessel`]).
 
-pub mod bessel;
-pub mod content;
-mod denominator;
-pub mod dynamics;
-pub mod eliminate;
-pub mod estimator;
-pub mod evaluation;
-pub mod expand;
+pub mod algebra;
 pub mod expr;
-mod factored;
-pub mod fourier;
-pub mod fraction;
-pub mod generic;
-pub mod identifiability;
-pub mod implicit;
-pub mod interval;
-pub mod jet;
-pub mod lagrange;
-pub mod leverrier;
-pub mod linalg;
-pub mod linearize;
-pub mod model;
-pub mod motion;
-pub mod nonsmooth;
-mod number;
-mod numerator;
-mod packed;
-pub mod parameter_map;
-pub mod pattern;
+pub mod harmonic;
+pub mod linear;
+pub mod mechanics;
+pub mod number;
 pub mod plan;
-pub mod polynomial;
-pub mod prepare;
-mod product;
-pub mod rational;
 pub mod regressor;
-pub mod regressor_rank;
-pub mod series;
-mod shared_products;
-pub mod singular;
-mod spectrum;
-pub mod split;
-pub mod table;
-pub mod transfer;
-pub mod trig;
-pub mod unit;

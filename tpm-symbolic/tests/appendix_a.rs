@@ -6,13 +6,13 @@ mod common;
 use common::{Build, E};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use tpm_symbolic::expr::{Coordinate, ExprId, Function};
-use tpm_symbolic::implicit::{Implicit, ImplicitError};
-use tpm_symbolic::linalg;
-use tpm_symbolic::model::Kind;
-use tpm_symbolic::rational::{Rational, integer, ratio};
-use tpm_symbolic::series::{Expansion, series};
-use tpm_symbolic::trig;
+use tpm_symbolic::algebra::linear;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function};
+use tpm_symbolic::expr::trigonometric;
+use tpm_symbolic::linear::taylor::{Expansion, series};
+use tpm_symbolic::mechanics::constraint::{Implicit, ImplicitError};
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::number::rational::{Rational, integer, ratio};
 
 /// The arm: lengths, angles, and f1..f3 as sums over A1..A8.
 struct Arm {
@@ -236,7 +236,7 @@ fn only_six_combinations_of_a1_to_a8_are_identifiable() {
     // Coefficients of A_j in f_i, with single angles only, and their derivatives by th2.
     let mut rows: Vec<Vec<E>> = Vec::new();
     for f in &arm.f {
-        let single = |e: E| b.e(b.graph(|g| trig::simplify(g, e.id)));
+        let single = |e: E| b.e(b.graph(|g| trigonometric::simplify(g, e.id)));
         let mut row: Vec<E> = arm.a.iter().map(|a| single(f.diff(a))).collect();
         for _ in 0..=3 {
             rows.push(row.clone());
@@ -278,7 +278,7 @@ fn only_six_combinations_of_a1_to_a8_are_identifiable() {
         ([ratio(-3, 7), ratio(1, 5), ratio(-9, 4)], ratio(3, 1), ratio(2, 1)),
     ] {
         let (matrix, lengths) = evaluate(tangents, l4, l5);
-        let null = linalg::null_space(matrix.clone(), 8);
+        let null = linear::null_space(matrix.clone(), 8);
         // Six independent rows exist already at this one configuration: the rank is at least 6.
         assert_eq!(null.len(), 2);
         // The null vectors below lie in this null space, so they span it.

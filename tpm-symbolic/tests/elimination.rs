@@ -5,17 +5,17 @@ mod chain;
 use chain::{Chain, chain, cubic};
 use proptest::prelude::{ProptestConfig, prop, prop_assert_eq, proptest};
 use std::collections::BTreeMap;
-use tpm_symbolic::eliminate::{EliminateError, Reason};
-use tpm_symbolic::expand::expand;
-use tpm_symbolic::expr::{Coordinate, ExprId, Function, Node, Symbol};
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::generic;
-use tpm_symbolic::model::{Elimination, Equation, Kind, Lump, Model, SourceTerm, TermId};
-use tpm_symbolic::parameter_map::{Constraint, ParameterMap};
-use tpm_symbolic::polynomial::Polynomial;
-use tpm_symbolic::prepare::{PrepareError, Prepared, prepare};
-use tpm_symbolic::rational::{Rational, binomial, integer, parse, ratio};
-use tpm_symbolic::regressor::canonical;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::algebra::generic_point;
+use tpm_symbolic::algebra::polynomial::Polynomial;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Node, Symbol};
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::mechanics::eliminate::{EliminateError, Reason};
+use tpm_symbolic::mechanics::model::{Elimination, Equation, Kind, Lump, Model, SourceTerm, TermId};
+use tpm_symbolic::number::rational::{Rational, binomial, integer, parse, ratio};
+use tpm_symbolic::regressor::form::canonical;
+use tpm_symbolic::regressor::parameter_map::{Constraint, ParameterMap};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 /// (motion monomial, definition) of every term, in the order of the columns.
 fn columns(prepared: &Prepared) -> Vec<(String, String, String)> {
@@ -68,7 +68,7 @@ fn two_carts_lump_as_in_feng_4_34_to_4_41() {
 }
 
 /// (derivative, exponent) of a motion monomial, sorted.
-fn orders(model: &Model, term: &tpm_symbolic::regressor::Term) -> Vec<(u32, i32)> {
+fn orders(model: &Model, term: &tpm_symbolic::regressor::form::Term) -> Vec<(u32, i32)> {
     let mut orders: Vec<(u32, i32)> = term
         .atoms
         .factors()
@@ -333,7 +333,7 @@ impl Jet<'_> {
 fn check_against_original(shape: Chain, values: &[i64]) {
     let model = chain(shape);
     let prepared = prepare(model.clone()).expect("a chain can be eliminated");
-    let parameters = |symbol: Symbol| generic::value(7, symbol.0 as usize) / integer(1 << 28);
+    let parameters = |symbol: Symbol| generic_point::value(7, symbol.0 as usize) / integer(1 << 28);
     let last = Coordinate(shape.masses - 1);
     let free: BTreeMap<(Coordinate, u32), Rational> =
         (0..).zip(values).map(|(order, value)| ((last, order), ratio(*value, 7))).collect();
@@ -646,6 +646,6 @@ fn without_eliminations_the_form_is_the_plain_one() {
     let mut model = cubic(2);
     model.eliminations.clear();
     let prepared = prepare(model.clone()).expect("linear in the parameters");
-    assert_eq!(prepared.form, tpm_symbolic::regressor::regressor_form(&model).expect("linear in the parameters"));
+    assert_eq!(prepared.form, tpm_symbolic::regressor::form::regressor_form(&model).expect("linear in the parameters"));
     assert!(prepared.reconstructions.is_empty());
 }

@@ -8,15 +8,15 @@ use num_rational::BigRational;
 use num_traits::{One, Zero};
 use proptest::prelude::{Just, ProptestConfig, Strategy, any, prop, prop_assert_eq, prop_oneof, proptest};
 use std::ops::ControlFlow;
-use tpm_symbolic::expand::{ExpandError, ExpandOptions, Progress, expand, expand_with};
-use tpm_symbolic::expr::{ExprId, Symbol};
-use tpm_symbolic::fourier::{Fourier, Trig};
-use tpm_symbolic::model::{Kind, Model, TermId};
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::{Monomial, Polynomial};
-use tpm_symbolic::rational::{Rational, integer, ratio};
-use tpm_symbolic::regressor::{Column, RegressorForm, Row, Term};
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::algebra::fourier::{Fourier, Trig};
+use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
+use tpm_symbolic::expr::graph::{ExprId, Symbol};
+use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, Progress, expand, expand_with};
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::mechanics::model::{Kind, Model, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::number::rational::{Rational, integer, ratio};
+use tpm_symbolic::regressor::form::{Column, RegressorForm, Row, Term};
 
 /// A model in regressor form, made directly.
 struct Builder {
@@ -41,7 +41,7 @@ impl Builder {
     }
 
     fn atom(&mut self, coordinate: u32, order: u32) -> ExprId {
-        self.model.graph.derivative_of(tpm_symbolic::expr::Coordinate(coordinate), order)
+        self.model.graph.derivative_of(tpm_symbolic::expr::graph::Coordinate(coordinate), order)
     }
 
     fn column(&mut self) -> usize {
@@ -285,7 +285,7 @@ fn check_column_sums(order: u32, degree: i32) -> HarmonicTable {
         sums[entry.column.expect("no known term")] += entry.coefficient;
     }
     for ((p, q), sum) in all_up_to(degree).zip(sums) {
-        let expected = if q > 0 { Rational::zero() } else { tpm_symbolic::rational::power(&start, p) };
+        let expected = if q > 0 { Rational::zero() } else { tpm_symbolic::number::rational::power(&start, p) };
         assert_eq!(sum, expected, "x^{p} x'^{q}");
     }
     table
@@ -340,7 +340,7 @@ fn offsets_cancel_before_anything_is_multiplied_out() {
     let column = b.column();
     for j in 0..=k {
         let sign = if j % 2 == 0 { BigInt::one() } else { -BigInt::one() };
-        let coefficient = Rational::from_integer(tpm_symbolic::rational::binomial(k, j) * sign);
+        let coefficient = Rational::from_integer(tpm_symbolic::number::rational::binomial(k, j) * sign);
         b.term(0, Some(column), coefficient, &[(q, (k - j) as i32), (q0, j as i32)]);
     }
     b.finish();
@@ -396,7 +396,7 @@ fn a_long_expansion_can_be_stopped() {
 
 #[test]
 fn entries_far_apart_take_little_room() {
-    let entry = |harmonic| tpm_symbolic::table::Entry {
+    let entry = |harmonic| tpm_symbolic::harmonic::table::Entry {
         equation: 0,
         harmonic,
         function: Trig::Cos,

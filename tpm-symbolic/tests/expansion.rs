@@ -1,13 +1,13 @@
 //! Expansion of small models built by hand, against the printed equations.
 
-use tpm_symbolic::expand::{ExpandError, expand};
-use tpm_symbolic::expr::{Coordinate, ExprId, Function, Symbol};
-use tpm_symbolic::fourier::{Fourier, Trig};
-use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::rational::ratio;
-use tpm_symbolic::regressor::{RegressorError, regressor_form};
+use tpm_symbolic::algebra::fourier::{Fourier, Trig};
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Symbol};
+use tpm_symbolic::harmonic::expand::{ExpandError, expand};
+use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::number::rational::ratio;
+use tpm_symbolic::regressor::form::{RegressorError, regressor_form};
 
 struct Builder {
     model: Model,
@@ -96,7 +96,7 @@ fn tables_survive_json() {
     let table = expand(&model, &form, &model.patterns[0]).expect("finite");
     let json = serde_json::to_value(&table).expect("a table is plain data");
     assert_eq!(json["entries"][0]["coefficient"], "5/9");
-    let back: tpm_symbolic::table::HarmonicTable = serde_json::from_value(json.clone()).expect("own output");
+    let back: tpm_symbolic::harmonic::table::HarmonicTable = serde_json::from_value(json.clone()).expect("own output");
     assert_eq!(serde_json::to_value(&back).expect("a table is plain data"), json);
     let model: Model = serde_json::from_str(&serde_json::to_string(&model).expect("plain data")).expect("own output");
     assert_eq!(regressor_form(&model).expect("linear in the parameters"), form);

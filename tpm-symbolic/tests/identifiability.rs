@@ -5,22 +5,22 @@ mod chain;
 use chain::{Chain, chain, cubic};
 use num_traits::Zero;
 use std::collections::BTreeMap;
-use tpm_symbolic::content::{above, harmonic_content};
-use tpm_symbolic::expand::expand;
-use tpm_symbolic::expr::{Coordinate, ExprId, Function, Node};
-use tpm_symbolic::fourier::{Fourier, Trig};
-use tpm_symbolic::identifiability::{
+use tpm_symbolic::algebra::fourier::{Fourier, Trig};
+use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Node};
+use tpm_symbolic::harmonic::content::{above, harmonic_content};
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::harmonic::identifiability::{
     Experiment, Identifiability, IdentifiabilityError, Report, evaluated_matrix, identifiability,
 };
-use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::{Monomial, Polynomial};
-use tpm_symbolic::prepare::prepare;
-use tpm_symbolic::rational::{Rational, integer, ratio};
-use tpm_symbolic::regressor::{RegressorForm, regressor_form};
-use tpm_symbolic::regressor_rank::{rank_of_rows, sampled_rows, structural_null_space};
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::number::rational::{Rational, integer, ratio};
+use tpm_symbolic::regressor::form::{RegressorForm, regressor_form};
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::prepare;
+use tpm_symbolic::regressor::rank::{rank_of_rows, sampled_rows, structural_null_space};
 
 /// A model under construction: terms (parameter name, motion factors) of one equation each.
 struct Builder {
@@ -418,5 +418,5 @@ fn values_in_double_precision_agree_with_the_exact_matrix() {
     let exact: Rational = ratio(-5, 6);
     let row = labels.iter().position(|l| l.harmonic == 2 && l.function == Trig::Cos).expect("present");
     // -5/6 lambda^2 w^2 with lambda = 1/2, w = 2
-    assert_eq!(matrix[row], [0.0, 0.0, tpm_symbolic::rational::to_f64(&exact)]);
+    assert_eq!(matrix[row], [0.0, 0.0, tpm_symbolic::number::rational::to_f64(&exact)]);
 }

@@ -3,14 +3,14 @@
 mod common;
 
 use common::Build;
-use tpm_symbolic::bessel::{BesselError, numeric_table};
-use tpm_symbolic::expr::{Function, Node, Symbol};
-use tpm_symbolic::fourier::Fourier;
-use tpm_symbolic::model::{Kind, TermId};
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::rational::ratio;
-use tpm_symbolic::regressor::regressor_form;
+use tpm_symbolic::algebra::fourier::Fourier;
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{Function, Node, Symbol};
+use tpm_symbolic::harmonic::bessel::{BesselError, numeric_table};
+use tpm_symbolic::mechanics::model::{Kind, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::number::rational::ratio;
+use tpm_symbolic::regressor::form::regressor_form;
 
 #[test]
 fn the_cart_and_pendulum_has_its_true_forces() {

@@ -4,12 +4,12 @@
 mod common;
 
 use common::{Build, E};
-use tpm_symbolic::expr::{Coordinate, ExprId, Function, Symbol};
-use tpm_symbolic::lagrange::{EulerLagrange, LagrangeError, Lagrangian, euler_lagrange};
-use tpm_symbolic::linearize::{LinearizeError, OperatingPoint, linearize, substitute_coordinate};
-use tpm_symbolic::model::{Equation, Kind};
-use tpm_symbolic::rational::{self, Rational, integer, ratio};
-use tpm_symbolic::trig;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Symbol};
+use tpm_symbolic::expr::trigonometric;
+use tpm_symbolic::linear::linearize::{LinearizeError, OperatingPoint, linearize, substitute_coordinate};
+use tpm_symbolic::mechanics::lagrange::{EulerLagrange, LagrangeError, Lagrangian, euler_lagrange};
+use tpm_symbolic::mechanics::model::{Equation, Kind};
+use tpm_symbolic::number::rational::{self, Rational, integer, ratio};
 
 fn derive(b: &Build, lagrangian: &Lagrangian) -> EulerLagrange {
     b.model(|model| euler_lagrange(model, lagrangian)).expect("energies of a mechanical system")
@@ -44,7 +44,7 @@ fn check(name: &str, b: &Build, derived: &EulerLagrange, printed: &[E]) {
 /// An expression as it is, or multiplied out in single angles where that is shorter.
 fn simplest(b: &Build, expr: ExprId) -> String {
     b.model(|m| {
-        let simplified = trig::simplify(&mut m.graph, expr);
+        let simplified = trigonometric::simplify(&mut m.graph, expr);
         let texts = [m.display(expr), m.display(simplified)];
         texts.into_iter().min_by_key(String::len).unwrap_or_default()
     })
@@ -350,7 +350,7 @@ fn fong_15_to_28_linearised() {
                 (0..4).map(entry).chain([exact.b[i][0].clone()]).collect()
             })
             .collect();
-        let state = tpm_symbolic::linalg::solve_unique(rows, 4).expect("3 is no pole");
+        let state = tpm_symbolic::algebra::linear::solve_unique(rows, 4).expect("3 is no pole");
         assert_eq!(transfer.evaluate(&s), Some(state[1].clone()));
     }
 }

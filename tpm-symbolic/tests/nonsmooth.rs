@@ -5,16 +5,16 @@ mod common;
 use common::{Build, E};
 use proptest::prelude::{ProptestConfig, prop_assert, proptest};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use tpm_symbolic::expand::{ExpandError, ExpandOptions, expand_with};
-use tpm_symbolic::expr::{Function, Node};
-use tpm_symbolic::fourier::{Fourier, Trig};
-use tpm_symbolic::model::{Kind, Model, TermId};
-use tpm_symbolic::nonsmooth::{QuadrantSign, SignError};
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::rational::{Rational, integer, ratio};
-use tpm_symbolic::regressor::regressor_form;
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::algebra::fourier::{Fourier, Trig};
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{Function, Node};
+use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
+use tpm_symbolic::harmonic::nonsmooth::{QuadrantSign, SignError};
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::mechanics::model::{Kind, Model, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::number::rational::{Rational, integer, ratio};
+use tpm_symbolic::regressor::form::regressor_form;
 
 /// k * term(x, x') = u, with x = lambda * shape.
 fn model_of(shape: Fourier, term: impl Fn(&E, &E) -> E) -> Model {

@@ -4,16 +4,16 @@ mod common;
 
 use common::{Build, E};
 use proptest::prelude::{prop_assert, proptest};
-use tpm_symbolic::expand::expand;
-use tpm_symbolic::expr::{ExprId, Function, Node};
-use tpm_symbolic::fourier::Fourier;
-use tpm_symbolic::interval::Interval;
-use tpm_symbolic::model::{Kind, TermId};
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::rational::ratio;
-use tpm_symbolic::regressor::regressor_form;
-use tpm_symbolic::series::{Expansion, Series, SeriesError, series, truncate};
+use tpm_symbolic::algebra::fourier::Fourier;
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{ExprId, Function, Node};
+use tpm_symbolic::expr::interval::Interval;
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::linear::taylor::{Expansion, Series, SeriesError, series, truncate};
+use tpm_symbolic::mechanics::model::{Kind, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::number::rational::ratio;
+use tpm_symbolic::regressor::form::regressor_form;
 
 fn factorial(n: u32) -> i64 {
     (1..=i64::from(n)).product()
@@ -261,7 +261,7 @@ fn a_truncated_arm_expands_and_converges_to_the_true_torque() {
         let exact = b.model(|model| model.equations.clone());
         let zero = b.num(0);
         let expansions =
-            [0, 1].map(|c| Expansion { coordinate: tpm_symbolic::expr::Coordinate(c), point: zero.id, order });
+            [0, 1].map(|c| Expansion { coordinate: tpm_symbolic::expr::graph::Coordinate(c), point: zero.id, order });
         let truncations = b.model(|model| truncate(model, &expansions)).expect("sin and cos are regular");
         // cos q2 (3 times), sin q2 (3), cos q1, cos(q1 + q2) (2)
         assert_eq!(truncations.len(), 9);

@@ -23,10 +23,10 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::simulate::{Actuator, Bench, Sensor, drive};
-use tpm_symbolic::expr::{Coordinate, Symbol};
-use tpm_symbolic::linearize::{OperatingPoint, linearize};
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::prepare::prepare;
+use tpm_symbolic::expr::graph::{Coordinate, Symbol};
+use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::prepare;
 
 const SAMPLES: usize = 180_000;
 const SAMPLE_TIME: f64 = 1e-3;

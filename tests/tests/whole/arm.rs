@@ -9,7 +9,7 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::procedure::{Campaign, Record, Trial};
 use tpm_runtime::simulate::{ClosedLoopArm, simulate};
-use tpm_symbolic::prepare::prepare;
+use tpm_symbolic::regressor::prepare::prepare;
 
 const PROPOSED: &str = include_str!("../../../models/closed_loop_arm.toml");
 const THESIS: &str = include_str!("../../../models/closed_loop_arm_thesis.toml");

@@ -6,9 +6,9 @@ use tpm_runtime::estimate::Along;
 use tpm_runtime::experiment::{CampaignIdentification, Experiment, Machine, Manifest, Store, identify_simulated};
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::trajectory::Pattern;
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::prepare::prepare;
-use tpm_symbolic::regressor::regressor_form;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::regressor::form::regressor_form;
+use tpm_symbolic::regressor::prepare::prepare;
 
 const EXPERIMENT: &str = include_str!("../../../models/mass_spring_drag.toml");
 

@@ -5,7 +5,7 @@ use crate::support::model as shipped;
 use std::collections::BTreeMap;
 use tpm_runtime::experiment::{CampaignIdentification, Experiment, ExperimentError, Machine};
 use tpm_runtime::stability::StabilityError;
-use tpm_symbolic::prepare::prepare;
+use tpm_symbolic::regressor::prepare::prepare;
 
 const TWO: &str = include_str!("../../../models/two_carts.toml");
 /// m1, m2, k1, k2, k3.

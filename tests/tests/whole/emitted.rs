@@ -11,12 +11,12 @@ use tpm_codegen::{Source, parse_model};
 use tpm_models as models;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::{Model, Real, SolveError};
-use tpm_symbolic::estimator::Leaf;
-use tpm_symbolic::expr::{ExprId, Node};
-use tpm_symbolic::plan::{Op, Plan};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::regressor::Term;
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{ExprId, Node};
+use tpm_symbolic::number::rational::{self, Rational};
+use tpm_symbolic::plan::estimator::Leaf;
+use tpm_symbolic::plan::straight_line::{Op, Plan};
+use tpm_symbolic::regressor::form::Term;
 
 /// Roundings that any entry of the shipped models may gather.
 const ROUNDINGS: f64 = 64.0;
@@ -79,7 +79,7 @@ fn monomial(estimator: &Estimator, atoms: &Monomial<ExprId>, motion: &[f64], con
         Node::Symbol(symbol) => match evaluation.constants.iter().position(|present| present == symbol) {
             Some(position) => Some(exact(constants[position])),
             None => match &estimator.model.quantity(*symbol).kind {
-                tpm_symbolic::model::Kind::Constant { value } => value.clone(),
+                tpm_symbolic::mechanics::model::Kind::Constant { value } => value.clone(),
                 _ => None,
             },
         },
@@ -238,7 +238,7 @@ fn check_pattern(file: &str, code: &PatternCode<'_>, observable: Option<bool>) {
     let cases = if rows * columns > 500 { 4 } else { 64 };
     let result = runner(cases).run(&inputs, |(pattern_values, constants, theta, phase)| {
         let value = |symbol: usize| {
-            let symbol = tpm_symbolic::expr::Symbol(u32::try_from(symbol).expect("small"));
+            let symbol = tpm_symbolic::expr::graph::Symbol(u32::try_from(symbol).expect("small"));
             let own = symbols.iter().position(|present| *present == symbol);
             let constant = estimator.plan.evaluation.constants.iter().position(|present| *present == symbol);
             own.map(|i| pattern_values[i]).or(constant.map(|i| constants[i])).expect("a known symbol")
@@ -700,7 +700,7 @@ fn with_rounding(plan: &Plan, mut leaf: impl FnMut(&Node) -> Rational) -> Option
     let mut known: Vec<(Rational, Rational)> = Vec::with_capacity(plan.ops.len());
     let zero = || rational::integer(0);
     for op in &plan.ops {
-        let at = |slot: &tpm_symbolic::plan::Slot| &known[slot.index()];
+        let at = |slot: &tpm_symbolic::plan::straight_line::Slot| &known[slot.index()];
         let (value, handed_on) = match op {
             Op::Constant(value) => (value.clone(), zero()),
             Op::Load(index) => {
@@ -824,7 +824,7 @@ fn lumped_parameters_follow_from_the_physical_ones() {
     let count = estimator.model.parameters().count();
     let result = runner.run(&(dyadic(count), dyadic(plan.evaluation.constants.len())), |(physical, constants)| {
         let values = lumping.evaluate_exact(|node| match plan.leaves.leaf(node) {
-            tpm_symbolic::estimator::Leaf::Symbol(symbol) => {
+            tpm_symbolic::plan::estimator::Leaf::Symbol(symbol) => {
                 let own = estimator.model.parameters().position(|present| present == symbol);
                 let constant = plan.evaluation.constants.iter().position(|present| *present == symbol);
                 own.map(|i| physical[i]).or(constant.map(|i| constants[i])).map(exact)

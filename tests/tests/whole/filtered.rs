@@ -15,7 +15,7 @@ use tpm_codegen::emit::estimator::Estimator;
 use tpm_codegen::generate::{Filters, Language, LowPass, Options, Scalar, generate};
 use tpm_codegen::{Source, parse_model};
 use tpm_runtime::filter::SecondOrder;
-use tpm_symbolic::rational::{integer, ratio};
+use tpm_symbolic::number::rational::{integer, ratio};
 
 const SAMPLE_TIME: f64 = 1e-3;
 const SAMPLES: usize = 400;

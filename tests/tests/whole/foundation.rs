@@ -2,11 +2,11 @@
 
 use crate::support::{parse, table_of};
 use std::fmt::Write as _;
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::linalg::reduce;
-use tpm_symbolic::pattern::rest_to_rest;
-use tpm_symbolic::rational::{Rational, integer, ratio};
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::algebra::linear::reduce;
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::mechanics::pattern::rest_to_rest;
+use tpm_symbolic::number::rational::{Rational, integer, ratio};
 
 /// The rational factors of one equation's cosine rows, by harmonic and column: the middle factor of Feng, Eqn 3.27.
 fn middle_factor(table: &HarmonicTable, harmonics: &[usize]) -> Vec<Vec<Rational>> {

@@ -13,9 +13,9 @@ use tpm_runtime::procedure::Ending;
 use tpm_runtime::regulator::{Regulator, Weights};
 use tpm_runtime::simulate::{Actuator, Bench, Regulation, Sensor, regulate};
 use tpm_runtime::trajectory::Pattern;
-use tpm_symbolic::linearize::{OperatingPoint, linearize};
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::prepare::{Prepared, prepare};
+use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 const EXPERIMENT: &str = include_str!("../../../models/rotary_pendulum_down.toml");
 

@@ -8,8 +8,8 @@ use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
 use tpm_runtime::estimate::{Estimate, Status};
 use tpm_runtime::physical::{Physical, PhysicalError, PhysicalSettings, physical};
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::prepare::{Prepared, prepare};
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 /// m1, m2, k1, k2, k3.
 const TRUTH: [f64; 5] = [2.0, 1.5, 30.0, 400.0, 2000.0];

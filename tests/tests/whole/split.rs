@@ -4,16 +4,16 @@ use crate::support::{model, root};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::HashMap;
-use tpm_symbolic::bessel::bessel_j;
-use tpm_symbolic::expand::expand;
-use tpm_symbolic::expr::{ExprId, Node};
-use tpm_symbolic::fourier::{Fourier, Trig};
-use tpm_symbolic::model::{Kind, Model, SourceTerm};
-use tpm_symbolic::pattern::{Motion, Pattern};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::prepare::prepare;
-use tpm_symbolic::rational::{integer, to_f64};
-use tpm_symbolic::split::{Split, numeric_parts, split};
+use tpm_symbolic::algebra::fourier::{Fourier, Trig};
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{ExprId, Node};
+use tpm_symbolic::harmonic::bessel::bessel_j;
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::mechanics::model::{Kind, Model, SourceTerm};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern};
+use tpm_symbolic::number::rational::{integer, to_f64};
+use tpm_symbolic::plan::split::{Split, numeric_parts, split};
+use tpm_symbolic::regressor::prepare::prepare;
 
 /// A random state and random quantities of a model; what is known exactly has its value.
 fn random_leaves(model: &Model, rng: &mut ChaCha8Rng) -> HashMap<Node, f64> {
@@ -23,11 +23,12 @@ fn random_leaves(model: &Model, rng: &mut ChaCha8Rng) -> HashMap<Node, f64> {
             Kind::Constant { value: Some(value) } => to_f64(value),
             _ => rng.random_range(0.5..2.0),
         };
-        leaves.insert(Node::Symbol(tpm_symbolic::expr::Symbol(index)), value);
+        leaves.insert(Node::Symbol(tpm_symbolic::expr::graph::Symbol(index)), value);
     }
     for c in 0..model.coordinates.len() as u32 {
         for order in 0..=model.order().max(2) {
-            leaves.insert(Node::Derivative(tpm_symbolic::expr::Coordinate(c), order), rng.random_range(-2.0..2.0));
+            leaves
+                .insert(Node::Derivative(tpm_symbolic::expr::graph::Coordinate(c), order), rng.random_range(-2.0..2.0));
         }
     }
     leaves
@@ -117,7 +118,11 @@ fn same(model: &Model, left: &str, right: ExprId, terms: impl Fn(&mut Model) -> 
     let mut model = model.clone();
     let expected = terms(&mut model);
     let difference = model.graph.sub(expected, right);
-    assert!(tpm_symbolic::trig::is_zero(&mut model.graph, difference), "{left}: {}", model.display(right));
+    assert!(
+        tpm_symbolic::expr::trigonometric::is_zero(&mut model.graph, difference),
+        "{left}: {}",
+        model.display(right)
+    );
 }
 
 #[test]
@@ -129,7 +134,7 @@ fn feng_6_6_and_6_7() {
         let symbol = model.find_symbol(name).expect("declared");
         model.graph.symbol(symbol)
     };
-    let (x, theta) = (tpm_symbolic::expr::Coordinate(0), tpm_symbolic::expr::Coordinate(1));
+    let (x, theta) = (tpm_symbolic::expr::graph::Coordinate(0), tpm_symbolic::expr::graph::Coordinate(1));
     let parts = [&force.independent, &force.dependent, &torque.independent, &torque.dependent]
         .map(|part| found.expression(part));
     let model = found.model;
@@ -137,8 +142,10 @@ fn feng_6_6_and_6_7() {
         let (m, l) = (symbol(model, "m"), symbol(model, "L"));
         let g = &mut model.graph;
         let [q, v, a] = [0, 1, 2].map(|n| g.derivative_of(theta, n));
-        let (cos, sin) =
-            (g.function(tpm_symbolic::expr::Function::Cos, q), g.function(tpm_symbolic::expr::Function::Sin, q));
+        let (cos, sin) = (
+            g.function(tpm_symbolic::expr::graph::Function::Cos, q),
+            g.function(tpm_symbolic::expr::graph::Function::Sin, q),
+        );
         let (left, square) = (g.mul(a, cos), g.pow(v, 2));
         let right = g.mul(square, sin);
         let difference = g.sub(left, right);
@@ -153,7 +160,7 @@ fn feng_6_6_and_6_7() {
     same(&model, "tau_MI = m L x'' cos theta", parts[2], |model| {
         let (m, l) = (symbol(model, "m"), symbol(model, "L"));
         let (a, q) = (model.graph.derivative_of(x, 2), model.graph.derivative_of(theta, 0));
-        let cos = model.graph.function(tpm_symbolic::expr::Function::Cos, q);
+        let cos = model.graph.function(tpm_symbolic::expr::graph::Function::Cos, q);
         model.graph.product(&[m, l, a, cos])
     });
     same(&model, "tau_MD = m L^2 theta''", parts[3], |model| {
@@ -195,7 +202,7 @@ fn feng_6_2_has_its_harmonics() {
     let found = split(&model, &[]).expect("can be split");
     let parts = prepare(found.parts().expect("nothing to eliminate")).expect("linear");
     let (amplitude, frequency, mass, length) = (0.9, 5.0, 1.5, 0.4);
-    let value = |symbol: tpm_symbolic::expr::Symbol| match parts.model.quantity(symbol).name.as_str() {
+    let value = |symbol: tpm_symbolic::expr::graph::Symbol| match parts.model.quantity(symbol).name.as_str() {
         "a" => amplitude,
         "omega" => frequency,
         "M" => 10.0,

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 use tpm_codegen::source::Source;
-use tpm_symbolic::expand::expand;
-use tpm_symbolic::model::Model;
-use tpm_symbolic::prepare::prepare;
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::regressor::prepare::prepare;
 
 /// The workspace's folder.
 pub(crate) fn root() -> PathBuf {

@@ -9,10 +9,10 @@ use tpm_codegen::emit::table::{csv, latex, markdown};
 use tpm_runtime::Model as _;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::trajectory::Pattern;
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::prepare::prepare;
-use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::number::rational::{self, Rational};
+use tpm_symbolic::regressor::prepare::prepare;
 
 /// harmonic, function, parameter, powers -> coefficient.
 type Facts = BTreeMap<(usize, String, String, String), Rational>;
@@ -194,7 +194,7 @@ fn column_sums() {
         let start = rational::parse(start).expect("a rational number");
         for (column, parameter) in table.parameters.iter().enumerate() {
             let entries: Vec<_> = table.entries().filter(|entry| entry.column == Some(column)).collect();
-            let power = |entry: &tpm_symbolic::table::Entry, name: &str| {
+            let power = |entry: &tpm_symbolic::harmonic::table::Entry, name: &str| {
                 let index = table.symbols.iter().position(|symbol| symbol == name).expect("declared");
                 entry.powers.exponent(&index)
             };

@@ -14,10 +14,10 @@ use tpm_runtime::actuator::{
     Bound, Limit, Machine, MachineError, Motor, MotorFile, Requirement, bound, requirements, scaled, torque_speed,
 };
 use tpm_runtime::model::Model as _;
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::model::Model;
-use tpm_symbolic::rational;
-use tpm_symbolic::split::split;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::split::split;
 
 /// Samples of a period.
 const SAMPLES: usize = 2048;
@@ -70,8 +70,8 @@ pub(crate) struct Moved {
     pub(crate) frequency_name: String,
     pub(crate) frequency: f64,
     values: Values,
-    symbolic: tpm_symbolic::split::Split,
-    pattern: tpm_symbolic::pattern::Pattern,
+    symbolic: tpm_symbolic::plan::split::Split,
+    pattern: tpm_symbolic::mechanics::pattern::Pattern,
 }
 
 impl MachineArgs {

@@ -4,9 +4,9 @@ use crate::load::Loaded;
 use crate::{Outcome, output};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_symbolic::expand::{ExpandOptions, expand_with};
-use tpm_symbolic::model::Model;
-use tpm_symbolic::regressor::{RegressorForm, canonical};
+use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::regressor::form::{RegressorForm, canonical};
 
 /// Options of `tpm check`.
 #[derive(clap::Args)]

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use tpm_codegen::emit::table;
-use tpm_symbolic::expand::{ExpandError, ExpandOptions, expand_with};
+use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
 
 /// How a table is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let prepared = loaded.for_tables()?;
     let bar = progress::Bar::new("expanding");
     let expanded = interrupt::watched(|go_on| {
-        let mut step = |step: tpm_symbolic::expand::Progress| {
+        let mut step = |step: tpm_symbolic::harmonic::expand::Progress| {
             bar.set(step.done as u64, step.total as u64);
             if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };

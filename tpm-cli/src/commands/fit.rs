@@ -14,10 +14,10 @@ use tpm_runtime::frequency::{
     Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root,
     StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
 };
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::linearize::{OperatingPoint, linearize};
-use tpm_symbolic::model::Model;
-use tpm_symbolic::rational;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::number::rational;
 
 /// Options of `tpm fit`.
 #[derive(clap::Args)]
@@ -323,9 +323,9 @@ fn fit_json(fit: &RationalFit) -> Value {
 /// A model with what is known about its parameters.
 struct Physical {
     model: Model,
-    linear: tpm_symbolic::linearize::Linearization,
+    linear: tpm_symbolic::linear::linearize::Linearization,
     input: Symbol,
-    coordinate: tpm_symbolic::expr::Coordinate,
+    coordinate: tpm_symbolic::expr::graph::Coordinate,
     parameters: Vec<Symbol>,
     names: Vec<String>,
     start: Vec<f64>,
@@ -395,7 +395,7 @@ impl Physical {
         Ok(Physical {
             linear,
             input: inputs[input],
-            coordinate: tpm_symbolic::expr::Coordinate(coordinate as u32),
+            coordinate: tpm_symbolic::expr::graph::Coordinate(coordinate as u32),
             start: names
                 .iter()
                 .map(|name| held.get(name).or_else(|| starts.get(name)).copied().unwrap_or(0.0))

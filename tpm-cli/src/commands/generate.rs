@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::{EmitError, Identified};
 use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
-use tpm_symbolic::rational::{self, Rational};
+use tpm_symbolic::number::rational::{self, Rational};
 
 /// 1/sqrt(2), the quality of a low pass that falls as late as it can without a peak.
 const FLATTEST: &str = "0.70710678118654752440084436210484903928";

@@ -7,10 +7,12 @@ use crate::{Outcome, output};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_symbolic::expand::expand;
-use tpm_symbolic::identifiability::{Experiment, Identifiability, PhysicalIdentifiability, Report, identifiability};
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::rational::{self, Rational};
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::harmonic::identifiability::{
+    Experiment, Identifiability, PhysicalIdentifiability, Report, identifiability,
+};
+use tpm_symbolic::number::rational::{self, Rational};
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
 /// Options of `tpm identifiability`.
 #[derive(clap::Args)]

@@ -22,8 +22,8 @@ use tpm_runtime::physical::{PhysicalSettings, has_inertia, is_lumped, negative_m
 use tpm_runtime::procedure::{Record, RunReport, Trial};
 use tpm_runtime::report::{CombinationReport, ParameterReport};
 use tpm_runtime::stability::Stability;
-use tpm_symbolic::model::Kind;
-use tpm_symbolic::prepare::Prepared;
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Options of `tpm identify`.
 #[derive(clap::Args)]
@@ -180,7 +180,7 @@ pub(crate) enum Runs {
 
 pub(crate) fn describe_campaign(
     result: &CampaignIdentification,
-    model: &tpm_symbolic::model::Model,
+    model: &tpm_symbolic::mechanics::model::Model,
     runs: Runs,
 ) -> String {
     let mut text = match runs {

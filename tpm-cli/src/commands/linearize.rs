@@ -13,11 +13,11 @@ use std::path::PathBuf;
 use tpm_codegen::parse_value;
 use tpm_codegen::source::Source;
 use tpm_runtime::frequency::TransferFunction;
-use tpm_symbolic::expr::{Coordinate, ExprId};
-use tpm_symbolic::linearize::{self, Linearization, OperatingPoint, StateSpace};
-use tpm_symbolic::model::Model;
-use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::transfer::{SymbolicTransfer, transfer_functions};
+use tpm_symbolic::expr::graph::{Coordinate, ExprId};
+use tpm_symbolic::linear::linearize::{self, Linearization, OperatingPoint, StateSpace};
+use tpm_symbolic::linear::transfer::{SymbolicTransfer, transfer_functions};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::number::rational::{self, Rational};
 
 /// Distance of a pole and a zero, as a share of their size, at which they are said nearly to cancel.
 const CLOSE: f64 = 1e-2;
@@ -267,7 +267,7 @@ impl Linear {
                 .chain(b)
                 .map(|&entry| {
                     let product = graph.mul(entry, self.linear.determinant);
-                    let product = tpm_symbolic::trig::simplify(&mut graph, product);
+                    let product = tpm_symbolic::expr::trigonometric::simplify(&mut graph, product);
                     graph.display(product, &self.model)
                 })
                 .collect()

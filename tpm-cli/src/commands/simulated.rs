@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::actuator::MotorFile;
 use tpm_runtime::experiment::{Experiment, ExperimentError, Machine};
-use tpm_symbolic::prepare::Prepared;
+use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Options that choose and change an experiment.
 #[derive(clap::Args)]

@@ -10,14 +10,14 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_codegen::emit::table;
-use tpm_symbolic::expand::{ExpandOptions, expand_with};
-use tpm_symbolic::expr::{Coordinate, Symbol};
-use tpm_symbolic::model::{Kind, Model};
-use tpm_symbolic::pattern::Pattern;
-use tpm_symbolic::prepare::{Prepared, prepare};
-use tpm_symbolic::rational;
-use tpm_symbolic::split::{NumericPart, Split, numeric_parts, split};
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::expr::graph::{Coordinate, Symbol};
+use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::split::{NumericPart, Split, numeric_parts, split};
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 /// Highest harmonic of a motion in numbers when nothing is said.
 const HARMONICS: usize = 15;

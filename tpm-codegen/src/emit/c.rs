@@ -11,8 +11,8 @@ mod layout;
 mod pattern;
 mod solve;
 
-use tpm_symbolic::estimator::Leaf;
-use tpm_symbolic::expr::{Node, Symbol};
+use tpm_symbolic::expr::graph::{Node, Symbol};
+use tpm_symbolic::plan::estimator::Leaf;
 
 use super::code::{Expression, Place, Statement, Table};
 use super::estimator::{EmitError, Estimator, Identified};

@@ -4,9 +4,9 @@
 //! language rounds as the interpreter does; only the division into statements is chosen, once for all languages. Operations
 //! used once stand inside the expression that uses them while that stays readable.
 
-use tpm_symbolic::expr::{Function, Node, Symbol};
-use tpm_symbolic::plan::{Op, Plan, Slot};
-use tpm_symbolic::rational::Rational;
+use tpm_symbolic::expr::graph::{Function, Node, Symbol};
+use tpm_symbolic::number::rational::Rational;
+use tpm_symbolic::plan::straight_line::{Op, Plan, Slot};
 
 /// Leaves and operators in one expression before it gets a name.
 const WIDEST: usize = 14;

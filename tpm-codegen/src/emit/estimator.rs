@@ -4,14 +4,14 @@
 //! non-vanishing double.
 
 use thiserror::Error;
-use tpm_symbolic::estimator::{EstimatorPlan, PatternGap, PatternPlan, TablePlan};
-use tpm_symbolic::expand::{ExpandOptions, expand_with};
-use tpm_symbolic::model::Model;
-use tpm_symbolic::plan::{Op, Plan};
-use tpm_symbolic::prepare::{PrepareError, Prepared, prepare};
-use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::regressor::{Column, RegressorForm, canonical};
-use tpm_symbolic::table::HarmonicTable;
+use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::number::rational::{self, Rational};
+use tpm_symbolic::plan::estimator::{EstimatorPlan, PatternGap, PatternPlan, TablePlan};
+use tpm_symbolic::plan::straight_line::{Op, Plan};
+use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 use super::filter::FilterError;
 use super::number::{Rounded, resembles_constant};

@@ -11,7 +11,7 @@
 
 use num_traits::Signed;
 use thiserror::Error;
-use tpm_symbolic::rational::{self, Rational};
+use tpm_symbolic::number::rational::{self, Rational};
 
 /// A low pass of second order and unit gain.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -179,7 +179,7 @@ fn tangent(angle: &Rational) -> Rational {
 #[cfg(test)]
 mod tests {
     use super::{FilterError, LowPass, tangent};
-    use tpm_symbolic::rational;
+    use tpm_symbolic::number::rational;
 
     fn low_pass(natural_frequency: i64, quality: i64) -> LowPass {
         LowPass { natural_frequency: rational::integer(natural_frequency), quality: rational::integer(quality) }

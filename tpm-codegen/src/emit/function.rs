@@ -4,15 +4,15 @@
 
 use num_traits::Zero;
 use std::collections::BTreeSet;
-use tpm_symbolic::estimator::{Leaf, PatternPlan, TablePlan, Unlumping, entry_formula};
-use tpm_symbolic::expr::{ExprId, Function as Elementary, Graph, Node, Symbol};
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::linalg;
-use tpm_symbolic::model::Kind;
-use tpm_symbolic::plan::{Merger, Op, Plan};
-use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::regressor::canonical;
-use tpm_symbolic::table::Entry;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::algebra::linear;
+use tpm_symbolic::expr::graph::{ExprId, Function as Elementary, Graph, Node, Symbol};
+use tpm_symbolic::harmonic::table::Entry;
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::number::rational::{self, Rational};
+use tpm_symbolic::plan::estimator::{Leaf, PatternPlan, TablePlan, Unlumping, entry_formula};
+use tpm_symbolic::plan::straight_line::{Merger, Op, Plan};
+use tpm_symbolic::regressor::form::canonical;
 
 use super::code::{Base, Expression, Place, Reader, Statement, Table, Term};
 use super::estimator::Estimator;
@@ -457,7 +457,7 @@ pub(super) fn direct(estimator: &Estimator, table: &TablePlan) -> Option<Functio
         .map(|a| (0..columns).map(|b| product(a, b)).chain(matrix.iter().map(|row| row[a].clone())).collect())
         .collect();
     // Reduced to the identity, what stands behind it is the pseudo-inverse.
-    if linalg::reduce(&mut normal) != (0..columns).collect::<Vec<usize>>() {
+    if linear::reduce(&mut normal) != (0..columns).collect::<Vec<usize>>() {
         return None;
     }
     let symbol = |index: usize| Symbol(u32::try_from(index).expect("invariant: symbols are 32 bits"));

@@ -2,11 +2,11 @@
 //!
 //! Invariant: the order of requests is that of the model's declarations, so that equal models get equal names.
 
-use tpm_symbolic::estimator::{EstimatorPlan, PatternPlan};
-use tpm_symbolic::expr::{Coordinate, Symbol};
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::model::Model;
-use tpm_symbolic::regressor::RegressorForm;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::expr::graph::{Coordinate, Symbol};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::plan::estimator::{EstimatorPlan, PatternPlan};
+use tpm_symbolic::regressor::form::RegressorForm;
 
 use super::name::{Language, Namer, is_snake, snake};
 

@@ -1,6 +1,6 @@
 //! Exact numbers as literals, each rounded once and correctly.
 
-use tpm_symbolic::rational::{self, Rational};
+use tpm_symbolic::number::rational::{self, Rational};
 
 /// A rational in both precisions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +78,7 @@ pub fn resembles_constant(value: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::{Rounded, digits};
-    use tpm_symbolic::rational::{integer, power, ratio};
+    use tpm_symbolic::number::rational::{integer, power, ratio};
 
     #[test]
     fn a_number_halfway_between_two_singles_is_rounded_once() {

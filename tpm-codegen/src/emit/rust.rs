@@ -1,6 +1,6 @@
 //! Rust source of an estimator: a documented module of straight-line functions, `no_std`, without allocation or panics.
 //!
-//! Invariants: the numbers come from the plans of [`EstimatorPlan`](tpm_symbolic::estimator::EstimatorPlan), operation by
+//! Invariants: the numbers come from the plans of [`EstimatorPlan`](tpm_symbolic::plan::estimator::EstimatorPlan), operation by
 //! operation; names come from the model through one namer; every array has a length fixed by the model, and every index is a
 //! literal, so that no path can panic. The same items serve the macro and the file; only the file has comments and is laid out
 //! for reading.
@@ -18,8 +18,8 @@ use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 use std::cell::RefCell;
 use std::str::FromStr;
-use tpm_symbolic::estimator::Leaf;
-use tpm_symbolic::expr::Node;
+use tpm_symbolic::expr::graph::Node;
+use tpm_symbolic::plan::estimator::Leaf;
 
 use super::estimator::{Estimator, Identified};
 use super::filter::Filters;
@@ -96,7 +96,7 @@ impl<'a> Context<'a> {
     }
 
     /// How a leaf is spelled; `owner` holds the symbols that are not constants.
-    fn leaf(&self, node: &Node, owner: &Ident, fields: &[(tpm_symbolic::expr::Symbol, Ident)]) -> TokenStream {
+    fn leaf(&self, node: &Node, owner: &Ident, fields: &[(tpm_symbolic::expr::graph::Symbol, Ident)]) -> TokenStream {
         match self.estimator.plan.leaves.leaf(node) {
             Leaf::Motion(coordinate, order) => {
                 let found = self.names.coordinates.iter().find(|names| names.coordinate == coordinate);

@@ -5,9 +5,9 @@
 use num_traits::{One, Signed};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::table::{Entry, HarmonicTable, Tail};
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::harmonic::table::{Entry, HarmonicTable, Tail};
+use tpm_symbolic::number::rational::{self, Rational};
 
 /// One line per entry, with the columns of the JSON form; `powers` and `sign` as `lambda^2 w^2`.
 #[must_use]
@@ -287,7 +287,7 @@ pub fn left_out(table: &HarmonicTable, tail: &Tail) -> String {
 #[cfg(test)]
 mod tests {
     use super::{csv, latex, markdown, symbol};
-    use tpm_symbolic::table::HarmonicTable;
+    use tpm_symbolic::harmonic::table::HarmonicTable;
 
     /// Two entries of Feng, Eqn 3.26, one of a dry friction, in the contract's JSON.
     fn table() -> HarmonicTable {

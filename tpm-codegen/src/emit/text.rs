@@ -1,12 +1,12 @@
 //! Documentation texts of emitted code.
 
-use tpm_symbolic::estimator::PatternPlan;
-use tpm_symbolic::expr::{Coordinate, ExprId, Symbol};
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::plan::{OperationCounts, Plan};
-use tpm_symbolic::polynomial::Polynomial;
-use tpm_symbolic::regressor::canonical;
-use tpm_symbolic::unit::Unit;
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::algebra::polynomial::Polynomial;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Symbol};
+use tpm_symbolic::mechanics::unit::Unit;
+use tpm_symbolic::plan::estimator::PatternPlan;
+use tpm_symbolic::plan::straight_line::{OperationCounts, Plan};
+use tpm_symbolic::regressor::form::canonical;
 
 use super::estimator::{Estimator, gaps};
 use super::function::{Role, plans};
@@ -201,16 +201,16 @@ pub(super) fn motions(estimator: &Estimator, index: usize) -> String {
     text
 }
 
-fn push_term(text: &mut String, coefficient: &tpm_symbolic::rational::Rational, base: &str) {
+fn push_term(text: &mut String, coefficient: &tpm_symbolic::number::rational::Rational, base: &str) {
     use num_traits::{One, Signed};
-    let magnitude = tpm_symbolic::rational::abs(coefficient);
+    let magnitude = tpm_symbolic::number::rational::abs(coefficient);
     text.push_str(match (text.is_empty(), coefficient.is_negative()) {
         (true, true) => "-",
         (true, false) => "",
         (false, true) => " - ",
         (false, false) => " + ",
     });
-    let number = tpm_symbolic::rational::display(&magnitude);
+    let number = tpm_symbolic::number::rational::display(&magnitude);
     match (base, magnitude.is_one()) {
         ("", _) => text.push_str(&number),
         (_, true) => text.push_str(base),

@@ -4,7 +4,7 @@
 //! million terms is one node. The first member of a sum is added and the first of a product multiplied (a leading minus is
 //! [`ExprKind::Negative`]). Printing a model ([`std::fmt::Display`]) and parsing it again gives the same model but for its spans.
 
-use tpm_symbolic::rational::Rational;
+use tpm_symbolic::number::rational::Rational;
 
 use crate::source::Span;
 

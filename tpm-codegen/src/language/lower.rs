@@ -11,11 +11,11 @@ mod motion;
 
 use std::collections::HashMap;
 
-use tpm_symbolic::expr::{Coordinate, ExprId, Names as _, Symbol};
-use tpm_symbolic::lagrange::Lagrangian;
-use tpm_symbolic::model::{Elimination, Kind, Lump, Model, TermId};
-use tpm_symbolic::rational::Rational;
-use tpm_symbolic::unit::Unit as FormalUnit;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
+use tpm_symbolic::mechanics::lagrange::Lagrangian;
+use tpm_symbolic::mechanics::model::{Elimination, Kind, Lump, Model, TermId};
+use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
+use tpm_symbolic::number::rational::Rational;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{self, Declaration, Item, PatternItem, Role, UnitExpr};
@@ -358,7 +358,7 @@ impl<'a> Lowering<'a, '_, '_> {
             }
         }
         let name = pattern.name.as_ref().map(|name| name.name.clone());
-        self.model.patterns.push(tpm_symbolic::pattern::Pattern { name, amplitudes, frequency, motions });
+        self.model.patterns.push(tpm_symbolic::mechanics::pattern::Pattern { name, amplitudes, frequency, motions });
         self.harmonics.push(harmonics);
     }
 }

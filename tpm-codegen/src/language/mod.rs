@@ -17,15 +17,15 @@ pub use parse::DEEPEST;
 
 use std::borrow::Cow;
 
-use tpm_symbolic::bessel::BesselError;
-use tpm_symbolic::expand::ExpandError;
-use tpm_symbolic::expr::ExprId;
-use tpm_symbolic::lagrange::{LagrangeError, Lagrangian};
-use tpm_symbolic::model::{Model, TermId};
-use tpm_symbolic::prepare::PrepareError;
-use tpm_symbolic::regressor::RegressorError;
-use tpm_symbolic::series::{self, Expansion, SeriesError, Truncation};
-use tpm_symbolic::split::SplitError;
+use tpm_symbolic::expr::graph::ExprId;
+use tpm_symbolic::harmonic::bessel::BesselError;
+use tpm_symbolic::harmonic::expand::ExpandError;
+use tpm_symbolic::linear::taylor::{self, Expansion, SeriesError, Truncation};
+use tpm_symbolic::mechanics::lagrange::{LagrangeError, Lagrangian};
+use tpm_symbolic::mechanics::model::{Model, TermId};
+use tpm_symbolic::plan::split::SplitError;
+use tpm_symbolic::regressor::form::RegressorError;
+use tpm_symbolic::regressor::prepare::PrepareError;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::stream::TokenSource;
@@ -137,7 +137,7 @@ impl Parsed {
             .map(|taylor| Expansion { coordinate: taylor.coordinate, point: taylor.point, order: taylor.order })
             .collect();
         let mut model = self.model.clone();
-        let truncations = series::truncate(&mut model, &expansions)?;
+        let truncations = taylor::truncate(&mut model, &expansions)?;
         Ok((Cow::Owned(model), truncations))
     }
 

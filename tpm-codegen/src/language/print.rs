@@ -7,7 +7,7 @@ use std::fmt::{self, Display, Formatter, Write as _};
 use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::One;
-use tpm_symbolic::rational::Rational;
+use tpm_symbolic::number::rational::Rational;
 
 use crate::language::ast::{
     Declaration, Definition, Eliminate, Energy, Equation, Expr, ExprKind, Force, Item, Model, Motion, Operation,

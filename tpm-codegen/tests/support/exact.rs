@@ -1,15 +1,15 @@
 //! Exact values of a model's terms at a point, with the sum of their magnitudes.
 
 use tpm_codegen::emit::estimator::Estimator;
-use tpm_symbolic::expr::{ExprId, Node, Symbol};
-use tpm_symbolic::fourier::Trig;
-use tpm_symbolic::fraction::Fraction;
-use tpm_symbolic::model::{Kind, Model};
-use tpm_symbolic::parameter_map::{Inverse, Variable};
-use tpm_symbolic::polynomial::{Monomial, Polynomial};
-use tpm_symbolic::rational;
-use tpm_symbolic::rational::Rational;
-use tpm_symbolic::regressor::{Column, Row};
+use tpm_symbolic::algebra::fourier::Trig;
+use tpm_symbolic::algebra::fraction::Fraction;
+use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
+use tpm_symbolic::expr::graph::{ExprId, Node, Symbol};
+use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::number::rational;
+use tpm_symbolic::number::rational::Rational;
+use tpm_symbolic::regressor::form::{Column, Row};
+use tpm_symbolic::regressor::parameter_map::{Inverse, Variable};
 
 /// A double as it is.
 pub(crate) fn exact(value: f64) -> Rational {

@@ -3,7 +3,7 @@
 //! Invariant: the motion-independent part of input i is what the rows ask of it at the same instant with the coordinates that
 //! it drives standing still (all their derivatives zero), the motion-dependent part is the rest (Feng, section 6.2). That needs
 //! no more than the model's rows, so that hand-written, compiled and interpreted models are split alike; the symbolic parts are
-//! those of `tpm_symbolic::split`.
+//! those of `tpm_symbolic::plan::split`.
 
 use crate::model::Model;
 use crate::procedure::{TrialError, demand};

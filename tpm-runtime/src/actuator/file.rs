@@ -106,7 +106,7 @@ impl MotorFile {
         Ok(sections)
     }
 
-    /// The motors of a model's inputs. `driven` lists the coordinates that every input drives, as `tpm_symbolic::split` finds
+    /// The motors of a model's inputs. `driven` lists the coordinates that every input drives, as `tpm_symbolic::plan::split` finds
     /// them.
     ///
     /// # Errors

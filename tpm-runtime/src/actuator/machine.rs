@@ -12,13 +12,13 @@ use std::collections::BTreeMap;
 use std::string::String;
 use std::vec;
 use std::vec::Vec;
-use tpm_symbolic::expr::{ExprId, Graph, Node, Symbol};
-use tpm_symbolic::model::Kind;
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::pattern::{Motion, Pattern as Declared};
-use tpm_symbolic::prepare::{PrepareError, prepare};
-use tpm_symbolic::rational::to_f64;
-use tpm_symbolic::split::Split;
+use tpm_symbolic::expr::graph::{ExprId, Graph, Node, Symbol};
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern as Declared};
+use tpm_symbolic::number::rational::to_f64;
+use tpm_symbolic::plan::split::Split;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::{PrepareError, prepare};
 
 /// Samples from which the series of a reconstructed coordinate is read.
 const SAMPLES: usize = 1024;

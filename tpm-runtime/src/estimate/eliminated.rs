@@ -17,7 +17,7 @@ use std::string::{String, ToString};
 use std::sync::Arc;
 use std::vec;
 use std::vec::Vec;
-use tpm_symbolic::prepare::Prepared;
+use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A standard deviation above this share of the value makes a parameter poorly determined.
 const POOR: f64 = 0.25;

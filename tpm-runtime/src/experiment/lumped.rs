@@ -7,8 +7,8 @@ use super::{Experiment, Named};
 use crate::physical::is_lumped;
 use std::collections::BTreeSet;
 use std::string::{String, ToString};
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::prepare::Prepared;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::Prepared;
 
 impl Experiment {
     /// The experiment in the parameters that the model is linear in: true values and estimates of physical parameters

@@ -17,7 +17,7 @@ use std::string::String;
 use std::sync::Arc;
 use std::vec;
 use std::vec::Vec;
-use tpm_symbolic::prepare::{PrepareError, Prepared, prepare};
+use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 /// Why a model is no machine.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -49,7 +49,7 @@ impl Machine {
     /// [`MachineError`].
     pub fn new(
         prepared: &Prepared,
-        pattern: &tpm_symbolic::pattern::Pattern,
+        pattern: &tpm_symbolic::mechanics::pattern::Pattern,
         experiment: &Experiment,
         bounds: &BTreeMap<String, (f64, f64)>,
     ) -> Result<Self, MachineError> {

@@ -1,6 +1,6 @@
 //! The response of a linearised model, for a fit of its physical parameters.
 //!
-//! Invariant: `(M s^2 + D s + K) q = F u` with the exact matrices of [`tpm_symbolic::linearize`], each entry evaluated once
+//! Invariant: `(M s^2 + D s + K) q = F u` with the exact matrices of [`tpm_symbolic::linear::linearize`], each entry evaluated once
 //! per set of parameters; every symbol in them is either a parameter of the fit or has a value.
 
 use super::structured::ResponseModel;
@@ -8,10 +8,10 @@ use nalgebra::Complex;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
-use tpm_symbolic::expr::{Coordinate, ExprId, Node, Symbol};
-use tpm_symbolic::linearize::Linearization;
-use tpm_symbolic::model::{Kind, Model};
-use tpm_symbolic::rational;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Node, Symbol};
+use tpm_symbolic::linear::linearize::Linearization;
+use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::number::rational;
 
 /// Why a linearised model has no response.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -75,7 +75,7 @@ impl Regulator {
     /// [`RiccatiError`].
     #[cfg(feature = "interpret")]
     pub fn of_linear(
-        space: &tpm_symbolic::linearize::StateSpace<f64>,
+        space: &tpm_symbolic::linear::linearize::StateSpace<f64>,
         sample_time: f64,
         weights: &Weights,
     ) -> Result<Self, RiccatiError> {

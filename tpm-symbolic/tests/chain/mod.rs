@@ -1,9 +1,9 @@
 //! Chains of masses, built by hand (Feng, Eqns 4.1-4.4 with the coupling to both neighbours, and 4.30-4.31).
 
-use tpm_symbolic::expr::{Coordinate, ExprId};
-use tpm_symbolic::model::{Elimination, Equation, Kind, Model, SourceTerm, TermId};
-use tpm_symbolic::pattern::{Motion, Pattern, rest_to_rest};
-use tpm_symbolic::polynomial::Monomial;
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId};
+use tpm_symbolic::mechanics::model::{Elimination, Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 
 /// What to build.
 #[derive(Clone, Copy)]
@@ -35,7 +35,7 @@ pub(crate) fn chain(shape: Chain) -> Model {
     let mut next = 0;
     for (i, &mass) in m.iter().enumerate() {
         let graph = &mut model.graph;
-        let at = |graph: &mut tpm_symbolic::expr::Graph, j: usize, n: u32| graph.derivative_of(x[j], n);
+        let at = |graph: &mut tpm_symbolic::expr::graph::Graph, j: usize, n: u32| graph.derivative_of(x[j], n);
         let acceleration = at(graph, i, 2);
         let mut terms = vec![graph.mul(mass, acceleration)];
         for (spring, j) in [(i.wrapping_sub(1), i.wrapping_sub(1)), (i, i + 1)] {

@@ -5,10 +5,10 @@
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use std::rc::Rc;
-use tpm_symbolic::expr::{Coordinate, ExprId, Function, Graph, Node, Symbol};
-use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm, TermId};
-use tpm_symbolic::rational::{self, Rational};
-use tpm_symbolic::trig;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Graph, Node, Symbol};
+use tpm_symbolic::expr::trigonometric;
+use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::number::rational::{self, Rational};
 
 /// A model under construction.
 #[derive(Clone, Default)]
@@ -99,7 +99,7 @@ impl Build {
     }
 
     pub(crate) fn is_zero(&self, expr: &E) -> bool {
-        self.graph(|g| trig::is_zero(g, expr.id))
+        self.graph(|g| trigonometric::is_zero(g, expr.id))
     }
 }
 

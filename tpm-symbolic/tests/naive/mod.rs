@@ -4,11 +4,11 @@
 use num_rational::BigRational;
 use num_traits::{One, Zero};
 use std::collections::BTreeMap;
-use tpm_symbolic::expr::{Node, Symbol};
-use tpm_symbolic::fourier::{Fourier, Trig};
-use tpm_symbolic::model::Model;
-use tpm_symbolic::pattern::{Motion, Pattern};
-use tpm_symbolic::regressor::RegressorForm;
+use tpm_symbolic::algebra::fourier::{Fourier, Trig};
+use tpm_symbolic::expr::graph::{Node, Symbol};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern};
+use tpm_symbolic::regressor::form::RegressorForm;
 
 /// Coefficients of cos (false) and sin (true) by harmonic.
 pub(crate) type Series = BTreeMap<(usize, bool), BigRational>;

@@ -10,12 +10,12 @@ use tpm_runtime::frequency::TransferFunction;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::simulate::{Actuator, Bench, Sensor};
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::linearize::{Linearization, OperatingPoint, StateSpace, linearize};
-use tpm_symbolic::model::Model;
-use tpm_symbolic::parameter_map::ParameterMap;
-use tpm_symbolic::prepare::Prepared;
-use tpm_symbolic::rational;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::linear::linearize::{Linearization, OperatingPoint, StateSpace, linearize};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::number::rational;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
+use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A model of two coordinates and one input, linearised at rest in zero.
 pub(super) struct Machine {

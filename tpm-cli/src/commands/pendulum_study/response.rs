@@ -15,7 +15,7 @@ use tpm_runtime::frequency::{
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::plot::Figure;
 use tpm_runtime::simulate::{Sensor, drive};
-use tpm_symbolic::expr::{Coordinate, Symbol};
+use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 
 /// s, V, s: as in the paper where it says, otherwise chosen.
 const SAMPLE_TIME: f64 = 1e-3;

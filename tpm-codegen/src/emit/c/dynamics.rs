@@ -1,7 +1,7 @@
 //! The part that needs no pattern: sizes, labels, parameters, motions, regressor, forces.
 
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::unit::Unit;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::unit::Unit;
 
 use super::super::code::{Place, Statement};
 use super::super::function::{self, Body, Function};

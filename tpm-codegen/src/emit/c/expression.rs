@@ -2,8 +2,8 @@
 //!
 //! Invariant: what is written binds as the expression is nested; every number is rounded once, to the scalar's precision.
 
-use tpm_symbolic::expr::{Function, Node};
-use tpm_symbolic::rational::{self, Rational};
+use tpm_symbolic::expr::graph::{Function, Node};
+use tpm_symbolic::number::rational::{self, Rational};
 
 use super::super::code::{Expression, Level, Operator};
 use super::super::number::{Rounded, digits, digits_single};
@@ -155,9 +155,9 @@ impl<L: Fn(&Node) -> String> Writer<L> {
 mod tests {
     use super::super::super::code::Reader;
     use super::{Scalar, Writer};
-    use tpm_symbolic::expr::{Function, Node, Symbol};
-    use tpm_symbolic::plan::{Merger, Op, Plan};
-    use tpm_symbolic::rational::{integer, ratio};
+    use tpm_symbolic::expr::graph::{Function, Node, Symbol};
+    use tpm_symbolic::number::rational::{integer, ratio};
+    use tpm_symbolic::plan::straight_line::{Merger, Op, Plan};
 
     fn write(plan: &Plan, scalar: Scalar) -> Vec<String> {
         let writer = Writer::new(scalar, |node: &Node| match node {

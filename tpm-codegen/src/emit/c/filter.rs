@@ -79,9 +79,9 @@ fn low_pass(
     part: &str,
 ) {
     let (real, two) = (context.scalar.name(), context.scalar.literal(2.0));
-    let number = |value: &tpm_symbolic::rational::Rational| context.scalar.number(value);
+    let number = |value: &tpm_symbolic::number::rational::Rational| context.scalar.number(value);
     let Coefficients { gain, feedback: [one, last] } = coefficients;
-    let sign = |value: &tpm_symbolic::rational::Rational| {
+    let sign = |value: &tpm_symbolic::number::rational::Rational| {
         let text = number(value);
         match text.strip_prefix('-') {
             Some(positive) => format!("+ {positive}"),

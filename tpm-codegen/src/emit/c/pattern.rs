@@ -1,8 +1,8 @@
 //! The part that follows from trajectory patterns: reference motion, estimator matrix, harmonics, solution.
 
 use std::f64::consts::TAU;
-use tpm_symbolic::estimator::{PatternPlan, TablePlan, TableRow};
-use tpm_symbolic::plan::Plan;
+use tpm_symbolic::plan::estimator::{PatternPlan, TablePlan, TableRow};
+use tpm_symbolic::plan::straight_line::Plan;
 
 use super::super::code::{Level, Place};
 use super::super::function::{self, Body, Function};

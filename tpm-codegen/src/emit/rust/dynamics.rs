@@ -2,9 +2,9 @@
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
-use tpm_symbolic::estimator::Leaf;
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::unit::Unit;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::unit::Unit;
+use tpm_symbolic::plan::estimator::Leaf;
 
 use super::super::code::{Place, Statement};
 use super::super::estimator::Estimator;
@@ -405,7 +405,7 @@ fn matrix(
 }
 
 /// Steps that fill `matrix` and set the local variables `values`.
-pub(super) fn stores<L: Fn(&tpm_symbolic::expr::Node) -> TokenStream>(
+pub(super) fn stores<L: Fn(&tpm_symbolic::expr::graph::Node) -> TokenStream>(
     context: &Context<'_>,
     statements: &[Statement],
     writer: &Writer<L>,

@@ -5,8 +5,8 @@
 use proc_macro2::{Literal, TokenStream};
 use quote::{format_ident, quote};
 use std::str::FromStr;
-use tpm_symbolic::expr::Node;
-use tpm_symbolic::rational::Rational;
+use tpm_symbolic::expr::graph::Node;
+use tpm_symbolic::number::rational::Rational;
 
 use super::super::code::{Expression, Level, Operator, Place, Statement};
 use super::super::number::{Rounded, digits, digits_single};
@@ -121,9 +121,9 @@ mod tests {
     use super::{Writer, number};
     use proc_macro2::TokenStream;
     use quote::{ToTokens, format_ident, quote};
-    use tpm_symbolic::expr::{Graph, Node, Symbol};
-    use tpm_symbolic::plan::{Merger, Op, Plan};
-    use tpm_symbolic::rational::{integer, ratio};
+    use tpm_symbolic::expr::graph::{Graph, Node, Symbol};
+    use tpm_symbolic::number::rational::{integer, ratio};
+    use tpm_symbolic::plan::straight_line::{Merger, Op, Plan};
 
     fn write(plan: &Plan) -> String {
         let writer = Writer::new(|node: &Node| match node {
@@ -153,7 +153,7 @@ mod tests {
         let product = merger.emit(Op::Mul(a, b));
         let quotient = merger.emit(Op::Div(outer, product));
         let negative = merger.emit(Op::Neg(quotient));
-        let sine = merger.emit(Op::Function(tpm_symbolic::expr::Function::Sin, negative));
+        let sine = merger.emit(Op::Function(tpm_symbolic::expr::graph::Function::Sin, negative));
         let plan = merger.finish(vec![sine]);
         assert_eq!(write(&plan), "[(- ((a - (a - b)) / (a * b))) . sin ()]");
     }

@@ -1,7 +1,7 @@
 //! Names as Rust takes them.
 
 use proc_macro2::Ident;
-use tpm_symbolic::fourier::Trig;
+use tpm_symbolic::algebra::fourier::Trig;
 
 use super::super::estimator::Estimator;
 use super::super::name::{Language, Namer};

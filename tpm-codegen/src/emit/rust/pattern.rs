@@ -3,8 +3,8 @@
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 use std::collections::BTreeSet;
-use tpm_symbolic::estimator::{PatternPlan, TablePlan};
-use tpm_symbolic::plan::Plan;
+use tpm_symbolic::plan::estimator::{PatternPlan, TablePlan};
+use tpm_symbolic::plan::straight_line::Plan;
 
 use super::super::code::{Base, Level, Place, Table};
 use super::super::function::{self, Body, Function};

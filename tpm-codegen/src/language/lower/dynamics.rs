@@ -1,11 +1,11 @@
 //! Equations, and energies by the Euler-Lagrange equations.
 //!
 //! Invariant: every term of an equation has the place of the term of the text that it came from, also when it was derived from
-//! an energy ([`tpm_symbolic::lagrange`]).
+//! an energy ([`tpm_symbolic::mechanics::lagrange`]).
 
-use tpm_symbolic::expr::Node;
-use tpm_symbolic::lagrange::{self, Lagrangian};
-use tpm_symbolic::model::{Equation, Kind, Model, SourceTerm};
+use tpm_symbolic::expr::graph::Node;
+use tpm_symbolic::mechanics::lagrange::{self, Lagrangian};
+use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm};
 
 use super::{Lower, Lowering};
 use crate::diagnostic::Diagnostic;

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 
 use num_traits::{One, Signed, Zero};
-use tpm_symbolic::expr::{self, ExprId, Graph, Node};
-use tpm_symbolic::model::{Kind, Model};
-use tpm_symbolic::rational::Rational;
+use tpm_symbolic::expr::graph::{self, ExprId, Graph, Node};
+use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::number::rational::Rational;
 
 use super::{HIGHEST_ORDER, Lower};
 use crate::diagnostic::Diagnostic;
@@ -159,14 +159,14 @@ impl Environment<'_, '_> {
                 }
                 return Ok(self.model.graph.atan2(y_id, x_id));
             }
-            (Some(Function::Sin), [_]) => expr::Function::Sin,
-            (Some(Function::Cos), [_]) => expr::Function::Cos,
-            (Some(Function::Tan), [_]) => expr::Function::Tan,
-            (Some(Function::Asin), [_]) => expr::Function::Asin,
-            (Some(Function::Acos), [_]) => expr::Function::Acos,
-            (Some(Function::Sqrt), [_]) => expr::Function::Sqrt,
-            (Some(Function::Abs), [_]) => expr::Function::Abs,
-            (Some(Function::Sign), [_]) => expr::Function::Sign,
+            (Some(Function::Sin), [_]) => graph::Function::Sin,
+            (Some(Function::Cos), [_]) => graph::Function::Cos,
+            (Some(Function::Tan), [_]) => graph::Function::Tan,
+            (Some(Function::Asin), [_]) => graph::Function::Asin,
+            (Some(Function::Acos), [_]) => graph::Function::Acos,
+            (Some(Function::Sqrt), [_]) => graph::Function::Sqrt,
+            (Some(Function::Abs), [_]) => graph::Function::Abs,
+            (Some(Function::Sign), [_]) => graph::Function::Sign,
             // Everything else is reported by the checks.
             _ => {
                 return Err(Diagnostic::error(span, format!("`{}` cannot stand here", name.name))
@@ -176,8 +176,8 @@ impl Environment<'_, '_> {
         let argument = self.lower(&arguments[0])?;
         if let Some(value) = self.model.graph.as_number(argument) {
             let outside = match simple {
-                expr::Function::Sqrt => value.is_negative(),
-                expr::Function::Asin | expr::Function::Acos => value.abs() > Rational::one(),
+                graph::Function::Sqrt => value.is_negative(),
+                graph::Function::Asin | graph::Function::Acos => value.abs() > Rational::one(),
                 _ => false,
             };
             if outside {
@@ -237,8 +237,8 @@ pub(super) fn regular(model: &Model, id: ExprId, span: Span) -> Lower<()> {
         let number = |id: ExprId| graph.as_number(id);
         let singular = match graph.node(id) {
             Node::Power(base, exponent) => *exponent < 0 && number(*base).is_some_and(Zero::is_zero),
-            Node::Function(expr::Function::Sqrt, argument) => number(*argument).is_some_and(Signed::is_negative),
-            Node::Function(expr::Function::Asin | expr::Function::Acos, argument) => {
+            Node::Function(graph::Function::Sqrt, argument) => number(*argument).is_some_and(Signed::is_negative),
+            Node::Function(graph::Function::Asin | graph::Function::Acos, argument) => {
                 number(*argument).is_some_and(|value| value.abs() > Rational::one())
             }
             Node::Atan2(y, x) => [y, x].into_iter().all(|&id| number(id).is_some_and(Zero::is_zero)),

@@ -6,11 +6,11 @@
 use std::collections::HashMap;
 
 use num_traits::{One, ToPrimitive, Zero};
-use tpm_symbolic::expr::Symbol;
-use tpm_symbolic::fourier::Fourier;
-use tpm_symbolic::pattern::{self, Motion};
-use tpm_symbolic::polynomial::Monomial;
-use tpm_symbolic::rational::Rational;
+use tpm_symbolic::algebra::fourier::Fourier;
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::pattern::{self, Motion};
+use tpm_symbolic::number::rational::Rational;
 
 use super::{Lower, expression};
 use crate::diagnostic::Diagnostic;

@@ -1,7 +1,7 @@
 //! Expressions: `^` binds tighter than unary minus, that tighter than `*` and `/`, those tighter than `+` and `-`.
 
 use num_bigint::BigInt;
-use tpm_symbolic::rational::Rational;
+use tpm_symbolic::number::rational::Rational;
 
 use super::{DEEPEST, Parse, Parser, Reported};
 use crate::diagnostic::Diagnostic;

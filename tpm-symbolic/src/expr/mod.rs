@@ -1,0 +1,6 @@
+//! Expressions: a graph of shared nodes in canonical form, its calculus and its trigonometric identities.
+
+pub mod graph;
+pub mod interval;
+pub mod singularity;
+pub mod trigonometric;

@@ -1,0 +1,9 @@
+//! Regressors under a pattern: their exact harmonic coefficients, and what these show of the parameters.
+
+pub mod bessel;
+pub mod content;
+pub mod expand;
+pub mod identifiability;
+pub mod motion;
+pub mod nonsmooth;
+pub mod table;

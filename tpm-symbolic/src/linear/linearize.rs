@@ -1,0 +1,517 @@
+//! Linearisation about an equilibrium, state space and transfer functions.
+//!
+//! A second-order model r(q, q', q'', u) = 0 at rest at q0 under the inputs u0, with r(q0, 0, 0, u0) = 0 exactly,
+//! moves near that point as
+//!
+//! ```text
+//! M dq'' + D dq' + K dq = F du ,    M = dr/dq'',  D = dr/dq',  K = dr/dq,  F = -dr/du ,
+//! x = (dq, dq'):   x' = A x + B du ,    A = [0, I; -M^-1 K, -M^-1 D],   B = [0; M^-1 F]
+//! ```
+//!
+//! (Fong, Eqns 15, 23 and 27). The mass matrix is inverted as its adjugate over its determinant, so that every entry of
+//! A and B is a polynomial over one common denominator.
+
+use crate::algebra::characteristic::{self, Matrix, NormalForms, Rationals};
+use crate::algebra::polynomial::{Monomial, Polynomial};
+use crate::expr::graph::{Coordinate, ExprId, Node, Symbol};
+use crate::expr::singularity::first_singularity;
+use crate::expr::trigonometric;
+use crate::mechanics::model::{Kind, Model, TermId};
+use crate::mechanics::pattern::Motion;
+use crate::number::rational::{self, Rational};
+use num_traits::{One, Zero};
+use std::collections::HashMap;
+use thiserror::Error;
+
+/// A point at rest.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct OperatingPoint {
+    /// The value of every coordinate that is not 0, an expression of constants and parameters.
+    pub coordinates: Vec<(Coordinate, ExprId)>,
+    /// The value of every input that is not 0.
+    pub inputs: Vec<(Symbol, ExprId)>,
+}
+
+/// Why a model cannot be linearised at a point.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum LinearizeError {
+    /// The equations do not hold at the point.
+    #[error(
+        "the point is no equilibrium: equation {equation} leaves `{residual}` instead of 0; choose other coordinates, or the inputs that hold it there"
+    )]
+    NotEquilibrium {
+        /// The equation.
+        equation: String,
+        /// What is left of it.
+        residual: String,
+    },
+    /// A term has no derivative at the point.
+    #[error("`{atom}` has no derivative at the point, so equation {equation} has no linearisation there")]
+    NotSmooth {
+        /// Where.
+        term: TermId,
+        /// The equation.
+        equation: String,
+        /// The function or quotient.
+        atom: String,
+    },
+    /// The equations are not of second order.
+    #[error(
+        "equation {equation} contains `{found}`; only models of second order are linearised, so eliminate nothing first"
+    )]
+    Order {
+        /// Where.
+        term: TermId,
+        /// The equation.
+        equation: String,
+        /// The derivative.
+        found: String,
+    },
+    /// The numbers of equations and coordinates differ.
+    #[error("{equations} equations do not determine the motion of {coordinates} coordinates")]
+    Shape {
+        /// Number of equations.
+        equations: usize,
+        /// Number of coordinates.
+        coordinates: usize,
+    },
+    /// The mass matrix is singular.
+    #[error(
+        "the mass matrix at the point is singular (its determinant is 0), so the accelerations are not determined; a coordinate without inertia must be eliminated first"
+    )]
+    SingularMass,
+    /// A value of the point depends on the motion or an input.
+    #[error("the point's value `{found}` must consist of constants and parameters")]
+    Value {
+        /// The value.
+        found: String,
+    },
+}
+
+/// A linear model; matrices are lists of rows, rows of M, D, K, F are equations.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Linearization {
+    /// The inputs, columns of F and of the last rows of B.
+    pub inputs: Vec<Symbol>,
+    /// M.
+    pub mass: Matrix<ExprId>,
+    /// D.
+    pub damping: Matrix<ExprId>,
+    /// K.
+    pub stiffness: Matrix<ExprId>,
+    /// F.
+    pub input: Matrix<ExprId>,
+    /// det M, the common denominator of A and B.
+    pub determinant: ExprId,
+    /// A for the state (coordinates, velocities), in order of declaration.
+    pub a: Matrix<ExprId>,
+    /// B.
+    pub b: Matrix<ExprId>,
+}
+
+/// Linearises a model about a point at rest.
+///
+/// # Errors
+/// When the point is no equilibrium or the model is not smooth there, not of second order, or has a singular mass
+/// matrix; the equation is named.
+pub fn linearize(model: &mut Model, point: &OperatingPoint) -> Result<Linearization, LinearizeError> {
+    let n = model.coordinates.len();
+    if model.equations.len() != n {
+        return Err(LinearizeError::Shape { equations: model.equations.len(), coordinates: n });
+    }
+    let inputs: Vec<Symbol> = model.inputs().collect();
+    let replacement = replacements(model, point, &inputs)?;
+    let equations = model.equations.clone();
+    let mut rows = Vec::with_capacity(n);
+    for equation in &equations {
+        for source in &equation.terms {
+            let leaves = model.graph.leaves(source.expr);
+            let high = leaves.iter().find(|&&leaf| matches!(model.graph.node(leaf), Node::Derivative(_, 3..)));
+            if let Some(&leaf) = high {
+                let found = model.display(leaf);
+                return Err(LinearizeError::Order { term: source.id, equation: equation.name.clone(), found });
+            }
+            if let Some(atom) = first_singularity(&mut model.graph, source.expr, &replacement) {
+                let atom = model.display(atom);
+                return Err(LinearizeError::NotSmooth { term: source.id, equation: equation.name.clone(), atom });
+            }
+        }
+        let terms: Vec<ExprId> = equation.terms.iter().map(|term| term.expr).collect();
+        let row = model.graph.sum(&terms);
+        let value = model.graph.substitute(row, &replacement);
+        if !trigonometric::is_zero(&mut model.graph, value) {
+            let residual = trigonometric::simplify(&mut model.graph, value);
+            let residual = model.display(residual);
+            return Err(LinearizeError::NotEquilibrium { equation: equation.name.clone(), residual });
+        }
+        rows.push(row);
+    }
+    let jacobian = |model: &mut Model, leaves: &[ExprId], sign: i64| -> Vec<Vec<Polynomial<ExprId>>> {
+        let mut matrix = Vec::with_capacity(n);
+        for &row in &rows {
+            let mut entries = Vec::with_capacity(leaves.len());
+            for &leaf in leaves {
+                let slope = model.graph.differentiate(row, leaf);
+                let value = model.graph.substitute(slope, &replacement);
+                entries.push(trigonometric::normal(&mut model.graph, value).scale(&rational::integer(sign)));
+            }
+            matrix.push(entries);
+        }
+        matrix
+    };
+    let mut leaves = |order: u32| -> Vec<ExprId> {
+        (0u32..).take(n).map(|c| model.graph.derivative_of(Coordinate(c), order)).collect()
+    };
+    let (positions, velocities, accelerations) = (leaves(0), leaves(1), leaves(2));
+    let drives: Vec<ExprId> = inputs.iter().map(|&symbol| model.graph.symbol(symbol)).collect();
+    let mass = jacobian(model, &accelerations, 1);
+    let damping = jacobian(model, &velocities, 1);
+    let stiffness = jacobian(model, &positions, 1);
+    let input = jacobian(model, &drives, -1);
+    state_space(model, inputs, [mass, damping, stiffness, input])
+}
+
+fn replacements(
+    model: &mut Model,
+    point: &OperatingPoint,
+    inputs: &[Symbol],
+) -> Result<HashMap<ExprId, ExprId>, LinearizeError> {
+    let order = model.order().max(2);
+    let mut replacement = exact_constants(model);
+    let values = point.coordinates.iter().map(|(_, value)| value).chain(point.inputs.iter().map(|(_, value)| value));
+    for &value in values {
+        let moves = model.graph.leaves(value).into_iter().any(|leaf| match model.graph.node(leaf) {
+            Node::Symbol(symbol) => model.quantity(*symbol).kind == Kind::Input,
+            _ => true,
+        });
+        if moves {
+            return Err(LinearizeError::Value { found: model.display(value) });
+        }
+    }
+    let zero = model.graph.integer(0);
+    for c in (0u32..).take(model.coordinates.len()).map(Coordinate) {
+        let given = point.coordinates.iter().find(|(coordinate, _)| *coordinate == c);
+        let value = given.map_or(zero, |(_, value)| *value);
+        let value = model.graph.substitute(value, &replacement.clone());
+        let position = model.graph.derivative_of(c, 0);
+        replacement.insert(position, value);
+        for order in 1..=order {
+            let derivative = model.graph.derivative_of(c, order);
+            replacement.insert(derivative, zero);
+        }
+    }
+    for &symbol in inputs {
+        let given = point.inputs.iter().find(|(input, _)| *input == symbol);
+        let value = given.map_or(zero, |(_, value)| *value);
+        let leaf = model.graph.symbol(symbol);
+        replacement.insert(leaf, value);
+    }
+    Ok(replacement)
+}
+
+/// Every constant whose value is known exactly, with that value.
+fn exact_constants(model: &mut Model) -> HashMap<ExprId, ExprId> {
+    let mut known = HashMap::new();
+    for (index, quantity) in (0u32..).zip(&model.symbols) {
+        if let Kind::Constant { value: Some(value) } = &quantity.kind {
+            let value = value.clone();
+            let leaf = model.graph.symbol(Symbol(index));
+            let value = model.graph.number(value);
+            known.insert(leaf, value);
+        }
+    }
+    known
+}
+
+fn state_space(
+    model: &mut Model,
+    inputs: Vec<Symbol>,
+    [mass, damping, stiffness, input]: [Vec<Vec<Polynomial<ExprId>>>; 4],
+) -> Result<Linearization, LinearizeError> {
+    let n = mass.len();
+    let graph = &mut model.graph;
+    let (determinant, adjugate) = characteristic::adjugate(&mut NormalForms(graph), &mass);
+    if trigonometric::numerator(graph, &determinant).is_zero() {
+        return Err(LinearizeError::SingularMass);
+    }
+    let inverse = graph.from_polynomial(&determinant);
+    let inverse = graph.pow(inverse, -1);
+    let mut quotient = |matrix: &Vec<Vec<Polynomial<ExprId>>>, sign: i64| -> Matrix<ExprId> {
+        let product = characteristic::multiply(&mut NormalForms(graph), &adjugate, matrix);
+        let entry = |polynomial: &Polynomial<ExprId>| {
+            let numerator = graph.from_polynomial(&polynomial.scale(&rational::integer(sign)));
+            graph.mul(numerator, inverse)
+        };
+        let mut entry = entry;
+        product.iter().map(|row| row.iter().map(&mut entry).collect()).collect()
+    };
+    let (lower_left, lower_right, lower_input) =
+        (quotient(&stiffness, -1), quotient(&damping, -1), quotient(&input, 1));
+    let (zero, one) = (graph.integer(0), graph.integer(1));
+    let mut a: Matrix<ExprId> = Vec::with_capacity(2 * n);
+    let mut b: Matrix<ExprId> = Vec::with_capacity(2 * n);
+    for i in 0..n {
+        a.push((0..2 * n).map(|j| if j == n + i { one } else { zero }).collect());
+        b.push(vec![zero; inputs.len()]);
+    }
+    for (left, right) in lower_left.into_iter().zip(lower_right) {
+        a.push(left.into_iter().chain(right).collect());
+    }
+    b.extend(lower_input);
+    let mut exprs = |matrix: &Vec<Vec<Polynomial<ExprId>>>| -> Matrix<ExprId> {
+        matrix.iter().map(|row| row.iter().map(|entry| graph.from_polynomial(entry)).collect()).collect()
+    };
+    let (mass, damping, stiffness, input) = (exprs(&mass), exprs(&damping), exprs(&stiffness), exprs(&input));
+    let determinant = graph.from_polynomial(&determinant);
+    Ok(Linearization { inputs, mass, damping, stiffness, input, determinant, a, b })
+}
+
+/// x' = A x + B u in numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StateSpace<T> {
+    /// A, square.
+    pub a: Matrix<T>,
+    /// B, one column per input.
+    pub b: Matrix<T>,
+}
+
+impl Linearization {
+    /// A and B in double precision, given the leaves that are left (parameters and run-time constants).
+    #[must_use]
+    pub fn evaluate(&self, model: &Model, mut leaf: impl FnMut(Symbol) -> f64) -> StateSpace<f64> {
+        let mut value = |expr: ExprId| {
+            model.graph.evaluate(expr, |node| match node {
+                Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
+                    Kind::Constant { value: Some(value) } => rational::to_f64(value),
+                    _ => leaf(*symbol),
+                },
+                _ => 0.0,
+            })
+        };
+        let mut map = |m: &Matrix<ExprId>| m.iter().map(|row| row.iter().map(|&e| value(e)).collect()).collect();
+        StateSpace { a: map(&self.a), b: map(&self.b) }
+    }
+
+    /// A and B exactly; `None` when a value is missing or an entry is not rational, such as the cosine of an angle that
+    /// is not a multiple of a quarter turn.
+    #[must_use]
+    pub fn evaluate_exact(
+        &self,
+        model: &Model,
+        mut leaf: impl FnMut(Symbol) -> Option<Rational>,
+    ) -> Option<StateSpace<Rational>> {
+        let mut value = |expr: ExprId| {
+            model.graph.evaluate_exact(expr, |node| match node {
+                Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
+                    Kind::Constant { value: Some(value) } => Some(value.clone()),
+                    _ => leaf(*symbol),
+                },
+                _ => None,
+            })
+        };
+        let mut map = |m: &Matrix<ExprId>| -> Option<Matrix<Rational>> {
+            m.iter().map(|row| row.iter().map(|&e| value(e)).collect()).collect()
+        };
+        Some(StateSpace { a: map(&self.a)?, b: map(&self.b)? })
+    }
+}
+
+/// A rational function of s in lowest terms: coefficients from s^0 upwards, the denominator's last one is 1.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TransferFunction {
+    /// Numerator; empty when the function is 0.
+    pub numerator: Vec<Rational>,
+    /// Denominator.
+    pub denominator: Vec<Rational>,
+    /// The common factor that was removed, its last coefficient 1: poles that zeros cancel exactly, which the output does
+    /// not show or the input does not reach.
+    pub cancelled: Vec<Rational>,
+}
+
+impl StateSpace<Rational> {
+    /// det(s I - A), coefficients from s^0 upwards.
+    #[must_use]
+    pub fn characteristic_polynomial(&self) -> Vec<Rational> {
+        characteristic::characteristic(&mut Rationals, &self.a).coefficients
+    }
+
+    /// c (s I - A)^-1 b for the output c x and one input, with common factors of numerator and denominator removed.
+    /// `None` when `output` has not one weight per state or there is no such input.
+    #[must_use]
+    pub fn transfer_function(&self, output: &[Rational], input: usize) -> Option<TransferFunction> {
+        if output.len() != self.a.len() || self.b.first().is_none_or(|row| input >= row.len()) {
+            return None;
+        }
+        let resolvent = characteristic::characteristic(&mut Rationals, &self.a);
+        let numerator: Vec<Rational> = resolvent
+            .adjugate
+            .iter()
+            .map(|matrix| {
+                let row = |weights: &[Rational]| -> Rational {
+                    weights.iter().zip(&self.b).map(|(w, b)| w * &b[input]).sum()
+                };
+                output.iter().zip(matrix).map(|(c, weights)| c * row(weights)).sum()
+            })
+            .collect();
+        Some(lowest_terms(numerator, resolvent.coefficients))
+    }
+}
+
+impl TransferFunction {
+    /// The value at a real s; `None` at a pole.
+    #[must_use]
+    pub fn evaluate(&self, s: &Rational) -> Option<Rational> {
+        let horner = |p: &[Rational]| p.iter().rev().fold(Rational::zero(), |value, c| value * s + c);
+        let denominator = horner(&self.denominator);
+        if denominator.is_zero() { None } else { Some(horner(&self.numerator) / denominator) }
+    }
+}
+
+fn lowest_terms(numerator: Vec<Rational>, denominator: Vec<Rational>) -> TransferFunction {
+    let numerator = trimmed(numerator);
+    if numerator.is_empty() {
+        return TransferFunction { numerator, denominator: vec![Rational::one()], cancelled: denominator };
+    }
+    let (mut a, mut b) = (denominator.clone(), numerator.clone());
+    while !b.is_empty() {
+        let rest = divide(a, &b).1;
+        a = std::mem::replace(&mut b, rest);
+    }
+    make_monic(&mut a);
+    let (mut numerator, mut denominator) = (divide(numerator, &a).0, divide(denominator, &a).0);
+    let lead = make_monic(&mut denominator);
+    numerator.iter_mut().for_each(|c| *c /= &lead);
+    TransferFunction { numerator, denominator, cancelled: a }
+}
+
+/// Divides by the leading coefficient, which it returns; 1 for the zero polynomial.
+fn make_monic(polynomial: &mut [Rational]) -> Rational {
+    let lead = polynomial.last().cloned().unwrap_or_else(Rational::one);
+    polynomial.iter_mut().for_each(|c| *c /= &lead);
+    lead
+}
+
+fn trimmed(mut polynomial: Vec<Rational>) -> Vec<Rational> {
+    while polynomial.last().is_some_and(Zero::is_zero) {
+        polynomial.pop();
+    }
+    polynomial
+}
+
+/// Quotient and remainder of polynomials; the divisor has a non-zero leading coefficient.
+fn divide(dividend: Vec<Rational>, divisor: &[Rational]) -> (Vec<Rational>, Vec<Rational>) {
+    let mut rest = trimmed(dividend);
+    let mut quotient = vec![Rational::zero(); (rest.len() + 1).saturating_sub(divisor.len())];
+    let Some(lead) = divisor.last() else { return (quotient, rest) };
+    while rest.len() >= divisor.len() {
+        let shift = rest.len() - divisor.len();
+        let factor = &rest[rest.len() - 1] / lead;
+        for (i, c) in divisor.iter().enumerate() {
+            rest[shift + i] -= c * &factor;
+        }
+        quotient[shift] = factor;
+        rest = trimmed(rest);
+    }
+    (quotient, rest)
+}
+
+/// Why a coordinate cannot be substituted.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum SubstituteError {
+    /// The new coordinate is 0 times the old one.
+    #[error("the coordinate `{coordinate}` cannot be replaced by 0 times another")]
+    ZeroScale {
+        /// The old coordinate.
+        coordinate: String,
+    },
+    /// The offset is not constant.
+    #[error("the offset `{offset}` of the coordinate `{coordinate}` must consist of constants and parameters")]
+    Offset {
+        /// The old coordinate.
+        coordinate: String,
+        /// The offset.
+        offset: String,
+    },
+    /// The pattern's motion of the old coordinate cannot be carried over.
+    #[error(
+        "the motion of `{coordinate}` under a pattern cannot be moved by `{offset}`, which is not a polynomial of constants; give the pattern in the new coordinate"
+    )]
+    Pattern {
+        /// The old coordinate.
+        coordinate: String,
+        /// The offset.
+        offset: String,
+    },
+}
+
+/// Replaces a coordinate q by scale * new + offset in every equation and pattern, such as theta2 = alpha2 - pi (above
+/// Fong, Eqn 25); trigonometric functions are brought to their normal form, so that quarter turns disappear.
+///
+/// # Errors
+/// When the scale is zero, the offset moves, or a pattern's motion cannot be carried over.
+pub fn substitute_coordinate(
+    model: &mut Model,
+    coordinate: Coordinate,
+    new_name: &str,
+    scale: &Rational,
+    offset: ExprId,
+) -> Result<(), SubstituteError> {
+    let old = model.coordinates[coordinate.0 as usize].name.clone();
+    if scale.is_zero() {
+        return Err(SubstituteError::ZeroScale { coordinate: old });
+    }
+    let constant = model.graph.leaves(offset).into_iter().all(|leaf| match model.graph.node(leaf) {
+        Node::Symbol(symbol) => model.quantity(*symbol).kind != Kind::Input,
+        _ => false,
+    });
+    if !constant {
+        return Err(SubstituteError::Offset { coordinate: old, offset: model.display(offset) });
+    }
+    let shift = offset_motion(model, offset);
+    let mut patterns = model.patterns.clone();
+    for pattern in &mut patterns {
+        if let Some(Some(motion)) = pattern.motions.get_mut(coordinate.0 as usize) {
+            let Some(shift) = &shift else {
+                return Err(SubstituteError::Pattern { coordinate: old, offset: model.display(offset) });
+            };
+            let one =
+                |value: Rational| Motion::term(Monomial::one(), crate::algebra::fourier::Fourier::constant(value));
+            let moved = motion.add(&shift.mul(&one(rational::integer(-1))));
+            *motion = moved.mul(&one(scale.recip()));
+        }
+    }
+    let mut replacement = HashMap::new();
+    for order in 0..=model.order() {
+        let leaf = model.graph.derivative_of(coordinate, order);
+        let scaled = model.graph.scale(leaf, scale.clone());
+        let new = if order == 0 { model.graph.add(scaled, offset) } else { scaled };
+        replacement.insert(leaf, new);
+    }
+    for equation in 0..model.equations.len() {
+        for term in 0..model.equations[equation].terms.len() {
+            let expr = model.equations[equation].terms[term].expr;
+            if !model.graph.leaves(expr).iter().any(|leaf| replacement.contains_key(leaf)) {
+                continue;
+            }
+            let moved = model.graph.substitute(expr, &replacement);
+            model.equations[equation].terms[term].expr = trigonometric::simplify(&mut model.graph, moved);
+        }
+    }
+    model.patterns = patterns;
+    new_name.clone_into(&mut model.coordinates[coordinate.0 as usize].name);
+    Ok(())
+}
+
+/// The offset as a motion that stays: a polynomial of symbols.
+fn offset_motion(model: &Model, offset: ExprId) -> Option<Motion> {
+    let mut motion = Motion::zero();
+    for (monomial, coefficient) in model.graph.polynomial(offset).terms() {
+        let mut symbols = Monomial::one();
+        for (&atom, exponent) in monomial.factors() {
+            let Node::Symbol(symbol) = model.graph.node(atom) else { return None };
+            symbols = symbols.mul(&Monomial::power_of(*symbol, exponent));
+        }
+        motion = motion.add(&Motion::term(symbols, crate::algebra::fourier::Fourier::constant(coefficient.clone())));
+    }
+    Some(motion)
+}

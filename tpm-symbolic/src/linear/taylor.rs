@@ -1,0 +1,438 @@
+//! Taylor series of expressions about a symbolic point, with remainder bounds (Feng, Eqns 5.5-5.7).
+//!
+//! ```text
+//! f(q0 + d) = sum_{|a| <= N} c_a d^a + R_N(d) ,      c_a = D^a f(q0) / a!
+//! |R_N| <= sum_{|a| = N+1} max |D^a f| / a! * |d|^a      (Lagrange; the maximum over the box that contains q0 and q)
+//! ```
+//!
+//! The coefficients are exact expressions of parameters and constants. The bound takes the (N+1)-st derivatives from an
+//! interval enclosure of the whole series over the box, so it holds with all rounding; it needs a range for every
+//! coordinate of the series and a number or range for every other quantity in the expression.
+//!
+//! Where no series exists (a quotient at a zero of its denominator, a root at 0) the error names the term.
+
+use crate::algebra::characteristic::Ring;
+use crate::expr::graph::{Coordinate, ExprId, Function, Graph, Node};
+use crate::expr::interval::Interval;
+use crate::expr::trigonometric;
+use crate::linear::jet::{Analytic, Index, Jets, Singular, nodes_of};
+use crate::mechanics::model::{Kind, Model, TermId};
+use crate::number::rational::Rational;
+use num_traits::Zero;
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap};
+use thiserror::Error;
+
+/// A coordinate to expand in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Expansion {
+    /// The coordinate.
+    pub coordinate: Coordinate,
+    /// The point q0, an expression of constants and parameters.
+    pub point: ExprId,
+    /// The highest power of q - q0 that is kept. In several coordinates the highest total degree is the largest of
+    /// their orders.
+    pub order: u32,
+}
+
+/// A Taylor polynomial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// What was expanded.
+    pub function: ExprId,
+    /// In which coordinates and about which point.
+    pub expansions: Vec<Expansion>,
+    /// c_a by the exponents of the coordinates, in the order of `expansions`; what is missing is 0.
+    pub coefficients: BTreeMap<Index, ExprId>,
+}
+
+/// Why there is no Taylor series.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum SeriesError {
+    /// A function is not analytic at the point.
+    #[error("`{atom}` is singular at the point of expansion, so there is no Taylor series; choose another point")]
+    Singular {
+        /// The source term, when there is one.
+        term: Option<TermId>,
+        /// The function or quotient.
+        atom: String,
+    },
+    /// The point depends on the motion or an input.
+    #[error("the point of expansion `{point}` of `{coordinate}` must consist of constants and parameters")]
+    Point {
+        /// The coordinate.
+        coordinate: String,
+        /// The point.
+        point: String,
+    },
+    /// A coordinate was given twice.
+    #[error("the coordinate `{coordinate}` has two points of expansion")]
+    Twice {
+        /// The coordinate.
+        coordinate: String,
+    },
+    /// A quantity has no range.
+    #[error("the remainder bound needs a number or a range for `{name}`")]
+    Range {
+        /// The quantity.
+        name: String,
+    },
+    /// The function is not analytic everywhere in the box, so that nothing bounds the remainder.
+    #[error("`{atom}` is not smooth everywhere in the given ranges, so its remainder has no bound; narrow the ranges")]
+    Unbounded {
+        /// The function or quotient.
+        atom: String,
+    },
+}
+
+/// The Taylor series of an expression of a model's graph.
+///
+/// # Errors
+/// When the expression is singular at the point, or the point is not constant.
+pub fn series(model: &mut Model, function: ExprId, expansions: &[Expansion]) -> Result<Series, SeriesError> {
+    check_points(model, expansions)?;
+    let degree = expansions.iter().map(|expansion| expansion.order).max().unwrap_or(0);
+    let nodes = nodes_of(&model.graph, function);
+    let variables: Vec<(Option<ExprId>, ExprId)> = expansions
+        .iter()
+        .map(|expansion| (Some(model.graph.derivative_of(expansion.coordinate, 0)), expansion.point))
+        .collect();
+    let mut domain = Expressions(&mut model.graph);
+    let jet = Jets { domain: &mut domain, degree, variables }.of(&nodes);
+    let jet = jet.map_err(|Singular(atom)| SeriesError::Singular { term: None, atom: model.display(atom) })?;
+    let kept = |index: &Index| index.iter().zip(expansions).all(|(&exponent, e)| exponent <= e.order);
+    let coefficients = jet.coefficients.into_iter().filter(|(index, _)| kept(index)).collect();
+    Ok(Series { function, expansions: expansions.to_vec(), coefficients })
+}
+
+fn check_points(model: &Model, expansions: &[Expansion]) -> Result<(), SeriesError> {
+    for (i, expansion) in expansions.iter().enumerate() {
+        let coordinate = || model.coordinates[expansion.coordinate.0 as usize].name.clone();
+        if expansions[..i].iter().any(|other| other.coordinate == expansion.coordinate) {
+            return Err(SeriesError::Twice { coordinate: coordinate() });
+        }
+        let constant = model.graph.leaves(expansion.point).into_iter().all(|leaf| match model.graph.node(leaf) {
+            Node::Symbol(symbol) => model.quantity(*symbol).kind != Kind::Input,
+            _ => false,
+        });
+        if !constant {
+            let point = model.display(expansion.point);
+            return Err(SeriesError::Point { coordinate: coordinate(), point });
+        }
+    }
+    Ok(())
+}
+
+impl Series {
+    /// sum c_a (q - q0)^a as an expression.
+    pub fn polynomial(&self, graph: &mut Graph) -> ExprId {
+        let coefficients = self.coefficients.clone();
+        self.combine(graph, &coefficients)
+    }
+
+    fn combine(&self, graph: &mut Graph, coefficients: &BTreeMap<Index, ExprId>) -> ExprId {
+        let distances: Vec<ExprId> = self
+            .expansions
+            .iter()
+            .map(|expansion| {
+                let coordinate = graph.derivative_of(expansion.coordinate, 0);
+                graph.sub(coordinate, expansion.point)
+            })
+            .collect();
+        let mut terms = Vec::with_capacity(coefficients.len());
+        for (index, &coefficient) in coefficients {
+            let mut factors = vec![coefficient];
+            for (&distance, &exponent) in distances.iter().zip(index) {
+                factors.push(graph.pow(distance, i32::try_from(exponent).expect("invariant: orders are small")));
+            }
+            terms.push(graph.product(&factors));
+        }
+        graph.sum(&terms)
+    }
+
+    /// The polynomial with a new parameter for every coefficient, and what each of these stands for. Names are `prefix`
+    /// with the exponents: `a0`, `a1` in one coordinate, `a0_1` in several.
+    pub fn with_parameters(
+        &self,
+        model: &mut Model,
+        prefix: &str,
+    ) -> (ExprId, Vec<(crate::expr::graph::Symbol, ExprId)>) {
+        let mut definitions = Vec::with_capacity(self.coefficients.len());
+        let mut replaced = BTreeMap::new();
+        for (index, &coefficient) in &self.coefficients {
+            let exponents: Vec<String> = index.iter().map(ToString::to_string).collect();
+            let symbol = model.declare(&format!("{prefix}{}", exponents.join("_")), None, Kind::Parameter);
+            definitions.push((symbol, coefficient));
+            replaced.insert(index.clone(), model.graph.symbol(symbol));
+        }
+        (self.combine(&mut model.graph, &replaced), definitions)
+    }
+
+    /// A bound of |f - polynomial| when every coordinate stays in its range. `range` is asked for every coordinate, symbol
+    /// and derivative in the function and the points; constants of known value are filled in.
+    ///
+    /// # Errors
+    /// When a range is missing or the function is not smooth throughout the box spanned by the ranges and the point.
+    pub fn remainder_bound(
+        &self,
+        model: &Model,
+        mut range: impl FnMut(&Node) -> Option<Interval>,
+    ) -> Result<f64, SeriesError> {
+        let mut known = |node: &Node| match node {
+            Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
+                Kind::Constant { value: Some(value) } => Some(Interval::rational(value)),
+                _ => range(node),
+            },
+            Node::Pi => Some(Interval::pi()),
+            _ => range(node),
+        };
+        let failed = |Singular(atom): Singular| match model.graph.node(atom) {
+            Node::Symbol(_) | Node::Derivative(..) => SeriesError::Range { name: model.display(atom) },
+            _ => SeriesError::Unbounded { atom: model.display(atom) },
+        };
+        let (mut at_point, mut over_box, mut distances) = (Vec::new(), Vec::new(), Vec::new());
+        for expansion in &self.expansions {
+            let node = Node::Derivative(expansion.coordinate, 0);
+            let mut domain = Intervals { leaf: &mut known };
+            let point = Jets { domain: &mut domain, degree: 0, variables: Vec::new() }
+                .of(&nodes_of(&model.graph, expansion.point))
+                .map_err(failed)?
+                .coefficients
+                .into_values()
+                .next()
+                .unwrap_or(Interval::point(0.0));
+            let name = || model.coordinates[expansion.coordinate.0 as usize].name.clone();
+            let range = known(&node).ok_or_else(|| SeriesError::Range { name: name() })?;
+            at_point.push((expansion.coordinate, point));
+            over_box.push((expansion.coordinate, point.union(range)));
+            distances.push((range - point).abs());
+        }
+        let degree = self.expansions.iter().map(|expansion| expansion.order).max().unwrap_or(0);
+        let nodes = nodes_of(&model.graph, self.function);
+        let mut jet = |values: &[(Coordinate, Interval)], degree: u32| {
+            let position = |coordinate: Coordinate| {
+                nodes.iter().find(|(_, node)| *node == Node::Derivative(coordinate, 0)).map(|(id, _)| *id)
+            };
+            let variables = values.iter().map(|&(c, value)| (position(c), value)).collect();
+            let mut domain = Intervals { leaf: &mut known };
+            Jets { domain: &mut domain, degree, variables }.of(&nodes).map_err(failed)
+        };
+        let size = |index: &Index, coefficient: Interval| {
+            let mut product = Interval::point(coefficient.magnitude());
+            for (&exponent, &distance) in index.iter().zip(&distances) {
+                let power = distance.pow(i32::try_from(exponent).expect("invariant: orders are small"));
+                product = product * power.unwrap_or(Interval::ALL);
+            }
+            product
+        };
+        let mut bound = Interval::point(0.0);
+        for (index, coefficient) in &jet(&over_box, degree + 1)?.coefficients {
+            if index.iter().sum::<u32>() == degree + 1 {
+                bound = bound + size(index, *coefficient);
+            }
+        }
+        // Coefficients within the total degree that a coordinate's own order leaves out.
+        let left_out = |index: &Index| index.iter().zip(&self.expansions).any(|(&exponent, e)| exponent > e.order);
+        for (index, coefficient) in &jet(&at_point, degree)?.coefficients {
+            if left_out(index) {
+                bound = bound + size(index, *coefficient);
+            }
+        }
+        Ok(bound.upper())
+    }
+}
+
+/// A part of a term that was replaced by its Taylor polynomial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Truncation {
+    /// The source term.
+    pub term: TermId,
+    /// The Taylor polynomial of the part that does not expand finitely.
+    pub series: Series,
+}
+
+/// Replaces, in every equation, what does not expand finitely in the given coordinates (sin q, 1/(1 + q), ...) by its
+/// Taylor polynomial; everything else stays as it is. In a product such as sin(q) cos(q) x' the factors that are not
+/// polynomials are expanded together, to the given total degree. Functions of sign and absolute value alone stay: they
+/// have exact series of their own under a pattern.
+///
+/// # Errors
+/// When a term is singular at the point; the model is then left as it was.
+pub fn truncate(model: &mut Model, expansions: &[Expansion]) -> Result<Vec<Truncation>, SeriesError> {
+    check_points(model, expansions)?;
+    let mut truncations = Vec::new();
+    let mut known: HashMap<ExprId, (ExprId, Series)> = HashMap::new();
+    let mut equations = model.equations.clone();
+    for source in equations.iter_mut().flat_map(|equation| &mut equation.terms) {
+        let polynomial = model.graph.polynomial(source.expr);
+        let mut terms = Vec::with_capacity(polynomial.len());
+        let mut changed = false;
+        for (monomial, coefficient) in polynomial.terms() {
+            let (infinite, rest) =
+                monomial.partition(|&atom| is_infinite(model, atom, monomial.exponent(&atom), expansions));
+            let mut factors = vec![model.graph.number(coefficient.clone())];
+            for (&atom, exponent) in rest.factors() {
+                factors.push(model.graph.pow(atom, exponent));
+            }
+            if !infinite.is_one() {
+                changed = true;
+                let powers: Vec<ExprId> =
+                    infinite.factors().map(|(&atom, exponent)| model.graph.pow(atom, exponent)).collect();
+                let function = model.graph.product(&powers);
+                if let Entry::Vacant(slot) = known.entry(function) {
+                    let found = series(model, function, expansions).map_err(|error| match error {
+                        SeriesError::Singular { atom, .. } => SeriesError::Singular { term: Some(source.id), atom },
+                        other => other,
+                    })?;
+                    let expr = found.polynomial(&mut model.graph);
+                    slot.insert((expr, found));
+                }
+                let (expr, series) = &known[&function];
+                factors.push(*expr);
+                truncations.push(Truncation { term: source.id, series: series.clone() });
+            }
+            terms.push(model.graph.product(&factors));
+        }
+        if changed {
+            source.expr = model.graph.sum(&terms);
+        }
+    }
+    model.equations = equations;
+    Ok(truncations)
+}
+
+/// Whether a power of an atom depends on one of the coordinates and is not a polynomial.
+fn is_infinite(model: &Model, atom: ExprId, exponent: i32, expansions: &[Expansion]) -> bool {
+    match model.graph.node(atom) {
+        Node::Number(_) | Node::Pi | Node::Symbol(_) => false,
+        Node::Derivative(coordinate, order) => {
+            exponent < 0 && *order == 0 && expansions.iter().any(|e| e.coordinate == *coordinate)
+        }
+        Node::Function(Function::Sign | Function::Abs, _) if exponent > 0 => false,
+        _ => model.graph.leaves(atom).into_iter().any(|leaf| match model.graph.node(leaf) {
+            Node::Derivative(coordinate, 0) => expansions.iter().any(|e| e.coordinate == *coordinate),
+            _ => false,
+        }),
+    }
+}
+
+/// Expressions as coefficients; values at the point are brought to their normal form where pi occurs.
+struct Expressions<'a>(&'a mut Graph);
+
+impl Expressions<'_> {
+    fn vanishes(&mut self, expr: ExprId) -> bool {
+        trigonometric::is_zero(self.0, expr)
+    }
+}
+
+impl Ring for Expressions<'_> {
+    type Element = ExprId;
+
+    fn number(&mut self, value: &Rational) -> ExprId {
+        self.0.number(value.clone())
+    }
+
+    fn add(&mut self, a: &ExprId, b: &ExprId) -> ExprId {
+        self.0.add(*a, *b)
+    }
+
+    fn mul(&mut self, a: &ExprId, b: &ExprId) -> ExprId {
+        self.0.mul(*a, *b)
+    }
+
+    fn scale(&mut self, a: &ExprId, factor: &Rational) -> ExprId {
+        self.0.scale(*a, factor.clone())
+    }
+}
+
+impl Analytic for Expressions<'_> {
+    fn leaf(&mut self, _: &Node, id: ExprId) -> Option<ExprId> {
+        Some(id)
+    }
+
+    fn power(&mut self, base: &ExprId, exponent: i32) -> Option<ExprId> {
+        if exponent < 0 && self.vanishes(*base) { None } else { Some(self.0.pow(*base, exponent)) }
+    }
+
+    fn function(&mut self, function: Function, argument: &ExprId, smooth: bool) -> Option<ExprId> {
+        let singular = match function {
+            Function::Sin | Function::Cos | Function::Atan => false,
+            Function::Sqrt | Function::Abs | Function::Sign => self.vanishes(*argument),
+            Function::Tan => {
+                let cosine = self.0.function(Function::Cos, *argument);
+                self.vanishes(cosine)
+            }
+            Function::Asin | Function::Acos => {
+                let square = self.0.pow(*argument, 2);
+                let one = self.0.integer(1);
+                let difference = self.0.sub(one, square);
+                self.vanishes(difference)
+            }
+        };
+        if singular && smooth {
+            return None;
+        }
+        let value = self.0.function(function, *argument);
+        let turns = nodes_of(self.0, *argument).iter().any(|(_, node)| *node == Node::Pi);
+        Some(if turns { trigonometric::simplify(self.0, value) } else { value })
+    }
+
+    fn atan2(&mut self, y: &ExprId, x: &ExprId) -> Option<ExprId> {
+        if self.vanishes(*y) && self.vanishes(*x) { None } else { Some(self.0.atan2(*y, *x)) }
+    }
+
+    fn is_zero(&mut self, a: &ExprId) -> bool {
+        self.0.as_number(*a).is_some_and(Zero::is_zero)
+    }
+}
+
+/// Intervals as coefficients: bounds over a box.
+struct Intervals<'a, F: FnMut(&Node) -> Option<Interval>> {
+    leaf: &'a mut F,
+}
+
+impl<F: FnMut(&Node) -> Option<Interval>> Ring for Intervals<'_, F> {
+    type Element = Interval;
+
+    fn number(&mut self, value: &Rational) -> Interval {
+        Interval::rational(value)
+    }
+
+    fn add(&mut self, a: &Interval, b: &Interval) -> Interval {
+        *a + *b
+    }
+
+    fn mul(&mut self, a: &Interval, b: &Interval) -> Interval {
+        *a * *b
+    }
+
+    fn scale(&mut self, a: &Interval, factor: &Rational) -> Interval {
+        *a * Interval::rational(factor)
+    }
+}
+
+impl<F: FnMut(&Node) -> Option<Interval>> Analytic for Intervals<'_, F> {
+    fn leaf(&mut self, node: &Node, _: ExprId) -> Option<Interval> {
+        (self.leaf)(node)
+    }
+
+    fn power(&mut self, base: &Interval, exponent: i32) -> Option<Interval> {
+        base.pow(exponent)
+    }
+
+    fn function(&mut self, function: Function, argument: &Interval, smooth: bool) -> Option<Interval> {
+        match function {
+            Function::Abs | Function::Sign | Function::Sqrt if smooth && argument.contains(0.0) => None,
+            Function::Asin | Function::Acos if smooth && argument.magnitude() >= 1.0 => None,
+            _ => argument.function(function),
+        }
+    }
+
+    fn atan2(&mut self, y: &Interval, x: &Interval) -> Option<Interval> {
+        Interval::atan2(*y, *x)
+    }
+
+    fn is_zero(&mut self, a: &Interval) -> bool {
+        *a == Interval::point(0.0)
+    }
+}

@@ -1,0 +1,116 @@
+//! Transfer functions of a linearised model with exact symbolic coefficients.
+//!
+//! ```text
+//! (M s^2 + D s + K) dq = F du ,    dq / du = adj(M s^2 + D s + K) F / det(M s^2 + D s + K)
+//! ```
+//!
+//! Invariant: polynomials in s stand from s^0 upwards and end with a coefficient that is not 0. Powers of s that numerator
+//! and denominator share are removed and counted; other common factors need numbers
+//! ([`StateSpace::transfer_function`](crate::linear::linearize::StateSpace::transfer_function)).
+
+use crate::algebra::characteristic::{self, Matrix, NormalForms, Ring};
+use crate::algebra::polynomial::Polynomial;
+use crate::expr::graph::{ExprId, Graph};
+use crate::expr::trigonometric;
+use crate::linear::linearize::Linearization;
+use crate::mechanics::model::Model;
+use crate::number::rational::Rational;
+
+/// One coordinate over one input.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SymbolicTransfer {
+    /// Coefficients of the numerator; empty when the input does not move the coordinate.
+    pub numerator: Vec<ExprId>,
+    /// Coefficients of the denominator.
+    pub denominator: Vec<ExprId>,
+    /// Power of s that was common to both and is removed: poles at 0 that zeros at 0 cancel.
+    pub cancelled: usize,
+}
+
+/// Polynomials in s over normal forms.
+struct InS<'a>(NormalForms<'a>);
+
+type Element = Vec<Polynomial<ExprId>>;
+
+impl Ring for InS<'_> {
+    type Element = Element;
+
+    fn number(&mut self, value: &Rational) -> Element {
+        vec![self.0.number(value)]
+    }
+
+    fn add(&mut self, a: &Element, b: &Element) -> Element {
+        let (long, short) = if a.len() >= b.len() { (a, b) } else { (b, a) };
+        let mut sum = long.clone();
+        for (slot, value) in sum.iter_mut().zip(short) {
+            *slot = slot.add(value);
+        }
+        sum
+    }
+
+    fn mul(&mut self, a: &Element, b: &Element) -> Element {
+        let mut product = vec![Polynomial::zero(); (a.len() + b.len()).saturating_sub(1)];
+        for (i, left) in a.iter().enumerate() {
+            for (j, right) in b.iter().enumerate() {
+                let term = self.0.mul(left, right);
+                product[i + j] = product[i + j].add(&term);
+            }
+        }
+        product
+    }
+
+    fn scale(&mut self, a: &Element, factor: &Rational) -> Element {
+        a.iter().map(|coefficient| self.0.scale(coefficient, factor)).collect()
+    }
+}
+
+/// Every coordinate (rows) over every input (columns).
+#[must_use]
+pub fn transfer_functions(model: &mut Model, linear: &Linearization) -> Matrix<SymbolicTransfer> {
+    let graph = &mut model.graph;
+    let n = linear.mass.len();
+    let mut dynamic: Matrix<Element> = Vec::with_capacity(n);
+    for i in 0..n {
+        let entry = |graph: &mut Graph, j: usize| {
+            [&linear.stiffness, &linear.damping, &linear.mass].map(|m| trigonometric::normal(graph, m[i][j])).to_vec()
+        };
+        dynamic.push((0..n).map(|j| entry(graph, j)).collect());
+    }
+    let drive: Matrix<Element> =
+        linear.input.iter().map(|row| row.iter().map(|&e| vec![trigonometric::normal(graph, e)]).collect()).collect();
+    let mut ring = InS(NormalForms(graph));
+    let (determinant, adjugate) = characteristic::adjugate(&mut ring, &dynamic);
+    let numerators = characteristic::multiply(&mut ring, &adjugate, &drive);
+    let determinant = trimmed(graph, determinant);
+    let mut rows = Vec::with_capacity(n);
+    for row in numerators {
+        rows.push(row.into_iter().map(|numerator| quotient(graph, numerator, &determinant)).collect());
+    }
+    rows
+}
+
+fn quotient(graph: &mut Graph, numerator: Element, denominator: &Element) -> SymbolicTransfer {
+    let numerator = trimmed(graph, numerator);
+    let mut zeros = |polynomial: &Element| {
+        polynomial.iter().take_while(|coefficient| trigonometric::numerator(graph, coefficient).is_zero()).count()
+    };
+    let cancelled = if numerator.is_empty() { 0 } else { zeros(&numerator).min(zeros(denominator)) };
+    let mut exprs = |polynomial: &[Polynomial<ExprId>]| -> Vec<ExprId> {
+        polynomial.iter().skip(cancelled).map(|coefficient| graph.from_polynomial(coefficient)).collect()
+    };
+    let (numerator, denominator) = (exprs(&numerator), exprs(denominator));
+    SymbolicTransfer { numerator, denominator, cancelled }
+}
+
+fn trimmed(graph: &mut Graph, mut polynomial: Element) -> Element {
+    while polynomial.last().is_some_and(|coefficient| trigonometric::numerator(graph, coefficient).is_zero()) {
+        polynomial.pop();
+    }
+    // What is shown to be zero is zero, not an expression that vanishes.
+    for coefficient in &mut polynomial {
+        if trigonometric::numerator(graph, coefficient).is_zero() {
+            *coefficient = Polynomial::zero();
+        }
+    }
+    polynomial
+}

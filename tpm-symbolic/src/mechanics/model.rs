@@ -1,0 +1,205 @@
+//! A declared dynamics model, still as it was written: equations, not yet sorted into regressors.
+//!
+//! Invariants of [`Model`]: every [`Symbol`] and [`Coordinate`] in the graph indexes `symbols` and `coordinates`; each
+//! equation is the list of its source terms, whose sum is zero on every motion (left minus right-hand side), and every
+//! source term carries a [`TermId`] by which whoever read the model finds the place it came from.
+
+use crate::expr::graph::{Coordinate, ExprId, Graph, Names, Node, Symbol};
+use crate::mechanics::pattern::Pattern;
+use crate::mechanics::unit::Unit;
+use crate::number::rational::Rational;
+use ecow::EcoString;
+use serde::{Deserialize, Serialize};
+
+/// What a named quantity is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// An actuating force, torque or voltage.
+    Input,
+    /// To be identified.
+    Parameter,
+    /// Known: exactly when there is a value, otherwise at run time only.
+    Constant {
+        /// The exact value.
+        value: Option<Rational>,
+    },
+    /// Amplitude of a pattern.
+    Amplitude,
+    /// Fundamental angular frequency of a pattern.
+    Frequency,
+}
+
+/// A named quantity.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Quantity {
+    /// The name in the model.
+    pub name: EcoString,
+    /// The unit, when declared.
+    pub unit: Option<Unit>,
+    /// What it is.
+    pub kind: Kind,
+}
+
+/// A generalised coordinate.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CoordinateInfo {
+    /// The name in the model.
+    pub name: String,
+    /// The unit, when declared.
+    pub unit: Option<Unit>,
+}
+
+/// Identifies a source term; opaque here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct TermId(pub u32);
+
+/// A term of an equation as written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SourceTerm {
+    /// Where it came from.
+    pub id: TermId,
+    /// The term, with the sign it has on the left-hand side.
+    pub expr: ExprId,
+}
+
+/// An equation of motion: the sum of its terms is zero.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Equation {
+    /// The input's name when exactly one input stands in the equation, otherwise `eq1`, `eq2`, ... by position.
+    pub name: String,
+    /// Left-hand side minus right-hand side, term by term.
+    pub terms: Vec<SourceTerm>,
+}
+
+/// Coordinates to be eliminated, in order.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Elimination {
+    /// The coordinates that disappear.
+    pub coordinates: Vec<Coordinate>,
+    /// Prefix of the lumped parameters' names: `c` gives c1, c2, ...
+    pub prefix: String,
+}
+
+/// A user's name for a lumped parameter.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Lump {
+    /// The name.
+    pub name: String,
+    /// Its expression in the parameters.
+    pub expr: ExprId,
+    /// Where it was declared.
+    pub id: TermId,
+}
+
+/// A dynamics model.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Model {
+    /// The model's name.
+    pub name: String,
+    /// Inputs, parameters, constants, amplitudes and frequencies, in order of declaration.
+    pub symbols: Vec<Quantity>,
+    /// The coordinates, in order of declaration.
+    pub coordinates: Vec<CoordinateInfo>,
+    /// The arena of all expressions.
+    pub graph: Graph,
+    /// The equations of motion.
+    pub equations: Vec<Equation>,
+    /// Names given to lumped parameters.
+    pub lumps: Vec<Lump>,
+    /// Coordinates to eliminate before expansion.
+    pub eliminations: Vec<Elimination>,
+    /// The trajectory patterns; the first is the default.
+    pub patterns: Vec<Pattern>,
+}
+
+impl Model {
+    /// Declares a quantity.
+    pub fn declare(&mut self, name: &str, unit: Option<Unit>, kind: Kind) -> Symbol {
+        let symbol = Symbol(u32::try_from(self.symbols.len()).expect("invariant: fewer than 2^32 symbols"));
+        self.symbols.push(Quantity { name: name.into(), unit, kind });
+        symbol
+    }
+
+    /// Declares a coordinate.
+    pub fn declare_coordinate(&mut self, name: &str, unit: Option<Unit>) -> Coordinate {
+        let coordinate =
+            Coordinate(u32::try_from(self.coordinates.len()).expect("invariant: fewer than 2^32 coordinates"));
+        self.coordinates.push(CoordinateInfo { name: name.to_owned(), unit });
+        coordinate
+    }
+
+    /// The quantity behind a symbol.
+    #[must_use]
+    pub fn quantity(&self, symbol: Symbol) -> &Quantity {
+        &self.symbols[symbol.0 as usize]
+    }
+
+    /// The symbol of a name.
+    #[must_use]
+    pub fn find_symbol(&self, name: &str) -> Option<Symbol> {
+        let index = self.symbols.iter().position(|quantity| quantity.name == name)?;
+        Some(Symbol(u32::try_from(index).expect("invariant: fewer than 2^32 symbols")))
+    }
+
+    /// The symbols of one kind, in order of declaration.
+    pub fn symbols_where(&self, mut keep: impl FnMut(&Kind) -> bool) -> impl Iterator<Item = Symbol> {
+        let symbols: Vec<Symbol> =
+            (0u32..).zip(&self.symbols).filter(|(_, quantity)| keep(&quantity.kind)).map(|(i, _)| Symbol(i)).collect();
+        symbols.into_iter()
+    }
+
+    /// The parameters, in order of declaration.
+    pub fn parameters(&self) -> impl Iterator<Item = Symbol> {
+        self.symbols_where(|kind| *kind == Kind::Parameter)
+    }
+
+    /// The inputs, in order of declaration.
+    pub fn inputs(&self) -> impl Iterator<Item = Symbol> {
+        self.symbols_where(|kind| *kind == Kind::Input)
+    }
+
+    /// The constants that are known at run time only, in order of declaration.
+    pub fn run_time_constants(&self) -> impl Iterator<Item = Symbol> {
+        self.symbols_where(|kind| *kind == Kind::Constant { value: None })
+    }
+
+    /// The pattern of a name, or the first when no name is given.
+    #[must_use]
+    pub fn pattern(&self, name: Option<&str>) -> Option<&Pattern> {
+        match name {
+            None => self.patterns.first(),
+            Some(_) => self.patterns.iter().find(|pattern| pattern.name.as_deref() == name),
+        }
+    }
+
+    /// The highest time derivative of any coordinate in the equations.
+    #[must_use]
+    pub fn order(&self) -> u32 {
+        let leaves =
+            self.equations.iter().flat_map(|equation| &equation.terms).flat_map(|term| self.graph.leaves(term.expr));
+        leaves
+            .filter_map(|leaf| match self.graph.node(leaf) {
+                Node::Derivative(_, order) => Some(*order),
+                _ => None,
+            })
+            .max()
+            .unwrap_or(0)
+    }
+
+    /// An expression of this model in the model language.
+    #[must_use]
+    pub fn display(&self, expr: ExprId) -> String {
+        self.graph.display(expr, self)
+    }
+}
+
+impl Names for Model {
+    fn symbol_name(&self, symbol: Symbol) -> String {
+        self.quantity(symbol).name.to_string()
+    }
+
+    fn coordinate_name(&self, coordinate: Coordinate) -> String {
+        self.coordinates[coordinate.0 as usize].name.clone()
+    }
+}

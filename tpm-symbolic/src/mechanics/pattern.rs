@@ -1,0 +1,216 @@
+//! Trajectory patterns: finite Fourier series with symbolic amplitudes (Feng, chapter 2, Eqns 4.13 and 4.42).
+//!
+//! A coordinate follows q(t) = sum_s m_s F_s(w t), where every m_s is a product of amplitudes and constants and every
+//! F_s is a [`Fourier`] polynomial with exact coefficients. All coordinates of a pattern share the fundamental w.
+//!
+//! The rest-to-rest shapes are found by solving the end conditions exactly, not from their closed form.
+
+use crate::algebra::fourier::Fourier;
+use crate::algebra::linear;
+use crate::algebra::polynomial::Monomial;
+use crate::expr::graph::Symbol;
+use crate::number::rational::{self, Rational};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use thiserror::Error;
+
+/// The motion of one coordinate under a pattern.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Motion(Vec<(Monomial<Symbol>, Fourier)>);
+
+impl Motion {
+    /// The motion that stays at 0.
+    #[must_use]
+    pub fn zero() -> Self {
+        Self::default()
+    }
+
+    /// `monomial * fourier`.
+    #[must_use]
+    pub fn term(monomial: Monomial<Symbol>, fourier: Fourier) -> Self {
+        if fourier.is_zero() { Self::zero() } else { Self(vec![(monomial, fourier)]) }
+    }
+
+    /// The sum of two motions.
+    #[must_use]
+    pub fn add(&self, other: &Self) -> Self {
+        let mut terms: BTreeMap<Monomial<Symbol>, Fourier> = self.0.iter().cloned().collect();
+        for (monomial, fourier) in &other.0 {
+            let sum = terms.get(monomial).map_or_else(|| fourier.clone(), |present| present.add(fourier));
+            terms.insert(monomial.clone(), sum);
+        }
+        Self(terms.into_iter().filter(|(_, fourier)| !fourier.is_zero()).collect())
+    }
+
+    /// The product of two motions.
+    #[must_use]
+    pub fn mul(&self, other: &Self) -> Self {
+        let mut result = Self::zero();
+        for (left, a) in &self.0 {
+            for (right, b) in &other.0 {
+                result = result.add(&Self::term(left.mul(right), a.mul(b)));
+            }
+        }
+        result
+    }
+
+    /// The parts, sorted by monomial.
+    pub fn terms(&self) -> impl ExactSizeIterator<Item = &(Monomial<Symbol>, Fourier)> {
+        self.0.iter()
+    }
+
+    /// The n-th derivative with respect to the phase; the time derivative is w^n times it.
+    #[must_use]
+    pub fn derivative(&self, order: u32) -> Self {
+        let terms = self.0.iter().map(|(m, f)| (m.clone(), f.derivative(order)));
+        Self(terms.filter(|(_, f)| !f.is_zero()).collect())
+    }
+
+    /// The highest harmonic of the motion.
+    #[must_use]
+    pub fn highest_harmonic(&self) -> usize {
+        self.0.iter().map(|(_, f)| f.highest_harmonic()).max().unwrap_or(0)
+    }
+}
+
+/// A named set of motions, one per coordinate that has one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pattern {
+    /// The name, when the model gives one.
+    pub name: Option<String>,
+    /// The amplitudes, in order of declaration.
+    pub amplitudes: Vec<Symbol>,
+    /// The fundamental angular frequency w.
+    pub frequency: Symbol,
+    /// The motion of every coordinate, by index; `None` when the pattern does not give one.
+    pub motions: Vec<Option<Motion>>,
+}
+
+/// Why a rest-to-rest shape does not exist.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ShapeError {
+    /// The order must be odd.
+    #[error("the order of a rest-to-rest pattern is its highest harmonic and must be odd and at least 1, not {0}")]
+    NotOdd(u32),
+    /// The order is beyond what a controller could play.
+    #[error("a rest-to-rest pattern of order {0} is beyond the supported {MAX_ORDER}")]
+    TooHigh(u32),
+    /// The chosen harmonics cannot satisfy the chosen conditions.
+    #[error(
+        "{harmonics} harmonics cannot satisfy {conditions} independent end conditions and a normalisation in exactly one way"
+    )]
+    NotUnique {
+        /// Number of harmonics offered.
+        harmonics: usize,
+        /// Number of end conditions asked for.
+        conditions: usize,
+    },
+}
+
+/// The highest order of [`rest_to_rest`]; the linear system that gives it has (order - 1) / 2 unknowns.
+pub const MAX_ORDER: u32 = 255;
+
+/// The shape cos th + sum a_i cos (2i+1) th whose derivatives 1..=order vanish at th = 0 and th = pi, found by solving
+/// these end conditions (Feng, Eqns 2.4-2.9, 4.13).
+///
+/// `order` = 2l + 1 is also the highest harmonic; Feng, Eqn 2.21 is order 3 and Eqn 4.42 order 5.
+///
+/// # Errors
+/// When `order` is even, zero or above [`MAX_ORDER`].
+pub fn rest_to_rest(order: u32) -> Result<Fourier, ShapeError> {
+    if order.is_multiple_of(2) {
+        return Err(ShapeError::NotOdd(order));
+    }
+    if order > MAX_ORDER {
+        return Err(ShapeError::TooHigh(order));
+    }
+    let harmonics: Vec<u32> = (1..=order).step_by(2).collect();
+    let conditions: Vec<u32> = (1..=order).collect();
+    shape(&harmonics, &conditions)
+}
+
+/// The cosine shape with the given harmonics (coefficient 1 on the first) whose derivatives of the given orders vanish
+/// at th = 0 and at th = pi. Odd derivatives of a cosine series vanish there by themselves.
+///
+/// # Errors
+/// When the conditions do not determine the coefficients uniquely.
+pub fn shape(harmonics: &[u32], vanishing: &[u32]) -> Result<Fourier, ShapeError> {
+    let not_unique = || ShapeError::NotUnique { harmonics: harmonics.len(), conditions: vanishing.len() };
+    let (&first, rest) = harmonics.split_first().ok_or_else(not_unique)?;
+    // d^n/dth^n cos(k th) = +-k^n cos(k th) for even n: at 0 it is +-k^n, at pi it carries (-1)^k besides. The common
+    // sign drops out of the homogeneous conditions.
+    let mut rows: Vec<Vec<Rational>> = Vec::new();
+    for &n in vanishing.iter().filter(|n| **n % 2 == 0) {
+        for end in [1i64, -1] {
+            let entry = |k: u32| {
+                let power = Rational::from_integer(num_bigint::BigInt::from(k).pow(n));
+                if end == -1 && k % 2 == 1 { -power } else { power }
+            };
+            let mut row: Vec<Rational> = rest.iter().map(|&k| entry(k)).collect();
+            row.push(-entry(first));
+            rows.push(row);
+        }
+    }
+    let solution = linear::solve_unique(rows, rest.len()).ok_or_else(not_unique)?;
+    let mut result = Fourier::cos(first as usize, rational::integer(1));
+    for (&k, a) in rest.iter().zip(solution) {
+        result = result.add(&Fourier::cos(k as usize, a));
+    }
+    Ok(result)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ShapeError, rest_to_rest, shape};
+    use crate::number::rational::{Rational, binomial, ratio};
+    use num_bigint::BigInt;
+
+    /// a_i = (-1)^i C(2l+1, l-i) / ((2i+1) C(2l+1, l)), an independent closed form.
+    fn closed_form(l: u64, i: u64) -> Rational {
+        let value = Rational::new(binomial(2 * l + 1, l - i), BigInt::from(2 * i + 1) * binomial(2 * l + 1, l));
+        if i.is_multiple_of(2) { value } else { -value }
+    }
+
+    #[test]
+    fn end_conditions_give_the_closed_form() {
+        for l in 0..=20u64 {
+            let pattern = rest_to_rest(u32::try_from(2 * l + 1).expect("small")).expect("odd order");
+            assert_eq!(pattern.highest_harmonic() as u64, 2 * l + 1);
+            for i in 0..=l {
+                assert_eq!(pattern.cos_coefficient((2 * i + 1) as usize), closed_form(l, i), "l = {l}, i = {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn derivatives_vanish_at_both_ends_up_to_the_order_and_no_further() {
+        for order in [3u32, 5, 7, 9, 11, 13] {
+            let pattern = rest_to_rest(order).expect("odd order");
+            for n in 1..=order {
+                let derivative = pattern.derivative(n);
+                assert_eq!(derivative.at_zero(), ratio(0, 1));
+                assert_eq!(derivative.at_pi(), ratio(0, 1));
+            }
+            assert_ne!(pattern.derivative(order + 1).at_zero(), ratio(0, 1));
+        }
+    }
+
+    #[test]
+    fn travel_is_twice_the_start() {
+        // Feng, below Eqn 2.21: x(0) = 8/9 lambda for l = 1; 64/75 for l = 2 (errata: travel 16/9 and 128/75 lambda).
+        let start = |order| rest_to_rest(order).expect("odd order").at_zero();
+        assert_eq!(start(3), ratio(8, 9));
+        assert_eq!(start(5), ratio(64, 75));
+        assert_eq!(rest_to_rest(3).expect("odd order").at_pi(), ratio(-8, 9));
+    }
+
+    #[test]
+    fn user_chosen_harmonics_and_conditions() {
+        // Acceleration zero at both ends with harmonics 1 and 5 instead of 1 and 3.
+        let chosen = shape(&[1, 5], &[1, 2, 3]).expect("solvable");
+        assert_eq!(chosen.cos_coefficient(5), ratio(-1, 25));
+        assert!(matches!(shape(&[1, 3, 5], &[2]), Err(ShapeError::NotUnique { .. })));
+        assert!(matches!(shape(&[1, 2], &[2]), Err(ShapeError::NotUnique { .. })));
+        assert_eq!(rest_to_rest(4), Err(ShapeError::NotOdd(4)));
+    }
+}

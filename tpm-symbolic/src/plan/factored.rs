@@ -1,0 +1,67 @@
+//! Entries of the regressor as they were written, where that is shorter than multiplied out.
+//!
+//! The regressor form is a sum of monomials: (q - q0)^2 q'' becomes three terms that nearly cancel when q is near q0. The
+//! declared equation still holds the square, and its derivative with respect to a parameter is that parameter's regressor.
+//!
+//! Invariant: an expression is given only when, multiplied out, it is exactly the entry of the regressor form, and costs fewer
+//! operations; it is never trusted for where it came from.
+
+use crate::algebra::polynomial::Polynomial;
+use crate::expr::graph::{ExprId, Graph};
+use crate::mechanics::model::{Kind, Model};
+use crate::plan::evaluation::substitute_values;
+use crate::plan::straight_line::{OperationCounts, Plan};
+use crate::regressor::form::RegressorForm;
+use num_traits::Zero;
+use std::collections::HashMap;
+
+/// The entry of a row and column (`None`: the known terms) from the declared equation, when that is exact and shorter.
+pub(crate) fn entry(
+    model: &Model,
+    form: &RegressorForm,
+    graph: &mut Graph,
+    (row, column): (usize, Option<usize>),
+    polynomial: &Polynomial<ExprId>,
+) -> Option<ExprId> {
+    // One term is as short as it gets; eliminated models have other rows than they declare.
+    if polynomial.len() < 2 || !model.eliminations.is_empty() {
+        return None;
+    }
+    let equation = model.equations.get(row)?;
+    let terms: Vec<ExprId> = equation.terms.iter().map(|term| term.expr).collect();
+    let written = match column {
+        Some(column) => {
+            let parameter = graph.symbol(form.columns.get(column)?.parameter?);
+            let slopes: Vec<ExprId> = terms.iter().map(|&term| graph.differentiate(term, parameter)).collect();
+            graph.sum(&slopes)
+        }
+        None => {
+            let zero = graph.integer(0);
+            let unknown = model.symbols_where(|kind| matches!(kind, Kind::Parameter | Kind::Input));
+            let replacement: HashMap<ExprId, ExprId> = unknown.map(|symbol| (graph.symbol(symbol), zero)).collect();
+            let rest: Vec<ExprId> = terms.iter().map(|&term| graph.substitute(term, &replacement)).collect();
+            graph.sum(&rest)
+        }
+    };
+    // The form has exact constants as numbers.
+    let written = substitute_values(model, graph, written);
+    // The row of the form may be scaled, so that its input stands alone.
+    let found = graph.polynomial(written);
+    let (monomial, coefficient) = polynomial.terms().next()?;
+    let present = found.coefficient(monomial);
+    if present.is_zero() {
+        return None;
+    }
+    let scale = coefficient / present;
+    if found.scale(&scale) != *polynomial {
+        return None;
+    }
+    let written = graph.scale(written, scale);
+    let expanded = graph.from_polynomial(polynomial);
+    let cost = |expr: ExprId| {
+        let OperationCounts { additions, multiplications, divisions, functions } =
+            Plan::unshared(graph, &[expr]).counts();
+        additions + multiplications + 4 * divisions + 10 * functions
+    };
+    (cost(written) < cost(expanded)).then_some(written)
+}

@@ -1,0 +1,233 @@
+//! Products that share their parts: `2 s a`, `2 s^2 a` and `2 s b^2` as multiples of `2 s`.
+//!
+//! The factors of every product are a multiset of atoms. The pair of atoms that the most products hold becomes an atom of its own,
+//! and so on until no pair stands in two products (greedy, as Breuer's factoring of multiplications). Invariant: an atom is an
+//! expression of the graph, the number two, or a pair of atoms that were there before it; the product of a node's atoms is the
+//! node without its divisors and without what [`SharedProducts::rest`] leaves of its coefficient. Of coefficients only powers of
+//! two take part: multiplying by them rounds nothing. The result depends on the order of the roots alone.
+
+use crate::expr::graph::{ExprId, Graph, Node};
+use crate::number::rational::Rational;
+use num_traits::{One, Signed};
+use std::collections::{HashMap, HashSet};
+
+/// Powers beyond this stay squares of squares.
+const HIGHEST_POWER: i32 = 8;
+/// Twos that are taken out of a coefficient at most.
+const MOST_TWOS: usize = 3;
+/// More products are left as they are: searching for pairs takes time by their number for every pair that is found.
+const MOST_PRODUCTS: usize = 2000;
+
+/// A factor of a product.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Atom {
+    /// An expression.
+    Expr(ExprId),
+    /// The number two.
+    Two,
+    /// A product of two atoms.
+    Pair(usize),
+}
+
+/// The products of a set of expressions.
+#[derive(Debug, Default)]
+pub(crate) struct SharedProducts {
+    products: HashMap<ExprId, Vec<Atom>>,
+    pairs: Vec<(Atom, Atom)>,
+    /// In how many places of products and of other pairs every pair stands.
+    places: Vec<usize>,
+}
+
+impl SharedProducts {
+    pub(crate) fn of(graph: &Graph, roots: &[ExprId]) -> Self {
+        let mut order = Vec::new();
+        let mut seen = HashSet::new();
+        let mut stack: Vec<ExprId> = roots.iter().rev().copied().collect();
+        let mut products = HashMap::new();
+        while let Some(id) = stack.pop() {
+            if !seen.insert(id) {
+                continue;
+            }
+            let operands: Vec<ExprId> = graph.operands(id).collect();
+            stack.extend(operands.into_iter().rev());
+            let atoms = atoms(graph, id);
+            if atoms.len() > 1 {
+                order.push(id);
+                products.insert(id, atoms);
+            }
+        }
+        let mut shared = SharedProducts { products, pairs: Vec::new(), places: Vec::new() };
+        if order.len() <= MOST_PRODUCTS {
+            shared.share(&order);
+        }
+        shared.count();
+        shared
+    }
+
+    /// The atoms of a node, when it is a product of several.
+    pub(crate) fn atoms(&self, id: ExprId) -> Option<&[Atom]> {
+        self.products.get(&id).map(Vec::as_slice)
+    }
+
+    /// The atoms of a pair.
+    pub(crate) fn pair(&self, index: usize) -> (Atom, Atom) {
+        self.pairs[index]
+    }
+
+    /// What a pair doubles, when more than one product is made of it: of a single product the two is a factor as any other.
+    pub(crate) fn doubled(&self, index: usize) -> Option<Atom> {
+        match self.pairs[index] {
+            (Atom::Two, single) if self.places[index] > 1 => Some(single),
+            _ => None,
+        }
+    }
+
+    /// What of a positive coefficient is no atom.
+    pub(crate) fn rest(&self, value: &Rational) -> Rational {
+        (0..twos(value)).fold(value.clone(), |value, _| value / Rational::from_integer(2.into()))
+    }
+
+    fn count(&mut self) {
+        // Equal products are one operation, so that they count once.
+        let products: HashSet<&[Atom]> = self.products.values().map(Vec::as_slice).collect();
+        let mut places = vec![0; self.pairs.len()];
+        let inner = self.pairs.iter().flat_map(|&(a, b)| [a, b]);
+        for atom in inner.chain(products.into_iter().flatten().copied()) {
+            if let Atom::Pair(index) = atom {
+                places[index] += 1;
+            }
+        }
+        self.places = places;
+    }
+
+    fn share(&mut self, order: &[ExprId]) {
+        loop {
+            let Some((a, b)) = self.most_frequent(order) else { return };
+            let pair = Atom::Pair(self.pairs.len());
+            // A number stands before what it multiplies.
+            self.pairs.push(if b == Atom::Two { (b, a) } else { (a, b) });
+            for id in order {
+                let Some(atoms) = self.products.get_mut(id) else { continue };
+                while let Some((i, j)) = places_of(atoms, a, b) {
+                    atoms[i] = pair;
+                    atoms.remove(j);
+                }
+            }
+        }
+    }
+}
+
+impl SharedProducts {
+    /// The pair that stands in the most products, in two at least; the first one of several.
+    fn most_frequent(&self, order: &[ExprId]) -> Option<(Atom, Atom)> {
+        // Equal products are one operation, so that they count once.
+        let mut distinct: HashSet<&[Atom]> = HashSet::new();
+        let mut places: HashMap<(Atom, Atom), usize> = HashMap::new();
+        let mut found: Vec<((Atom, Atom), usize)> = Vec::new();
+        for atoms in order.iter().filter_map(|id| self.atoms(*id)).filter(|atoms| atoms.len() > 1) {
+            if !distinct.insert(atoms) {
+                continue;
+            }
+            let mut counted: Vec<usize> = Vec::new();
+            for (i, &a) in atoms.iter().enumerate() {
+                for &b in &atoms[i + 1..] {
+                    let place = places.get(&(a, b)).or_else(|| places.get(&(b, a))).copied().unwrap_or(found.len());
+                    if place == found.len() {
+                        places.insert((a, b), place);
+                        found.push(((a, b), 0));
+                    }
+                    // Once a product, however often a power holds it.
+                    if !counted.contains(&place) {
+                        counted.push(place);
+                        found[place].1 += 1;
+                    }
+                }
+            }
+        }
+        let best = found.into_iter().reduce(|best, next| if next.1 > best.1 { next } else { best });
+        best.filter(|(_, count)| *count > 1).map(|(pair, _)| pair)
+    }
+}
+
+/// The first places at which a pair stands, the smaller one first.
+fn places_of(atoms: &[Atom], a: Atom, b: Atom) -> Option<(usize, usize)> {
+    let first = atoms.iter().position(|&atom| atom == a)?;
+    let second = atoms.iter().enumerate().position(|(place, &atom)| place != first && atom == b)?;
+    Some((first.min(second), first.max(second)))
+}
+
+/// The twos of a coefficient: its power, when it is one of the small powers of two.
+fn twos(value: &Rational) -> usize {
+    let mut left = value.abs();
+    for count in 0..=MOST_TWOS {
+        if left.is_one() {
+            return count;
+        }
+        left /= Rational::from_integer(2.into());
+    }
+    0
+}
+
+/// The factors of a node: none for what is no product and no whole power.
+fn atoms(graph: &Graph, id: ExprId) -> Vec<Atom> {
+    let power = |id: ExprId, atoms: &mut Vec<Atom>| match graph.node(id) {
+        Node::Power(_, exponent) if *exponent < 0 => {}
+        Node::Power(base, exponent) if *exponent <= HIGHEST_POWER => {
+            atoms.extend((0..*exponent).map(|_| Atom::Expr(*base)));
+        }
+        _ => atoms.push(Atom::Expr(id)),
+    };
+    let mut atoms = Vec::new();
+    match graph.node(id) {
+        Node::Product(factors) => {
+            let value = factors.first().and_then(|first| graph.as_number(*first));
+            if let Some(value) = value {
+                atoms.extend((0..twos(value)).map(|_| Atom::Two));
+            }
+            factors[usize::from(value.is_some())..].iter().for_each(|&factor| power(factor, &mut atoms));
+        }
+        Node::Power(..) => power(id, &mut atoms),
+        _ => {}
+    }
+    atoms
+}
+
+#[cfg(test)]
+mod tests {
+    use super::SharedProducts;
+    use crate::expr::graph::{Graph, Symbol};
+    use crate::number::rational::{Rational, integer, ratio};
+    use crate::plan::straight_line::Plan;
+
+    #[test]
+    fn parts_are_shared_and_values_stay() {
+        let mut graph = Graph::new();
+        let [s, a, b] = [0, 1, 2].map(|index| graph.symbol(Symbol(index)));
+        let squared = graph.pow(s, 2);
+        let product = |graph: &mut Graph, value: Rational, factors: &[crate::expr::graph::ExprId]| {
+            let whole = graph.product(factors);
+            graph.scale(whole, value)
+        };
+        // 2 s a, 2 s^2 a, 4 s b, 3 s^2 b, s^2: 2 s and s^2 or the like are computed once.
+        let roots = [
+            product(&mut graph, integer(2), &[s, a]),
+            product(&mut graph, integer(2), &[squared, a]),
+            product(&mut graph, integer(-4), &[s, b]),
+            product(&mut graph, ratio(3, 7), &[squared, b]),
+            squared,
+        ];
+        let plan = Plan::new(&graph, &roots);
+        assert!(plan.counts().multiplications <= 8, "{:?}", plan.counts());
+        let values = [ratio(5, 3), ratio(-2, 7), ratio(11, 4)];
+        let leaf = |node: &crate::expr::graph::Node| match node {
+            crate::expr::graph::Node::Symbol(Symbol(index)) => Some(values[*index as usize].clone()),
+            _ => None,
+        };
+        let [s, a, b] = values.clone();
+        let two = integer(2);
+        let expected =
+            vec![&two * &s * &a, &two * &s * &s * &a, integer(-4) * &s * &b, ratio(3, 7) * &s * &s * &b, &s * &s];
+        assert_eq!(plan.evaluate_exact(leaf), Some(expected));
+        assert!(SharedProducts::of(&graph, &[]).atoms(roots[0]).is_none());
+    }
+}
