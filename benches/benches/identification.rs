@@ -10,11 +10,13 @@
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use tpm_models::mass_spring_drag;
+use tpm_runtime::campaign::Campaign;
 use tpm_runtime::estimate::{Method, Run};
-use tpm_runtime::experiment::{Experiment, Machine};
-use tpm_runtime::harmonics::{Hold, Spectra};
-use tpm_runtime::procedure::Campaign;
-use tpm_runtime::simulate::simulate;
+use tpm_runtime::experiment::Experiment;
+use tpm_runtime::harmonics::Hold;
+use tpm_runtime::machine::simulated::simulate;
+use tpm_runtime::run::Spectra;
+use tpm_runtime::session::Machine;
 use tpm_symbolic::regressor::prepare::prepare;
 
 const MODEL: &str = include_str!("../../models/mass_spring_drag.tpm");

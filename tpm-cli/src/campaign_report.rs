@@ -5,10 +5,11 @@ use crate::failure::Failure;
 use crate::text_table::{combination, number};
 use crate::{output, picture};
 use std::path::Path;
-use tpm_runtime::experiment::{CampaignIdentification, Machine};
+use tpm_runtime::campaign::RunReport;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
-use tpm_runtime::procedure::{Record, RunReport, Trial};
+use tpm_runtime::run::{Record, Trial};
+use tpm_runtime::session::{CampaignIdentification, Machine};
 
 /// Points of a curve at most.
 const POINTS: usize = 1000;

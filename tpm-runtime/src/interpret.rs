@@ -3,15 +3,15 @@
 //! Invariant: the operations are those of [`tpm_symbolic::plan::evaluation::Evaluation`], in the same order and with one
 //! rounding each, so that the numbers are those of the emitted code.
 
-use crate::linear;
-use crate::model::{
-    Buffer, Dims, EvalError, Label, Model, difference_workspace_len, forward_by_differences, require_forward,
-    require_len, split_workspace,
-};
-use crate::real::Real;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
+use tpm_core::Real;
+use tpm_core::linear;
+use tpm_core::model::{
+    Buffer, Dims, EvalError, Label, Model, difference_workspace_len, forward_by_differences, require_forward,
+    require_len, split_workspace,
+};
 use tpm_symbolic::expr::graph::{Function, Node, Symbol};
 use tpm_symbolic::mechanics::model::Model as Declared;
 use tpm_symbolic::number::rational;
@@ -386,9 +386,9 @@ impl Model<f64> for Interpreted {
 #[cfg(test)]
 mod tests {
     use super::Interpreted;
-    use crate::model::{EvalError, Model, difference_workspace_len, forward_by_differences};
     use crate::test_models::Emps;
     use std::vec;
+    use tpm_core::model::{EvalError, Model, difference_workspace_len, forward_by_differences};
     use tpm_symbolic::expr::graph::Function;
     use tpm_symbolic::mechanics::model::{Equation, Kind, Model as Declared, SourceTerm, TermId};
     use tpm_symbolic::regressor::form::regressor_form;

@@ -9,55 +9,34 @@
 extern crate std;
 
 #[cfg(feature = "std")]
-pub mod actuator;
-pub mod control;
-#[cfg(feature = "std")]
-mod differences;
-#[cfg(feature = "std")]
-mod eigenvalues;
+pub mod campaign;
 #[cfg(feature = "std")]
 pub mod estimate;
 #[cfg(feature = "std")]
 pub mod experiment;
-pub mod filter;
-#[cfg(feature = "std")]
-mod fourier;
 #[cfg(feature = "std")]
 pub mod frequency;
-pub mod harmonics;
 #[cfg(feature = "interpret")]
 pub mod interpret;
-mod label;
-pub mod least_squares;
-pub mod linear;
 #[cfg(feature = "std")]
 pub mod log;
-pub mod model;
-#[cfg(feature = "interpret")]
-pub mod physical;
+#[cfg(feature = "std")]
+pub mod machine;
+#[cfg(feature = "std")]
+pub mod numerics;
 #[cfg(feature = "plot")]
 pub mod plot;
 #[cfg(feature = "std")]
-pub mod procedure;
-pub mod real;
+pub mod run;
 #[cfg(feature = "std")]
-pub mod regulator;
+pub mod session;
 #[cfg(feature = "std")]
-pub mod report;
-#[cfg(feature = "std")]
-pub mod simulate;
-#[cfg(feature = "std")]
-mod singular;
-#[cfg(feature = "std")]
-pub mod smoothing;
-#[cfg(feature = "std")]
-pub mod stability;
-#[cfg(feature = "std")]
-pub mod trajectory;
+pub mod study;
 
-pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
-pub use model::{Buffer, Dims, EvalError, Label, Model};
-pub use real::Real;
+pub use tpm_core::{
+    Buffer, Dims, EvalError, Label, LeastSquares, Model, Real, SolveError, control, filter, harmonics, least_squares,
+    linear, model, weighted_least_squares,
+};
 #[cfg(feature = "macros")]
 pub use tpm_macros::{model, model_file};
 

@@ -1,7 +1,7 @@
 //! Models written by hand: the ground that tests stand on without the language or the macro.
 
-use crate::model::{Buffer, Dims, EvalError, Label, Model, require_len};
-use crate::real::Real;
+use tpm_core::Real;
+use tpm_core::model::{Buffer, Dims, EvalError, Label, Model, require_len};
 
 /// Implements a one-coordinate, one-input model of second order whose regressor row is an expression of (x, x', x'').
 macro_rules! scalar_model {
@@ -121,5 +121,67 @@ impl<T: Real> Model<T> for TwoCarts {
         require_len(Buffer::Output, out.len(), 2)?;
         out.copy_from_slice(&[T::ONE, T::ZERO]);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Emps, MassSpringDrag, Silverbox, TwoCarts};
+    use std::vec;
+    use tpm_core::model::{Buffer, EvalError, Model};
+
+    #[test]
+    fn inverse_and_forward_dynamics_undo_each_other() {
+        let model: &dyn Model<f64> = &TwoCarts;
+        let theta = [2.0, 1.0, 40.0, 300.0, 200.0];
+        let motion = [0.3, 0.2, -1.0, 0.5, 7.0, 0.0];
+        let mut scratch = vec![0.0; model.inverse_workspace_len()];
+        let mut force = [0.0; 2];
+        model.inverse_dynamics(&motion, &theta, &[], &mut scratch, &mut force).expect("lengths fit");
+        // The free row fixes x2'' = k3 (x1 - x2) / m2 = 20; the driven one then reproduces x1''.
+        let mut solved = [0.3, 0.2, -1.0, 0.5, f64::NAN, f64::NAN];
+        let mut scratch = vec![0.0; model.forward_workspace_len()];
+        model.forward_dynamics(&mut solved, &theta, &[], &[force[0]], &mut scratch).expect("regular");
+        assert!((solved[4] - 7.0).abs() < 1e-14);
+        assert!((solved[5] - 20.0).abs() < 1e-13);
+    }
+
+    #[test]
+    fn a_small_mass_beside_a_large_force_loses_no_digits() {
+        let model: &dyn Model<f64> = &Silverbox;
+        let theta = [5.4e-6, 2.3e-4, 1e6, 4.0];
+        let mut motion = [1.0, 1.0, 0.0];
+        let mut scratch = vec![0.0; model.forward_workspace_len()];
+        model.forward_dynamics(&mut motion, &theta, &[], &[0.0], &mut scratch).expect("regular");
+        let expected = -(2.3e-4 + 1e6 + 4.0) / 5.4e-6;
+        assert!((motion[2] / expected - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn friction_vanishes_at_rest() {
+        let model: &dyn Model<f64> = &Emps;
+        let mut phi = [0.0; 4];
+        model.regressor(&[0.1, 0.0, 2.0], &[], &mut [], &mut phi).expect("lengths fit");
+        assert_eq!(phi, [2.0, 0.0, 0.0, 1.0]);
+        assert_eq!(model.parameter(3).name, "OF");
+        assert_eq!(model.parameter(4).name, "");
+    }
+
+    #[test]
+    fn wrong_lengths_and_zero_mass_are_named() {
+        let model: &dyn Model<f32> = &MassSpringDrag;
+        assert_eq!(
+            model.regressor(&[0.0; 2], &[], &mut [], &mut [0.0; 3]),
+            Err(EvalError::Length { buffer: Buffer::Motion, needed: 3, given: 2 })
+        );
+        let mut scratch = vec![0.0; model.forward_workspace_len()];
+        assert_eq!(
+            model.forward_dynamics(&mut [0.0; 3], &[0.0, 1.0, 1.0], &[], &[1.0], &mut scratch),
+            Err(EvalError::Singular { coordinate: 0 })
+        );
+        assert_eq!(
+            model.forward_dynamics(&mut [0.0; 3], &[1.0; 3], &[], &[1.0], &mut []),
+            Err(EvalError::Length { buffer: Buffer::Workspace, needed: 3, given: 0 })
+        );
     }
 }

@@ -21,8 +21,8 @@ use tpm_runtime::frequency::{
 };
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::machine::simulated::{Actuator, Bench, Sensor, drive};
 use tpm_runtime::model::Model as _;
-use tpm_runtime::simulate::{Actuator, Bench, Sensor, drive};
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;

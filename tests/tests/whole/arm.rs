@@ -3,12 +3,14 @@
 use crate::support::model as shipped;
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::collections::BTreeMap;
+use tpm_runtime::campaign::Campaign;
 use tpm_runtime::estimate::Weights;
-use tpm_runtime::experiment::{CampaignIdentification, Experiment, Machine};
+use tpm_runtime::experiment::Experiment;
 use tpm_runtime::harmonics::Hold;
+use tpm_runtime::machine::simulated::{ClosedLoopArm, simulate};
 use tpm_runtime::model::Model as _;
-use tpm_runtime::procedure::{Campaign, Record, Trial};
-use tpm_runtime::simulate::{ClosedLoopArm, simulate};
+use tpm_runtime::run::{Record, Trial};
+use tpm_runtime::session::{CampaignIdentification, Machine};
 use tpm_symbolic::regressor::prepare::prepare;
 
 const PROPOSED: &str = include_str!("../../../models/closed_loop_arm.toml");

@@ -2,10 +2,12 @@
 
 use crate::support::{model as shipped, parse, table_of};
 use std::collections::BTreeMap;
+use tpm_runtime::campaign::{Manifest, Store};
 use tpm_runtime::estimate::Along;
-use tpm_runtime::experiment::{CampaignIdentification, Experiment, Machine, Manifest, Store, identify_simulated};
+use tpm_runtime::experiment::Experiment;
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::trajectory::Pattern;
+use tpm_runtime::run::trajectory::Pattern;
+use tpm_runtime::session::{CampaignIdentification, Machine, identify_simulated};
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::regressor::form::regressor_form;
 use tpm_symbolic::regressor::prepare::prepare;

@@ -3,8 +3,9 @@
 
 use crate::support::model as shipped;
 use std::collections::BTreeMap;
-use tpm_runtime::experiment::{CampaignIdentification, Experiment, ExperimentError, Machine};
-use tpm_runtime::stability::StabilityError;
+use tpm_runtime::experiment::{Experiment, ExperimentError};
+use tpm_runtime::machine::stability::StabilityError;
+use tpm_runtime::session::{CampaignIdentification, Machine};
 use tpm_symbolic::regressor::prepare::prepare;
 
 const TWO: &str = include_str!("../../../models/two_carts.toml");
@@ -42,7 +43,7 @@ fn exact(mut experiment: Experiment) -> Experiment {
 /// Largest relative error of the physical parameters.
 fn error(result: &CampaignIdentification, truth: &[(&str, f64)]) -> f64 {
     assert_eq!(result.physical.len(), truth.len(), "{:?}", result.warnings);
-    let of = |(parameter, &(name, truth)): (&tpm_runtime::report::ParameterReport, &(&str, f64))| {
+    let of = |(parameter, &(name, truth)): (&tpm_runtime::estimate::ParameterReport, &(&str, f64))| {
         assert_eq!(parameter.name, name);
         (parameter.value.expect("identified") / truth - 1.0).abs()
     };
@@ -66,7 +67,7 @@ fn five_parameters_without_noise_from_wrong_starts() {
         let mut after_first = None;
         let result = machine
             .identify(&experiment, &mut |run| {
-                let worst = |(parameter, truth): (&tpm_runtime::procedure::RunParameter, f64)| {
+                let worst = |(parameter, truth): (&tpm_runtime::campaign::RunParameter, f64)| {
                     (parameter.value.unwrap_or(f64::NAN) / truth - 1.0).abs()
                 };
                 let order = |name: &str| TRUTH[NAMES.iter().position(|n| *n == name).expect("a parameter")];

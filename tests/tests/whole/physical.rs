@@ -6,8 +6,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
+use tpm_runtime::estimate::physical::{Physical, PhysicalError, PhysicalSettings, physical};
 use tpm_runtime::estimate::{Estimate, Status};
-use tpm_runtime::physical::{Physical, PhysicalError, PhysicalSettings, physical};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 

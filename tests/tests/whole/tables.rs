@@ -8,7 +8,7 @@ use std::process::Command;
 use tpm_codegen::emit::table::{csv, latex, markdown};
 use tpm_runtime::Model as _;
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::trajectory::Pattern;
+use tpm_runtime::run::trajectory::Pattern;
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::number::rational::{self, Rational};

@@ -10,7 +10,7 @@ use crate::{Outcome, output, picture};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use tpm_runtime::actuator::{
+use tpm_runtime::machine::actuator::{
     Bound, Limit, Machine, MachineError, Motor, MotorFile, Requirement, bound, requirements, scaled, torque_speed,
 };
 use tpm_runtime::model::Model as _;
@@ -186,7 +186,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let demand = moved.machine.demand();
     let trajectory = moved.machine.trajectory(&moved.amplitudes, moved.frequency);
     let samples = SAMPLES.max(64 * (trajectory.highest_harmonic() as usize).next_power_of_two());
-    let failed = |error: tpm_runtime::procedure::TrialError| Failure::Input(error.to_string());
+    let failed = |error: tpm_runtime::run::TrialError| Failure::Input(error.to_string());
     let found = requirements(&demand, &motors, &trajectory, samples).map_err(failed)?;
     let motion = |factor: f64, w: f64| Ok(moved.machine.trajectory(&scaled(&moved.amplitudes, factor), w));
     let mut frequencies = Vec::new();

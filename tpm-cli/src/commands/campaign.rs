@@ -9,12 +9,15 @@ use clap::Subcommand;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use tpm_runtime::experiment::{Experiment, GainManifest, Machine, Manifest, Store, summary};
+use tpm_runtime::campaign::Campaign;
+use tpm_runtime::campaign::{GainManifest, Manifest, Store};
+use tpm_runtime::experiment::Experiment;
 use tpm_runtime::log::Log;
+use tpm_runtime::machine::stability::Stability;
 use tpm_runtime::model::Model as _;
-use tpm_runtime::procedure::{Campaign, Record, RunEnding, Trial, Velocity};
-use tpm_runtime::smoothing::Smoothing;
-use tpm_runtime::stability::Stability;
+use tpm_runtime::run::smoothing::Smoothing;
+use tpm_runtime::run::{Record, RunEnding, Trial, Velocity};
+use tpm_runtime::session::{Machine, summary};
 
 /// Files of a campaign's folder beside its runs.
 const MODEL: &str = "model.tpm";

@@ -5,8 +5,8 @@ use crate::failure::Failure;
 use crate::text_table::{Align, TextTable, number};
 use crate::{Outcome, output};
 use std::path::PathBuf;
-use tpm_runtime::experiment::{Candidate, Design, design};
 use tpm_runtime::model::Model as _;
+use tpm_runtime::study::{Candidate, Design, design};
 
 /// Options of `tpm design`.
 #[derive(clap::Args)]

@@ -7,11 +7,11 @@ use crate::{Outcome, output, picture};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_runtime::actuator::{
+use tpm_runtime::machine::actuator::{
     Drive, DriveError, FileFault, Limit, LoopFile, Motor, Stability, Tracking, tracking_errors,
 };
 use tpm_runtime::model::Model as _;
-use tpm_runtime::trajectory::Trajectory;
+use tpm_runtime::run::trajectory::Trajectory;
 
 /// Configurations of the reference at which the loop is linearised.
 const CONFIGURATIONS: usize = 16;

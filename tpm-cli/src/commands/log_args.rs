@@ -4,11 +4,13 @@ use crate::assignments::{assignment, by_name, number_assignment};
 use crate::failure::Failure;
 use clap::ValueEnum;
 use std::path::PathBuf;
-use tpm_runtime::actuator::{Dynamics, LowPass, MotorFile};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::log::LogOptions;
+use tpm_runtime::machine::actuator::MotorFile;
 use tpm_runtime::model::Model as _;
+use tpm_runtime::run::Dynamics;
+use tpm_runtime::run::LowPass;
 
 /// What an input does between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

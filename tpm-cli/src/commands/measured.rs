@@ -7,8 +7,9 @@ use crate::picture::{self, Picture};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use tpm_runtime::frequency::{BodeSettings, Estimator, FrequencyResponse, NamedModel, Welch, bode};
-use tpm_runtime::harmonics::{Hold, Window};
+use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Log, LogOptions};
+use tpm_runtime::run::Window;
 
 /// Half-overlapping segments that a record holds when their length is not given.
 const SEGMENTS: f64 = 8.0;

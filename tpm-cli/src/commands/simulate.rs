@@ -5,10 +5,10 @@ use super::simulated::{SimulatedArgs, Simulation};
 use crate::failure::Failure;
 use crate::{Outcome, output};
 use std::path::PathBuf;
-use tpm_runtime::experiment::samples_text;
+use tpm_runtime::campaign::samples_text;
+use tpm_runtime::machine::simulated::simulate;
 use tpm_runtime::model::Model;
-use tpm_runtime::procedure::Ending;
-use tpm_runtime::simulate::simulate;
+use tpm_runtime::run::Ending;
 
 /// Options of `tpm simulate`.
 #[derive(clap::Args)]

@@ -5,8 +5,9 @@ use crate::failure::Failure;
 use crate::load::Loaded;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_runtime::actuator::MotorFile;
-use tpm_runtime::experiment::{Experiment, ExperimentError, Machine};
+use tpm_runtime::experiment::{Experiment, ExperimentError};
+use tpm_runtime::machine::actuator::MotorFile;
+use tpm_runtime::session::Machine;
 use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Options that choose and change an experiment.
@@ -94,7 +95,9 @@ impl SimulatedArgs {
         }
         let faulty = |path: &Path| {
             let path = path.to_owned();
-            move |fault: tpm_runtime::actuator::FileFault| Failure::Input(format!("{}: {fault}", path.display()))
+            move |fault: tpm_runtime::machine::actuator::FileFault| {
+                Failure::Input(format!("{}: {fault}", path.display()))
+            }
         };
         let motors = match (&experiment.motors, experiment.motor_file().map(|beside| path.with_file_name(beside))) {
             (_, Some(beside)) => {

@@ -6,8 +6,9 @@ use crate::failure::Failure;
 use crate::text_table::{Align, TextTable, number};
 use crate::{Outcome, interrupt, output, progress};
 use std::path::PathBuf;
-use tpm_runtime::experiment::{Experiment, LIMITS, Study, Updates, study_campaigns, updates};
-use tpm_runtime::procedure::RunReport;
+use tpm_runtime::campaign::RunReport;
+use tpm_runtime::experiment::Experiment;
+use tpm_runtime::study::{LIMITS, Study, Updates, study_campaigns, updates};
 
 /// Updates that are played at most.
 const MOST: usize = 10;

@@ -8,8 +8,9 @@ use crate::values::identification;
 use crate::{Outcome, output};
 use std::path::{Path, PathBuf};
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::log::{Log, Validation, validate_log};
+use tpm_runtime::log::Log;
 use tpm_runtime::model::Model as _;
+use tpm_runtime::session::{Validation, validate_log};
 
 /// Options of `tpm validate`.
 #[derive(clap::Args)]

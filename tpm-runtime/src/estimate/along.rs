@@ -4,14 +4,16 @@
 //! series that the grid resolves; `jacobian` holds d(row)/d(slot) at every point of that grid, column by column, so that it
 //! is linear in the parameters and need not be formed again when they change.
 
-use super::{EstimateError, Information};
-use crate::differences::FIVE_POINT;
-use crate::fourier::{analyse, synthesise, two_sided};
-use crate::model::{Dims, Model};
-use crate::trajectory::Trajectory;
-use nalgebra::{Complex, DMatrix};
+use crate::estimate::information::Information;
+use crate::estimate::measured_motion::EstimateError;
+use crate::numerics::DMatrix;
+use crate::numerics::differences::FIVE_POINT;
+use crate::numerics::fourier::{analyse, synthesise, two_sided};
+use crate::run::trajectory::Trajectory;
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::model::{Dims, Model};
 
 /// Fewest and most points of a period.
 const GRID: (usize, usize) = (256, 8192);
@@ -352,9 +354,9 @@ impl Sampled {
 #[cfg(test)]
 mod tests {
     use super::Along;
+    use crate::run::trajectory::tests::rest_to_rest_3;
     use crate::test_models::MassSpringDrag;
-    use crate::trajectory::tests::rest_to_rest_3;
-    use nalgebra::Complex;
+    use num_complex::Complex;
     use std::f64::consts::PI;
     use std::vec;
 

@@ -10,16 +10,21 @@
 //! since nu follows from the inputs, this shift is worked out and the mean can be used. Invariant: a record is refined at
 //! estimates that were found without all this; what is added are corrections of second order in the noise.
 
-use super::along::Along;
-use super::measured_motion::MeasuredMotion;
-use super::select::strongest;
-use super::{EstimateError, ROUNDING, Run};
-use crate::fourier::{coefficient, synthesise};
-use crate::harmonics::{Hold, Spectra};
-use crate::model::{Dims, Model};
-use nalgebra::{Complex, DMatrix, DVector};
+use crate::estimate::ROUNDING;
+use crate::estimate::along::Along;
+use crate::estimate::estimator::Run;
+use crate::estimate::measured_motion::EstimateError;
+use crate::estimate::measured_motion::MeasuredMotion;
+use crate::estimate::select::strongest;
+use crate::numerics::fourier::{coefficient, synthesise};
+use crate::numerics::{DMatrix, DVector};
+use crate::run::Spectra;
+use crate::run::held;
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{Dims, Model};
 
 /// Points of a period at which second derivatives are averaged.
 const POINTS: usize = 128;
@@ -183,7 +188,7 @@ impl<'a> Bins<'a> {
 
     /// A bin of an input as the force that was applied.
     fn applied(&self, coordinates: usize, input: usize, bin: isize) -> Complex<f64> {
-        self.at(coordinates + input, bin) * self.hold.response(self.frequency(bin) * self.spectra.sample_time)
+        self.at(coordinates + input, bin) * held(self.hold, self.frequency(bin) * self.spectra.sample_time)
     }
 
     /// The bins between the lines below a bin.

@@ -1,8 +1,8 @@
 //! What data show of parameters that they do not show one by one.
 
-use super::information::reduced;
-use super::{Estimate, Status};
-use nalgebra::DVector;
+use crate::estimate::information::reduced;
+use crate::estimate::{Estimate, Status};
+use crate::numerics::DVector;
 use std::vec::Vec;
 
 /// A combination of parameters that the data show: one that they do not show alone, and others times constants.

@@ -6,17 +6,20 @@
 //! runs, with weights that belong to c(p); the c are estimated beside them without their relations, and said to be poorly
 //! determined where they are.
 
-use super::applied::refine_last;
-use super::measured_motion::{Fitted, Structure, estimate_structured};
-use super::{Estimate, EstimateError, Estimator, Information, MeasuredMotion, Run, Settings, Status};
+use crate::estimate::applied::refine_last;
+use crate::estimate::estimator::{Estimator, Run};
+use crate::estimate::information::Information;
+use crate::estimate::measured_motion::{EstimateError, MeasuredMotion, Settings};
+use crate::estimate::measured_motion::{Fitted, Structure, estimate_structured};
+use crate::estimate::physical::{Physical, PhysicalError, PhysicalFit, PhysicalSettings};
+use crate::estimate::{Estimate, Status};
 use crate::interpret::Interpreted;
-use crate::model::Model;
-use crate::physical::{Physical, PhysicalError, PhysicalFit, PhysicalSettings};
-use nalgebra::DMatrix;
+use crate::numerics::DMatrix;
 use std::string::{String, ToString};
 use std::sync::Arc;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::model::Model;
 use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A standard deviation above this share of the value makes a parameter poorly determined.

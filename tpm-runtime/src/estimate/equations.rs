@@ -1,8 +1,9 @@
 //! Harmonic equations `phi theta = right + noise`, one complex row per equation of motion and harmonic.
 
-use super::Frozen;
-use crate::singular::unit_columns;
-use nalgebra::{Complex, DMatrix};
+use crate::estimate::measured_motion::Frozen;
+use crate::numerics::DMatrix;
+use crate::numerics::singular::unit_columns;
+use num_complex::Complex;
 use std::vec::Vec;
 
 /// Weighted harmonic equations.

@@ -9,23 +9,26 @@
 //! and the noise in what is formed of them, read bin by bin at a first estimate; it takes as long as the record does.
 //! [`Estimator::update`] goes from there to new parameters and needs harmonics alone.
 
-use super::along::Along;
-use super::applied::{noise_along, refine_last};
-use super::first_order::{FirstOrder, Reduced};
-use super::numerical::Numerical;
-use super::{
-    Equations, Estimate, EstimateError, Information, MeasuredMotion, Settings, Status, estimate_measured_motion,
-};
-use crate::harmonics::{Hold, Spectra};
-use crate::model::Model;
-use crate::procedure::Trial;
-use crate::trajectory::{Series, Trajectory};
-use nalgebra::Complex;
+use crate::estimate::along::Along;
+use crate::estimate::applied::{noise_along, refine_last};
+use crate::estimate::equations::Equations;
+use crate::estimate::first_order::{FirstOrder, Reduced};
+use crate::estimate::information::Information;
+use crate::estimate::measured_motion::estimate_measured_motion;
+use crate::estimate::measured_motion::{EstimateError, MeasuredMotion, Settings};
+use crate::estimate::numerical::Numerical;
+use crate::estimate::{Estimate, Status};
+use crate::run::Spectra;
+use crate::run::Trial;
+use crate::run::trajectory::{Series, Trajectory};
+use num_complex::Complex;
 use std::borrow::Cow;
 use std::boxed::Box;
 use std::string::String;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
 
 /// A deviation beyond this share of the value makes a parameter poorly determined.
 const POOR: f64 = 0.25;
@@ -380,7 +383,7 @@ impl Pools {
 
 /// Distance between the start of a run and its estimate relative to the values: the size of what was linearised. It is
 /// never taken below what noise alone makes of it, so that converged runs count alike.
-fn distance(start: &[f64], found: &[f64], covariance: &nalgebra::DMatrix<f64>, inflation: f64) -> f64 {
+fn distance(start: &[f64], found: &[f64], covariance: &crate::numerics::DMatrix<f64>, inflation: f64) -> f64 {
     start
         .iter()
         .zip(found)

@@ -13,15 +13,20 @@
 //! `E = H B Lambda P`, P = theta' - theta), or its periodic whole (`hill`). Invariant: a fixed point of the update is the true
 //! theta for all three when the machine obeys the model, since J is multiplied by an error that then vanishes.
 
-use super::along::Along;
-use super::{Equations, EstimateError, ROUNDING};
-use crate::fourier::analyse;
-use crate::harmonics::{Hold, Spectra};
-use crate::model::Dims;
-use crate::procedure::Trial;
-use nalgebra::{Complex, DMatrix};
+use crate::estimate::ROUNDING;
+use crate::estimate::along::Along;
+use crate::estimate::equations::Equations;
+use crate::estimate::measured_motion::EstimateError;
+use crate::numerics::DMatrix;
+use crate::numerics::fourier::analyse;
+use crate::run::Spectra;
+use crate::run::Trial;
+use crate::run::held;
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Dims;
 
 /// How much of the rows' dependence on the error is taken into account.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -150,7 +155,7 @@ impl FirstOrder {
         Ok(self.assemble(trial, along, &error, (least, highest), &spectra.noise, |row, k, linear, right| {
             // Noise of the coordinates and of the inputs, on which it comes back round the loop.
             let mut through: Vec<Complex<f64>> = linear.iter().map(|j| -j).collect();
-            let held = hold.response(k as f64 * along.frequency * trial.control.sample_time);
+            let held = held(hold, k as f64 * along.frequency * trial.control.sample_time);
             for i in 0..inputs {
                 let map = held * along.map[row * inputs + i];
                 *right += map * spectra.lines[coordinates + i][k];

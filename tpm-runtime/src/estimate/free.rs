@@ -1,7 +1,7 @@
 //! The parameters that are estimated, apart from those that are held.
 
-use super::{EstimateError, Settings};
-use nalgebra::DMatrix;
+use crate::estimate::measured_motion::{EstimateError, Settings};
+use crate::numerics::DMatrix;
 use std::vec;
 use std::vec::Vec;
 

@@ -4,8 +4,8 @@
 //! so far. Pooling stacks the triangles and triangularises again (Householder), so that the condition number is never
 //! squared as it would be in the normal equations.
 
-use crate::singular::{Singular, complement, condition, largest_one, unit_columns};
-use nalgebra::{Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
+use crate::numerics::singular::{Singular, complement, condition, largest_one, unit_columns};
+use crate::numerics::{Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use std::borrow::Cow;
 use std::vec;
 use std::vec::Vec;
@@ -279,7 +279,7 @@ fn beside(hidden: &[Vec<f64>], scale: &[f64]) -> Option<DMatrix<f64>> {
 #[cfg(test)]
 mod tests {
     use super::Information;
-    use nalgebra::{DMatrix, DVector};
+    use crate::numerics::{DMatrix, DVector};
     use std::vec::Vec;
 
     /// Rows `[a b]` beside each other.

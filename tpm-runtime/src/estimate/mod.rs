@@ -16,7 +16,10 @@ mod first_order;
 mod free;
 mod information;
 mod measured_motion;
+pub(crate) mod named;
 mod numerical;
+#[cfg(feature = "interpret")]
+pub mod physical;
 mod select;
 
 pub use along::Along;
@@ -28,9 +31,10 @@ pub use estimator::{Estimator, Method, Run};
 pub(crate) use first_order::error_lines;
 pub use information::{Information, Solution};
 pub use measured_motion::{EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
+pub use named::{CombinationReport, ParameterReport};
 pub use numerical::NumericalSettings;
 
-use nalgebra::DMatrix;
+use crate::numerics::DMatrix;
 use std::format;
 use std::string::String;
 use std::vec::Vec;

@@ -5,15 +5,18 @@
 //! cleared, only as many equations as parameters are kept (3.29), and once there is a matrix every run is an update, M being
 //! corrected by what the last one did (secant). Invariant: a matrix belongs to one reference; another one begins anew.
 
-use super::along::Along;
-use super::estimator::{Pools, highest_harmonic, pool_run};
-use super::first_order::error_lines;
-use super::{Equations, Estimate, EstimateError, Estimator, ROUNDING, Run, Settings};
-use crate::model::Model;
-use crate::trajectory::Trajectory;
-use nalgebra::Complex;
+use crate::estimate::along::Along;
+use crate::estimate::equations::Equations;
+use crate::estimate::estimator::{Estimator, Run};
+use crate::estimate::estimator::{Pools, highest_harmonic, pool_run};
+use crate::estimate::first_order::error_lines;
+use crate::estimate::measured_motion::{EstimateError, Settings};
+use crate::estimate::{Estimate, ROUNDING};
+use crate::run::trajectory::Trajectory;
+use num_complex::Complex;
 use serde::{Deserialize, Serialize};
 use std::vec::Vec;
+use tpm_core::model::Model;
 
 /// Change of a parameter in a perturbed run, as a share of the value, or of the whole force.
 const PERTURBATION: f64 = 0.5;
@@ -237,13 +240,13 @@ impl Estimator for Numerical {
 
 #[cfg(test)]
 mod tests {
+    use crate::campaign::Campaign;
     use crate::experiment::Experiment;
-    use crate::harmonics::Hold;
-    use crate::procedure::Campaign;
-    use crate::simulate::simulate;
+    use crate::machine::simulated::simulate;
+    use crate::run::trajectory::tests::rest_to_rest_3;
     use crate::test_models::MassSpringDrag;
-    use crate::trajectory::tests::rest_to_rest_3;
     use std::vec::Vec;
+    use tpm_core::harmonics::Hold;
 
     /// Largest relative error after every update, and the runs that it took, on an exact machine.
     fn errors(settings: &str) -> Vec<(usize, f64)> {

@@ -3,7 +3,7 @@
 //! Invariant: a harmonic is judged by what was measured there against the noise of the same record; no data set and no
 //! model is known here.
 
-use nalgebra::Complex;
+use num_complex::Complex;
 use std::vec::Vec;
 
 /// A line counts when its power is this many times that of its noise. With noise from sixteen bins, pure noise passes
@@ -87,7 +87,7 @@ pub(super) fn unexplained_tail(harmonics: &[usize], residual: &[f64], noise: &[f
 #[cfg(test)]
 mod tests {
     use super::{highest_visible, unexplained_tail, without_stragglers};
-    use nalgebra::Complex;
+    use num_complex::Complex;
     use std::vec;
     use std::vec::Vec;
 

@@ -3,15 +3,18 @@
 //! Invariant: what is known (`actuators`, else what a motor's amplifier states) is what is corrected; what the simulated machine
 //! has (`plant.actuators`) is that, unless said otherwise.
 
-use super::resolve::{coordinates, inputs, positive, require};
-use super::{ActuatorSection, Experiment, ExperimentError, MotorsSection};
-use crate::actuator::{Dynamics, FileFault, LowPass, MotorFile, Mounted};
-use crate::model::Model;
+use crate::experiment::resolve::ExperimentError;
+use crate::experiment::resolve::{coordinates, inputs, positive, require};
+use crate::experiment::{ActuatorSection, Experiment, MotorsSection};
+use crate::machine::actuator::{FileFault, MotorFile, Mounted};
+use crate::run::Dynamics;
+use crate::run::LowPass;
 use std::collections::BTreeMap;
 use std::format;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
+use tpm_core::model::Model;
 
 /// Limits on inputs, or what the motors' largest currents give where that is less.
 pub(super) fn limited(mut limits: Vec<f64>, motors: &[Option<Mounted>]) -> Vec<f64> {
@@ -181,15 +184,19 @@ fn overlaid(
 
 #[cfg(test)]
 mod tests {
-    use crate::actuator::{Dynamics, LowPass};
-    use crate::experiment::{CampaignIdentification, Experiment, ExperimentError, identify_simulated};
-    use crate::harmonics::Hold;
-    use crate::log::{Log, LogOptions, identify_log};
-    use crate::procedure::{Campaign, Outcome};
-    use crate::simulate::simulate;
+    use crate::campaign::{Campaign, Outcome};
+    use crate::experiment::Experiment;
+    use crate::experiment::resolve::ExperimentError;
+    use crate::log::{Log, LogOptions};
+    use crate::machine::simulated::simulate;
+    use crate::run::Dynamics;
+    use crate::run::LowPass;
+    use crate::run::trajectory::tests::rest_to_rest_3;
+    use crate::session::identify_log;
+    use crate::session::{CampaignIdentification, identify_simulated};
     use crate::test_models::MassSpringDrag;
-    use crate::trajectory::tests::rest_to_rest_3;
     use std::string::ToString;
+    use tpm_core::harmonics::Hold;
 
     const FILE: &str = include_str!("../../../models/mass_spring_drag.toml");
     const MOTOR: &str =

@@ -3,8 +3,8 @@
 //! Invariant: a lumped parameter that the experiment names keeps the value given there; another one gets the value that the
 //! physical parameters give it when all of those that it consists of are given, and none otherwise.
 
-use super::{Experiment, Named};
-use crate::physical::is_lumped;
+use crate::estimate::physical::is_lumped;
+use crate::experiment::{Experiment, Named};
 use std::collections::BTreeSet;
 use std::string::{String, ToString};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
@@ -13,7 +13,7 @@ use tpm_symbolic::regressor::prepare::Prepared;
 impl Experiment {
     /// The experiment in the parameters that the model is linear in: true values and estimates of physical parameters
     /// become those of the lumped ones. Physical parameters that are frozen or estimated beforehand are left out; they are
-    /// for [`physical`](crate::physical::physical).
+    /// for [`physical`](crate::estimate::physical::physical).
     #[must_use]
     pub fn lumped(&self, prepared: &Prepared) -> Self {
         let mut experiment = self.clone();

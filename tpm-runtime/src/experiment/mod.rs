@@ -4,31 +4,17 @@
 //! amplitudes are checked against the model when the experiment meets it ([`Experiment::setup`], [`Experiment::bench`]).
 //! Values are in the units of the model; nothing is converted.
 
-mod actuators;
-mod design;
+pub(crate) mod actuators;
 #[cfg(feature = "interpret")]
 mod lumped;
-#[cfg(feature = "interpret")]
-mod machine;
 mod overrides;
 mod resolve;
-mod result;
-mod store;
-mod study;
-mod updates;
 
-pub use design::{Candidate, Design, Passed, Predicted, design};
-#[cfg(feature = "interpret")]
-pub use machine::{Machine, MachineError};
 pub use resolve::ExperimentError;
-pub use result::{CampaignIdentification, Watch, identify_simulated, play_campaign, summary};
-pub use store::{GainManifest, Manifest, RunManifest, Store, StoreError, samples_text};
-pub use study::{Identify, ParameterStudy, Study, study, study_campaigns};
-pub use updates::{Convergence, LIMITS, Updates, convergence, updates};
 
 use crate::estimate::{Method, NumericalSettings, Weights};
-use crate::procedure::HoldCompensation;
-use crate::smoothing::Smoothing;
+use crate::run::HoldCompensation;
+use crate::run::smoothing::Smoothing;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::string::String;

@@ -2,7 +2,8 @@
 //!
 //! Invariant: an override is accepted exactly when the experiment file with that value in it would be.
 
-use super::{Experiment, ExperimentError};
+use crate::experiment::Experiment;
+use crate::experiment::resolve::ExperimentError;
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;

@@ -1,21 +1,23 @@
 //! An experiment meets a model: names become indices.
 
-use super::actuators::limited;
-use super::overrides::near;
-use super::{ArmSection, DropoutSection, Experiment, Named, StoreError};
-use crate::control::Gain;
+use crate::campaign::StoreError;
+use crate::campaign::{CampaignError, Procedure, Setup, Stage};
 use crate::estimate::{EstimateError, Frozen, Method, Settings, Weights};
-use crate::harmonics::Hold;
-use crate::model::{EvalError, Model};
-use crate::procedure::{CampaignError, Loop, Procedure, Setup, Stage, Velocity};
-use crate::simulate::{Actuator, ArmGeometry, Bench, ClosedLoopArm, Sensor};
-use crate::smoothing::Smoothing;
-use crate::stability::{self, Range, Stability, StabilityError};
-use crate::trajectory::Pattern;
+use crate::experiment::actuators::limited;
+use crate::experiment::overrides::near;
+use crate::experiment::{ArmSection, DropoutSection, Experiment, Named};
+use crate::machine::simulated::{Actuator, ArmGeometry, Bench, ClosedLoopArm, Sensor};
+use crate::machine::stability::{self, Range, Stability, StabilityError};
+use crate::run::smoothing::Smoothing;
+use crate::run::trajectory::Pattern;
+use crate::run::{Loop, Velocity};
 use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
+use tpm_core::control::Gain;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{EvalError, Model};
 
 /// Why an experiment cannot be done.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

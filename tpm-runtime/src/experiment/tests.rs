@@ -1,7 +1,9 @@
-use super::{Experiment, ExperimentError, identify_simulated};
-use crate::procedure::RunEnding;
+use crate::experiment::Experiment;
+use crate::experiment::resolve::ExperimentError;
+use crate::run::RunEnding;
+use crate::run::trajectory::tests::rest_to_rest_3;
+use crate::session::identify_simulated;
 use crate::test_models::MassSpringDrag;
-use crate::trajectory::tests::rest_to_rest_3;
 use std::string::ToString;
 
 const FILE: &str = include_str!("../../../models/mass_spring_drag.toml");
@@ -50,7 +52,7 @@ fn limits_end_a_campaign() {
         identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs")
     };
     let share = run(&[("plant.sensors.x.noise", "0"), ("counts", "0"), ("limits.inputs.u", "60")]);
-    assert_eq!(share.outcome.expect("ended"), crate::procedure::Outcome::EffortShare);
+    assert_eq!(share.outcome.expect("ended"), crate::campaign::Outcome::EffortShare);
     assert!(share.is_complete() && share.runs.len() < 8);
     // A force of 5 N cannot move this machine so far: the first run is stopped, a smaller one is not.
     let tight =
@@ -59,7 +61,7 @@ fn limits_end_a_campaign() {
     assert_eq!(backed.runs[0].ending, RunEnding::TrackingBound);
     assert!(backed.is_complete() && backed.runs[1].amplitudes[0].1 < 0.2, "{:?}", backed.warnings);
     let weak = run(&[&tight[..], &[("max_aborts", "0")]].concat());
-    assert_eq!(weak.outcome.expect("ended"), crate::procedure::Outcome::Aborted);
+    assert_eq!(weak.outcome.expect("ended"), crate::campaign::Outcome::Aborted);
     assert!(!weak.is_complete() && weak.parameters[0].value.is_none());
     assert!(weak.warnings.iter().any(|w| w.contains("tracking")), "{:?}", weak.warnings);
 }
@@ -113,7 +115,7 @@ fn unknown_fields_and_names_are_refused() {
     }
     let mut still = experiment();
     still.schedule.stages[0].values.insert("w".to_string(), 0.0);
-    let hold = crate::harmonics::Hold::Zoh;
+    let hold = tpm_core::harmonics::Hold::Zoh;
     assert!(matches!(still.setup(&MassSpringDrag, &rest_to_rest_3(), hold), Err(ExperimentError::Invalid { .. })));
     let mut share = experiment();
     share.limits.effort_share = 1.5;
@@ -139,12 +141,12 @@ fn parameters_that_drift_are_followed() {
         }
         identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs")
     };
-    let error = |result: &super::CampaignIdentification| {
+    let error = |result: &crate::session::CampaignIdentification| {
         let truth = 40.0 * 1.01_f64.powi(result.runs.len() as i32 - 1);
         (result.parameters[1].value.expect("identified") / truth - 1.0).abs()
     };
     let (following, remembering) = (run("0.3"), run("1"));
-    assert_eq!(following.outcome, Some(crate::procedure::Outcome::Followed));
+    assert_eq!(following.outcome, Some(crate::campaign::Outcome::Followed));
     assert_eq!(following.runs.len(), 12);
     // An old run has little weight: about half a run's change is what is left.
     assert!(error(&following) < 0.008, "{:e}", error(&following));
@@ -182,7 +184,7 @@ fn a_sensor_that_drops_out_ends_the_campaign_and_what_was_known_stays() {
     let mut experiment = experiment();
     experiment.apply_override("plant.sensors.x.dropout", "{ run = 2, time = 7.5 }").expect("known");
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
-    assert_eq!(result.outcome, Some(crate::procedure::Outcome::SensorLost));
+    assert_eq!(result.outcome, Some(crate::campaign::Outcome::SensorLost));
     assert_eq!((result.runs.len(), result.runs[1].ending), (2, RunEnding::SensorLost));
     for (parameter, truth) in result.parameters.iter().zip([2.0, 40.0, 1.5]) {
         assert!((parameter.value.expect("of the first run") / truth - 1.0).abs() < 2e-2, "{parameter:?}");
@@ -216,7 +218,7 @@ fn a_plant_that_diverges_leaves_what_was_known() {
     // From the second run on a spring that pushes away, far beyond what the feedback holds.
     experiment.apply_override("plant.drift.k1", "-1e4").expect("known");
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
-    assert_eq!(result.outcome, Some(crate::procedure::Outcome::Aborted));
+    assert_eq!(result.outcome, Some(crate::campaign::Outcome::Aborted));
     let (first, later) = result.runs.split_first().expect("runs");
     assert_eq!((first.ending, later.len()), (RunEnding::Complete, experiment.limits.max_aborts + 1));
     assert!(later.iter().all(|run| run.ending == RunEnding::Diverged && !run.updated), "{later:?}");
@@ -248,7 +250,7 @@ fn a_measured_rate_adds_what_its_noise_allows() {
             experiment.apply_override("plant.sensors.x.rate_noise", noise).expect("known");
         }
         let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
-        let off = |(p, truth): (&crate::report::ParameterReport, f64)| {
+        let off = |(p, truth): (&crate::estimate::ParameterReport, f64)| {
             (p.value.expect("identified") - truth, p.std.expect("identified"))
         };
         result.parameters.iter().zip([2.0, 40.0, 1.5]).map(off).collect::<std::vec::Vec<_>>()

@@ -4,7 +4,8 @@
 //! over the frequencies. They are alternately even and odd, so that the recursion has two terms (G. E. Forsythe, 1957, on
 //! the imaginary axis): `c_{i+1} p_{i+1} = s p_i + c_i p_{i-1}`. Powers of s instead lose all digits from order 8 or so on.
 
-use nalgebra::{Complex, DMatrix};
+use crate::numerics::DMatrix;
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 
@@ -73,7 +74,7 @@ impl Basis {
 mod tests {
     use super::Basis;
     use crate::frequency::transfer::polynomial;
-    use nalgebra::Complex;
+    use num_complex::Complex;
     use std::vec::Vec;
 
     #[test]
@@ -88,7 +89,7 @@ mod tests {
             }
         }
         let coordinates = [0.3, -1.0, 0.2, 0.7, 1.1];
-        let powers = basis.to_powers(4) * nalgebra::DVector::from_row_slice(&coordinates);
+        let powers = basis.to_powers(4) * crate::numerics::DVector::from_row_slice(&coordinates);
         for k in [0, 57, 199] {
             let direct = polynomial(powers.as_slice(), Complex::new(0.0, frequencies[k]));
             assert!((direct - basis.value(&coordinates, k)).norm() < 1e-13);

@@ -3,9 +3,9 @@
 //! Invariant: phases are continuous along the frequency and all curves lie on the branch of the first one; measured phases lie
 //! within half a turn of the first model's, where there is one.
 
-use super::response::{FrequencyResponse, Line};
+use crate::frequency::response::{FrequencyResponse, Line};
 use crate::plot::{Axis, Curve, Figure, Panel, Series};
-use nalgebra::Complex;
+use num_complex::Complex;
 use std::f64::consts::PI;
 use std::string::String;
 use std::vec::Vec;
@@ -144,7 +144,7 @@ fn unwrapped(values: impl Iterator<Item = Complex<f64>>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::unwrapped;
-    use nalgebra::Complex;
+    use num_complex::Complex;
 
     #[test]
     fn phases_do_not_jump() {

@@ -2,7 +2,7 @@
 //!
 //! Invariant: an excitation depends on its settings alone, the seed among them, so that an experiment can be repeated.
 
-use crate::fourier::inverse;
+use crate::numerics::fourier::inverse;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};

@@ -1,17 +1,19 @@
 //! Fits to machines of known truth.
 
-use super::{
-    Delay, Excitation, FitError, FitWarning, FrequencyResponse, Line, RationalSettings, StructuredSettings,
-    TransferFunction, Welch, compare_orders, fit_rational, fit_structured,
-};
-use crate::harmonics::Hold;
-use nalgebra::Complex;
+use crate::frequency::excitation::Excitation;
+use crate::frequency::orders::compare_orders;
+use crate::frequency::rational::{Delay, FitError, FitWarning, RationalSettings, fit_rational};
+use crate::frequency::response::{FrequencyResponse, Line, Welch};
+use crate::frequency::structured::{StructuredSettings, fit_structured};
+use crate::frequency::transfer::TransferFunction;
+use num_complex::Complex;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::PI;
 use std::string::ToString;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
 
 fn white(n: usize, seed: u64) -> Vec<f64> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -3,8 +3,8 @@
 //! Invariant: `(M s^2 + D s + K) q = F u` with the exact matrices of [`tpm_symbolic::linear::linearize`], each entry evaluated once
 //! per set of parameters; every symbol in them is either a parameter of the fit or has a value.
 
-use super::structured::ResponseModel;
-use nalgebra::Complex;
+use crate::frequency::structured::ResponseModel;
+use num_complex::Complex;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
@@ -176,7 +176,7 @@ fn solve(matrix: &mut [Complex<f64>], right: &mut [Complex<f64>]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::solve;
-    use nalgebra::Complex;
+    use num_complex::Complex;
     use std::vec::Vec;
 
     #[test]

@@ -34,4 +34,4 @@ pub use structured::{ResponseModel, StructuredFit, StructuredSettings, fit_struc
 pub use transfer::{TransferError, TransferFunction};
 
 /// A complex number: a response, a pole, a zero.
-pub type Complex = nalgebra::Complex<f64>;
+pub type Complex = num_complex::Complex<f64>;

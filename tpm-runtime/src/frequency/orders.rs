@@ -5,9 +5,9 @@
 //! orders whose predictions cannot be told apart the smallest is recommended, provided that the fit to the whole record is
 //! stable and has neither cancelling nor undetermined poles.
 
-use super::points::Points;
-use super::rational::{FitError, FitWarning, RationalFit, RationalSettings, fit_points, fit_rational};
-use super::response::{FrequencyResponse, ResponseError, Welch};
+use crate::frequency::points::Points;
+use crate::frequency::rational::{FitError, FitWarning, RationalFit, RationalSettings, fit_points, fit_rational};
+use crate::frequency::response::{FrequencyResponse, ResponseError, Welch};
 use std::vec::Vec;
 
 /// Standard errors by which a prediction must be worse to count as worse.

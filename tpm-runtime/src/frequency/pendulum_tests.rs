@@ -3,14 +3,17 @@
 //! Its equations of motion (Fong, Eqn 26) are written out by hand here, and so is their linear form (Eqn 27), so that
 //! nothing rests on the rest of the program.
 
-use super::{
-    Excitation, FrequencyResponse, RationalSettings, StructuredSettings, TransferFunction, Welch, compare_orders,
-    fit_rational, fit_record, fit_structured,
-};
-use crate::harmonics::Hold;
-use nalgebra::Complex;
+use crate::frequency::excitation::Excitation;
+use crate::frequency::orders::compare_orders;
+use crate::frequency::rational::{RationalSettings, fit_rational};
+use crate::frequency::record::fit_record;
+use crate::frequency::response::{FrequencyResponse, Welch};
+use crate::frequency::structured::{StructuredSettings, fit_structured};
+use crate::frequency::transfer::TransferFunction;
+use num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
 
 const M2: f64 = 0.022;
 const L1: f64 = 0.16;

@@ -3,9 +3,10 @@
 //! Invariant: a residual is `(H - G)/std` with the standard deviation of H as a complex number, so that its real and
 //! imaginary parts have variance 1/2 each when the model is right and the errors are noise.
 
-use super::response::{Estimator, FrequencyResponse};
-use crate::singular::{Singular, unit_columns};
-use nalgebra::{Complex, DMatrix, DVector, DVectorView};
+use crate::frequency::response::{Estimator, FrequencyResponse};
+use crate::numerics::singular::{Singular, unit_columns};
+use crate::numerics::{DMatrix, DVector, DVectorView};
+use num_complex::Complex;
 use std::vec::Vec;
 
 /// Least error of a line relative to H: a coherence of one to the last digit is rounding, not certainty.

@@ -6,14 +6,15 @@
 //! (Levenberg-Marquardt). Polynomials stand in a basis that is orthonormal on the frequencies; the denominator's leading
 //! coordinate is 1.
 
-use super::basis::Basis;
-use super::points::{Information, Points, RANK, information, least_squares};
-use super::response::{Estimator, FrequencyResponse, Gap};
-use super::transfer::{TransferFunction, derivative, polynomial, roots};
-use crate::harmonics::Window;
+use crate::frequency::basis::Basis;
+use crate::frequency::points::{Information, Points, RANK, information, least_squares};
+use crate::frequency::response::{Estimator, FrequencyResponse, Gap};
+use crate::frequency::transfer::{TransferFunction, derivative, polynomial, roots};
+use crate::numerics::Owned;
+use crate::numerics::{DMatrix, DVector, Dyn};
+use crate::run::Window;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::storage::Owned;
-use nalgebra::{Complex, DMatrix, DVector, Dyn};
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 

@@ -15,12 +15,13 @@
 //! them until nothing changes, which a transient far above the response can keep from the truth: cut such a start
 //! off. Lines of bands without a usable averaged response are left out here too.
 
-use super::points::{Points, least_squares};
-use super::rational::{FitError, FitWarning, RationalFit, RationalSettings, fit_points, fit_rational};
-use super::response::{FrequencyResponse, ResponseError, Welch, hold_of};
-use super::transfer::polynomial;
-use crate::fourier::forward;
-use nalgebra::{Complex, DMatrix, DVector};
+use crate::frequency::points::{Points, least_squares};
+use crate::frequency::rational::{FitError, FitWarning, RationalFit, RationalSettings, fit_points, fit_rational};
+use crate::frequency::response::{FrequencyResponse, ResponseError, Welch, hold_of};
+use crate::frequency::transfer::polynomial;
+use crate::numerics::fourier::forward;
+use crate::numerics::{DMatrix, DVector};
+use num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec::Vec;
 
@@ -215,9 +216,11 @@ impl Lines {
 #[cfg(test)]
 mod tests {
     use super::{RecordError, fit_record};
-    use crate::frequency::{Delay, Excitation, FitError, RationalSettings, Welch};
-    use crate::harmonics::Hold;
+    use crate::frequency::excitation::Excitation;
+    use crate::frequency::rational::{Delay, FitError, RationalSettings};
+    use crate::frequency::response::Welch;
     use std::vec::Vec;
+    use tpm_core::harmonics::Hold;
 
     /// y' = -3 y + u from y(0), exact at the samples.
     fn lag(u: &[f64], start: f64) -> Vec<f64> {

@@ -12,12 +12,14 @@
 //! H is that of the machine in continuous time. Lines whose coherence could be chance are marked and never fitted; the
 //! decision is made on neighbouring lines together, because a choice line by line would keep those with lucky noise.
 
-use crate::fourier::forward;
-use crate::harmonics::{Hold, Window};
-use nalgebra::Complex;
+use crate::numerics::fourier::forward;
+use crate::run::Window;
+use crate::run::held;
+use num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
 
 /// Shortest segment: fewer samples leave no line that the window resolves.
 const SHORTEST: usize = 16;
@@ -310,7 +312,7 @@ impl FrequencyResponse {
 
 /// What the hold does to a line.
 pub(super) fn hold_of(frequency: f64, sample_time: f64, hold: Hold) -> Complex<f64> {
-    hold.response(frequency * sample_time)
+    held(hold, frequency * sample_time)
 }
 
 /// Samples from the start of a segment to the start of the next.
@@ -480,13 +482,13 @@ impl Power {
 mod tests {
     use super::{FrequencyResponse, ResponseError, Welch, effective_averages};
     use crate::frequency::excitation::{Excitation, Phases};
-    use crate::harmonics::Hold;
-    use nalgebra::Complex;
+    use num_complex::Complex;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::{Distribution, StandardNormal};
     use std::f64::consts::PI;
     use std::vec::Vec;
+    use tpm_core::harmonics::Hold;
 
     fn white(n: usize, seed: u64) -> Vec<f64> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -4,12 +4,13 @@
 //! fitted as multiples of their start values, so that a mass of grams stands beside a stiffness of thousands. What the data
 //! do not determine has an infinite standard deviation, and the directions are given.
 
-use super::points::{Points, information};
-use super::rational::{Estimate, FitError};
-use super::response::{Estimator, FrequencyResponse, Gap};
+use crate::frequency::points::{Points, information};
+use crate::frequency::rational::{Estimate, FitError};
+use crate::frequency::response::{Estimator, FrequencyResponse, Gap};
+use crate::numerics::Owned;
+use crate::numerics::{DMatrix, DVector, Dyn};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
-use nalgebra::storage::Owned;
-use nalgebra::{Complex, DMatrix, DVector, Dyn};
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 

@@ -3,8 +3,9 @@
 //! Invariant: coefficients stand from s^0 upwards; the denominator's last one is 1, the numerator's last one is not zero
 //! unless it is the only one.
 
-use crate::eigenvalues::eigenvalues;
-use nalgebra::{Complex, DMatrix};
+use crate::numerics::DMatrix;
+use crate::numerics::eigenvalues::eigenvalues;
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 
@@ -154,7 +155,7 @@ fn polish(coefficients: &[f64], slope: &[f64], start: Complex<f64>) -> Complex<f
 #[cfg(test)]
 mod tests {
     use super::{TransferError, TransferFunction, roots};
-    use nalgebra::Complex;
+    use num_complex::Complex;
 
     #[test]
     fn roots_of_a_known_polynomial() {

@@ -1,7 +1,7 @@
 //! What can be wrong with a log.
 
 use crate::estimate::EstimateError;
-use crate::harmonics::SpectrumError;
+use crate::run::SpectrumError;
 use std::string::String;
 use std::vec::Vec;
 

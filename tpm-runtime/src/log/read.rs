@@ -3,17 +3,17 @@
 //! Invariant: a [`Log`] holds evenly sampled, finite signals of equal lengths, in the model's units and order; each sample
 //! knows its line in the file.
 
-use super::LogError;
-use crate::actuator::Dynamics;
 use crate::estimate::{Frozen, Weights};
-use crate::harmonics::Hold;
-use crate::model::{Label, Model};
+use crate::log::error::LogError;
+use crate::run::Dynamics;
 use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::Path;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{Label, Model};
 
 /// The column of time stamps.
 const TIME: &str = "t_s";

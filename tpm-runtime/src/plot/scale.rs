@@ -1,6 +1,6 @@
 //! One type for even and logarithmic axes, so that a panel may combine them without a type for each.
 
-use super::Spacing;
+use crate::plot::Spacing;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use std::format;
 use std::ops::Range;

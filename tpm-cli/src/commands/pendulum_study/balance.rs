@@ -10,10 +10,10 @@ use crate::failure::Failure;
 use crate::text_table::number;
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
+use tpm_runtime::machine::regulator::{Regulator, Weights};
+use tpm_runtime::machine::simulated::{Regulated, Regulation, Sensor, regulate};
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
-use tpm_runtime::procedure::Ending;
-use tpm_runtime::regulator::{Regulator, Weights};
-use tpm_runtime::simulate::{Regulated, Regulation, Sensor, regulate};
+use tpm_runtime::run::Ending;
 
 const SAMPLE_TIME: f64 = 1e-3;
 /// s.

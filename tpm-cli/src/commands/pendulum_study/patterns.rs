@@ -7,8 +7,8 @@ use crate::commands::simulated::Simulation;
 use crate::failure::Failure;
 use crate::text_table::number;
 use std::collections::BTreeMap;
-use tpm_runtime::experiment::CampaignIdentification;
-use tpm_runtime::physical::{PhysicalSettings, physical};
+use tpm_runtime::estimate::physical::{PhysicalSettings, physical};
+use tpm_runtime::session::CampaignIdentification;
 
 /// Physical parameters that the seven combinations determine.
 const DETERMINED: [&str; 6] = ["m2", "c2", "l1", "J1", "J2", "C2"];
@@ -48,7 +48,7 @@ impl Identified {
             let found = simulation.machine.identify(&experiment, &mut |_| true).map_err(|error| fault(&error))?;
             let estimate = found.estimate.as_ref().ok_or_else(|| fault(&"no run was accepted"))?;
             let physical = physical(&down.prepared, estimate, &settings).map_err(|error| fault(&error))?;
-            let named = |p: tpm_runtime::report::ParameterReport| Some((p.name, (p.value?, p.std)));
+            let named = |p: tpm_runtime::estimate::ParameterReport| Some((p.name, (p.value?, p.std)));
             let physical = physical.parameters.into_iter().filter_map(named).collect();
             campaigns.push(Campaign { found, physical });
             if !progress(seed + 1) {

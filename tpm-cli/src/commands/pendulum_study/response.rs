@@ -13,8 +13,8 @@ use tpm_runtime::frequency::{
     fit_record, fit_structured,
 };
 use tpm_runtime::harmonics::Hold;
+use tpm_runtime::machine::simulated::{Sensor, drive};
 use tpm_runtime::plot::Figure;
-use tpm_runtime::simulate::{Sensor, drive};
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 
 /// s, V, s: as in the paper where it says, otherwise chosen.

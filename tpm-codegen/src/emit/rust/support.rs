@@ -1,15 +1,8 @@
-//! What a file that stands alone brings along: the runtime's own text.
+//! What a file that stands alone brings along: the text of the controller's crate.
 //!
-//! Invariant: the files under `support/` are links to the runtime's sources, so that nothing stands twice; what they take from
-//! their crate is what stands beside them here.
+//! Invariant: the text is taken unchanged; every module takes what it needs from the module around it, which is written here.
 
-/// A module's name, and its source.
-const SOURCES: [(&str, &str); 4] = [
-    ("error", include_str!("support/error.rs")),
-    ("label", include_str!("support/label.rs")),
-    ("least_squares", include_str!("support/least_squares.rs")),
-    ("real", include_str!("support/real.rs")),
-];
+use tpm_core::source::SUPPORT;
 
 /// The module `support`; with what solves where a pattern has a table.
 pub(super) fn text(solves: bool) -> String {
@@ -21,18 +14,12 @@ pub(super) fn text(solves: bool) -> String {
             "    pub use self::error::AccumulatorError;\n    pub use self::least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};\n",
         );
     }
-    for (name, source) in SOURCES {
+    for (name, source) in SUPPORT {
         if !solves && ["error", "least_squares"].contains(&name) {
             continue;
         }
         text.push_str(&format!("\n    mod {name} {{\n"));
-        let own = source.split("#[cfg(test)]").next().unwrap_or(source);
-        for line in own.trim_end().lines() {
-            let line = match line {
-                "use crate::model::Label;" => "use super::Label;",
-                "use crate::real::Real;" => "use super::Real;",
-                other => other,
-            };
+        for line in source.trim_end().lines() {
             if !line.is_empty() {
                 text.push_str("        ");
                 text.push_str(line);

@@ -6,9 +6,10 @@
 //! that its parts are formed once. How strong an equation's noise is was measured; F says how the equations hang
 //! together. Weighing each for itself instead loses information and states deviations that are too small.
 
-use super::MeasuredMotion;
-use crate::fourier::coefficient;
-use nalgebra::{Cholesky, Complex, DMatrix, Dyn};
+use crate::estimate::measured_motion::MeasuredMotion;
+use crate::numerics::fourier::coefficient;
+use crate::numerics::{Cholesky, DMatrix, Dyn};
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 
@@ -17,7 +18,7 @@ const LARGEST: usize = 8_000_000;
 /// Correlations are taken for that much smaller than the model gives them, so that no combination of equations is free of noise.
 const LOOSENED: f64 = 0.9999;
 
-/// The noise of one record's real equations, in the order of [`Equations::weighted`](crate::estimate::Equations::weighted).
+/// The noise of one record's real equations, in the order of [`Equations::weighted`](crate::estimate::equations::Equations::weighted).
 #[derive(Clone, Debug)]
 pub(super) struct Coupled {
     /// Equations x sources, per parameter and, last, of the known term.

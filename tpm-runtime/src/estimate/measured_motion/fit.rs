@@ -4,14 +4,16 @@
 //! They are the weights unless all equations count alike; what is stated of the estimate follows from them either way. What
 //! noise in the regressors adds to the normal equations is taken out.
 
-use super::coupled::Weighed;
-use super::noise::excess;
-use super::{EstimateError, MeasuredMotion, Settings, Weights};
-use crate::estimate::{Equations, Estimate, Information, Status};
-use crate::model::Dims;
-use nalgebra::DMatrix;
+use crate::estimate::equations::Equations;
+use crate::estimate::information::Information;
+use crate::estimate::measured_motion::coupled::Weighed;
+use crate::estimate::measured_motion::noise::excess;
+use crate::estimate::measured_motion::{EstimateError, MeasuredMotion, Settings, Weights};
+use crate::estimate::{Estimate, Status};
+use crate::numerics::DMatrix;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::model::Dims;
 
 /// A deviation beyond this share of the value, and a visible share of the force, makes a parameter poorly determined.
 const POOR: f64 = 0.25;

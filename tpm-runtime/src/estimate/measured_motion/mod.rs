@@ -17,16 +17,20 @@ pub use fit::estimate_measured_motion;
 #[cfg(feature = "interpret")]
 pub(in crate::estimate) use fit::{Fitted, Structure, estimate_structured};
 
-use super::select::{ALONE, highest_visible, strongest, unexplained_tail, visible, without_stragglers};
-use super::{Equations, Information, NumericalSettings};
-use crate::harmonics::{Hold, Spectra};
-use crate::model::{Dims, EvalError, Model};
+use crate::estimate::equations::Equations;
+use crate::estimate::information::Information;
+use crate::estimate::numerical::NumericalSettings;
+use crate::estimate::select::{ALONE, highest_visible, strongest, unexplained_tail, visible, without_stragglers};
+use crate::numerics::DMatrix;
+use crate::run::Spectra;
 use coupled::Coupled;
-use nalgebra::{Complex, DMatrix};
+use num_complex::Complex;
 use sampling::{Context, Jacobian, Lines, drive_lines, hold_corrected};
 use std::string::String;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{Dims, EvalError, Model};
 
 /// A line of an input below this share of its neighbours is their distortion, not excitation.
 const DISTORTION: f64 = 1e-3;

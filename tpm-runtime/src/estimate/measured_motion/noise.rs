@@ -4,10 +4,10 @@
 //! The Jacobian varies over the period and so mixes the harmonics of the noise; correlation between input and motion at one
 //! harmonic (noise passed round a control loop) is kept.
 
-use super::MeasuredMotion;
 use crate::estimate::applied::mixing;
-use crate::fourier::coefficient;
-use nalgebra::Complex;
+use crate::estimate::measured_motion::MeasuredMotion;
+use crate::numerics::fourier::coefficient;
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 
@@ -224,7 +224,7 @@ pub(super) fn excess(residual: &[Complex<f64>], variance: &[f64], harmonics: &[u
 #[cfg(test)]
 mod tests {
     use super::{STEPS, excess};
-    use nalgebra::Complex;
+    use num_complex::Complex;
     use std::vec::Vec;
 
     #[test]

@@ -3,13 +3,16 @@
 //! Invariant: the motion is the trigonometric polynomial of the record's lines, so that its derivatives are exact, and the
 //! grid is fine enough that the harmonics of the rows no longer depend on it (up to [`MAX_GRID`]).
 
-use super::EstimateError;
-use crate::fourier::{analyse, synthesise, two_sided};
-use crate::harmonics::{Hold, Spectra};
-use crate::model::{Dims, Model};
-use nalgebra::{Complex, DMatrix, RowDVector};
+use crate::estimate::measured_motion::EstimateError;
+use crate::numerics::fourier::{analyse, synthesise, two_sided};
+use crate::numerics::{DMatrix, RowDVector};
+use crate::run::Spectra;
+use crate::run::held;
+use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{Dims, Model};
 
 /// Fewest points of a period at which the rows are evaluated.
 const MIN_GRID: usize = 1024;
@@ -76,7 +79,7 @@ pub(super) struct Sampled {
 
 /// Input lines and channel noise with the hold taken into account.
 pub(super) fn hold_corrected(spectra: &Spectra, dims: Dims, hold: Hold) -> (Lines, Vec<DMatrix<Complex<f64>>>) {
-    let factor = |k: usize| hold.response(k as f64 * spectra.fundamental * spectra.sample_time);
+    let factor = |k: usize| held(hold, k as f64 * spectra.fundamental * spectra.sample_time);
     let inputs = (0..dims.inputs)
         .map(|i| spectra.lines[dims.coordinates + i].iter().enumerate().map(|(k, line)| line * factor(k)).collect())
         .collect();

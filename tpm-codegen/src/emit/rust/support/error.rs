@@ -1,1 +1,0 @@
-../../../../../tpm-runtime/src/harmonics/error.rs

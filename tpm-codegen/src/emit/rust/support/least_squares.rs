@@ -1,1 +1,0 @@
-../../../../../tpm-runtime/src/least_squares.rs

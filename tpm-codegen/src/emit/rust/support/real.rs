@@ -1,1 +1,0 @@
-../../../../../tpm-runtime/src/real.rs

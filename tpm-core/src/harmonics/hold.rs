@@ -1,0 +1,76 @@
+//! What happens to an input between two samples.
+
+use crate::support::Real;
+use core::fmt;
+
+/// How the recorded values of an input became a force over time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum Hold {
+    /// The input itself was measured and is band-limited, or its timing is not known: harmonics are taken as they are.
+    #[default]
+    None,
+    /// Each recorded value was applied until the next sample (zero-order hold).
+    Zoh,
+}
+
+impl Hold {
+    /// The other one.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Hold::None => Hold::Zoh,
+            Hold::Zoh => Hold::None,
+        }
+    }
+
+    /// What the hold does to a harmonic at the angle `W T` (rad), as (real, imaginary) part: [`hold_factor`], or nothing.
+    #[must_use]
+    pub fn factor<T: Real>(self, angle: T) -> (T, T) {
+        match self {
+            Hold::None => (T::ONE, T::ZERO),
+            Hold::Zoh => hold_factor(angle),
+        }
+    }
+}
+
+impl fmt::Display for Hold {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Hold::None => "none",
+            Hold::Zoh => "zoh",
+        })
+    }
+}
+
+/// `(1 - e^{-j W T})/(j W T)` at the angle `W T` (rad), as (real, imaginary) part: what a hold of T seconds does to a
+/// harmonic of angular frequency W. One at angle zero.
+///
+/// Computed as `sinc(W T / 2) e^{-j W T / 2}`, which does not cancel at small angles.
+#[must_use]
+pub fn hold_factor<T: Real>(angle: T) -> (T, T) {
+    let half = angle / T::from_f64(2.0);
+    let sinc = if half.abs() > T::ZERO { half.sin() / half } else { T::ONE };
+    (sinc * half.cos(), -sinc * half.sin())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::hold_factor;
+
+    #[test]
+    fn agrees_with_the_integral_over_one_interval() {
+        // (1/T) integral_0^T e^{-j W t} dt by the midpoint rule, W T = 0.7.
+        let angle = 0.7_f64;
+        let steps = 20_000;
+        let (mut re, mut im) = (0.0, 0.0);
+        for i in 0..steps {
+            let phase = angle * (f64::from(i) + 0.5) / f64::from(steps);
+            re += phase.cos() / f64::from(steps);
+            im -= phase.sin() / f64::from(steps);
+        }
+        let (c, s) = hold_factor(angle);
+        assert!((c - re).abs() < 1e-9 && (s - im).abs() < 1e-9);
+        assert_eq!(hold_factor(0.0_f64), (1.0, 0.0));
+        assert_eq!(hold_factor(0.0_f32), (1.0, 0.0));
+    }
+}

@@ -1,0 +1,357 @@
+//! What every dynamics model offers to the runtime, whether written by hand, compiled by the macro, or interpreted.
+//!
+//! Invariant: a model is linear in its unknown parameters theta, row by row:
+//!
+//! ```text
+//! Phi(q, q', q'', ...; c) theta + known(q, q', q'', ...; c) = B(q, q', ...; c) u
+//! ```
+//!
+//! with coordinates q, inputs u and constants c that are known at run time. Rows of free coordinates have a zero row in B.
+//! Every matrix is row-major in a slice of the caller; nothing allocates; a slice of the wrong length is an error, not a panic.
+//! A *motion* is one instant of all coordinates: `motion[n * coordinates + c]` is the n-th time derivative of coordinate c,
+//! n = 0, ..., order, in the units of the model.
+
+use crate::linear;
+pub use crate::support::Label;
+use crate::support::Real;
+use core::fmt;
+
+/// The sizes of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Dims {
+    /// Number of coordinates q.
+    pub coordinates: usize,
+    /// Highest time derivative of any coordinate that the equations use.
+    pub order: usize,
+    /// Number of inputs u.
+    pub inputs: usize,
+    /// Number of equations.
+    pub rows: usize,
+    /// Number of unknown parameters in which the rows are linear.
+    pub parameters: usize,
+    /// Number of constants known at run time.
+    pub constants: usize,
+}
+
+impl Dims {
+    /// Length of a motion: the coordinates and their derivatives up to `order`.
+    #[must_use]
+    pub const fn motion_len(&self) -> usize {
+        self.coordinates * (self.order + 1)
+    }
+
+    /// Length of the regressor matrix, rows times parameters.
+    #[must_use]
+    pub const fn regressor_len(&self) -> usize {
+        self.rows * self.parameters
+    }
+
+    /// Length of the input map, rows times inputs.
+    #[must_use]
+    pub const fn input_map_len(&self) -> usize {
+        self.rows * self.inputs
+    }
+}
+
+/// The slices that a caller hands to a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Buffer {
+    /// Coordinates and their derivatives.
+    Motion,
+    /// Constants known at run time.
+    Constants,
+    /// Unknown parameters, or estimates of them.
+    Parameters,
+    /// Inputs.
+    Inputs,
+    /// Memory for intermediate values.
+    Workspace,
+    /// The result.
+    Output,
+}
+
+impl fmt::Display for Buffer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Buffer::Motion => "motion",
+            Buffer::Constants => "constants",
+            Buffer::Parameters => "parameters",
+            Buffer::Inputs => "inputs",
+            Buffer::Workspace => "workspace",
+            Buffer::Output => "output",
+        })
+    }
+}
+
+/// Why a model could not be evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EvalError {
+    /// A slice has the wrong length (a workspace may be longer than needed).
+    Length {
+        /// Which slice.
+        buffer: Buffer,
+        /// Entries that the model needs.
+        needed: usize,
+        /// Entries that were given.
+        given: usize,
+    },
+    /// Forward dynamics need as many rows as coordinates.
+    NotSquare {
+        /// Equations of the model.
+        rows: usize,
+        /// Coordinates of the model.
+        coordinates: usize,
+    },
+    /// The matrix of the highest derivatives is singular, so that the rows do not determine them (a zero mass, for example).
+    Singular {
+        /// Coordinate whose highest derivative is not determined.
+        coordinate: usize,
+    },
+}
+
+impl fmt::Display for EvalError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            EvalError::Length { buffer, needed, given } => {
+                write!(f, "the {buffer} slice has {given} entries, the model needs {needed}")
+            }
+            EvalError::NotSquare { rows, coordinates } => write!(
+                f,
+                "the model has {rows} equations for {coordinates} coordinates, so that its motion is not determined by them"
+            ),
+            EvalError::Singular { coordinate } => write!(
+                f,
+                "the equations do not determine the highest derivative of coordinate {coordinate}; is a mass or an inertia zero?"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for EvalError {}
+
+/// Requires a slice of exactly `needed` entries.
+///
+/// # Errors
+/// [`EvalError::Length`] that names the slice.
+pub fn require_len(buffer: Buffer, given: usize, needed: usize) -> Result<(), EvalError> {
+    if given == needed { Ok(()) } else { Err(EvalError::Length { buffer, needed, given }) }
+}
+
+/// A slice of exactly N entries as an array.
+///
+/// # Errors
+/// [`EvalError::Length`] that names the slice.
+pub fn fixed<T, const N: usize>(buffer: Buffer, slice: &[T]) -> Result<&[T; N], EvalError> {
+    let wrong = EvalError::Length { buffer, needed: N, given: slice.len() };
+    slice.try_into().map_err(|_| wrong)
+}
+
+/// Copies results into the caller's output.
+///
+/// # Errors
+/// [`EvalError::Length`] when the output has another length.
+pub fn store<T: Copy>(results: &[T], out: &mut [T]) -> Result<(), EvalError> {
+    require_len(Buffer::Output, out.len(), results.len())?;
+    // Not `copy_from_slice`, whose own length check could panic as far as a linker knows.
+    for (slot, &result) in out.iter_mut().zip(results) {
+        *slot = result;
+    }
+    Ok(())
+}
+
+/// The first `needed` entries of a workspace and the rest.
+///
+/// # Errors
+/// [`EvalError::Length`] when it is shorter.
+pub fn split_workspace<T>(workspace: &mut [T], needed: usize) -> Result<(&mut [T], &mut [T]), EvalError> {
+    let given = workspace.len();
+    workspace.split_at_mut_checked(needed).ok_or(EvalError::Length { buffer: Buffer::Workspace, needed, given })
+}
+
+/// A dynamics model, linear in its unknown parameters (see the module's invariant).
+///
+/// Indices given to the naming methods are below the matching member of [`Dims`]; beyond it an implementation returns an
+/// empty [`Label`] rather than panic.
+pub trait Model<T: Real>: Send + Sync {
+    /// Name of the model.
+    fn name(&self) -> &str;
+    /// Sizes; the same for the lifetime of the model.
+    fn dims(&self) -> Dims;
+
+    /// Name and unit of a coordinate.
+    fn coordinate(&self, index: usize) -> Label<'_>;
+    /// Name and unit of an input.
+    fn input(&self, index: usize) -> Label<'_>;
+    /// Name and unit of a parameter in which the rows are linear (a lumped one has its canonical name).
+    fn parameter(&self, index: usize) -> Label<'_>;
+    /// Name and unit of a constant that is known at run time.
+    fn constant(&self, index: usize) -> Label<'_>;
+    /// Name and unit of a row: the input's name when its right-hand side contains exactly one, else eq1, eq2, ...
+    fn row(&self, index: usize) -> Label<'_>;
+
+    /// Highest derivative of one coordinate that the rows use, at most `dims().order`.
+    ///
+    /// Slots of a motion above it are not read.
+    fn coordinate_order(&self, index: usize) -> usize {
+        let _ = index;
+        self.dims().order
+    }
+
+    /// Entries of workspace that [`regressor`](Model::regressor), [`known`](Model::known) and
+    /// [`input_map`](Model::input_map) need.
+    fn workspace_len(&self) -> usize;
+
+    /// Phi: rows x parameters, row-major, into `out`.
+    ///
+    /// # Errors
+    /// [`EvalError::Length`].
+    fn regressor(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
+
+    /// The terms without an unknown parameter, on the left-hand side: one number per row into `out`.
+    ///
+    /// # Errors
+    /// [`EvalError::Length`].
+    fn known(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
+
+    /// B: rows x inputs, row-major, into `out`.
+    ///
+    /// # Errors
+    /// [`EvalError::Length`].
+    fn input_map(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
+
+    /// Entries of workspace that [`inverse_dynamics`](Model::inverse_dynamics) needs.
+    fn inverse_workspace_len(&self) -> usize {
+        self.workspace_len() + self.dims().regressor_len()
+    }
+
+    /// Phi theta + known: the generalised force B u that the motion needs, one number per row into `out`.
+    ///
+    /// # Errors
+    /// [`EvalError::Length`].
+    fn inverse_dynamics(
+        &self,
+        motion: &[T],
+        parameters: &[T],
+        constants: &[T],
+        workspace: &mut [T],
+        out: &mut [T],
+    ) -> Result<(), EvalError> {
+        let dims = self.dims();
+        require_len(Buffer::Parameters, parameters.len(), dims.parameters)?;
+        require_len(Buffer::Output, out.len(), dims.rows)?;
+        let (scratch, rest) = split_workspace(workspace, self.workspace_len())?;
+        let (phi, _) = split_workspace(rest, dims.regressor_len())?;
+        self.known(motion, constants, scratch, out)?;
+        self.regressor(motion, constants, scratch, phi)?;
+        if dims.parameters > 0 {
+            for (force, row) in out.iter_mut().zip(phi.chunks_exact(dims.parameters)) {
+                for (&entry, &value) in row.iter().zip(parameters) {
+                    *force += entry * value;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Entries of workspace that [`forward_dynamics`](Model::forward_dynamics) needs.
+    fn forward_workspace_len(&self) -> usize {
+        difference_workspace_len(self)
+    }
+
+    /// Solves the rows for the highest derivative of every coordinate and writes them into their slots of `motion`.
+    ///
+    /// `motion` holds the lower derivatives on entry; the slots of the highest ones may hold anything. The rows must be
+    /// affine in them, as equations of motion are, and the input map and `known`'s other factors must not depend on them.
+    /// Unless a model has the matrix of the highest derivatives at hand, it is read off regressors at zero and unit values.
+    ///
+    /// # Errors
+    /// [`EvalError::NotSquare`], [`EvalError::Singular`], [`EvalError::Length`].
+    fn forward_dynamics(
+        &self,
+        motion: &mut [T],
+        parameters: &[T],
+        constants: &[T],
+        inputs: &[T],
+        workspace: &mut [T],
+    ) -> Result<(), EvalError> {
+        forward_by_differences(self, motion, parameters, constants, inputs, workspace)
+    }
+}
+
+/// Entries of workspace that [`forward_by_differences`] needs.
+pub fn difference_workspace_len<T: Real, M: Model<T> + ?Sized>(model: &M) -> usize {
+    let dims = model.dims();
+    model.workspace_len() + 2 * dims.regressor_len() + dims.input_map_len() + dims.rows * (dims.coordinates + 2)
+}
+
+/// [`Model::forward_dynamics`] of a model of which only regressor, known terms and input map are at hand: differences are
+/// taken per column, before the parameters enter, so that a small mass beside a large spring force loses no digits.
+///
+/// # Errors
+/// As there.
+pub fn forward_by_differences<T: Real, M: Model<T> + ?Sized>(
+    model: &M,
+    motion: &mut [T],
+    parameters: &[T],
+    constants: &[T],
+    inputs: &[T],
+    workspace: &mut [T],
+) -> Result<(), EvalError> {
+    let dims = model.dims();
+    require_forward(dims, motion, parameters, inputs)?;
+    let n = dims.coordinates;
+    let (scratch, rest) = split_workspace(workspace, model.workspace_len())?;
+    let (phi_zero, rest) = split_workspace(rest, dims.regressor_len())?;
+    let (phi_unit, rest) = split_workspace(rest, dims.regressor_len())?;
+    let (map, rest) = split_workspace(rest, dims.input_map_len())?;
+    let (matrix, rest) = split_workspace(rest, n * n)?;
+    let (known_unit, rest) = split_workspace(rest, n)?;
+    let (right, _) = split_workspace(rest, n)?;
+
+    for c in 0..n {
+        motion[model.coordinate_order(c) * n + c] = T::ZERO;
+    }
+    model.regressor(motion, constants, scratch, phi_zero)?;
+    model.known(motion, constants, scratch, right)?;
+    for c in 0..n {
+        let slot = model.coordinate_order(c) * n + c;
+        motion[slot] = T::ONE;
+        model.regressor(motion, constants, scratch, phi_unit)?;
+        model.known(motion, constants, scratch, known_unit)?;
+        motion[slot] = T::ZERO;
+        for r in 0..n {
+            let mut entry = known_unit[r] - right[r];
+            for (j, &value) in parameters.iter().enumerate() {
+                let at = r * dims.parameters + j;
+                entry += (phi_unit[at] - phi_zero[at]) * value;
+            }
+            matrix[r * n + c] = entry;
+        }
+    }
+    model.input_map(motion, constants, scratch, map)?;
+    for r in 0..n {
+        let mut sum = -right[r];
+        for (j, &value) in parameters.iter().enumerate() {
+            sum -= phi_zero[r * dims.parameters + j] * value;
+        }
+        for (j, &value) in inputs.iter().enumerate() {
+            sum += map[r * dims.inputs + j] * value;
+        }
+        right[r] = sum;
+    }
+    linear::solve_in_place(matrix, right).map_err(|coordinate| EvalError::Singular { coordinate })?;
+    for c in 0..n {
+        motion[model.coordinate_order(c) * n + c] = right[c];
+    }
+    Ok(())
+}
+
+/// Requires slices that fit a model whose rows determine the highest derivatives.
+pub fn require_forward<T>(dims: Dims, motion: &[T], parameters: &[T], inputs: &[T]) -> Result<(), EvalError> {
+    if dims.rows != dims.coordinates {
+        return Err(EvalError::NotSquare { rows: dims.rows, coordinates: dims.coordinates });
+    }
+    require_len(Buffer::Motion, motion.len(), dims.motion_len())?;
+    require_len(Buffer::Parameters, parameters.len(), dims.parameters)?;
+    require_len(Buffer::Inputs, inputs.len(), dims.inputs)
+}

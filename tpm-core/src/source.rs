@@ -1,0 +1,10 @@
+//! The text of [`support`](crate::support), for writers of files that stand alone.
+
+/// Module name and source text of every file of [`support`](crate::support), in alphabetical order. Each takes what it needs
+/// from the module that it stands in, which must re-export the names that `support` re-exports.
+pub const SUPPORT: [(&str, &str); 4] = [
+    ("error", include_str!("support/error.rs")),
+    ("label", include_str!("support/label.rs")),
+    ("least_squares", include_str!("support/least_squares.rs")),
+    ("real", include_str!("support/real.rs")),
+];

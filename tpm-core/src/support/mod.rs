@@ -1,0 +1,16 @@
+//! What every generated estimator needs beside `core` and the crate `libm`.
+//!
+//! Invariant: each file here takes what it needs from this module (`super`) and from nowhere else in the crate, and holds no tests, so
+//! that its text may stand, unchanged, inside a generated file.
+
+mod error;
+mod label;
+mod least_squares;
+mod real;
+#[cfg(test)]
+mod tests;
+
+pub use error::AccumulatorError;
+pub use label::Label;
+pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
+pub use real::Real;

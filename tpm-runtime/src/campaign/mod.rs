@@ -1,0 +1,17 @@
+//! The five-step procedure (Feng, chapter 3): what to play, how it settled, what it taught, what comes next, and what is kept.
+//!
+//! ```text
+//! Setup -> Campaign --next--> Trial -> (plant or machine) -> Record --submit--> Estimate, next Trial
+//! ```
+
+mod procedure;
+mod settling;
+mod store;
+#[cfg(test)]
+mod system_a;
+
+pub use procedure::{
+    Campaign, CampaignError, LEAST_PERIODS, NearMode, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
+};
+pub use settling::settled_from;
+pub use store::{GainManifest, Manifest, RunManifest, Store, StoreError, samples_text};

@@ -1,0 +1,851 @@
+//! The campaign: a state machine that says what to play next and learns from what comes back.
+//!
+//! Invariant: [`Campaign::next`] depends on the settings and on the records submitted so far, in their order, and on nothing
+//! else; whoever submits the same records gets the same trials and the same estimates, whether they come from a simulation or
+//! from a machine. Estimates only change by a record that was accepted.
+//!
+//! A stage is one amplitude and frequency (Feng, chapter 3, steps 1-5): play, let it settle, measure whole periods, update,
+//! repeat until the update no longer changes anything (or the tracking error's harmonics are small enough), then grow.
+
+use crate::campaign::settling::settled_from;
+use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
+use crate::machine::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
+use crate::machine::stability::natural_modes;
+use crate::numerics::fourier::analyse;
+use crate::run::held;
+use crate::run::trajectory::{Pattern, Trajectory};
+use crate::run::{Ending, Record, RunEnding};
+use crate::run::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
+use crate::run::{Spectra, SpectrumError};
+use num_complex::Complex;
+use serde::Serialize;
+use std::boxed::Box;
+use std::string::String;
+use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::{Dims, Model};
+
+/// Fewest whole periods that are measured: a window needs them, and so does the noise between the lines.
+pub const LEAST_PERIODS: usize = 4;
+/// A harmonic is near a natural mode within this share of its frequency.
+const NEAR: f64 = 0.05;
+/// A harmonic of an input counts from this share of its largest one on.
+const SUBSTANTIAL: f64 = 1e-3;
+/// A change within so many standard deviations is no change.
+const INSIGNIFICANT: f64 = 3.0;
+/// Samples of a period, at least, from which the demand on motors is worked out.
+const PLANNED_SAMPLES: usize = 256;
+/// A run's demand on motors is read up to so many times the highest harmonic of the reference.
+const MOTOR_REACH: usize = 4;
+/// How often the settling time of a trial is doubled.
+const EXTENSIONS: usize = 3;
+
+/// One amplitude and frequency of the schedule.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// Its pattern; that of the campaign where none is given.
+    pub pattern: Option<Pattern>,
+    /// Amplitudes, in the order of the pattern.
+    pub amplitudes: Vec<f64>,
+    /// Fundamental angular frequency asked for, rad/s.
+    pub frequency: f64,
+    /// Multiple of the frequency on which a coordinate's pattern is played, per coordinate; one for all when empty.
+    pub multiples: Vec<u32>,
+    /// Factor on all gains of the feedback.
+    pub gain: f64,
+}
+
+impl Stage {
+    /// The pattern of this stage in a campaign with a pattern.
+    #[must_use]
+    pub fn pattern<'p>(&'p self, campaign: &'p Pattern) -> &'p Pattern {
+        self.pattern.as_ref().unwrap_or(campaign)
+    }
+
+    /// The reference of this stage, in a campaign with a pattern, with its amplitudes times a factor.
+    #[must_use]
+    pub fn trajectory(&self, campaign: &Pattern, scale: f64) -> Trajectory {
+        let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
+        let mut trajectory = self.pattern(campaign).trajectory(&amplitudes, self.frequency);
+        for (series, &multiple) in trajectory.coordinates.iter_mut().zip(&self.multiples) {
+            for line in &mut series.lines {
+                line.harmonic *= multiple;
+            }
+        }
+        trajectory
+    }
+}
+
+/// How a campaign goes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Procedure {
+    /// The stages, growing.
+    pub stages: Vec<Stage>,
+    /// Periods that are let pass at least before anything is measured.
+    pub settle_periods: usize,
+    /// Time that is measured in every run, s; rounded up to whole periods, at least [`LEAST_PERIODS`].
+    pub measure_time: f64,
+    /// Most updates in one stage.
+    pub updates_per_stage: usize,
+    /// Most runs in the whole campaign.
+    pub max_runs: usize,
+    /// A stage is done when no parameter changed by more than this share (or insignificantly).
+    pub tolerance: f64,
+    /// A stage is also done when no harmonic of the tracking error exceeds this, per coordinate; zero to leave it out.
+    pub error_limits: Vec<f64>,
+    /// Largest tracking error; a run that passes it is aborted, per coordinate.
+    pub tracking_bounds: Vec<f64>,
+    /// Largest magnitude of each input; infinite where there is none.
+    pub input_limits: Vec<f64>,
+    /// Motors by input, whose limits count as those of the inputs do; empty when there is none.
+    pub motors: Vec<Option<Mounted>>,
+    /// Share of an input's limit at which the campaign ends.
+    pub effort_share: f64,
+    /// Factor on the amplitudes after an aborted run.
+    pub back_off: f64,
+    /// Most aborted runs in succession.
+    pub max_aborts: usize,
+    /// Hold of the recorded inputs.
+    pub hold: Hold,
+}
+
+/// Everything that a campaign starts from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// The reference.
+    pub pattern: Pattern,
+    /// Constants of the model.
+    pub constants: Vec<f64>,
+    /// Estimates before the first run.
+    pub prior: Vec<f64>,
+    /// Feedback and sampling.
+    pub control: Loop,
+    /// The schedule.
+    pub procedure: Procedure,
+    /// The estimator.
+    pub method: Method,
+    /// Its settings.
+    pub estimation: Settings,
+}
+
+/// Why a campaign ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// The last stage converged.
+    Converged,
+    /// An input reached its stated share; what was asked for is there.
+    EffortShare,
+    /// All runs were used before the last stage converged.
+    RunsUsed,
+    /// An input was cut at its limit.
+    InputLimit,
+    /// Run after run passed the bound on the tracking error, or diverged.
+    Aborted,
+    /// The motion did not settle.
+    NotSettled,
+    /// A sensor gave no value.
+    SensorLost,
+    /// All runs were used to follow parameters that drift.
+    Followed,
+}
+
+impl Outcome {
+    /// Ended as planned.
+    #[must_use]
+    pub const fn is_normal(self) -> bool {
+        matches!(self, Outcome::Converged | Outcome::EffortShare | Outcome::Followed)
+    }
+
+    /// What a report says of it.
+    #[must_use]
+    pub const fn describe(self) -> &'static str {
+        match self {
+            Outcome::Converged => "converged",
+            Outcome::EffortShare => "an input reached the stated share of its limit",
+            Outcome::RunsUsed => "all runs were used before the estimates converged",
+            Outcome::InputLimit => "an input was cut at its limit",
+            Outcome::Aborted => "the tracking error passed its bound again and again",
+            Outcome::NotSettled => "the motion did not settle",
+            Outcome::SensorLost => {
+                "a sensor gave no value in the middle of a run; mend it, and go on from the runs that are finished"
+            }
+            Outcome::Followed => "all runs were used to follow the parameters",
+        }
+    }
+}
+
+/// One parameter's value in a run's report.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunParameter {
+    /// Its name.
+    pub name: String,
+    /// Its estimate after the run; nothing when unobservable.
+    pub value: Option<f64>,
+    /// Its standard deviation; nothing when unobservable.
+    pub std: Option<f64>,
+}
+
+/// What is kept of every run.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RunReport {
+    /// Number of the run, from 1.
+    pub run: usize,
+    /// Stage of the schedule, from 1.
+    pub stage: usize,
+    /// Name of its pattern, where the stage has its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
+    /// Names and values of the amplitudes.
+    pub amplitudes: Vec<(String, f64)>,
+    /// Fundamental angular frequency that was played, rad/s.
+    pub frequency: f64,
+    /// Samples in a period.
+    pub samples_per_period: usize,
+    /// Period from which the motion had settled.
+    pub settled_after: Option<usize>,
+    /// Whole periods that were measured.
+    pub periods: usize,
+    /// Parameters behind the feed-forward, in the model's order.
+    #[serde(skip)]
+    pub played: Vec<f64>,
+    /// Root-mean-square tracking error per coordinate over these (or over an aborted run).
+    pub tracking_rms: Vec<f64>,
+    /// Largest share of its limit that an input, or its motor, took; nothing without limits.
+    pub effort_share: Option<f64>,
+    /// The limit of which that was, and where.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit: Option<LimitUse>,
+    /// How it ended.
+    pub ending: RunEnding,
+    /// A harmonic of the reference or of an input that lies near a natural mode, with the parameters behind the feed-forward.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub near_mode: Option<NearMode>,
+    /// Whether the run belongs to an update (a perturbed run of `numerical` does so with later ones).
+    pub updated: bool,
+    /// Estimates after the run.
+    pub parameters: Vec<RunParameter>,
+    /// Rank of all equations so far.
+    pub rank: Option<usize>,
+    /// Condition number of all equations so far.
+    pub condition: Option<f64>,
+    /// Residual as a share of the force.
+    pub residual: Option<f64>,
+    /// Highest harmonic used.
+    pub harmonics: Option<usize>,
+}
+
+/// A harmonic near a natural mode of the machine (Feng, 2.1, 4.2).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct NearMode {
+    /// Coordinate or input that has the harmonic.
+    pub signal: String,
+    /// The harmonic.
+    pub harmonic: u32,
+    /// Natural frequency of the mode, rad/s.
+    pub frequency: f64,
+}
+
+/// Why a campaign cannot go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CampaignError {
+    /// The schedule is empty.
+    #[error("the schedule has no stage")]
+    NoStage,
+    /// A record came although the campaign had ended.
+    #[error("the campaign has ended; no record is expected")]
+    Ended,
+    /// The record is not that of the trial.
+    #[error("the record has {given} {what}, the trial has {needed}")]
+    Mismatch {
+        /// What differs.
+        what: &'static str,
+        /// In the trial.
+        needed: usize,
+        /// In the record.
+        given: usize,
+    },
+    /// The record was sampled at another rate.
+    #[error("the record has a sample every {given} s, the trial one every {needed} s")]
+    SampleTime {
+        /// In the trial, s.
+        needed: f64,
+        /// In the record, s.
+        given: f64,
+    },
+    /// The record holds a value that is not finite.
+    #[error("sample {sample} of the record is not finite; was a sensor disconnected?")]
+    NotFinite {
+        /// The sample.
+        sample: usize,
+    },
+    /// The next trial cannot be worked out.
+    #[error("run {run}: {source}")]
+    Trial {
+        /// Number of the run, from 1.
+        run: usize,
+        /// Why.
+        source: TrialError,
+    },
+    /// The record has no harmonics.
+    #[error("run {run}: {source}")]
+    Spectrum {
+        /// Number of the run, from 1.
+        run: usize,
+        /// Why.
+        source: SpectrumError,
+    },
+    /// The estimator refused the run.
+    #[error("run {run}: {source}")]
+    Estimate {
+        /// Number of the run, from 1.
+        run: usize,
+        /// Why.
+        source: EstimateError,
+    },
+}
+
+/// A campaign of runs on one machine.
+pub struct Campaign<'m> {
+    model: &'m dyn Model<f64>,
+    setup: Setup,
+    estimator: Box<dyn Estimator>,
+    current: Vec<f64>,
+    estimate: Option<Estimate>,
+    reports: Vec<RunReport>,
+    stage: usize,
+    updates_in_stage: usize,
+    /// Factor on the amplitudes of the present stage.
+    scale: f64,
+    aborts: usize,
+    extensions: usize,
+    pending: Option<Trial>,
+    outcome: Option<Outcome>,
+    stop: Option<LimitUse>,
+}
+
+impl std::fmt::Debug for Campaign<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Campaign")
+            .field("model", &self.model.name())
+            .field("estimator", &self.estimator.name())
+            .field("runs", &self.reports.len())
+            .field("current", &self.current)
+            .field("outcome", &self.outcome)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'m> Campaign<'m> {
+    /// A campaign before its first run.
+    ///
+    /// # Errors
+    /// [`CampaignError::NoStage`], [`CampaignError::Trial`].
+    pub fn new(model: &'m dyn Model<f64>, setup: Setup) -> Result<Self, CampaignError> {
+        let estimator = setup.method.estimator(&setup.estimation);
+        Self::with_estimator(model, setup, estimator)
+    }
+
+    /// The same with an estimator of the caller, which gives estimates of the model's parameters.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn with_estimator(
+        model: &'m dyn Model<f64>,
+        setup: Setup,
+        estimator: Box<dyn Estimator>,
+    ) -> Result<Self, CampaignError> {
+        if setup.procedure.stages.is_empty() {
+            return Err(CampaignError::NoStage);
+        }
+        let mut current = setup.prior.clone();
+        current.resize(model.dims().parameters, 0.0);
+        for frozen in &setup.estimation.frozen {
+            if let Some(value) = current.get_mut(frozen.parameter) {
+                *value = frozen.value;
+            }
+        }
+        let mut campaign = Campaign {
+            model,
+            setup,
+            estimator,
+            current,
+            estimate: None,
+            reports: Vec::new(),
+            stage: 0,
+            updates_in_stage: 0,
+            scale: 1.0,
+            aborts: 0,
+            extensions: 0,
+            pending: None,
+            outcome: None,
+            stop: None,
+        };
+        campaign.prepare()?;
+        Ok(campaign)
+    }
+
+    /// What to play next; nothing when the campaign has ended.
+    #[must_use]
+    pub const fn next(&self) -> Option<&Trial> {
+        self.pending.as_ref()
+    }
+
+    /// Why the campaign ended; nothing while it goes on.
+    #[must_use]
+    pub const fn outcome(&self) -> Option<Outcome> {
+        self.outcome
+    }
+
+    /// The limit that ended the campaign; nothing when something else did.
+    #[must_use]
+    pub const fn stop(&self) -> Option<&LimitUse> {
+        self.stop.as_ref()
+    }
+
+    /// The estimates that the next run's feed-forward starts from.
+    #[must_use]
+    pub fn current(&self) -> &[f64] {
+        &self.current
+    }
+
+    /// The last estimate with its uncertainty; nothing before the first update.
+    #[must_use]
+    pub const fn estimate(&self) -> Option<&Estimate> {
+        self.estimate.as_ref()
+    }
+
+    /// What the estimator that is at work says beside the estimate.
+    #[must_use]
+    pub fn estimator(&self) -> &dyn Estimator {
+        self.estimator.as_ref()
+    }
+
+    /// The machine.
+    #[must_use]
+    pub fn model(&self) -> &dyn Model<f64> {
+        self.model
+    }
+
+    /// The runs so far.
+    #[must_use]
+    pub fn runs(&self) -> &[RunReport] {
+        &self.reports
+    }
+
+    /// What the campaign started from.
+    #[must_use]
+    pub const fn setup(&self) -> &Setup {
+        &self.setup
+    }
+
+    /// Takes in the record of the trial that [`next`](Self::next) gave, updates the estimates and works out the next trial.
+    ///
+    /// # Errors
+    /// [`CampaignError`]; the campaign is then as it was before, and expects another record of the same trial.
+    pub fn submit(&mut self, record: &Record) -> Result<&RunReport, CampaignError> {
+        let Some(trial) = self.pending.clone() else { return Err(CampaignError::Ended) };
+        let dims = self.model.dims();
+        for (what, needed, given) in
+            [("coordinates", dims.coordinates, record.coordinates.len()), ("inputs", dims.inputs, record.inputs.len())]
+        {
+            if needed != given {
+                return Err(CampaignError::Mismatch { what, needed, given });
+            }
+        }
+        let mut report = self.report(&trial, record);
+        if matches!(record.ending, Ending::SensorLost { .. }) {
+            self.outcome = Some(Outcome::SensorLost);
+            return self.finish(report);
+        }
+        if record.ending != Ending::Complete {
+            self.aborts += 1;
+            self.scale *= self.setup.procedure.back_off;
+            if self.aborts > self.setup.procedure.max_aborts {
+                self.outcome = Some(Outcome::Aborted);
+            }
+            return self.finish(report);
+        }
+        if record.len() < trial.samples() {
+            return Err(CampaignError::Mismatch { what: "samples", needed: trial.samples(), given: record.len() });
+        }
+        let not_finite = |channel: &Vec<f64>| channel.iter().position(|x| !x.is_finite());
+        let rates = || record.rates.iter().flatten();
+        if let Some(sample) = record.coordinates.iter().chain(&record.inputs).chain(rates()).find_map(not_finite) {
+            return Err(CampaignError::NotFinite { sample });
+        }
+        if let Some(short) = rates().map(Vec::len).find(|length| *length < trial.samples()) {
+            return Err(CampaignError::Mismatch { what: "samples of a rate", needed: trial.samples(), given: short });
+        }
+        let samples = trial.samples_per_period;
+        let settled = settled_from(record, samples, self.setup.procedure.settle_periods)
+            .filter(|from| from + LEAST_PERIODS <= trial.periods);
+        let Some(from) = settled else {
+            report.ending = RunEnding::Unsettled;
+            self.extensions += 1;
+            if self.extensions > EXTENSIONS {
+                self.outcome = Some(Outcome::NotSettled);
+            }
+            return self.finish(report);
+        };
+        let run = self.reports.len() + 1;
+        let channels: Vec<&[f64]> = record
+            .coordinates
+            .iter()
+            .chain(&record.inputs)
+            .chain(rates())
+            .map(|c| &c[from * samples..trial.samples()])
+            .collect();
+        let periods = trial.periods - from;
+        let mut spectra = Spectra::analyse(&channels, trial.control.sample_time, samples as f64, periods)
+            .map_err(|source| CampaignError::Spectrum { run, source })?;
+        correct_actuators(&mut spectra, dims.coordinates, &trial.control.actuators);
+        let rates = integrated_rates(&spectra, &record.rates, dims);
+        if rates.is_some() {
+            let own: Vec<usize> = (0..dims.coordinates + dims.inputs).collect();
+            spectra = spectra.select(&own);
+        }
+        let hold = self.setup.procedure.hold;
+        let seen = Run { trial: &trial, spectra: &spectra, rates: rates.as_ref(), hold };
+        let update =
+            self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
+        self.aborts = 0;
+        report.settled_after = Some(from);
+        report.periods = periods;
+        report.tracking_rms = tracking_rms(&trial, record, from * samples);
+        report.harmonics = Some(self.estimator.harmonics());
+        if let Some(used) = self.motor_use(&trial, &spectra) {
+            report.limit = most_used(report.limit.take(), used);
+            report.effort_share = report.limit.as_ref().map(|limit| limit.share);
+        }
+        if let Some(estimate) = update {
+            let converged = self.converged(&estimate) || self.tracks_well(&trial, &spectra);
+            self.current.clone_from(&estimate.values);
+            report.updated = true;
+            self.estimate = Some(estimate);
+            self.updates_in_stage += 1;
+            self.decide(&trial, record, &report, converged);
+        }
+        self.finish(report)
+    }
+
+    /// After an update: repeat, grow or end.
+    fn decide(&mut self, trial: &Trial, record: &Record, report: &RunReport, converged: bool) {
+        let procedure = &self.setup.procedure;
+        let share = report.effort_share.unwrap_or(0.0);
+        if record.saturated > 0 && trial.input_limits.iter().any(|limit| limit.is_finite()) || share > 1.0 {
+            self.outcome = Some(Outcome::InputLimit);
+            self.stop.clone_from(&report.limit);
+        } else if report.effort_share.is_some() && share >= procedure.effort_share {
+            self.outcome = Some(Outcome::EffortShare);
+            self.stop.clone_from(&report.limit);
+        } else if converged || self.updates_in_stage >= procedure.updates_per_stage {
+            let last = self.stage + 1 == procedure.stages.len();
+            if last && self.setup.estimation.forgets() {
+                self.updates_in_stage = 0;
+            } else if last && converged {
+                self.outcome = Some(Outcome::Converged);
+            } else if last {
+                self.outcome = Some(Outcome::RunsUsed);
+            } else {
+                self.stage += 1;
+                self.updates_in_stage = 0;
+                self.scale = 1.0;
+                self.extensions = 0;
+            }
+        }
+    }
+
+    /// Files the report and works out the next trial.
+    fn finish(&mut self, mut report: RunReport) -> Result<&RunReport, CampaignError> {
+        report.parameters = self.run_parameters();
+        report.rank = self.estimate.as_ref().map(|e| e.rank);
+        report.condition = self.estimate.as_ref().map(|e| e.condition).filter(|c| c.is_finite());
+        report.residual = self.estimate.as_ref().map(|e| e.residual);
+        self.reports.push(report);
+        self.pending = None;
+        if self.outcome.is_none() && self.reports.len() >= self.setup.procedure.max_runs {
+            let there = self.stage + 1 == self.setup.procedure.stages.len() && self.estimate.is_some();
+            let followed = there && self.setup.estimation.forgets();
+            self.outcome = Some(if followed { Outcome::Followed } else { Outcome::RunsUsed });
+        }
+        if self.outcome.is_none() {
+            self.prepare()?;
+        }
+        Ok(self.reports.last().expect("invariant: a report was just filed"))
+    }
+
+    fn prepare(&mut self) -> Result<(), CampaignError> {
+        let procedure = &self.setup.procedure;
+        let stage = &procedure.stages[self.stage];
+        let amplitudes: Vec<f64> = stage.amplitudes.iter().map(|a| a * self.scale).collect();
+        let period = 2.0 * std::f64::consts::PI / stage.frequency;
+        // A periods' sum that misses the time by rounding alone is not given another period.
+        let measured = ((procedure.measure_time / period - 1e-6).ceil().max(0.0) as usize).max(LEAST_PERIODS);
+        let settle = procedure.settle_periods << self.extensions.min(EXTENSIONS);
+        let settings = TrialSettings {
+            run: self.reports.len(),
+            trajectory: stage.trajectory(&self.setup.pattern, self.scale),
+            open: &stage.pattern(&self.setup.pattern).open(),
+            pattern: stage.pattern.as_ref().and_then(|pattern| pattern.name.clone()),
+            amplitudes,
+            periods: settle + measured,
+            control: &self.setup.control.scaled(stage.gain),
+            parameters: &self.estimator.play(&self.current),
+            constants: &self.setup.constants,
+            tracking_bounds: &procedure.tracking_bounds,
+            input_limits: &procedure.input_limits,
+        };
+        let run = self.reports.len() + 1;
+        let trial = Trial::new(self.model, settings).map_err(|source| CampaignError::Trial { run, source })?;
+        let share = procedure.effort_share;
+        let planned = if self.estimate.is_some() {
+            let motor = self.motor_plan(&trial).map_err(|source| CampaignError::Trial { run, source })?;
+            let inputs = trial.input_limits.len();
+            let column = |i: usize| trial.feed_forward.iter().skip(i).step_by(inputs).copied().collect();
+            let command = self.command_use(&trial, &(0..inputs).map(column).collect::<Vec<Vec<f64>>>());
+            motor.into_iter().fold(command, most_used)
+        } else {
+            None
+        };
+        if planned.as_ref().is_some_and(|planned| planned.share >= share) {
+            // The demand alone would pass the share: it is not played.
+            self.outcome = Some(Outcome::EffortShare);
+            self.stop = planned;
+        } else {
+            self.pending = Some(trial);
+        }
+        Ok(())
+    }
+
+    /// What values of the inputs, from the start of a period, take of the limits on them.
+    fn command_use(&self, trial: &Trial, columns: &[Vec<f64>]) -> Option<LimitUse> {
+        let samples = trial.samples_per_period;
+        let mut most = None;
+        for (i, (column, &limit)) in columns.iter().zip(&trial.input_limits).enumerate() {
+            if !limit.is_finite() {
+                continue;
+            }
+            let sizes = column.iter().map(|value| value.abs()).enumerate();
+            let (at, value) = sizes.fold((0, 0.0), |most, now| if now.1 > most.1 { now } else { most });
+            let label = self.model.input(i);
+            // Where the current of a motor is what limits the input, that is what is said.
+            let motor = self.setup.procedure.motors.get(i).copied().flatten().map(|mounted| mounted.motor);
+            let by_current = motor.filter(|motor| motor.force(motor.limits.current) <= limit);
+            let per_unit = by_current.map_or(1.0, |motor| 1.0 / motor.force(1.0));
+            let (name, unit) = match by_current {
+                Some(_) => ("current", Some("A".into())),
+                None => ("command", label.unit.map(Into::into)),
+            };
+            let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+            let harmonic = strongest(last_period(column, samples, reach).into_iter().enumerate());
+            let used = LimitUse {
+                input: label.name.into(),
+                limit: name,
+                unit,
+                value: value * per_unit,
+                available: limit * per_unit,
+                share: value / limit,
+                sample: at % samples,
+                time: (at % samples) as f64 * trial.control.sample_time,
+                harmonic: harmonic.map(|(k, size)| (k, size * per_unit)),
+            };
+            most = most_used(most, used);
+        }
+        most
+    }
+
+    /// What the feed-forward of a trial asks of the motors.
+    fn motor_plan(&self, trial: &Trial) -> Result<Option<LimitUse>, TrialError> {
+        let mounted = &self.setup.procedure.motors;
+        if mounted.iter().all(Option::is_none) {
+            return Ok(None);
+        }
+        let driven: Vec<Vec<usize>> =
+            mounted.iter().map(|mounted| mounted.iter().map(|mounted| mounted.coordinate).collect()).collect();
+        let motors: Vec<_> = mounted.iter().map(|mounted| mounted.map(|mounted| mounted.bare())).collect();
+        let demand = Demand::new(self.model, &trial.parameters, &trial.constants, &driven);
+        let least = 8 * trial.trajectory.highest_harmonic() as usize;
+        let samples = least.next_power_of_two().max(PLANNED_SAMPLES);
+        let found = requirements(&demand, &motors, &trial.trajectory, samples)?;
+        let uses = found.iter().filter_map(|requirement| {
+            let mounted = mounted.get(requirement.input).copied().flatten()?;
+            Some(mounted.planned(self.model, requirement, trial.samples_per_period))
+        });
+        Ok(uses.fold(None, most_used))
+    }
+
+    /// What a run took of the motors.
+    fn motor_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
+        let coordinates = self.model.dims().coordinates;
+        let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+        let reach = reach.min(spectra.highest());
+        let mut most = None;
+        for (i, mounted) in self.setup.procedure.motors.iter().enumerate() {
+            let Some(mounted) = mounted else { continue };
+            let hold = |k: usize| held(self.setup.procedure.hold, k as f64 * spectra.fundamental * spectra.sample_time);
+            let force: Vec<_> = (0..=reach).map(|k| spectra.lines[coordinates + i][k] * hold(k)).collect();
+            let motion = &spectra.lines[mounted.coordinate][..=reach];
+            let name = self.model.input(i).name;
+            let used = mounted.measured(name, &force, motion, spectra.fundamental, trial.samples_per_period);
+            most = most_used(most, used);
+        }
+        most
+    }
+
+    fn converged(&self, estimate: &Estimate) -> bool {
+        if self.estimate.is_none() {
+            return false;
+        }
+        estimate.values.iter().zip(&self.current).zip(estimate.std.iter().zip(&estimate.status)).all(
+            |((now, before), (std, status))| {
+                let change = (now - before).abs();
+                *status == Status::Unobservable
+                    || change <= self.setup.procedure.tolerance * now.abs()
+                    || change <= INSIGNIFICANT * std
+            },
+        )
+    }
+
+    /// No harmonic of the tracking error exceeds its limit, when there are limits.
+    fn tracks_well(&self, trial: &Trial, spectra: &Spectra) -> bool {
+        let limits = &self.setup.procedure.error_limits;
+        if self.estimate.is_none() || !limits.iter().any(|limit| *limit > 0.0) {
+            return false;
+        }
+        let highest = self.estimator.harmonics().max(1);
+        let lines = crate::estimate::error_lines(trial, spectra, limits.len(), highest);
+        lines.iter().zip(limits).all(|(lines, limit)| *limit <= 0.0 || lines.iter().all(|line| line.norm() <= *limit))
+    }
+
+    fn report(&self, trial: &Trial, record: &Record) -> RunReport {
+        let limit = self.command_use(trial, &record.inputs);
+        let pattern = self.setup.procedure.stages[self.stage].pattern(&self.setup.pattern);
+        RunReport {
+            run: self.reports.len() + 1,
+            stage: self.stage + 1,
+            pattern: trial.pattern.clone(),
+            amplitudes: pattern.amplitudes.iter().cloned().zip(trial.amplitudes.iter().copied()).collect(),
+            frequency: trial.trajectory.frequency,
+            samples_per_period: trial.samples_per_period,
+            settled_after: None,
+            periods: 0,
+            played: trial.parameters.clone(),
+            tracking_rms: tracking_rms(trial, record, 0),
+            effort_share: limit.as_ref().map(|limit| limit.share),
+            limit,
+            ending: record.ending.kind(),
+            near_mode: self.near_mode(trial),
+            updated: false,
+            parameters: Vec::new(),
+            rank: None,
+            condition: None,
+            residual: None,
+            harmonics: None,
+        }
+    }
+
+    /// The first harmonic of the reference, or of the feed-forward, near a natural mode of the machine as it was thought to be.
+    fn near_mode(&self, trial: &Trial) -> Option<NearMode> {
+        let position: Vec<f64> = trial.trajectory.coordinates.iter().map(|series| series.mean).collect();
+        let modes = natural_modes(self.model, &trial.parameters, &trial.constants, &position).unwrap_or_default();
+        let near = |harmonic: u32| {
+            let frequency = f64::from(harmonic) * trial.trajectory.frequency;
+            modes.iter().copied().find(|mode| (frequency / mode - 1.0).abs() < NEAR)
+        };
+        let found = |signal: &str, harmonic: u32| {
+            near(harmonic).map(|frequency| NearMode { signal: signal.into(), harmonic, frequency })
+        };
+        let moved = trial.trajectory.coordinates.iter().enumerate().find_map(|(c, series)| {
+            series.lines.iter().find_map(|line| found(self.model.coordinate(c).name, line.harmonic))
+        });
+        moved.or_else(|| {
+            if modes.is_empty() {
+                return None;
+            }
+            let inputs = self.model.dims().inputs;
+            let reach = 8 * trial.trajectory.highest_harmonic() as usize;
+            (0..inputs).find_map(|i| {
+                let lines = analyse(&trial.feed_forward, i, inputs, reach);
+                let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+                let strong = |&(_, line): &(usize, &Complex<f64>)| line.norm() > SUBSTANTIAL * largest;
+                let mut strong = lines.iter().enumerate().skip(1).filter(strong);
+                strong.find_map(|(k, _)| found(self.model.input(i).name, k as u32))
+            })
+        })
+    }
+
+    fn run_parameters(&self) -> Vec<RunParameter> {
+        self.current
+            .iter()
+            .enumerate()
+            .map(|(j, &value)| {
+                let estimate = self.estimate.as_ref();
+                let hidden = estimate.is_none_or(|e| e.status[j] == Status::Unobservable);
+                RunParameter {
+                    name: self.model.parameter(j).name.into(),
+                    value: (!hidden).then_some(value),
+                    std: estimate.filter(|_| !hidden).map(|e| e.std[j]),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Spectra with the measured rates, which stand behind coordinates and inputs, integrated and in place of their coordinates.
+fn integrated_rates(spectra: &Spectra, rates: &[Option<Vec<f64>>], dims: Dims) -> Option<Spectra> {
+    let own = dims.coordinates + dims.inputs;
+    let measured: Vec<usize> = (0..rates.len()).filter(|&c| rates[c].is_some()).collect();
+    let mut channels: Vec<usize> = (0..own).collect();
+    for (behind, &c) in measured.iter().enumerate() {
+        channels[c] = own + behind;
+    }
+    if measured.is_empty() {
+        return None;
+    }
+    let mut integrated = spectra.select(&channels);
+    for c in measured {
+        let zero = Complex::new(0.0, 0.0);
+        integrated.pass(c, |frequency| if frequency > 0.0 { Complex::new(0.0, -1.0 / frequency) } else { zero });
+    }
+    Some(integrated)
+}
+
+/// The one that takes the larger share of what there is.
+fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
+    if !used.available.is_finite() || most.as_ref().is_some_and(|most| most.share >= used.share) {
+        return most;
+    }
+    Some(used)
+}
+
+/// Amplitudes of the harmonics of the last whole period of a signal, from the mean on; none when there is no such period.
+fn last_period(column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
+    let Some(from) = (column.len() / samples.max(1)).checked_sub(1).map(|period| period * samples) else {
+        return Vec::new();
+    };
+    let lines = analyse(&column[from..from + samples], 0, 1, reach.min(samples / 2));
+    lines.iter().map(|line| line.norm()).collect()
+}
+
+/// Root mean square of the measured tracking error of every coordinate from a sample on.
+fn tracking_rms(trial: &Trial, record: &Record, from: usize) -> Vec<f64> {
+    let width = trial.reference.len() / trial.samples_per_period.max(1);
+    record
+        .coordinates
+        .iter()
+        .enumerate()
+        .map(|(c, channel)| {
+            let used = channel.get(from..).unwrap_or_default();
+            let power: f64 = used
+                .iter()
+                .enumerate()
+                .map(|(n, q)| {
+                    let e = q - trial.reference[(from + n) % trial.samples_per_period * width + c];
+                    e * e
+                })
+                .sum();
+            (power / used.len().max(1) as f64).sqrt()
+        })
+        .collect()
+}

@@ -1,0 +1,390 @@
+//! A campaign on disk: what it belongs to, and every finished run.
+//!
+//! A folder holds `campaign.json`, and per run `run-001.csv` (time, coordinates, inputs) with its manifest `run-001.json`.
+//! Invariant: a run counts when its manifest is there and the hash in it is that of its samples; the manifest is written
+//! last, and both by way of a temporary file that is renamed when complete. Numbers are written with as many digits as give
+//! the same number back, so that a campaign that goes on from a folder is the unbroken one.
+
+use crate::log::rate_column;
+use crate::run::smoothing::Smoothing;
+use crate::run::{Ending, Record, RunEnding, Trial};
+use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
+use std::format;
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+use tpm_core::control::Gain;
+use tpm_core::model::Model;
+
+const CAMPAIGN: &str = "tpm.campaign/1";
+const RUN: &str = "tpm.run/1";
+
+/// What a campaign belongs to.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Manifest {
+    /// `tpm.campaign/1`.
+    pub schema: String,
+    /// Name of the model.
+    pub model: String,
+    /// Hash of the model file.
+    pub model_hash: String,
+    /// Hash of the experiment with all changes.
+    pub experiment_hash: String,
+    /// Version of the program that began it.
+    pub version: String,
+}
+
+impl Manifest {
+    /// The manifest of a campaign that begins now.
+    #[must_use]
+    pub fn new(model: &str, model_text: &[u8], experiment_text: &[u8]) -> Self {
+        Manifest {
+            schema: CAMPAIGN.to_string(),
+            model: model.to_string(),
+            model_hash: hash(model_text),
+            experiment_hash: hash(experiment_text),
+            version: env!("CARGO_PKG_VERSION").to_string(),
+        }
+    }
+}
+
+/// One path of the feedback of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GainManifest {
+    /// Input.
+    pub input: String,
+    /// Coordinate.
+    pub coordinate: String,
+    /// Proportional gain.
+    pub kp: f64,
+    /// Derivative gain.
+    pub kd: f64,
+}
+
+impl GainManifest {
+    /// The feedback of a run, by name.
+    #[must_use]
+    pub fn all(model: &dyn Model<f64>, gains: &[Gain<f64>]) -> Vec<Self> {
+        let named = |gain: &Gain<f64>| GainManifest {
+            input: model.input(gain.input).name.to_string(),
+            coordinate: model.coordinate(gain.coordinate).name.to_string(),
+            kp: gain.proportional,
+            kd: gain.derivative,
+        };
+        gains.iter().map(named).collect()
+    }
+}
+
+/// What is kept of a run beside its samples.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunManifest {
+    /// `tpm.run/1`.
+    pub schema: String,
+    /// Number of the run, from 1.
+    pub run: usize,
+    /// Name of the model.
+    pub model: String,
+    /// Hash of the model file.
+    pub model_hash: String,
+    /// Hash of the experiment.
+    pub experiment_hash: String,
+    /// Version of the program.
+    pub version: String,
+    /// Seed of the simulated noise; nothing for a real machine.
+    pub seed: Option<u64>,
+    /// Name of its pattern, where the stage has its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
+    /// Amplitudes of the pattern.
+    pub amplitudes: Vec<f64>,
+    /// Fundamental frequency, rad/s.
+    pub frequency: f64,
+    /// The feedback.
+    pub feedback: Vec<GainManifest>,
+    /// Time constant of the filtered rates, s; nothing when they are measured.
+    pub derivative_filter: Option<f64>,
+    /// Least-squares smoothing of errors and rates, where there is any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<Smoothing>,
+    /// Parameters behind the feed-forward, in the machine's order.
+    pub parameters: Vec<f64>,
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// Samples in a period.
+    pub samples_per_period: usize,
+    /// Samples in the record.
+    pub samples: usize,
+    /// How it ended.
+    pub ending: RunEnding,
+    /// Coordinate and error where a run passed its tracking bound.
+    pub passed: Option<(usize, f64)>,
+    /// Samples in which an input was cut at its limit.
+    pub saturated: usize,
+    /// Hash of the samples' file.
+    pub samples_hash: String,
+}
+
+/// Why a campaign's folder cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StoreError {
+    /// Reading or writing failed; what was there before is still there.
+    #[error("{path}: {reason}; finished runs are kept, and the campaign goes on from them")]
+    Io {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        reason: String,
+    },
+    /// A file is not what it should be.
+    #[error("{path}: {reason}")]
+    Broken {
+        /// The file.
+        path: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The folder belongs to something else.
+    #[error(
+        "{path} belongs to another {what} ({found}, not {given}); use another folder, or the files that it began with"
+    )]
+    Other {
+        /// The manifest.
+        path: String,
+        /// model or experiment.
+        what: &'static str,
+        /// In the manifest.
+        found: String,
+        /// What was given.
+        given: String,
+    },
+}
+
+/// A campaign's folder.
+#[derive(Clone, Debug)]
+pub struct Store {
+    folder: PathBuf,
+    manifest: Manifest,
+}
+
+impl Store {
+    /// Opens the folder of a campaign, or begins one in a folder without a campaign (made when it is not there).
+    ///
+    /// # Errors
+    /// [`StoreError`]; [`StoreError::Other`] when the folder's campaign has another model or experiment.
+    pub fn open(folder: &Path, manifest: &Manifest) -> Result<Self, StoreError> {
+        let path = folder.join("campaign.json");
+        if path.exists() {
+            let found: Manifest = read_json(&path, CAMPAIGN)?;
+            let different = [
+                ("model", &found.model_hash, &manifest.model_hash),
+                ("experiment", &found.experiment_hash, &manifest.experiment_hash),
+            ];
+            for (what, found, given) in different {
+                if found != given {
+                    let path = path.display().to_string();
+                    return Err(StoreError::Other { path, what, found: found.clone(), given: given.clone() });
+                }
+            }
+            return Ok(Store { folder: folder.to_path_buf(), manifest: found });
+        }
+        fs::create_dir_all(folder).map_err(|error| io(folder, &error))?;
+        write_whole(&path, pretty(manifest).as_bytes())?;
+        Ok(Store { folder: folder.to_path_buf(), manifest: manifest.clone() })
+    }
+
+    /// The finished runs, in their order.
+    ///
+    /// # Errors
+    /// [`StoreError`] when a run with a manifest is not whole, or belongs to something else.
+    pub fn records(&self, model: &dyn Model<f64>) -> Result<Vec<Record>, StoreError> {
+        let mut records = Vec::new();
+        loop {
+            let (samples, manifest) = self.paths(records.len() + 1);
+            if !manifest.exists() {
+                return Ok(records);
+            }
+            let run: RunManifest = read_json(&manifest, RUN)?;
+            for (what, found, given) in [
+                ("model", &run.model_hash, &self.manifest.model_hash),
+                ("experiment", &run.experiment_hash, &self.manifest.experiment_hash),
+            ] {
+                if found != given {
+                    let path = manifest.display().to_string();
+                    return Err(StoreError::Other { path, what, found: found.clone(), given: given.clone() });
+                }
+            }
+            let text = fs::read(&samples).map_err(|error| io(&samples, &error))?;
+            if hash(&text) != run.samples_hash {
+                return Err(broken(&samples, "the samples are not those of the manifest beside them"));
+            }
+            records.push(read_samples(&samples, &text, model, &run)?);
+        }
+    }
+
+    /// Keeps a finished run.
+    ///
+    /// # Errors
+    /// [`StoreError::Io`]; the run is then not in the folder, all earlier ones are.
+    pub fn append(
+        &self,
+        model: &dyn Model<f64>,
+        trial: &Trial,
+        record: &Record,
+        seed: Option<u64>,
+    ) -> Result<(), StoreError> {
+        let text = samples_text(model, record);
+        let passed = match record.ending {
+            Ending::TrackingBound { coordinate, error, .. } => Some((coordinate, error)),
+            Ending::Complete | Ending::SensorLost { .. } | Ending::Diverged { .. } => None,
+        };
+        let manifest = RunManifest {
+            schema: RUN.to_string(),
+            run: trial.run + 1,
+            model: self.manifest.model.clone(),
+            model_hash: self.manifest.model_hash.clone(),
+            experiment_hash: self.manifest.experiment_hash.clone(),
+            version: env!("CARGO_PKG_VERSION").to_string(),
+            seed,
+            pattern: trial.pattern.clone(),
+            amplitudes: trial.amplitudes.clone(),
+            frequency: trial.trajectory.frequency,
+            feedback: GainManifest::all(model, &trial.control.gains),
+            derivative_filter: trial.control.velocity.time_constant(),
+            smoothing: trial.control.velocity.smoothing(),
+            parameters: trial.parameters.clone(),
+            sample_time: record.sample_time,
+            samples_per_period: trial.samples_per_period,
+            samples: record.len(),
+            ending: record.ending.kind(),
+            passed,
+            saturated: record.saturated,
+            samples_hash: hash(text.as_bytes()),
+        };
+        let (samples, path) = self.paths(trial.run + 1);
+        write_whole(&samples, text.as_bytes())?;
+        write_whole(&path, pretty(&manifest).as_bytes())
+    }
+
+    fn paths(&self, run: usize) -> (PathBuf, PathBuf) {
+        (self.folder.join(format!("run-{run:03}.csv")), self.folder.join(format!("run-{run:03}.json")))
+    }
+}
+
+/// Time, coordinates and inputs with as many digits as give the same numbers back.
+#[must_use]
+pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
+    let mut text = String::from("t_s");
+    for c in 0..record.coordinates.len() {
+        let _ = write!(text, ",{}", model.coordinate(c).name);
+    }
+    for i in 0..record.inputs.len() {
+        let _ = write!(text, ",{}", model.input(i).name);
+    }
+    let rates = || record.rates.iter().enumerate().filter_map(|(c, rates)| Some((c, rates.as_ref()?)));
+    for (c, _) in rates() {
+        let _ = write!(text, ",{}", rate_column(model, c));
+    }
+    text.push('\n');
+    for n in 0..record.len() {
+        // A string takes everything.
+        let _ = write!(text, "{}", n as f64 * record.sample_time);
+        for channel in record.coordinates.iter().chain(&record.inputs).chain(rates().map(|(_, rates)| rates)) {
+            let _ = write!(text, ",{}", channel[n]);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManifest) -> Result<Record, StoreError> {
+    let dims = model.dims();
+    let mut channels = vec![Vec::with_capacity(run.samples); dims.coordinates + dims.inputs];
+    let mut reader = csv::ReaderBuilder::new().from_reader(text);
+    let head = reader.headers().map_err(|error| broken(path, &error.to_string()))?.clone();
+    let measured = |c: usize| head.iter().any(|name| name == rate_column(model, c));
+    let rated: Vec<bool> = (0..dims.coordinates).map(measured).collect();
+    channels.resize(channels.len() + rated.iter().filter(|rated| **rated).count(), Vec::with_capacity(run.samples));
+    for row in reader.records() {
+        let row = row.map_err(|error| broken(path, &error.to_string()))?;
+        if row.len() != channels.len() + 1 {
+            return Err(broken(path, "the columns are not those of the model"));
+        }
+        for (channel, field) in channels.iter_mut().zip(row.iter().skip(1)) {
+            channel.push(field.parse().map_err(|_| broken(path, &format!("`{field}` is not a number")))?);
+        }
+    }
+    let mut rates = channels.split_off(dims.coordinates + dims.inputs).into_iter();
+    let inputs = channels.split_off(dims.coordinates);
+    let rates = if rates.len() > 0 {
+        rated.iter().map(|rated| if *rated { rates.next() } else { None }).collect()
+    } else {
+        Vec::new()
+    };
+    let last = run.samples.saturating_sub(1);
+    let lost = || channels.iter().position(|channel| channel.last().is_some_and(|value: &f64| value.is_nan()));
+    let ending = match (run.ending, run.passed) {
+        (RunEnding::Complete | RunEnding::Unsettled, _) => Ending::Complete,
+        (RunEnding::TrackingBound, Some((coordinate, error))) => {
+            Ending::TrackingBound { coordinate, sample: last, error }
+        }
+        (RunEnding::TrackingBound, None) => {
+            return Err(broken(path, "the manifest beside it does not say which tracking error passed its bound"));
+        }
+        (RunEnding::SensorLost, _) => Ending::SensorLost { coordinate: lost().unwrap_or(0), sample: last },
+        (RunEnding::Diverged, _) => Ending::Diverged { sample: last },
+    };
+    Ok(Record { sample_time: run.sample_time, coordinates: channels, inputs, rates, ending, saturated: run.saturated })
+}
+
+/// Hash of a file's bytes (FNV-1a, 64 bits): it tells files apart, it is no protection against forgery.
+fn hash(bytes: &[u8]) -> String {
+    let value = bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3));
+    format!("{value:016x}")
+}
+
+fn pretty(value: &impl Serialize) -> String {
+    let mut text = serde_json::to_string_pretty(value).expect("invariant: manifests hold plain values");
+    text.push('\n');
+    text
+}
+
+fn read_json<T: serde::de::DeserializeOwned>(path: &Path, schema: &str) -> Result<T, StoreError> {
+    let text = fs::read_to_string(path).map_err(|error| io(path, &error))?;
+    let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| broken(path, &error.to_string()))?;
+    if value["schema"] != schema {
+        return Err(broken(path, &format!("this is no manifest of the form {schema}")));
+    }
+    serde_json::from_value(value).map_err(|error| broken(path, &error.to_string()))
+}
+
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    let partial = path.with_extension("partial");
+    let write = || -> std::io::Result<()> {
+        let mut file = fs::File::create(&partial)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&partial, path)
+    };
+    write().map_err(|error| {
+        // What cannot be removed is written over the next time.
+        let _ = fs::remove_file(&partial);
+        io(path, &error)
+    })
+}
+
+fn io(path: &Path, error: &std::io::Error) -> StoreError {
+    StoreError::Io { path: path.display().to_string(), reason: error.to_string() }
+}
+
+fn broken(path: &Path, reason: &str) -> StoreError {
+    StoreError::Broken { path: path.display().to_string(), reason: reason.to_string() }
+}

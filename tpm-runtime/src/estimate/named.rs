@@ -1,0 +1,123 @@
+//! An estimate as it is reported: names, units, and nothing where nothing can be known.
+
+use crate::estimate::{Estimate, Status};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+use tpm_core::model::Model;
+
+/// Parts of a unit direction below this one are rounding.
+const NOTHING: f64 = 1e-9;
+
+/// One parameter of a result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParameterReport {
+    /// Name in the model.
+    pub name: String,
+    /// Unit in the model.
+    pub unit: Option<String>,
+    /// Value before.
+    pub prior: Option<f64>,
+    /// Identified value; nothing when unobservable.
+    pub value: Option<f64>,
+    /// Standard deviation; nothing when unobservable.
+    pub std: Option<f64>,
+    /// identified, unobservable, poorly_determined or frozen.
+    pub status: &'static str,
+}
+
+/// A combination of parameters that do not show one by one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CombinationReport {
+    /// Parameter to weight; the one with weight one gives the unit.
+    pub terms: BTreeMap<String, String>,
+    /// Its unit.
+    pub unit: Option<String>,
+    /// Value before.
+    pub prior: Option<f64>,
+    /// Identified value.
+    pub value: f64,
+    /// Standard deviation.
+    pub std: f64,
+}
+
+/// The part of a result that is the same for a log and for a campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct EstimateReport {
+    pub(crate) parameters: Vec<ParameterReport>,
+    /// Directions that the data do not show: parameter to weight.
+    pub(crate) unobservable: Vec<BTreeMap<String, String>>,
+    /// What they do show of the unobservable parameters.
+    pub(crate) combinations: Vec<CombinationReport>,
+    /// Nothing in the rows and columns of unobservable parameters.
+    pub(crate) covariance: Vec<Vec<Option<f64>>>,
+}
+
+impl EstimateReport {
+    /// `prior` has one value per parameter or fewer; without an estimate every parameter is unobservable.
+    pub(crate) fn new(model: &dyn Model<f64>, prior: &[f64], estimate: Option<&Estimate>) -> Self {
+        let p = model.dims().parameters;
+        let status = |j: usize| estimate.map_or(Status::Unobservable, |e| e.status[j]);
+        let seen = |j: usize| estimate.filter(|_| status(j) != Status::Unobservable);
+        let parameters = (0..p)
+            .map(|j| ParameterReport {
+                name: model.parameter(j).name.into(),
+                unit: model.parameter(j).unit.map(String::from),
+                prior: prior.get(j).copied(),
+                value: seen(j).map(|e| e.values[j]),
+                std: seen(j).map(|e| e.std[j]),
+                status: status(j).name(),
+            })
+            .collect();
+        let named = |direction: &[f64]| -> BTreeMap<String, String> {
+            let parts = direction.iter().enumerate().filter(|(_, part)| part.abs() > NOTHING);
+            parts.map(|(j, part)| (model.parameter(j).name.to_string(), nine_digits(*part))).collect()
+        };
+        let unobservable = estimate.map_or_else(Vec::new, |e| e.unobservable.iter().map(|d| named(d)).collect());
+        let combinations = estimate.map_or_else(Vec::new, Estimate::combinations);
+        let combinations = combinations.iter().map(|shown| CombinationReport {
+            terms: named(&shown.weights),
+            unit: model.parameter(shown.lead).unit.map(String::from),
+            prior: (prior.len() == p).then(|| shown.weights.iter().zip(prior).map(|(w, value)| w * value).sum()),
+            value: shown.value,
+            std: shown.std,
+        });
+        let combinations = combinations.collect();
+        let entry = |r: usize, c: usize| seen(r).and(seen(c)).map(|e| e.covariance[(r, c)]);
+        let covariance = (0..p).map(|r| (0..p).map(|c| entry(r, c)).collect()).collect();
+        Self { parameters, unobservable, combinations, covariance }
+    }
+}
+
+/// What the user should know of the parameters that an estimate does not tell well, from data called so.
+pub(crate) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: &str) -> Vec<String> {
+    let name = |j: usize| model.parameter(j).name;
+    let combinations = estimate.combinations();
+    let shared = |j: usize| combinations.iter().any(|shown| shown.weights[j].abs() > NOTHING);
+    let (mut doubts, mut together) = (Vec::new(), Vec::new());
+    for (j, status) in estimate.status.iter().enumerate() {
+        match status {
+            Status::Unobservable if shared(j) => together.push(name(j)),
+            Status::Unobservable => doubts.push(format!("{} is not visible in {data}", name(j))),
+            Status::PoorlyDetermined => doubts.push(format!(
+                "{} is poorly determined: {:.3e} with a standard deviation of {:.3e}",
+                name(j),
+                estimate.values[j],
+                estimate.std[j]
+            )),
+            Status::Identified | Status::Frozen => {}
+        }
+    }
+    if !together.is_empty() {
+        doubts.push(format!("visible in {data} only in combinations with each other: {}", together.join(", ")));
+    }
+    doubts
+}
+
+/// A weight to nine digits, so that rounding of the factorisation does not show.
+fn nine_digits(value: f64) -> String {
+    let text = format!("{value:.9e}");
+    text.parse::<f64>().map_or(text, |v| v.to_string())
+}

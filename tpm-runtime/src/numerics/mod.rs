@@ -1,0 +1,16 @@
+//! Numerical linear algebra and transforms. Only this folder names the linear-algebra crate.
+//!
+//! Invariant: decompositions that the library gets wrong are done here in another way ([`singular`]); what leaves the runtime is
+//! never a type of that crate.
+
+pub(crate) mod differences;
+pub(crate) mod eigenvalues;
+pub(crate) mod fourier;
+mod riccati;
+pub(crate) mod singular;
+
+pub(crate) use nalgebra::storage::Owned;
+pub(crate) use nalgebra::{Cholesky, Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn, RowDVector};
+#[cfg(test)]
+pub(crate) use nalgebra::{SMatrix, SVector};
+pub use riccati::{Riccati, RiccatiError, riccati};

@@ -1,0 +1,365 @@
+//! The periodic motion of the coordinates that a pattern leaves open.
+//!
+//! A chain is driven at one end and its pattern prescribes the other (Feng, chapter 4): the rows without an input,
+//! `m2 x2'' + k3 (x2 - x1) = 0`, then fix the motion of what lies between, and a collocated controller takes its reference
+//! from there. Invariant: the open coordinates are finite Fourier series that make every harmonic of these rows vanish to
+//! rounding (harmonic balance, by Newton's method; one step where the rows are linear in the open coordinates), with as many
+//! harmonics as it takes until the highest ones are negligible. Where the estimates leave these rows empty (all zero before the
+//! first run) nothing determines the open coordinates, and they rest at zero.
+
+use crate::numerics::differences::FIVE_POINT;
+use crate::numerics::fourier::forward;
+use crate::numerics::{DMatrix, DVector};
+use crate::run::trajectory::{Line, Series, Trajectory};
+use crate::run::trial::TrialError;
+use num_complex::Complex;
+use std::vec;
+use std::vec::Vec;
+use tpm_core::model::Model;
+
+/// Fewest and most harmonics of an open coordinate.
+const HARMONICS: (usize, usize) = (8, 128);
+/// Most Newton steps.
+const STEPS: usize = 40;
+/// A step of this share of the motion is rounding.
+const CONVERGED: f64 = 1e-13;
+/// The upper quarter of the harmonics is negligible below this share of the largest.
+const NEGLIGIBLE: f64 = 1e-12;
+/// Step of the difference quotients as a share of a slot's size; five points, so exact up to the fourth degree.
+const DIFFERENCE: f64 = 1e-3;
+
+/// Fills the series of the open coordinates with their periodic motion under given parameters.
+///
+/// # Errors
+/// [`TrialError::Open`] when the rows without an input do not determine it, [`TrialError::Evaluation`].
+pub(super) fn complete(
+    model: &dyn Model<f64>,
+    trajectory: &mut Trajectory,
+    open: &[usize],
+    parameters: &[f64],
+    constants: &[f64],
+) -> Result<(), TrialError> {
+    if open.is_empty() {
+        return Ok(());
+    }
+    let fault = |reason| TrialError::Open {
+        coordinates: open.iter().map(|&c| model.coordinate(c).name.into()).collect(),
+        reason,
+    };
+    let mut harmonics = HARMONICS.0.max(2 * trajectory.highest_harmonic() as usize).min(HARMONICS.1);
+    loop {
+        let balance = Balance::new(model, trajectory, open, parameters, constants, harmonics)?;
+        if balance.rows.len() != open.len() {
+            return Err(fault(OpenReason::Rows { free: balance.rows.len(), open: open.len() }));
+        }
+        let solution = balance.solve(trajectory)?.map_err(fault)?;
+        if solution.iter().all(|lines| is_short(lines)) {
+            for (&c, lines) in open.iter().zip(solution) {
+                trajectory.coordinates[c] = series(&lines);
+            }
+            return Ok(());
+        }
+        if harmonics == HARMONICS.1 {
+            return Err(fault(OpenReason::Harmonics { most: HARMONICS.1 }));
+        }
+        harmonics = (2 * harmonics).min(HARMONICS.1);
+    }
+}
+
+/// Why the motion of open coordinates is not determined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OpenReason {
+    /// There are more or fewer rows without an input than open coordinates.
+    #[error("there are {free} rows without an input for {open} coordinates; give the others a motion in the pattern")]
+    Rows {
+        /// Rows without an input.
+        free: usize,
+        /// Open coordinates.
+        open: usize,
+    },
+    /// The rows leave the motion open with these estimates.
+    #[error("with these estimates the rows without an input do not determine it; is a stiffness or a mass zero?")]
+    Singular,
+    /// Newton's method does not converge.
+    #[error("no periodic motion was found; start smaller or slower")]
+    NoConvergence,
+    /// The series does not end.
+    #[error("its harmonics do not fade out up to the {most}th; start smaller or slower")]
+    Harmonics {
+        /// Harmonics that were tried.
+        most: usize,
+    },
+}
+
+/// The upper quarter of the harmonics is negligible.
+fn is_short(lines: &[f64]) -> bool {
+    let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+    let harmonics = lines.len() / 2;
+    lines[1 + 2 * (harmonics - harmonics / 4)..].iter().all(|x| x.abs() <= NEGLIGIBLE * peak)
+}
+
+/// Mean, then cosine and sine of every harmonic, as a series without lines of mere rounding.
+fn series(lines: &[f64]) -> Series {
+    let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+    let kept = |x: f64| if x.abs() > f64::EPSILON * peak { x } else { 0.0 };
+    let of = |(k, pair): (usize, &[f64])| Line { harmonic: k as u32 + 1, cos: kept(pair[0]), sin: kept(pair[1]) };
+    let lines_of = lines[1..].chunks_exact(2).enumerate().map(of);
+    Series { mean: kept(lines[0]), lines: lines_of.filter(|line| line.cos != 0.0 || line.sin != 0.0).collect() }
+}
+
+/// The rows without an input at the points of one period.
+struct Balance<'a> {
+    model: &'a dyn Model<f64>,
+    open: &'a [usize],
+    parameters: &'a [f64],
+    constants: &'a [f64],
+    harmonics: usize,
+    points: usize,
+    /// Rows without an input.
+    rows: Vec<usize>,
+}
+
+impl<'a> Balance<'a> {
+    fn new(
+        model: &'a dyn Model<f64>,
+        trajectory: &Trajectory,
+        open: &'a [usize],
+        parameters: &'a [f64],
+        constants: &'a [f64],
+        harmonics: usize,
+    ) -> Result<Self, TrialError> {
+        let dims = model.dims();
+        // Products of four series of this length are still resolved.
+        let points = (8 * (harmonics + 1)).next_power_of_two();
+        let mut driven = vec![false; dims.rows];
+        let mut map = vec![0.0; dims.input_map_len()];
+        let mut scratch = vec![0.0; model.workspace_len()];
+        let mut motion = vec![0.0; dims.motion_len()];
+        for n in 0..points {
+            trajectory.motion_at(n, points, 0.0, &mut motion);
+            model.input_map(&motion, constants, &mut scratch, &mut map)?;
+            for (driven, row) in driven.iter_mut().zip(map.chunks_exact(dims.inputs.max(1))) {
+                *driven |= row.iter().any(|b| b.abs() > 0.0);
+            }
+        }
+        let rows = (0..dims.rows).filter(|&r| !driven[r]).collect();
+        Ok(Balance { model, open, parameters, constants, harmonics, points, rows })
+    }
+
+    /// Mean and lines of every open coordinate, or why there are none.
+    fn solve(&self, trajectory: &Trajectory) -> Result<Result<Vec<Vec<f64>>, OpenReason>, TrialError> {
+        let width = 2 * self.harmonics + 1;
+        let size = self.open.len() * width;
+        let mut now = trajectory.clone();
+        let mut unknown = DVector::<f64>::zeros(size);
+        for _ in 0..STEPS {
+            for (&c, lines) in self.open.iter().zip(unknown.as_slice().chunks_exact(width)) {
+                now.coordinates[c] = series(lines);
+            }
+            let (residual, jacobian) = self.linearise(&now)?;
+            if jacobian.iter().chain(&residual).all(|x| *x == 0.0) {
+                return Ok(Ok(vec![vec![0.0; width]; self.open.len()]));
+            }
+            // Rows of high harmonics are larger by the square of their frequency.
+            let scale: Vec<f64> = jacobian.row_iter().map(|row| row.amax()).collect();
+            if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) || residual.iter().any(|x| !x.is_finite()) {
+                return Ok(Err(OpenReason::Singular));
+            }
+            let scaled = DMatrix::from_fn(size, size, |r, c| jacobian[(r, c)] / scale[r]);
+            let right = DVector::from_fn(size, |r, _| -residual[r] / scale[r]);
+            let Some(step) = scaled.lu().solve(&right).filter(|step| step.iter().all(|x| x.is_finite())) else {
+                return Ok(Err(OpenReason::Singular));
+            };
+            unknown += &step;
+            if step.amax() <= CONVERGED * unknown.amax() {
+                return Ok(Ok(unknown.as_slice().chunks_exact(width).map(<[f64]>::to_vec).collect()));
+            }
+        }
+        Ok(Err(OpenReason::NoConvergence))
+    }
+
+    /// Harmonics of the rows, and their derivatives with respect to the unknown lines.
+    ///
+    /// A row's derivative with respect to a coordinate's n-th derivative is a periodic function g; the derivative of the row's
+    /// harmonic a with respect to a line b is a harmonic of g times a line, so it takes the harmonics a + b and a - b of g.
+    fn linearise(&self, now: &Trajectory) -> Result<(DVector<f64>, DMatrix<f64>), TrialError> {
+        let width = 2 * self.harmonics + 1;
+        let size = self.open.len() * width;
+        let mut residual = DVector::zeros(size);
+        let mut jacobian = DMatrix::zeros(size, size);
+        let Samples { forces, gains } = self.sample(now)?;
+        let transform = forward(self.points);
+        let mut lines = transform.make_output_vec();
+        let mut analyse = |signal: &mut Vec<f64>| {
+            let moving = signal.iter().any(|x| *x != 0.0);
+            if moving {
+                transform.process(signal, &mut lines).expect("invariant: buffers were made for this transform");
+            }
+            moving.then(|| Lines(lines.iter().map(|z| z / self.points as f64).collect()))
+        };
+        for (f, mut force) in forces.into_iter().enumerate() {
+            let Some(lines) = analyse(&mut force) else { continue };
+            for i in 0..width {
+                let (harmonic, sine) = (i.div_ceil(2), i > 0 && i % 2 == 0);
+                let part = if sine { lines.sin(harmonic as isize) } else { lines.cos(harmonic as isize) };
+                residual[f * width + i] = weight(i) * part;
+            }
+        }
+        for Gains { row, open, order, mut samples } in gains {
+            let Some(lines) = analyse(&mut samples) else { continue };
+            for i in 0..width {
+                let (a, test_sine) = (i.div_ceil(2) as isize, i > 0 && i % 2 == 0);
+                for j in 0..width {
+                    let Some((b, sine, factor)) = differentiated(j, order, now.frequency) else { continue };
+                    let product = match (test_sine, sine) {
+                        (false, false) => lines.cos(a - b) + lines.cos(a + b),
+                        (false, true) => lines.sin(b - a) + lines.sin(a + b),
+                        (true, false) => lines.sin(a - b) + lines.sin(a + b),
+                        (true, true) => lines.cos(a - b) - lines.cos(a + b),
+                    };
+                    jacobian[(row * width + i, open * width + j)] += 0.5 * weight(i) * factor * product;
+                }
+            }
+        }
+        Ok((residual, jacobian))
+    }
+
+    /// The rows and their derivatives at the points of a period.
+    fn sample(&self, now: &Trajectory) -> Result<Samples, TrialError> {
+        let dims = self.model.dims();
+        let mut motions = vec![0.0; self.points * dims.motion_len()];
+        let mut sizes = vec![0.0_f64; dims.motion_len()];
+        for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
+            now.motion_at(n, self.points, 0.0, motion);
+            for (size, value) in sizes.iter_mut().zip(motion.iter()) {
+                *size = size.max(value.abs());
+            }
+        }
+        let mut scratch = vec![0.0; self.model.inverse_workspace_len()];
+        let mut force = vec![0.0; dims.rows];
+        let mut evaluate = |motion: &[f64], force: &mut [f64]| {
+            self.model.inverse_dynamics(motion, self.parameters, self.constants, &mut scratch, force)
+        };
+        let mut forces = vec![vec![0.0; self.points]; self.rows.len()];
+        for (n, motion) in motions.chunks_exact(dims.motion_len()).enumerate() {
+            evaluate(motion, &mut force)?;
+            for (forces, &row) in forces.iter_mut().zip(&self.rows) {
+                forces[n] = force[row];
+            }
+        }
+        let mut gains = Vec::new();
+        for (open, &c) in self.open.iter().enumerate() {
+            for order in 0..=self.model.coordinate_order(c) {
+                let slot = order * dims.coordinates + c;
+                let step = DIFFERENCE * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
+                let mut samples = vec![vec![0.0; self.points]; self.rows.len()];
+                for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
+                    let centre = motion[slot];
+                    for (shift, weight) in FIVE_POINT {
+                        motion[slot] = centre + shift * step;
+                        evaluate(motion, &mut force)?;
+                        for (samples, &row) in samples.iter_mut().zip(&self.rows) {
+                            samples[n] += weight / (12.0 * step) * force[row];
+                        }
+                    }
+                    motion[slot] = centre;
+                }
+                gains.extend(samples.into_iter().enumerate().map(|(row, samples)| Gains { row, open, order, samples }));
+            }
+        }
+        Ok(Samples { forces, gains })
+    }
+}
+
+/// The rows without an input over a period.
+struct Samples {
+    /// Per row.
+    forces: Vec<Vec<f64>>,
+    gains: Vec<Gains>,
+}
+
+/// Derivative of a row with respect to a derivative of an open coordinate over a period.
+struct Gains {
+    row: usize,
+    open: usize,
+    order: usize,
+    samples: Vec<f64>,
+}
+
+/// Transform of one period of a real signal, divided by the number of points: means of the signal times cosines and sines.
+struct Lines(Vec<Complex<f64>>);
+
+impl Lines {
+    /// Mean of the signal times cos(k theta).
+    fn cos(&self, k: isize) -> f64 {
+        self.0[k.unsigned_abs()].re
+    }
+
+    /// Mean of the signal times sin(k theta).
+    fn sin(&self, k: isize) -> f64 {
+        if k < 0 { self.0[k.unsigned_abs()].im } else { -self.0[k.unsigned_abs()].im }
+    }
+}
+
+/// Unknowns are the mean, then cosine and sine of every harmonic: what turns a mean of products into such a factor.
+const fn weight(unknown: usize) -> f64 {
+    if unknown == 0 { 1.0 } else { 2.0 }
+}
+
+/// The given derivative of an unknown's function 1, cos, sin, cos 2, sin 2, ...: harmonic, whether it is a sine, and its factor;
+/// nothing when it is zero.
+fn differentiated(unknown: usize, order: usize, frequency: f64) -> Option<(isize, bool, f64)> {
+    let harmonic = unknown.div_ceil(2);
+    if harmonic == 0 {
+        return (order == 0).then_some((0, false, 1.0));
+    }
+    // Every derivative is a quarter turn: cos, -sin, -cos, sin.
+    let quarter = (order + if unknown % 2 == 1 { 0 } else { 3 }) % 4;
+    let sign = if quarter == 1 || quarter == 2 { -1.0 } else { 1.0 };
+    Some((harmonic as isize, quarter % 2 == 1, sign * (harmonic as f64 * frequency).powi(order as i32)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{OpenReason, complete};
+    use crate::run::trajectory::{Line, Series, Trajectory};
+    use crate::run::trial::TrialError;
+    use crate::test_models::TwoCarts;
+    use std::vec;
+
+    fn trajectory() -> Trajectory {
+        let lines = [(1, 1.0), (3, -1.0 / 6.0), (5, 1.0 / 50.0)];
+        let lines = lines.iter().map(|&(harmonic, a)| Line { harmonic, cos: 0.4 * a, sin: 0.0 }).collect();
+        Trajectory { frequency: 4.0, coordinates: vec![Series::default(), Series { mean: 0.1, lines }] }
+    }
+
+    #[test]
+    fn the_driven_cart_follows_from_the_free_one() {
+        // x1 = x2 + m2/k3 x2'' (Feng, Eqn 4.32).
+        let mut found = trajectory();
+        complete(&TwoCarts, &mut found, &[0], &[2.0, 1.0, 40.0, 300.0, 200.0], &[]).expect("determined");
+        assert_eq!(found.highest_harmonic(), 5);
+        for i in 0..20 {
+            let phase = 0.3 * f64::from(i);
+            let [x1, x2, x2_dd] = [(0, 0), (1, 0), (1, 2)].map(|(c, n)| found.coordinates[c].derivative(phase, 4.0, n));
+            assert!((x1 - x2 - x2_dd / 200.0).abs() < 1e-14, "{x1} {x2}");
+        }
+    }
+
+    #[test]
+    fn what_is_not_determined_is_refused() {
+        let reason = |open: &[usize], k3: f64| match complete(
+            &TwoCarts,
+            &mut trajectory(),
+            open,
+            &[2.0, 1.0, 40.0, 300.0, k3],
+            &[],
+        ) {
+            Err(TrialError::Open { reason, .. }) => Some(reason),
+            _ => None,
+        };
+        assert_eq!(reason(&[0], 0.0), Some(OpenReason::Singular));
+        assert_eq!(reason(&[0, 1], 200.0), Some(OpenReason::Rows { free: 1, open: 2 }));
+        assert_eq!(reason(&[], 200.0), None);
+    }
+}

@@ -1,0 +1,171 @@
+//! What comes back from an experiment.
+
+use crate::campaign::CampaignError;
+use crate::run::trial::Trial;
+use serde::{Deserialize, Serialize};
+use std::vec::Vec;
+
+/// Relative difference of sample times that is rounding of a log's time column.
+const SAME_RATE: f64 = 1e-6;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ending {
+    /// All samples were played.
+    Complete,
+    /// The tracking error of a coordinate passed its bound.
+    TrackingBound {
+        /// The coordinate.
+        coordinate: usize,
+        /// The last sample that was recorded.
+        sample: usize,
+        /// The error there.
+        error: f64,
+    },
+    /// A coordinate's sensor gave no number.
+    SensorLost {
+        /// The coordinate.
+        coordinate: usize,
+        /// The last sample that was recorded, the one without a number.
+        sample: usize,
+    },
+    /// The plant's motion became infinite, or the model could not be evaluated.
+    Diverged {
+        /// The last sample that was recorded.
+        sample: usize,
+    },
+}
+
+impl Ending {
+    /// What the tracking error of a coordinate at a sample makes of a run: its ending, when that is no number or beyond the
+    /// bound.
+    #[must_use]
+    pub fn of_error(coordinate: usize, sample: usize, error: f64, bound: f64) -> Option<Self> {
+        if error.is_nan() {
+            return Some(Ending::SensorLost { coordinate, sample });
+        }
+        (error.abs() > bound).then_some(Ending::TrackingBound { coordinate, sample, error })
+    }
+
+    /// The same without its numbers.
+    #[must_use]
+    pub const fn kind(&self) -> RunEnding {
+        match self {
+            Ending::Complete => RunEnding::Complete,
+            Ending::TrackingBound { .. } => RunEnding::TrackingBound,
+            Ending::SensorLost { .. } => RunEnding::SensorLost,
+            Ending::Diverged { .. } => RunEnding::Diverged,
+        }
+    }
+}
+
+/// How a run ended, as reports and manifests say it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RunEnding {
+    /// All samples were played.
+    Complete,
+    /// The tracking error passed its bound.
+    TrackingBound,
+    /// A sensor gave no number.
+    SensorLost,
+    /// The motion became infinite.
+    Diverged,
+    /// All samples were played, but the motion had not settled.
+    Unsettled,
+}
+
+impl std::fmt::Display for RunEnding {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            RunEnding::Complete => "complete",
+            RunEnding::TrackingBound => "tracking bound",
+            RunEnding::SensorLost => "sensor lost",
+            RunEnding::Diverged => "diverged",
+            RunEnding::Unsettled => "unsettled",
+        })
+    }
+}
+
+/// Samples of one run, complete or not.
+///
+/// Invariant: all signals have the same length, rates at least that; sample n of an input was applied from n to n + 1 sample
+/// times, sample n of a coordinate was measured at its start.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// Measured values, per coordinate.
+    pub coordinates: Vec<Vec<f64>>,
+    /// Applied values, per input.
+    pub inputs: Vec<Vec<f64>>,
+    /// Measured rates, per coordinate: none where no sensor measures one, and empty when there is no such sensor at all.
+    pub rates: Vec<Option<Vec<f64>>>,
+    /// How the run ended.
+    pub ending: Ending,
+    /// Samples in which an input was cut at its limit.
+    pub saturated: usize,
+}
+
+impl Record {
+    /// The record of a trial from the samples that a machine gave: it ends where a tracking error passes its bound, or is no
+    /// number, and a sample in which an input stands at its limit counts as cut.
+    ///
+    /// # Errors
+    /// [`CampaignError::SampleTime`], [`CampaignError::Mismatch`] when samples are missing although no bound was passed.
+    pub fn of_samples(
+        trial: &Trial,
+        sample_time: f64,
+        coordinates: Vec<Vec<f64>>,
+        inputs: Vec<Vec<f64>>,
+    ) -> Result<Self, CampaignError> {
+        let needed = trial.control.sample_time;
+        let off = (sample_time / needed - 1.0).abs();
+        if off.is_nan() || off > SAME_RATE {
+            return Err(CampaignError::SampleTime { needed, given: sample_time });
+        }
+        let mut record = Record {
+            sample_time: needed,
+            coordinates,
+            inputs,
+            rates: Vec::new(),
+            ending: Ending::Complete,
+            saturated: 0,
+        };
+        let width = trial.reference.len() / trial.samples_per_period.max(1);
+        let error =
+            |n: usize, c: usize| record.coordinates[c][n] - trial.reference[n % trial.samples_per_period * width + c];
+        let played = record.len().min(trial.samples());
+        let passes = |n: usize| {
+            let ending = |c: usize| Ending::of_error(c, n, error(n, c), trial.tracking_bounds[c]);
+            (0..record.coordinates.len()).find_map(ending).map(|ending| (n, ending))
+        };
+        let passed = (0..played).find_map(passes);
+        let length = passed.map_or(played, |(n, _)| n + 1);
+        if passed.is_none() && record.len() < trial.samples() {
+            let given = record.len();
+            return Err(CampaignError::Mismatch { what: "samples", needed: trial.samples(), given });
+        }
+        for channel in record.coordinates.iter_mut().chain(&mut record.inputs) {
+            channel.truncate(length);
+        }
+        if let Some((_, ending)) = passed {
+            record.ending = ending;
+        }
+        let cut = |n: &usize| record.inputs.iter().zip(&trial.input_limits).any(|(u, limit)| u[*n].abs() >= *limit);
+        record.saturated = (0..length).filter(cut).count();
+        Ok(record)
+    }
+
+    /// Number of samples.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.coordinates.iter().chain(&self.inputs).map(Vec::len).min().unwrap_or(0)
+    }
+
+    /// No sample at all.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}

@@ -1,0 +1,322 @@
+//! Trajectory patterns with numbers in them, and the motions that they prescribe.
+//!
+//! Invariant: a [`Trajectory`] is `q_c(t) = mean_c + sum_k [cos_ck cos(k w t) + sin_ck sin(k w t)]` for every coordinate of a
+//! model, in the model's units, with one fundamental w (rad/s) for all; a [`Pattern`] is the same with powers of amplitudes
+//! still open. Derivatives are taken term by term and are exact.
+
+use num_complex::Complex;
+use std::string::String;
+use std::vec::Vec;
+
+/// One harmonic of a series.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Multiple of the fundamental, at least 1.
+    pub harmonic: u32,
+    /// Factor of the cosine.
+    pub cos: f64,
+    /// Factor of the sine.
+    pub sin: f64,
+}
+
+/// A finite Fourier series.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Series {
+    /// The constant term.
+    pub mean: f64,
+    /// The harmonics.
+    pub lines: Vec<Line>,
+}
+
+impl Series {
+    /// The series of one-sided phasors `a_k - j b_k`, from the mean on, with the harmonics that `keep` takes.
+    pub(crate) fn from_phasors(phasors: &[Complex<f64>], keep: impl Fn(usize, &Complex<f64>) -> bool) -> Self {
+        let kept = phasors.iter().enumerate().skip(1).filter(|(k, z)| keep(*k, z));
+        Series {
+            mean: phasors.first().map_or(0.0, |mean| mean.re),
+            lines: kept.map(|(k, z)| Line { harmonic: k as u32, cos: z.re, sin: -z.im }).collect(),
+        }
+    }
+
+    /// The n-th derivative with respect to time at the phase `w t` (rad).
+    #[must_use]
+    pub fn derivative(&self, phase: f64, frequency: f64, order: usize) -> f64 {
+        let mean = if order == 0 { self.mean } else { 0.0 };
+        self.lines.iter().fold(mean, |sum, line| {
+            let (sin, cos) = (f64::from(line.harmonic) * phase).sin_cos();
+            // (cos, sin) -> (sin, -cos) times k w at every differentiation.
+            let (of_cos, of_sin) = match order % 4 {
+                0 => (cos, sin),
+                1 => (-sin, cos),
+                2 => (-cos, -sin),
+                _ => (sin, -cos),
+            };
+            let scale = (0..order).fold(1.0, |power, _| power * f64::from(line.harmonic) * frequency);
+            sum + scale * (line.cos * of_cos + line.sin * of_sin)
+        })
+    }
+
+    /// Highest harmonic, 0 for a constant.
+    #[must_use]
+    pub fn highest_harmonic(&self) -> u32 {
+        self.lines.iter().map(|line| line.harmonic).max().unwrap_or(0)
+    }
+}
+
+/// The prescribed motion of every coordinate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trajectory {
+    /// Fundamental angular frequency w, rad/s.
+    pub frequency: f64,
+    /// One series per coordinate of the model.
+    pub coordinates: Vec<Series>,
+}
+
+impl Trajectory {
+    /// The motion at the phase `w t` (rad): as many derivatives of every coordinate as `out` has room for, laid out as
+    /// models read it (`out[n * coordinates + c]`).
+    pub fn motion(&self, phase: f64, out: &mut [f64]) {
+        let count = self.coordinates.len().max(1);
+        for (order, block) in out.chunks_mut(count).enumerate() {
+            for (slot, series) in block.iter_mut().zip(&self.coordinates) {
+                *slot = series.derivative(phase, self.frequency, order);
+            }
+        }
+    }
+
+    /// The motion at sample `n` of a period of `samples`, with the phase reduced so that late samples are as exact as early
+    /// ones, advanced by `advance` samples.
+    pub fn motion_at(&self, n: usize, samples: usize, advance: f64, out: &mut [f64]) {
+        let reduced = (n % samples) as f64 + advance;
+        self.motion(2.0 * std::f64::consts::PI * reduced / samples as f64, out);
+    }
+
+    /// Highest harmonic of any coordinate.
+    #[must_use]
+    pub fn highest_harmonic(&self) -> u32 {
+        self.coordinates.iter().map(Series::highest_harmonic).max().unwrap_or(0)
+    }
+}
+
+/// A series multiplied by powers of amplitudes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Amplitudes by index into [`Pattern::amplitudes`], with their powers.
+    pub powers: Vec<(usize, i32)>,
+    /// What they multiply.
+    pub series: Series,
+}
+
+/// A trajectory pattern whose amplitudes and frequency are open (Feng, chapter 2).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pattern {
+    /// Its name; nothing for one without.
+    pub name: Option<String>,
+    /// Names of the amplitudes.
+    pub amplitudes: Vec<String>,
+    /// Name of the fundamental frequency.
+    pub frequency: String,
+    /// Per coordinate, the parts that add up to its motion; none where the pattern leaves the coordinate open.
+    pub coordinates: Vec<Vec<Part>>,
+    /// Further patterns of the same model: a stage of a campaign may play one of them by its name.
+    pub others: Vec<Pattern>,
+}
+
+impl Pattern {
+    /// This pattern, or the one of the others, that has a name.
+    #[must_use]
+    pub fn named(&self, name: &str) -> Option<&Pattern> {
+        core::iter::once(self).chain(&self.others).find(|pattern| pattern.name.as_deref() == Some(name))
+    }
+
+    /// Coordinates that the pattern leaves open: their motion follows from the rows without an input.
+    #[must_use]
+    pub fn open(&self) -> Vec<usize> {
+        (0..self.coordinates.len()).filter(|&c| self.coordinates[c].is_empty()).collect()
+    }
+
+    /// The trajectory for given amplitudes (in the order of the names) and frequency (rad/s).
+    #[must_use]
+    pub fn trajectory(&self, amplitudes: &[f64], frequency: f64) -> Trajectory {
+        let coordinates = self
+            .coordinates
+            .iter()
+            .map(|parts| {
+                let mut sum = Series::default();
+                for part in parts {
+                    let scale = part.powers.iter().fold(1.0, |product, &(which, power)| {
+                        product * amplitudes.get(which).copied().unwrap_or(0.0).powi(power)
+                    });
+                    sum.mean += scale * part.series.mean;
+                    for line in &part.series.lines {
+                        let scaled = Line { cos: scale * line.cos, sin: scale * line.sin, ..*line };
+                        match sum.lines.iter_mut().find(|present| present.harmonic == line.harmonic) {
+                            Some(present) => {
+                                present.cos += scaled.cos;
+                                present.sin += scaled.sin;
+                            }
+                            None => sum.lines.push(scaled),
+                        }
+                    }
+                }
+                sum
+            })
+            .collect();
+        Trajectory { frequency, coordinates }
+    }
+}
+
+/// Why a pattern of a model file cannot be played.
+#[cfg(feature = "interpret")]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PatternError {
+    /// A coordinate has no motion.
+    #[error("the pattern gives the coordinate `{coordinate}` no motion")]
+    NoMotion {
+        /// Which coordinate.
+        coordinate: String,
+    },
+    /// A factor of the pattern has no value.
+    #[error("the pattern needs a value of `{name}`")]
+    NoValue {
+        /// Which constant.
+        name: String,
+    },
+}
+
+#[cfg(feature = "interpret")]
+impl Pattern {
+    /// The pattern of a model with the values of its constants; each exact coefficient is rounded once.
+    ///
+    /// `constant` gives the value of a run-time constant by name.
+    ///
+    /// # Errors
+    /// [`PatternError`].
+    pub fn of_symbolic(
+        pattern: &tpm_symbolic::mechanics::pattern::Pattern,
+        model: &tpm_symbolic::mechanics::model::Model,
+        constant: impl Fn(&str) -> Option<f64>,
+    ) -> Result<Self, PatternError> {
+        let all: Vec<usize> = (0..model.coordinates.len()).collect();
+        let this = Self::of_coordinates(pattern, model, &all, constant)?;
+        match this.open().first() {
+            Some(&c) => Err(PatternError::NoMotion { coordinate: model.coordinates[c].name.clone() }),
+            None => Ok(this),
+        }
+    }
+
+    /// The same for the coordinates that the rows of a form use, in the order in which a model made of it reads them. A
+    /// coordinate without motion is left open.
+    ///
+    /// # Errors
+    /// [`PatternError::NoValue`].
+    pub fn of_rows(
+        pattern: &tpm_symbolic::mechanics::pattern::Pattern,
+        model: &tpm_symbolic::mechanics::model::Model,
+        form: &tpm_symbolic::regressor::form::RegressorForm,
+        constant: impl Fn(&str) -> Option<f64>,
+    ) -> Result<Self, PatternError> {
+        let evaluation = tpm_symbolic::plan::evaluation::Evaluation::new(model, form);
+        let used: Vec<usize> = evaluation.coordinates.iter().map(|(coordinate, _)| coordinate.0 as usize).collect();
+        Self::of_coordinates(pattern, model, &used, constant)
+    }
+
+    fn of_coordinates(
+        pattern: &tpm_symbolic::mechanics::pattern::Pattern,
+        model: &tpm_symbolic::mechanics::model::Model,
+        coordinates: &[usize],
+        constant: impl Fn(&str) -> Option<f64>,
+    ) -> Result<Self, PatternError> {
+        use tpm_symbolic::algebra::fourier::Trig;
+        use tpm_symbolic::mechanics::model::Kind;
+        use tpm_symbolic::number::rational::to_f64;
+        let mut motions = Vec::with_capacity(coordinates.len());
+        for &c in coordinates {
+            let mut parts = Vec::new();
+            let Some(motion) = pattern.motions.get(c).and_then(Option::as_ref) else {
+                motions.push(parts);
+                continue;
+            };
+            for (monomial, fourier) in motion.terms() {
+                let mut powers = Vec::new();
+                let mut factor = 1.0;
+                for (&symbol, power) in monomial.factors() {
+                    if let Some(which) = pattern.amplitudes.iter().position(|a| *a == symbol) {
+                        powers.push((which, power));
+                        continue;
+                    }
+                    let quantity = model.quantity(symbol);
+                    let value = match &quantity.kind {
+                        Kind::Constant { value: Some(value) } => Some(to_f64(value)),
+                        _ => constant(&quantity.name),
+                    };
+                    factor *=
+                        value.ok_or_else(|| PatternError::NoValue { name: quantity.name.as_str().into() })?.powi(power);
+                }
+                let mut series = Series::default();
+                for (harmonic, function, coefficient) in fourier.terms() {
+                    let value = factor * to_f64(coefficient);
+                    if harmonic == 0 {
+                        series.mean += value;
+                        continue;
+                    }
+                    let harmonic = u32::try_from(harmonic).unwrap_or(u32::MAX);
+                    let (cos, sin) = if function == Trig::Cos { (value, 0.0) } else { (0.0, value) };
+                    series.lines.push(Line { harmonic, cos, sin });
+                }
+                parts.push(Part { powers, series });
+            }
+            if parts.is_empty() {
+                // Prescribed to stand at zero, which is not the same as open.
+                parts.push(Part { powers: Vec::new(), series: Series::default() });
+            }
+            motions.push(parts);
+        }
+        Ok(Pattern {
+            name: pattern.name.as_deref().map(Into::into),
+            amplitudes: pattern.amplitudes.iter().map(|&a| model.quantity(a).name.as_str().into()).collect(),
+            frequency: model.quantity(pattern.frequency).name.as_str().into(),
+            coordinates: motions,
+            others: Vec::new(),
+        })
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::{Line, Part, Pattern, Series};
+    use std::f64::consts::PI;
+    use std::string::ToString;
+    use std::vec;
+
+    /// lambda (cos th - 1/9 cos 3 th), the rest-to-rest pattern of order 3 (Feng, Eqn 2.21), for one coordinate.
+    pub(crate) fn rest_to_rest_3() -> Pattern {
+        let lines = vec![Line { harmonic: 1, cos: 1.0, sin: 0.0 }, Line { harmonic: 3, cos: -1.0 / 9.0, sin: 0.0 }];
+        Pattern {
+            name: None,
+            amplitudes: vec!["lambda".to_string()],
+            frequency: "w".to_string(),
+            coordinates: vec![vec![Part { powers: vec![(0, 1)], series: Series { mean: 0.0, lines } }]],
+            others: vec![],
+        }
+    }
+
+    #[test]
+    fn derivatives_agree_with_the_closed_form_of_the_velocity() {
+        // x' = -lambda w (4/3) sin^3 th, x''' etc. vanish at both ends.
+        let trajectory = rest_to_rest_3().trajectory(&[0.3], PI);
+        let mut motion = [0.0; 4];
+        for i in 0..16 {
+            let phase = 2.0 * PI * f64::from(i) / 16.0;
+            trajectory.motion(phase, &mut motion);
+            let sin = phase.sin();
+            assert!((motion[1] + 0.3 * PI * 4.0 / 3.0 * sin.powi(3)).abs() < 1e-15);
+            let acceleration = -0.3 * PI * PI * 4.0 * sin * sin * phase.cos();
+            assert!((motion[2] - acceleration).abs() < 1e-14);
+        }
+        trajectory.motion_at(16 * 7 + 8, 16, 0.0, &mut motion);
+        assert!((motion[0] + 0.3 * 8.0 / 9.0).abs() < 1e-15);
+        assert!(motion[1].abs() < 1e-15 && motion[2].abs() < 1e-14 && motion[3].abs() < 1e-12);
+        assert_eq!(trajectory.highest_harmonic(), 3);
+    }
+}

@@ -1,0 +1,138 @@
+//! Published logs of real machines, and of a plant simulated elsewhere. They are read from the folder that the environment
+//! variable `TPM_DATA` names; without it these tests say that they were skipped.
+
+use crate::log::{Log, LogOptions};
+use crate::session::log::{Identification, identify_log};
+use crate::test_models::{Emps, MassSpringDrag, Silverbox};
+use std::path::{Path, PathBuf};
+use std::string::String;
+use std::{env, eprintln};
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+
+fn data(name: &str) -> Option<PathBuf> {
+    match env::var_os("TPM_DATA") {
+        Some(folder) => Some(PathBuf::from(folder).join(name)),
+        None => {
+            eprintln!("skipped: TPM_DATA does not name the folder of the published logs");
+            None
+        }
+    }
+}
+
+fn options(map: &[(&str, &str)], hold: Hold) -> LogOptions {
+    LogOptions {
+        map: map.iter().map(|(name, column)| (String::from(*name), String::from(*column))).collect(),
+        hold,
+        ..LogOptions::default()
+    }
+}
+
+fn identify(model: &dyn Model<f64>, file: &Path, options: &LogOptions) -> Identification {
+    let log = Log::open(file, model, options).expect("the published log is sound");
+    let result = identify_log(model, &log, options).expect("the published log identifies");
+    for p in &result.parameters {
+        eprintln!("{} = {:?} +- {:?} ({})", p.name, p.value, p.std, p.status);
+    }
+    eprintln!(
+        "steady {} from {} period {} x {} (mismatch {:e}), window {}, harmonics {} of {}, residual {:.5} {:?}, condition {:.2}, chi2 {:.2}, model error {:?}, warnings {:#?}",
+        result.log.steady_from_sample,
+        result.log.from_sample,
+        result.log.samples_per_period,
+        result.log.periods,
+        result.log.mismatch,
+        result.log.window,
+        result.harmonics,
+        result.log.motion_harmonics,
+        result.residual,
+        result.log.hold_residuals,
+        result.condition,
+        result.estimate.chi_squared,
+        result.estimate.model_error,
+        result.warnings
+    );
+    let lines = &result.log.lines[0];
+    eprintln!(
+        "{} lines: {:?} ... {:?}",
+        lines.len(),
+        &lines[..lines.len().min(40)],
+        &lines[lines.len().saturating_sub(40)..]
+    );
+    result
+}
+
+/// Relative errors within the given bounds.
+fn close(result: &Identification, truth: &[f64], bounds: &[f64]) {
+    for ((p, truth), bound) in result.parameters.iter().zip(truth).zip(bounds) {
+        let value = p.value.expect("observable");
+        let error = (value / truth - 1.0).abs();
+        assert!(error <= *bound, "{}: {value} against {truth}: {error:e}", p.name);
+    }
+}
+
+#[test]
+fn emps_gives_the_published_values() {
+    let Some(file) = data("emps/emps_estimation.csv") else {
+        return;
+    };
+    let options = options(&[("q", "q_m"), ("force", "force_N")], Hold::None);
+    let result = identify(&Emps, &file, &options);
+    close(&result, &[95.109, 203.503, 20.394, -3.165], &[0.007, 0.015, 0.015, 0.02]);
+    assert_eq!(result.log.samples_per_period, 6240.0);
+    assert_eq!(result.log.periods, 3);
+    assert!(result.log.from_sample + 3 * 6240 <= result.log.samples);
+}
+
+#[test]
+fn clean_slider_is_exact() {
+    let Some(file) = data("mujoco_slider_quad/slider_quad_c0_guess_clean.csv") else {
+        return;
+    };
+    let options = options(&[("x", "q1"), ("u", "tau1")], Hold::Zoh);
+    let result = identify(&MassSpringDrag, &file, &options);
+    close(&result, &[2.0, 40.0, 1.5], &[1e-6; 3]);
+    assert!(result.warnings.is_empty());
+}
+
+#[test]
+fn noisy_sliders_are_within_their_deviations() {
+    for name in ["c0", "c1"] {
+        let Some(file) = data(&std::format!("mujoco_slider_quad/slider_quad_{name}_guess_noisy.csv")) else {
+            return;
+        };
+        let options = options(&[("x", "q1"), ("u", "tau1")], Hold::Zoh);
+        let result = identify(&MassSpringDrag, &file, &options);
+        let truth = [2.0, 40.0, 1.5];
+        close(&result, &truth, &[3e-3, 3e-3, 6e-3]);
+        for (p, truth) in result.parameters.iter().zip(truth) {
+            let deviation = (p.value.expect("observable") - truth) / p.std.expect("observable");
+            assert!(deviation.abs() < 2.5, "{}: {deviation} deviations", p.name);
+        }
+    }
+}
+
+#[test]
+fn silverbox_agrees_with_the_reference() {
+    let Some(file) = data("silverbox/silverbox_schroeder_periods.csv") else {
+        return;
+    };
+    let mut options = options(&[("y", "y_V"), ("u", "u_V")], Hold::None);
+    let reference = [5.3715e-6, 2.2874e-4, 0.98927, 3.946];
+    for harmonics in [None, Some(200)] {
+        options.harmonics = harmonics;
+        let result = identify(&Silverbox, &file, &options);
+        close(&result, &reference, &[0.01, 0.01, 0.005, 0.02]);
+        assert!(result.residual <= 0.005);
+        // Odd lines are excited; of the even ones at most a stray line of the mains stands out of the noise.
+        let lines = &result.log.lines[0];
+        let odd = lines.iter().filter(|k| *k % 2 == 1).count();
+        assert!(lines.len() - odd <= 2 && odd >= 100, "{lines:?}");
+    }
+    options.hold = Hold::Zoh;
+    let wrong = identify(&Silverbox, &file, &options);
+    assert!(
+        wrong.warnings.iter().any(|w| w.starts_with("--hold none explains the log clearly better")),
+        "{:?}",
+        wrong.warnings
+    );
+}

@@ -1,0 +1,323 @@
+//! Logs made of known motions and known parameters.
+
+use crate::estimate::Weights;
+use crate::log::{Log, LogError, LogOptions};
+use crate::session::log::{Identification, identify_log};
+use crate::test_models::{Emps, MassSpringDrag, Silverbox, TwoCarts};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use std::f64::consts::PI;
+use std::vec::Vec;
+use std::{format, vec};
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+
+/// A Fourier series: (harmonic, cosine, sine).
+type Series = [(f64, f64, f64)];
+
+/// Position, velocity, acceleration of a series at phase w t.
+fn motion(series: &Series, w: f64, t: f64) -> [f64; 3] {
+    series.iter().fold([0.0; 3], |[x, v, a], &(k, c, s)| {
+        let (sin, cos) = (k * w * t).sin_cos();
+        let n = k * w;
+        [x + c * cos + s * sin, v + n * (s * cos - c * sin), a - n * n * (c * cos + s * sin)]
+    })
+}
+
+/// One sample of noise of unit deviation.
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+const REST_TO_REST: &Series = &[(1.0, 0.3, 0.0), (3.0, -0.3 / 9.0, 0.0)];
+
+/// A log of m x'' + k1 x + k2 x'^2 = u with the exact u at the samples.
+fn slider(theta: [f64; 3], period: f64, samples: usize, noise: [f64; 2], seed: u64) -> Log {
+    let dt = 1e-3;
+    let w = 2.0 * PI / (period * dt);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let (mut xs, mut us) = (Vec::new(), Vec::new());
+    for i in 0..samples {
+        let [x, v, a] = motion(REST_TO_REST, w, i as f64 * dt);
+        xs.push(x + noise[0] * normal(&mut rng));
+        us.push(theta[0] * a + theta[1] * x + theta[2] * v * v + noise[1] * normal(&mut rng));
+    }
+    Log::from_samples("synthetic", dt, vec![xs, us]).expect("sound")
+}
+
+fn values(result: &Identification) -> Vec<f64> {
+    result.estimate.values.clone()
+}
+
+fn near(found: &[f64], truth: &[f64], bound: f64) {
+    for (f, t) in found.iter().zip(truth) {
+        assert!((f / t - 1.0).abs() < bound, "{found:?} against {truth:?}");
+    }
+}
+
+#[test]
+fn exact_logs_give_exact_parameters() {
+    let truth = [2.0, 40.0, 1.5];
+    for (period, samples, bound) in [(800.0, 4100, 1e-9), (800.0, 1700, 1e-9), (640.4, 3000, 1e-5)] {
+        let log = slider(truth, period, samples, [0.0; 2], 1);
+        let result = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("identifies");
+        near(&values(&result), &truth, bound);
+        assert!((result.log.samples_per_period - period).abs() < 1e-3, "{:?}", result.log);
+        assert_eq!(result.rank, 3);
+        assert!(result.warnings.is_empty(), "{:?}", result.warnings);
+    }
+}
+
+#[test]
+fn friction_and_offset_are_found_and_noise_is_stated() {
+    let truth = [95.0, 200.0, 20.0, -3.0];
+    let dt = 1e-3;
+    let w = 2.0 * PI / 2.0;
+    let series: &Series = &[(1.0, 0.1, 0.0), (3.0, -0.1 / 9.0, 0.0), (2.0, 0.02, 0.01)];
+    for sigma in [0.0, 0.5] {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let (mut qs, mut us) = (Vec::new(), Vec::new());
+        for i in 0..8000 {
+            let [q, v, a] = motion(series, w, (f64::from(i) + 0.3) * dt);
+            qs.push(q);
+            let friction = if v == 0.0 { 0.0 } else { v.signum() };
+            us.push(truth[0] * a + truth[1] * v + truth[2] * friction + truth[3] + sigma * normal(&mut rng));
+        }
+        let log = Log::from_samples("synthetic", dt, vec![qs, us]).expect("sound");
+        let result = identify_log(&Emps, &log, &LogOptions::default()).expect("identifies");
+        // A jump sampled at 1 kHz is known to a sample: its harmonics alias at about 1/2000.
+        near(&values(&result), &truth, if sigma > 0.0 { 0.02 } else { 2e-3 });
+        for (p, t) in result.parameters.iter().zip(truth) {
+            let deviation = (p.value.expect("seen") - t) / p.std.expect("seen");
+            assert!(deviation.abs() < 4.0, "{}: {deviation}", p.name);
+        }
+    }
+}
+
+#[test]
+fn free_rows_need_no_input() {
+    // x2 moves, the free cart's equation gives x1 = x2 + (m2/k3) x2'', the driven one gives F.
+    let truth = [2.0, 1.0, 40.0, 300.0, 200.0];
+    let (dt, w) = (1e-3, 4.0);
+    let period = 2.0 * PI / w / dt;
+    let rho = truth[1] / truth[4];
+    let (mut x1s, mut x2s, mut us) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..(period * 4.5) as usize {
+        let t = i as f64 * dt;
+        let harmonics = [(1.0, 0.4), (3.0, -0.4 / 6.0), (5.0, 0.4 / 50.0)];
+        let (mut x1, mut a1, mut x2) = (0.0, 0.0, 0.0);
+        for (k, c) in harmonics {
+            let n: f64 = k * w;
+            let cos = (n * t).cos();
+            x2 += c * cos;
+            x1 += c * (1.0 - rho * n * n) * cos;
+            a1 -= c * n * n * (1.0 - rho * n * n) * cos;
+        }
+        x1s.push(x1);
+        x2s.push(x2);
+        us.push(truth[0] * a1 + truth[2] * x1 + truth[3] * x1.powi(3) + truth[4] * (x1 - x2));
+    }
+    let log = Log::from_samples("synthetic", dt, vec![x1s, x2s, us]).expect("sound");
+    let result = identify_log(&TwoCarts, &log, &LogOptions::default()).expect("identifies");
+    near(&values(&result), &truth, 1e-6);
+    assert_eq!(result.log.lines.len(), 2);
+}
+
+#[test]
+fn what_is_not_visible_is_named_and_not_given_a_number() {
+    // One harmonic and no damping seen: m and k1 cannot be told apart.
+    let (dt, w) = (1e-3, 2.0 * PI);
+    let (mut xs, mut us) = (Vec::new(), Vec::new());
+    for i in 0..4500 {
+        let [x, v, a] = motion(&[(1.0, 0.1, 0.0)], w, f64::from(i) * dt);
+        xs.push(x);
+        us.push(2.0 * a + 40.0 * x + 1.5 * v * v);
+    }
+    let log = Log::from_samples("synthetic", dt, vec![xs, us]).expect("sound");
+    let result = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("identifies");
+    assert_eq!(result.rank, 2);
+    assert_eq!(result.parameters[0].status, "unobservable");
+    assert_eq!(result.parameters[1].value, None);
+    assert!((result.parameters[2].value.expect("seen") - 1.5).abs() < 1e-8);
+    let direction = &result.unobservable[0];
+    let part = |name: &str| direction[name].parse::<f64>().expect("a number");
+    assert!((part("k1") - 1.0).abs() < 1e-9 && (part("m") - 1.0 / (w * w)).abs() < 1e-9);
+    // What they are together is seen.
+    assert_eq!(result.combinations.len(), 1);
+    let together = &result.combinations[0];
+    assert!((together.value - (2.0 - 40.0 / (w * w))).abs() < 1e-8 && together.std < 1e-6, "{together:?}");
+    assert_eq!(together.terms["m"], "1");
+    assert!(result.warnings.iter().any(|warning| warning.ends_with("only in combinations with each other: m, k1")));
+    let json = serde_json::to_value(&result).expect("serialises");
+    assert_eq!(json["schema"], "tpm.identification/1");
+    assert!(json["parameters"][0]["value"].is_null() && json["covariance"][0][0].is_null());
+    assert_eq!(json["hold"], "none");
+}
+
+#[test]
+fn the_end_of_a_sweep_is_not_taken_for_a_periodic_motion() {
+    let (dt, truth) = (1e-3, [2.0, 40.0, 1.5]);
+    let (mut xs, mut us) = (Vec::new(), Vec::new());
+    for i in 0..20_000 {
+        // 0.5 to 0.55 Hz in 20 s.
+        let t = f64::from(i) * dt;
+        let (phase, w, slope) = (PI * t * (1.0 + 0.0025 * t), PI * (1.0 + 0.005 * t), 0.005 * PI);
+        let (sin, cos) = phase.sin_cos();
+        let [x, v, a] = [0.3 * sin, 0.3 * w * cos, 0.3 * (slope * cos - w * w * sin)];
+        xs.push(x);
+        us.push(truth[0] * a + truth[1] * x + truth[2] * v * v);
+    }
+    let log = Log::from_samples("sweep", dt, vec![xs, us]).expect("sound");
+    match identify_log(&MassSpringDrag, &log, &LogOptions::default()) {
+        Err(error) => assert!(matches!(error, LogError::NotPeriodic { .. }), "{error}"),
+        Ok(result) => {
+            assert!(result.warnings.iter().any(|w| w.contains("more than half of the log")), "{:?}", result.warnings);
+        }
+    }
+}
+
+#[test]
+fn the_wrong_hold_is_warned_about() {
+    // The input is held: what the plant does follows from the mean of the held input, harmonic by harmonic.
+    let (dt, w, d) = (1e-3, 2.0 * PI * 4.0, 3e-3);
+    let truth = [1e-2, d, 30.0, 0.5];
+    let held = |t: f64| {
+        // u(t) such that its hold-filtered harmonics are those of the motion: advance each harmonic by the hold.
+        let mut sum = 0.0;
+        for (k, c) in [(1.0, 0.3), (3.0, 0.2), (9.0, 0.1)] {
+            let n: f64 = k * w;
+            let (re, im) = (truth[2] - truth[0] * n * n, d * n);
+            let half = n * dt / 2.0;
+            let gain = half / half.sin();
+            let (sin, cos) = (n * t + half).sin_cos();
+            sum += gain * c * (re * cos - im * sin);
+        }
+        sum
+    };
+    let cubic = [0.0, 0.0];
+    let (mut ys, mut us) = (Vec::new(), Vec::new());
+    for i in 0..2600 {
+        let t = f64::from(i) * dt;
+        let [y, ..] = motion(&[(1.0, 0.3, 0.0), (3.0, 0.2, 0.0), (9.0, 0.1, 0.0)], w, t);
+        ys.push(y);
+        us.push(held(t) + cubic[0] * y);
+    }
+    let log = Log::from_samples("synthetic", dt, vec![ys, us]).expect("sound");
+    let mut options = LogOptions { hold: Hold::Zoh, ..LogOptions::default() };
+    let right = identify_log(&Silverbox, &log, &options).expect("identifies");
+    near(&values(&right)[..3], &truth[..3], 1e-7);
+    assert!(right.warnings.is_empty(), "{:?}", right.warnings);
+    options.hold = Hold::None;
+    let wrong = identify_log(&Silverbox, &log, &options).expect("identifies");
+    assert!(wrong.warnings[0].starts_with("--hold zoh explains the log clearly better"), "{:?}", wrong.warnings);
+}
+
+#[test]
+fn faults_of_the_whole_log_say_what_to_do() {
+    let mut rng = ChaCha8Rng::seed_from_u64(2);
+    let (mut x, mut v) = (0.0, 0.0);
+    let walk: Vec<f64> = (0..4000)
+        .map(|_| {
+            v = 0.99 * v + 0.01 * normal(&mut rng);
+            x = 0.999 * x + v;
+            x
+        })
+        .collect();
+    let log = Log::from_samples("walk", 1e-3, vec![walk.clone(), walk]).expect("sound");
+    let error = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect_err("not periodic");
+    let message = format!("{error}");
+    assert!(message.starts_with("walk:1-4000: the motion"), "{message}");
+    assert!(message.contains("record at least two whole periods"), "{message}");
+
+    let log = slider([2.0, 40.0, 1.5], 800.0, 2500, [0.0; 2], 1);
+    let options = LogOptions { period: Some(800.0), ..LogOptions::default() };
+    let error = identify_log(&MassSpringDrag, &log, &options).expect_err("800 seconds");
+    assert!(format!("{error}").contains("--period is in seconds"), "{error}");
+    let options = LogOptions { from_sample: Some(9000), ..LogOptions::default() };
+    let error = identify_log(&MassSpringDrag, &log, &options).expect_err("behind the end");
+    assert!(matches!(error, LogError::BadRange { .. }));
+    // Stated values are taken as they are.
+    let options = LogOptions { period: Some(0.8), from_sample: Some(100), ..LogOptions::default() };
+    let result = identify_log(&MassSpringDrag, &log, &options).expect("identifies");
+    assert_eq!((result.log.from_sample, result.log.periods), (100, 3));
+    let options = LogOptions { constants: vec![1.0], ..LogOptions::default() };
+    let error = identify_log(&MassSpringDrag, &log, &options).expect_err("no such constant");
+    assert!(matches!(error, LogError::Constants { needed: 0, given: 1, .. }));
+}
+
+/// Mean square of the deviations divided by the stated ones, per parameter, over many seeds.
+fn spread(make: impl Fn(u64) -> Log, options: &LogOptions, truth: &[f64], seeds: u64) -> Vec<f64> {
+    let model: &dyn Model<f64> = &MassSpringDrag;
+    let mut sums = vec![0.0; truth.len()];
+    for seed in 0..seeds {
+        let result = identify_log(model, &make(seed), options).expect("identifies");
+        for ((sum, p), t) in sums.iter_mut().zip(&result.parameters).zip(truth) {
+            let deviation = (p.value.expect("seen") - t) / p.std.expect("seen");
+            *sum += deviation * deviation / seeds as f64;
+        }
+    }
+    sums.iter().map(|s: &f64| s.sqrt()).collect()
+}
+
+#[test]
+fn stated_deviations_agree_with_the_spread() {
+    let truth = [2.0, 40.0, 1.5];
+    // Noise on the motion, on the force, on both; three periods (rectangular window) and eight (Hann).
+    for (noise, periods) in [([1e-4, 0.0], 8), ([0.0, 0.2], 8), ([1e-4, 0.05], 8), ([1e-4, 0.05], 3)] {
+        let ratio =
+            spread(|seed| slider(truth, 400.0, 400 * periods + 50, noise, seed), &LogOptions::default(), &truth, 200);
+        for r in &ratio {
+            assert!((0.75..1.33).contains(r), "noise {noise:?}, {periods} periods: {ratio:?}");
+        }
+    }
+}
+
+#[test]
+fn equal_weights_give_the_nearest_model_whatever_the_noise_and_say_how_well() {
+    let truth = [2.0, 40.0, 1.5];
+    let (dt, period, samples, seeds) = (1e-3, 800_usize, 8200, 60_u64);
+    let w = 2.0 * PI / (period as f64 * dt);
+    // A hardening spring that the model leaves out, or not.
+    for cubic in [300.0, 0.0] {
+        let force = |[x, v, a]: [f64; 3]| truth[0] * a + truth[1] * x + truth[2] * v * v + cubic * x * x * x;
+        // Least squares over the samples of one period of the motion itself.
+        let rows: Vec<([f64; 3], f64)> = (0..period)
+            .map(|i| motion(REST_TO_REST, w, i as f64 * dt))
+            .map(|[x, v, a]| ([a, x, v * v], force([x, v, a])))
+            .collect();
+        let matrix = crate::numerics::DMatrix::from_fn(period, 3, |r, c| rows[r].0[c]);
+        let right = crate::numerics::DVector::from_fn(period, |r, _| rows[r].1);
+        let nearest = matrix.tr_mul(&matrix).cholesky().expect("independent").solve(&matrix.tr_mul(&right));
+        let off = |seed: u64| {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            let (mut xs, mut us) = (Vec::new(), Vec::new());
+            for i in 0..samples {
+                let [x, v, a] = motion(REST_TO_REST, w, i as f64 * dt);
+                xs.push(x + 1e-3 * normal(&mut rng));
+                us.push(force([x, v, a]));
+            }
+            let log = Log::from_samples("synthetic", dt, vec![xs, us]).expect("sound");
+            let options = LogOptions {
+                weights: Weights::Equal,
+                harmonics: Some(9),
+                period: Some(period as f64 * dt),
+                from_sample: Some(0),
+                ..LogOptions::default()
+            };
+            let estimate = identify_log(&MassSpringDrag, &log, &options).expect("identifies").estimate;
+            [0, 1, 2].map(|j| (estimate.values[j] - nearest[j], estimate.std[j]))
+        };
+        let all: Vec<[(f64, f64); 3]> = (0..seeds).map(off).collect();
+        for j in 0..3 {
+            let mean = all.iter().map(|e| e[j].0).sum::<f64>() / seeds as f64;
+            let spread = (all.iter().map(|e| (e[j].0 - mean).powi(2)).sum::<f64>() / (seeds - 1) as f64).sqrt();
+            let stated = all.iter().map(|e| e[j].1).sum::<f64>() / seeds as f64;
+            assert!(mean.abs() < 4.0 * spread / (seeds as f64).sqrt(), "{j}: {mean:e} {spread:e}");
+            if cubic == 0.0 {
+                // So many seeds tell a deviation to about a tenth.
+                assert!((0.7..1.4).contains(&(stated / spread)), "{j}: {stated:e} {spread:e}");
+            }
+        }
+    }
+}

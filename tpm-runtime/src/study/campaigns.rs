@@ -1,0 +1,295 @@
+//! Monte-Carlo study: one campaign for every seed, and how their estimates spread about the truth.
+//!
+//! Invariant: the result depends on the experiment and the seeds alone, not on the number of threads or on which campaign
+//! ends first. Campaigns that did not identify a parameter are counted, never replaced.
+
+use crate::campaign::RunReport;
+use crate::estimate::Status;
+use crate::experiment::{Experiment, ExperimentError};
+use crate::run::trajectory::Pattern;
+use crate::session::{CampaignIdentification, identify_simulated};
+use crate::study::design::bounds;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::string::{String, ToString};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::vec::Vec;
+use tpm_core::model::Model;
+
+/// Half the width of the interval that holds 95 % of a normal variable, in standard deviations.
+const NORMAL_95: f64 = 1.959_963_984_540_054;
+/// Seeds that a warning lists.
+const SHOWN_SEEDS: usize = 8;
+
+/// One parameter over all campaigns. Statistics are over the campaigns that identified it: what a campaign itself calls
+/// poorly determined is no result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParameterStudy {
+    /// Name in the model.
+    pub name: String,
+    /// Unit in the model.
+    pub unit: Option<String>,
+    /// The simulated machine's.
+    pub truth: f64,
+    /// Campaigns that identified it.
+    pub values: usize,
+    /// Mean of the values; nothing when there are none.
+    pub mean: Option<f64>,
+    /// Mean minus truth.
+    pub bias: Option<f64>,
+    /// Standard deviation of the mean: a bias below twice as much may be chance.
+    pub bias_std: Option<f64>,
+    /// Standard deviation of the values.
+    pub spread: Option<f64>,
+    /// Root mean square of the stated standard deviations.
+    pub stated: Option<f64>,
+    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, along the motion that they have without
+    /// noise; nothing when it cannot be predicted.
+    pub bound: Option<f64>,
+    /// Share of the 95 % intervals that hold the truth.
+    pub coverage: Option<f64>,
+}
+
+/// A Monte-Carlo study; serialises as `tpm.study/1`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Study {
+    /// `tpm.study/1`.
+    pub schema: &'static str,
+    /// Name of the model.
+    pub model: String,
+    /// The estimator.
+    pub estimator: &'static str,
+    /// The first seed.
+    pub first_seed: u64,
+    /// Campaigns that were run, one for each of the following seeds.
+    pub campaigns: usize,
+    /// Seeds of the campaigns that did not identify everything.
+    pub incomplete_seeds: Vec<u64>,
+    /// The parameters.
+    pub parameters: Vec<ParameterStudy>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}
+
+/// One campaign of a study.
+pub type Identify<'a> = dyn Fn(&Experiment, &mut dyn FnMut(&RunReport) -> bool) -> Result<CampaignIdentification, ExperimentError>
+    + Sync
+    + 'a;
+
+/// Runs an experiment for `campaigns` seeds from its own on, on all cores. `progress` hears how many have ended, from any
+/// thread, and says whether to go on; campaigns after the last one before the first gap are not used.
+///
+/// # Errors
+/// [`ExperimentError`]: that of the first seed which has one.
+pub fn study(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    experiment: &Experiment,
+    campaigns: usize,
+    progress: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Study, ExperimentError> {
+    let identify =
+        |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| identify_simulated(model, pattern, own, go_on);
+    study_campaigns(model, pattern, experiment, campaigns, &identify, progress)
+}
+
+/// The same with a campaign of the caller: it is handed the experiment with its seed, and what to ask after every run.
+///
+/// # Errors
+/// As [`study`].
+pub fn study_campaigns(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    experiment: &Experiment,
+    campaigns: usize,
+    identify: &Identify<'_>,
+    progress: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Study, ExperimentError> {
+    let (ended, go_on) = (AtomicUsize::new(0), AtomicBool::new(true));
+    let one = |index: usize| {
+        if !go_on.load(Ordering::Relaxed) {
+            return None;
+        }
+        let mut own = experiment.clone();
+        own.seed = experiment.seed.wrapping_add(index as u64);
+        let result = identify(&own, &mut |_| go_on.load(Ordering::Relaxed));
+        // A campaign that was stopped half way says nothing.
+        let whole = go_on.load(Ordering::Relaxed);
+        if !progress(ended.fetch_add(1, Ordering::Relaxed) + 1) {
+            go_on.store(false, Ordering::Relaxed);
+        }
+        whole.then_some(result)
+    };
+    let results: Vec<Option<Result<CampaignIdentification, ExperimentError>>> =
+        (0..campaigns).into_par_iter().map(one).collect();
+    let results: Vec<CampaignIdentification> =
+        results.into_iter().map_while(|result| result).collect::<Result<_, _>>()?;
+    let bounds = match results.first() {
+        Some(first) => bounds(model, pattern, experiment, &first.runs)?.unwrap_or_default(),
+        None => Vec::new(),
+    };
+    Ok(summarise(model, experiment, campaigns, &results, &bounds))
+}
+
+fn summarise(
+    model: &dyn Model<f64>,
+    experiment: &Experiment,
+    asked: usize,
+    results: &[CampaignIdentification],
+    bounds: &[Option<f64>],
+) -> Study {
+    let incomplete = results.iter().filter(|result| !result.is_complete());
+    let incomplete_seeds: Vec<u64> = incomplete.map(|result| result.seed).collect();
+    let parameters: Vec<ParameterStudy> = (0..model.dims().parameters)
+        .filter_map(|j| {
+            let label = model.parameter(j);
+            // A machine without the value cannot be simulated, so that none is left out here.
+            let truth = *experiment.plant.parameters.get(label.name)?;
+            let pairs: Vec<(f64, f64)> = results
+                .iter()
+                .filter_map(
+                    |result| if result.physical.is_empty() { result.parameters.get(j) } else { result.physical.get(j) },
+                )
+                .filter(|parameter| parameter.status == Status::Identified.name())
+                .filter_map(|parameter| Some((parameter.value?, parameter.std?)))
+                .collect();
+            let bound = bounds.get(j).copied().flatten();
+            Some(ParameterStudy { bound, ..one_parameter(label.name, label.unit, truth, &pairs) })
+        })
+        .collect();
+    let mut warnings = Vec::new();
+    if results.len() < asked {
+        warnings.push(std::format!("{} of {asked} campaigns were run before the study was stopped", results.len()));
+    }
+    if !incomplete_seeds.is_empty() {
+        let shown: Vec<String> = incomplete_seeds.iter().take(SHOWN_SEEDS).map(ToString::to_string).collect();
+        warnings.push(std::format!(
+            "{} campaigns did not identify everything: seed {}{}",
+            incomplete_seeds.len(),
+            shown.join(", "),
+            if incomplete_seeds.len() > SHOWN_SEEDS { ", ..." } else { "" }
+        ));
+    }
+    for parameter in &parameters {
+        if let (Some(bias), Some(error)) = (parameter.bias, parameter.bias_std)
+            && parameter.values > 9
+            && bias.abs() > 4.0 * error
+        {
+            warnings.push(std::format!(
+                "{} is biased by {:.3e}, {:.1} times what chance explains",
+                parameter.name,
+                bias,
+                bias.abs() / error
+            ));
+        }
+    }
+    Study {
+        schema: "tpm.study/1",
+        model: model.name().into(),
+        estimator: experiment.estimator.name(),
+        first_seed: experiment.seed,
+        campaigns: results.len(),
+        incomplete_seeds,
+        parameters,
+        warnings,
+    }
+}
+
+fn one_parameter(name: &str, unit: Option<&str>, truth: f64, pairs: &[(f64, f64)]) -> ParameterStudy {
+    let count = pairs.len() as f64;
+    let mean_of = |term: &dyn Fn(f64, f64) -> f64| {
+        (!pairs.is_empty()).then(|| pairs.iter().map(|&(value, std)| term(value, std)).sum::<f64>() / count)
+    };
+    let mean = mean_of(&|value, _| value);
+    // Deviations from the mean, so that nothing cancels.
+    let spread = mean.filter(|_| pairs.len() > 1).and_then(|mean| {
+        mean_of(&|value, _| (value - mean).powi(2)).map(|square| (square * count / (count - 1.0)).sqrt())
+    });
+    ParameterStudy {
+        name: name.to_string(),
+        unit: unit.map(ToString::to_string),
+        truth,
+        values: pairs.len(),
+        mean,
+        bias: mean.map(|mean| mean - truth),
+        bias_std: spread.map(|spread| spread / count.sqrt()),
+        spread,
+        stated: mean_of(&|_, std| std * std).map(f64::sqrt),
+        bound: None,
+        coverage: mean_of(&|value, std| f64::from(u8::from((value - truth).abs() <= NORMAL_95 * std))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{one_parameter, study};
+    use crate::experiment::Experiment;
+    use crate::run::trajectory::tests::rest_to_rest_3;
+    use crate::test_models::MassSpringDrag;
+
+    fn short() -> Experiment {
+        let mut experiment = Experiment::parse(include_str!("../../../models/mass_spring_drag.toml"))
+            .expect("the shipped file is right");
+        experiment.schedule.max_runs = 2;
+        experiment.schedule.measure_time = 8.0;
+        experiment.seed = 11;
+        experiment
+    }
+
+    #[test]
+    fn statistics_are_those_of_the_definition() {
+        let found = one_parameter("m", Some("kg"), 2.0, &[(1.0, 0.6), (2.0, 0.6), (6.0, 0.6)]);
+        assert_eq!((found.values, found.mean, found.bias), (3, Some(3.0), Some(1.0)));
+        assert!((found.spread.expect("three") - 7.0_f64.sqrt()).abs() < 1e-15);
+        assert!((found.stated.expect("three") - 0.6).abs() < 1e-15);
+        assert!((found.coverage.expect("three") - 2.0 / 3.0).abs() < 1e-15);
+        let none = one_parameter("m", None, 2.0, &[]);
+        assert_eq!((none.values, none.mean, none.coverage), (0, None, None));
+    }
+
+    #[test]
+    fn the_number_of_threads_does_not_matter() {
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            pool.install(|| study(&MassSpringDrag, &rest_to_rest_3(), &short(), 6, &|_| true)).expect("runs")
+        };
+        let one = run(1);
+        assert_eq!(one, run(3));
+        assert_eq!((one.campaigns, one.parameters.len()), (6, 3));
+        assert!(
+            one.parameters.iter().all(|p| p.values == 6 && (p.bias.expect("six") / p.truth).abs() < 1e-2),
+            "{one:?}"
+        );
+    }
+
+    #[test]
+    fn the_spread_is_near_the_bound() {
+        let mut experiment = short();
+        // White noise alone, which is what the bound is of, and nothing left to learn, so that all runs weigh alike.
+        experiment.plant.sensors.entry("x".into()).or_default().counts = 0.0;
+        for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
+            experiment.prior.insert(name.into(), value);
+        }
+        let found = study(&MassSpringDrag, &rest_to_rest_3(), &experiment, 60, &|_| true).expect("runs");
+        for parameter in &found.parameters {
+            let ratio = parameter.spread.expect("sixty") / parameter.bound.expect("predicted");
+            // A spread of sixty is known to 9 %.
+            assert!((0.75..1.6).contains(&ratio), "{}: {ratio}", parameter.name);
+        }
+    }
+
+    #[test]
+    fn a_stopped_study_uses_whole_campaigns_only() {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+        let found =
+            pool.install(|| study(&MassSpringDrag, &rest_to_rest_3(), &short(), 50, &|ended| ended < 2)).expect("runs");
+        assert!(found.campaigns < 50 && found.warnings.iter().any(|w| w.contains("stopped")), "{found:?}");
+    }
+
+    #[test]
+    fn a_machine_without_values_is_an_error() {
+        let mut experiment = short();
+        experiment.plant.parameters.clear();
+        assert!(study(&MassSpringDrag, &rest_to_rest_3(), &experiment, 3, &|_| true).is_err());
+    }
+}

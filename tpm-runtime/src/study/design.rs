@@ -1,0 +1,432 @@
+//! Experiment design before anything moves: what candidates would show, and whether they keep within the limits.
+//!
+//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`Along::predicted`]): white noise on the measured
+//! positions (the step of an encoder counted as noise of variance step^2/12), inputs known exactly. Candidates are compared
+//! by the determinant of the scaled information (D-optimality), and one that passes a limit is not proposed but said where
+//! it does.
+
+use crate::campaign::{LEAST_PERIODS, RunReport, Setup, Stage};
+use crate::estimate::Along;
+use crate::experiment::{Experiment, ExperimentError};
+use crate::machine::simulated::{Bench, Sensor, simulate};
+use crate::numerics::DMatrix;
+use crate::numerics::fourier::analyse;
+use crate::numerics::singular::{Singular, unit_columns};
+use crate::run::trajectory::{Pattern, Series, Trajectory};
+use crate::run::{Record, RunEnding, Trial, TrialError, TrialSettings};
+use serde::{Serialize, Serializer};
+use std::f64::consts::PI;
+use std::format;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+
+/// Shares of the last stage's amplitudes and frequency that are tried.
+const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
+/// Multiples of the frequency that are tried for every coordinate of several.
+const MULTIPLES: [u32; 3] = [1, 2, 3];
+/// Most coordinates whose multiples are varied.
+const VARIED: usize = 3;
+/// Singular values of the scaled information's root below this share of the largest show nothing.
+const RANK: f64 = 1e-9;
+/// Harmonics to which the motion's derivatives are followed, times the highest one of the motion.
+const REACH: usize = 2;
+/// Relative noise that is assumed of a sensor without any.
+const LEAST_NOISE: f64 = 1e-6;
+
+/// The predicted deviation of one parameter.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Predicted {
+    /// Name.
+    pub name: String,
+    /// Standard deviation; nothing when the candidate does not show the parameter.
+    pub std: Option<f64>,
+}
+
+/// Where a candidate passes a limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Passed {
+    /// The input.
+    pub input: String,
+    /// Sample of the period.
+    pub sample: usize,
+    /// What it asks for there, as a share of the limit.
+    pub share: f64,
+}
+
+/// Candidates, and what they were judged by.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Design {
+    /// The estimates: the prior, and the simulated machine's value where the prior is zero.
+    #[serde(serialize_with = "by_name")]
+    pub estimates: Vec<(String, f64)>,
+    /// Standard deviation of the positions, an encoder's step included; a millionth of the amplitude for sensors without
+    /// any, unit of the coordinate, at the last stage.
+    #[serde(serialize_with = "by_name")]
+    pub noise: Vec<(String, f64)>,
+    /// The best first; those that pass a limit come last.
+    pub candidates: Vec<Candidate>,
+}
+
+/// One candidate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Candidate {
+    /// Names and values of the amplitudes.
+    #[serde(serialize_with = "by_name")]
+    pub amplitudes: Vec<(String, f64)>,
+    /// Fundamental frequency, rad/s.
+    pub frequency: f64,
+    /// Multiple of it by coordinate.
+    #[serde(serialize_with = "by_name")]
+    pub multiples: Vec<(String, u32)>,
+    /// Combinations of the parameters that it shows.
+    pub rank: usize,
+    /// Condition number of the scaled equations over what it shows.
+    pub condition: f64,
+    /// Natural logarithm of the determinant of the information, every parameter scaled by its estimate.
+    pub determinant: f64,
+    /// Predicted deviations.
+    pub parameters: Vec<Predicted>,
+    /// Largest share of its limit that an input takes; nothing without limits.
+    pub effort_share: Option<f64>,
+    /// Highest harmonic of any input above a thousandth of its largest one.
+    pub input_harmonics: usize,
+    /// The sample that passes a limit the most; nothing when all keep within the stated share.
+    pub passed: Option<Passed>,
+}
+
+fn by_name<T: Serialize, S: Serializer>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
+}
+
+/// Candidates around the last stage of an experiment's schedule: shares of its amplitudes and frequency, and multiples of the
+/// frequency when a few coordinates move. Each is measured for the experiment's `measure_time`.
+///
+/// # Errors
+/// [`ExperimentError`].
+pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment) -> Result<Design, ExperimentError> {
+    let setup = experiment.setup(model, pattern, Hold::Zoh)?;
+    let bench = experiment.bench(model)?;
+    let dims = model.dims();
+    let mut theta = setup.prior.clone();
+    for (value, truth) in theta.iter_mut().zip(&bench.parameters) {
+        if *value == 0.0 {
+            *value = *truth;
+        }
+    }
+    let last = setup.procedure.stages.last().ok_or(ExperimentError::NoStage)?;
+    let pattern = last.pattern(pattern);
+    let moved = pattern.coordinates.len() - pattern.open().len();
+    let varied = moved > 1 && moved <= VARIED;
+    let mut multiples = vec![last.multiples.clone()];
+    if varied {
+        multiples = vec![vec![]];
+        for c in 0..dims.coordinates {
+            let of: &[u32] = if pattern.coordinates[c].is_empty() { &[1] } else { &MULTIPLES };
+            multiples = multiples
+                .into_iter()
+                .flat_map(|list: Vec<u32>| of.iter().map(move |m| [list.clone(), vec![*m]].concat()))
+                .collect();
+        }
+        multiples.retain(|list| list.iter().copied().reduce(gcd) == Some(1));
+    }
+    let fastest = f64::from(last.multiples.iter().copied().max().unwrap_or(1)) * last.frequency;
+    let mut candidates = Vec::new();
+    for share in SHARES {
+        for speed in SHARES {
+            for list in &multiples {
+                // The fastest coordinate keeps to the frequency that the schedule allows it.
+                let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
+                let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
+                let stage = Stage {
+                    pattern: last.pattern.clone(),
+                    amplitudes,
+                    frequency,
+                    multiples: list.clone(),
+                    gain: last.gain,
+                };
+                let period = 2.0 * PI / frequency;
+                let periods = ((setup.procedure.measure_time / period).ceil() as usize).max(LEAST_PERIODS);
+                let trial = trial(model, pattern, &setup, &stage, periods, &theta);
+                // A candidate that cannot be played is none.
+                let Ok(trial) = trial else { continue };
+                let noise = deviations(&bench, &trial.trajectory);
+                let samples = periods * trial.samples_per_period;
+                let reach = 4 * trial.trajectory.highest_harmonic() as usize;
+                let along = Along::new(model, &setup.constants, &trial.trajectory, reach)?;
+                let Some(root) = along.predicted(&theta, &noise, samples) else { continue };
+                candidates.push(judge(model, pattern, &stage, &trial, &theta, &root, setup.procedure.effort_share));
+            }
+        }
+    }
+    let estimates = (0..theta.len()).map(|j| (model.parameter(j).name.to_string(), theta[j]));
+    if candidates.is_empty() {
+        let estimates = estimates.map(|(name, value)| format!("{name} = {value}")).collect();
+        return Err(ExperimentError::Unpredictable { estimates });
+    }
+    candidates.sort_by(|a: &Candidate, b: &Candidate| {
+        let key = |c: &Candidate| (c.passed.is_some(), std::cmp::Reverse(c.rank));
+        key(a).cmp(&key(b)).then(b.determinant.total_cmp(&a.determinant))
+    });
+    let noise = deviations(&bench, &last.trajectory(pattern, 1.0));
+    let noise = noise.into_iter().enumerate().map(|(c, value)| (model.coordinate(c).name.to_string(), value));
+    Ok(Design { estimates: estimates.collect(), noise: noise.collect(), candidates })
+}
+
+/// Standard deviation of the noise of every coordinate.
+fn deviations(bench: &Bench, trajectory: &Trajectory) -> Vec<f64> {
+    let sensors = bench.sensors.iter().zip(&trajectory.coordinates);
+    let deviation = sensors.map(|(sensor, series)| {
+        let size = series.lines.iter().map(|line| line.cos.hypot(line.sin)).fold(0.0, f64::max);
+        let variance = sensor.noise * sensor.noise + sensor.step * sensor.step / 12.0;
+        variance.sqrt().max(LEAST_NOISE * size).max(f64::MIN_POSITIVE.sqrt())
+    });
+    deviation.collect()
+}
+
+fn gcd(a: u32, b: u32) -> u32 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+/// What rows of unit variance show of the parameters.
+struct Shown {
+    /// Norm of every column.
+    scale: Vec<f64>,
+    rank: usize,
+    /// Of the scaled columns over what is shown.
+    condition: f64,
+    /// Natural logarithm of the determinant of the scaled information over what is shown.
+    determinant: f64,
+    /// Standard deviation of every parameter; nothing when it stands in a direction that is not shown.
+    deviations: Vec<Option<f64>>,
+}
+
+fn shown(root: &DMatrix<f64>) -> Shown {
+    let p = root.ncols();
+    let (scaled, scale) = unit_columns(root.clone());
+    let singular = Singular::new(&scaled, RANK);
+    let mut variance = vec![0.0; p];
+    for (value, direction) in singular.values.iter().zip(singular.right.column_iter()) {
+        for j in 0..p {
+            variance[j] += (direction[j] / value / scale[j]).powi(2);
+        }
+    }
+    let null = singular.null();
+    let hidden = |j: usize| null.row(j).iter().any(|part| part.abs() > 1e-6);
+    Shown {
+        rank: singular.rank(),
+        condition: singular.condition(),
+        determinant: singular.values.iter().map(|value| 2.0 * value.ln()).sum(),
+        deviations: (0..p).map(|j| (!hidden(j)).then(|| variance[j].sqrt())).collect(),
+        scale,
+    }
+}
+
+/// The Cramer-Rao bounds of the standard deviations after these runs of the simulated machine: every complete run with all its
+/// measured periods, along the motion that it has without noise. A run from wrong estimates moves otherwise than its reference,
+/// and may show much more. `None` where a run cannot be predicted, or nothing ran.
+pub(super) fn bounds(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    experiment: &Experiment,
+    runs: &[RunReport],
+) -> Result<Option<Vec<Option<f64>>>, ExperimentError> {
+    let setup = experiment.setup(model, pattern, Hold::Zoh)?;
+    let noisy = experiment.bench(model)?;
+    if noisy.parameters.len() != model.dims().parameters {
+        // Another machine is simulated in place of the model's.
+        return Ok(None);
+    }
+    let mut bench = noisy.clone();
+    bench.sensors.fill(Sensor::default());
+    let mut rows: Vec<DMatrix<f64>> = Vec::new();
+    for run in runs.iter().filter(|run| run.ending == RunEnding::Complete && run.periods > 0) {
+        let Some(asked) = setup.procedure.stages.get(run.stage.wrapping_sub(1)) else { return Ok(None) };
+        let stage = Stage {
+            pattern: asked.pattern.clone(),
+            amplitudes: run.amplitudes.iter().map(|(_, value)| *value).collect(),
+            frequency: run.frequency,
+            multiples: asked.multiples.clone(),
+            gain: asked.gain,
+        };
+        let settled = run.settled_after.unwrap_or(setup.procedure.settle_periods);
+        let played = trial(model, pattern, &setup, &stage, settled + run.periods, &run.played);
+        let Ok(trial) = played else { return Ok(None) };
+        let noise = deviations(&noisy, &trial.trajectory);
+        let samples = run.periods * trial.samples_per_period;
+        let record = simulate(model, &bench, &trial)?;
+        if record.len() < trial.samples() {
+            return Ok(None);
+        }
+        let motion = motion(&trial, &record);
+        let reach = REACH * motion.highest_harmonic() as usize;
+        let along = Along::new(model, &setup.constants, &motion, reach)?;
+        let Some(root) = along.predicted(&bench.parameters, &noise, samples) else { return Ok(None) };
+        rows.push(root);
+    }
+    let Some(first) = rows.first() else { return Ok(None) };
+    let mut whole = DMatrix::zeros(rows.iter().map(DMatrix::nrows).sum(), first.ncols());
+    let mut at = 0;
+    for root in &rows {
+        whole.rows_mut(at, root.nrows()).copy_from(root);
+        at += root.nrows();
+    }
+    Ok(Some(shown(&whole).deviations))
+}
+
+/// The motion in the last period of a run: every harmonic that is more than rounding, or than what of the start has not died away.
+fn motion(trial: &Trial, record: &Record) -> Trajectory {
+    let samples = trial.samples_per_period;
+    let most = 8 * trial.trajectory.highest_harmonic().max(1) as usize;
+    let series = |channel: &Vec<f64>| {
+        let last = &channel[record.len() - samples..];
+        let lines = analyse(last, 0, 1, most.min(samples / 2));
+        let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+        Series::from_phasors(&lines, |_, line| line.norm() > LEAST_NOISE * largest)
+    };
+    let coordinates = record.coordinates.iter().map(series).collect();
+    Trajectory { frequency: trial.trajectory.frequency, coordinates }
+}
+
+/// One run of a stage, worked out.
+fn trial(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    setup: &Setup,
+    stage: &Stage,
+    periods: usize,
+    parameters: &[f64],
+) -> Result<Trial, TrialError> {
+    Trial::new(
+        model,
+        TrialSettings {
+            run: 0,
+            trajectory: stage.trajectory(pattern, 1.0),
+            open: &stage.pattern(pattern).open(),
+            pattern: None,
+            amplitudes: stage.amplitudes.clone(),
+            periods,
+            control: &setup.control.scaled(stage.gain),
+            parameters,
+            constants: &setup.constants,
+            tracking_bounds: &setup.procedure.tracking_bounds,
+            input_limits: &setup.procedure.input_limits,
+        },
+    )
+}
+
+fn judge(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    stage: &Stage,
+    trial: &Trial,
+    theta: &[f64],
+    root: &DMatrix<f64>,
+    share: f64,
+) -> Candidate {
+    let Shown { scale, rank, condition, mut determinant, deviations } = shown(root);
+    for (s, value) in scale.iter().zip(theta) {
+        determinant += 2.0 * (s * if *value == 0.0 { 1.0 } else { value.abs() }).ln();
+    }
+    let (most, input, sample) = trial.feed_forward_share();
+    let limited = trial.input_limits.iter().any(|limit| limit.is_finite());
+    let passed = Passed { input: model.input(input).name.to_string(), sample, share: most };
+    Candidate {
+        amplitudes: pattern.amplitudes.iter().cloned().zip(stage.amplitudes.iter().copied()).collect(),
+        frequency: trial.trajectory.frequency,
+        multiples: (0..stage.multiples.len())
+            .map(|c| (model.coordinate(c).name.to_string(), stage.multiples[c]))
+            .collect(),
+        rank,
+        condition,
+        determinant,
+        parameters: deviations
+            .into_iter()
+            .enumerate()
+            .map(|(j, std)| Predicted { name: model.parameter(j).name.to_string(), std })
+            .collect(),
+        effort_share: limited.then_some(most),
+        input_harmonics: input_harmonics(trial, model.dims().inputs),
+        passed: (limited && most >= share).then_some(passed),
+    }
+}
+
+/// Highest harmonic of any input's feed-forward above a thousandth of its largest one.
+fn input_harmonics(trial: &Trial, inputs: usize) -> usize {
+    let reach = (8 * trial.trajectory.highest_harmonic() as usize).min(trial.samples_per_period / 2);
+    let size = |input: usize, k: usize| {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (n, sample) in trial.feed_forward.iter().skip(input).step_by(inputs.max(1)).enumerate() {
+            let phase = 2.0 * PI * ((k * n) % trial.samples_per_period) as f64 / trial.samples_per_period as f64;
+            re += sample * phase.cos();
+            im += sample * phase.sin();
+        }
+        f64::hypot(re, im)
+    };
+    (0..inputs)
+        .map(|input| {
+            let sizes: Vec<f64> = (1..=reach).map(|k| size(input, k)).collect();
+            let largest = sizes.iter().copied().fold(0.0, f64::max);
+            sizes.iter().rposition(|s| *s > 1e-3 * largest).map_or(0, |k| k + 1)
+        })
+        .max()
+        .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::design;
+    use crate::experiment::Experiment;
+    use crate::run::trajectory::tests::rest_to_rest_3;
+    use crate::test_models::MassSpringDrag;
+    use std::f64::consts::PI;
+    use std::string::ToString;
+
+    fn experiment() -> Experiment {
+        let mut experiment = Experiment::parse(include_str!("../../../models/mass_spring_drag.toml"))
+            .expect("the shipped file is right");
+        for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
+            experiment.prior.insert(name.to_string(), value);
+        }
+        experiment.plant.sensors.entry("x".to_string()).or_default().counts = 0.0;
+        experiment
+    }
+
+    #[test]
+    fn predictions_are_the_bounds_that_were_found_by_sensitivities_in_time() {
+        // Feng 3.24, sigma = 1e-3, 20 s at 1 kHz: relative bounds at (lambda, w) = (0.3, pi) and (0.6, 2 pi).
+        for (lambda, w, bounds) in [(0.3, 1.0, [2.6e-4, 1.3e-4, 2.8e-4]), (0.6, 2.0, [1.6e-4, 3.1e-4, 4.9e-5])] {
+            let mut experiment = experiment();
+            experiment.schedule.stages.truncate(1);
+            experiment.schedule.stages[0].values.insert("lambda".to_string(), lambda);
+            experiment.schedule.stages[0].values.insert("w".to_string(), w * PI);
+            let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
+            let full = found
+                .iter()
+                .find(|c| (c.amplitudes[0].1 - lambda).abs() < 1e-9 && (c.frequency / (w * PI) - 1.0).abs() < 1e-3)
+                .expect("the stage itself");
+            for ((predicted, truth), bound) in full.parameters.iter().zip([2.0, 40.0, 1.5]).zip(bounds) {
+                let relative = predicted.std.expect("shown") / truth;
+                assert!((relative / bound - 1.0).abs() < 0.05, "{}: {relative:e} {bound:e}", predicted.name);
+            }
+        }
+    }
+
+    #[test]
+    fn limits_are_kept_and_the_sample_that_passes_one_is_named() {
+        let mut experiment = experiment();
+        experiment.limits.inputs.insert("u".to_string(), 40.0);
+        let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
+        assert_eq!(found.len(), 16);
+        let within = found.iter().take_while(|c| c.passed.is_none()).count();
+        assert!(within > 0 && within < 16);
+        for pair in found[..within].windows(2) {
+            assert!(pair[0].determinant >= pair[1].determinant);
+        }
+        let beyond = found[15].passed.as_ref().expect("the largest passes it");
+        assert!(beyond.share >= 0.7 && beyond.input == "u");
+        assert!(found[0].effort_share.expect("limited") < 0.7);
+    }
+}

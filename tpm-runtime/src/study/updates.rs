@@ -1,0 +1,233 @@
+//! How many updates every estimator needs on an exact machine: the convergence of the method itself.
+//!
+//! Invariant: nothing but the linearisation stands between an update and the truth: sensors and drives are exact, rates
+//! measured, the loop acts in continuous time, with as many steps of integration in a period as are asked for, and every run is
+//! played until it has settled.
+
+use crate::campaign::{Campaign, CampaignError};
+use crate::estimate::Method;
+use crate::experiment::{Experiment, ExperimentError};
+use crate::machine::simulated::simulate_continuous;
+use crate::run::HoldCompensation;
+use crate::run::trajectory::Pattern;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::f64::consts::PI;
+use std::string::String;
+use std::vec;
+use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+
+/// Largest relative errors of the parameters that are counted to.
+pub const LIMITS: [f64; 3] = [1e-3, 1e-6, 1e-9];
+/// Samples, and steps of integration, in a period.
+const STEPS: usize = 8192;
+
+/// The updates of one estimator at one setting.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Convergence {
+    /// The estimator.
+    pub estimator: &'static str,
+    /// Names and values of the amplitudes.
+    pub amplitudes: Vec<(String, f64)>,
+    /// Fundamental frequency, rad/s.
+    pub frequency: f64,
+    /// Runs in one update.
+    pub runs_per_update: usize,
+    /// Largest relative error of the parameters after every update.
+    pub errors: Vec<f64>,
+    /// Updates to each of [`LIMITS`]; nothing when it was not reached.
+    pub updates: [Option<usize>; 3],
+}
+
+/// Every estimator at every stage; serialises as `tpm.updates/1`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Updates {
+    /// `tpm.updates/1`.
+    pub schema: &'static str,
+    /// Name of the model.
+    pub model: String,
+    /// Largest relative errors that are counted to.
+    pub limits: [f64; 3],
+    /// Estimator by estimator, stage by stage.
+    pub estimators: Vec<Convergence>,
+}
+
+/// Plays `most` updates of every estimator at every stage of an experiment, from its prior, without noise.
+///
+/// # Errors
+/// [`ExperimentError`]: that of the first estimator and stage which has one.
+pub fn updates(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    experiment: &Experiment,
+    most: usize,
+) -> Result<Updates, ExperimentError> {
+    let stages = 0..experiment.schedule.stages.len();
+    let cases: Vec<(Method, usize)> =
+        Method::ALL.into_iter().flat_map(|method| stages.clone().map(move |stage| (method, stage))).collect();
+    let estimators = cases
+        .into_par_iter()
+        .map(|(method, stage)| convergence(model, pattern, experiment, method, stage, most, STEPS))
+        .collect::<Result<_, _>>()?;
+    Ok(Updates { schema: "tpm.updates/1", model: model.name().into(), limits: LIMITS, estimators })
+}
+
+/// The experiment at one stage without everything that is not exact.
+fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> Experiment {
+    let mut exact = experiment.clone();
+    exact.estimator = method;
+    for sensor in exact.plant.sensors.values_mut() {
+        *sensor = crate::experiment::SensorSection::default();
+    }
+    exact.plant.input_steps.clear();
+    exact.plant.actuators.clear();
+    exact.actuators.clear();
+    exact.motors = None;
+    exact.limits.inputs.clear();
+    exact.limits.tracking.clear();
+    exact.control.derivative_filter = None;
+    exact.control.smoothing = None;
+    exact.control.compensation = HoldCompensation::None;
+    let schedule = &mut exact.schedule;
+    // One update to a stage, so that none is left out because nothing seems to change any more.
+    schedule.stages = schedule.stages.get(stage).map_or_else(Vec::new, |stage| vec![stage.clone(); most]);
+    let gain = schedule.gains.get(stage).copied().unwrap_or(1.0);
+    schedule.gains = vec![gain; schedule.stages.len()];
+    schedule.measure_time = 0.0;
+    schedule.updates_per_stage = 1;
+    schedule.error.clear();
+    exact
+}
+
+/// Plays `most` updates of one estimator at one stage (from 0) with so many samples and steps in a period.
+///
+/// # Errors
+/// [`ExperimentError`].
+pub fn convergence(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    experiment: &Experiment,
+    method: Method,
+    stage: usize,
+    most: usize,
+    samples: usize,
+) -> Result<Convergence, ExperimentError> {
+    let mut exact = exact(experiment, method, stage, most);
+    // Those who add nothing to what they know between two updates need one run for each.
+    let runs_per_update = if method == Method::Numerical { model.dims().parameters + 1 } else { 1 };
+    exact.schedule.max_runs = most * runs_per_update;
+    let asked = exact.setup(model, pattern, Hold::None)?;
+    let frequency = asked.procedure.stages.first().ok_or(ExperimentError::NoStage)?.frequency;
+    exact.control.sample_time = 2.0 * PI / frequency / samples as f64;
+    let truth = exact.bench(model)?.parameters;
+    let mut campaign = Campaign::new(model, exact.setup(model, pattern, Hold::None)?)?;
+    let mut errors = Vec::with_capacity(most);
+    while let Some(trial) = campaign.next().cloned() {
+        let run = trial.run + 1;
+        let record =
+            simulate_continuous(model, &truth, &trial).map_err(|source| CampaignError::Trial { run, source })?;
+        if campaign.submit(&record)?.updated {
+            let relative = campaign.current().iter().zip(&truth).map(|(value, truth)| {
+                let size = if *truth == 0.0 { 1.0 } else { truth.abs() };
+                (value - truth).abs() / size
+            });
+            errors.push(relative.fold(0.0, f64::max));
+        }
+    }
+    let first = campaign.runs().first();
+    Ok(Convergence {
+        estimator: method.name(),
+        amplitudes: first.map_or_else(Vec::new, |run| run.amplitudes.clone()),
+        frequency,
+        runs_per_update,
+        updates: LIMITS.map(|limit| errors.iter().position(|error| *error <= limit).map(|at| at + 1)),
+        errors,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{STEPS, convergence, updates};
+    use crate::estimate::Method;
+    use crate::experiment::{Experiment, StageSection};
+    use crate::run::trajectory::tests::rest_to_rest_3;
+    use crate::test_models::MassSpringDrag;
+    use std::f64::consts::PI;
+    use std::vec;
+
+    fn experiment() -> Experiment {
+        let file = include_str!("../../../models/mass_spring_drag.toml");
+        Experiment::parse(file).expect("the shipped file is right")
+    }
+
+    fn stage(lambda: f64, w: f64) -> StageSection {
+        let values = [("lambda", lambda), ("w", w)].into_iter().map(|(name, value)| (name.into(), value)).collect();
+        StageSection { values, ..StageSection::default() }
+    }
+
+    /// Updates as they were found independently.
+    #[test]
+    fn every_estimator_needs_the_updates_that_it_should() {
+        let mut experiment = experiment();
+        experiment.schedule.stages = vec![stage(0.3, PI), stage(0.6, 2.0 * PI)];
+        // The loop forgets its start in a thirtieth of a second.
+        experiment.schedule.settle_periods = 1;
+        // Updates to each of the limits; that of `effort` that is not stated is ten or more.
+        let table = [
+            (Method::MeasuredMotion, 2, [[1, 1, 1], [1, 1, 1]]),
+            (Method::Hill, 5, [[2, 3, 3], [3, 3, 4]]),
+            (Method::Error, 8, [[3, 4, 5], [3, 5, 7]]),
+            (Method::Numerical, 4, [[1, 2, 2], [2, 2, 3]]),
+            (Method::Effort, 12, [[3, 5, 7], [4, 7, 10]]),
+        ];
+        for (method, most, settings) in table {
+            for (stage, expected) in settings.into_iter().enumerate() {
+                let pattern = rest_to_rest_3();
+                let own =
+                    convergence(&MassSpringDrag, &pattern, &experiment, method, stage, most, STEPS).expect("runs");
+                for (found, expected) in own.updates.iter().zip(expected) {
+                    let near = found.is_some_and(|found| found.abs_diff(expected) <= 1);
+                    assert!(near, "{own:?}, expected {expected}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_estimator_is_tried_at_every_stage() {
+        let mut experiment = experiment();
+        experiment.schedule.settle_periods = 1;
+        experiment.schedule.stages = vec![stage(0.3, PI)];
+        let found = updates(&MassSpringDrag, &rest_to_rest_3(), &experiment, 1).expect("runs");
+        let names: vec::Vec<&str> = found.estimators.iter().map(|c| c.estimator).collect();
+        assert_eq!(names, ["measured-motion", "error", "hill", "effort", "numerical"]);
+        assert!(found.estimators.iter().all(|c| c.errors.len() == 1), "{found:?}");
+    }
+
+    /// Ordinary gains, every estimate 30 % off: the matrix with coupled harmonics squares the error, the plain one divides it.
+    #[test]
+    fn coupled_harmonics_converge_quadratically() {
+        let mut experiment = experiment();
+        for (name, value) in [("m", 2.0), ("k1", 5.0), ("k2", 0.7)] {
+            experiment.plant.parameters.insert(name.into(), value);
+            experiment.prior.insert(name.into(), 1.3 * value);
+        }
+        experiment.control.feedback[0].kp = 60.0;
+        experiment.control.feedback[0].kd = 15.0;
+        experiment.harmonics = Some(6);
+        experiment.schedule.settle_periods = 6;
+        experiment.schedule.stages = vec![stage(0.5, 2.0)];
+        let errors = |method| {
+            let found = convergence(&MassSpringDrag, &rest_to_rest_3(), &experiment, method, 0, 4, STEPS);
+            found.expect("runs").errors
+        };
+        let hill = errors(Method::Hill);
+        assert!(hill[0] <= 1.8e-2 && hill[1] <= 1e-4 && hill[2] <= 1e-10, "{hill:?}");
+        let error = errors(Method::Error);
+        for (found, expected) in error.iter().zip([1.1e-2, 3.4e-4, 2.5e-6, 8e-8]) {
+            assert!(*found < 1.5 * expected && *found > expected / 1.5, "{error:?}");
+        }
+    }
+}
