@@ -4,17 +4,12 @@
 //! errors and progress to standard error. Exit codes: 0 done, 1 not everything asked for was identified (or, asked by
 //! `generate --check`, is current), 2 bad input, 130 interrupted.
 
-mod assignments;
-mod campaign_report;
-mod commands;
 mod failure;
+mod input;
 mod interrupt;
-mod load;
 mod output;
-mod picture;
-mod progress;
-mod text_table;
-mod values;
+mod render;
+mod verbs;
 
 use clap::{Parser, Subcommand};
 use failure::Failure;
@@ -31,62 +26,62 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Say whether motors can follow a pattern: current, voltage, power, and how fast and far they could.
-    Actuator(Box<commands::actuator::Args>),
+    Actuator(Box<verbs::actuator::Args>),
     /// A campaign on a real machine, by files: what to play next, take in its log, result.
-    Campaign(Box<commands::campaign::Args>),
+    Campaign(Box<verbs::campaign::Args>),
     /// Parse a model, check units, linearity and finiteness, and say what was found.
-    Check(commands::check::Args),
+    Check(verbs::check::Args),
     /// Propose experiments that show the most within the limits.
-    Design(Box<commands::design::Args>),
+    Design(Box<verbs::design::Args>),
     /// Print the exact harmonic coefficient table of a model under its pattern.
-    Expand(commands::expand::Args),
+    Expand(verbs::expand::Args),
     /// Compare common and split feed-forward on the simulated machine, with filters and motors.
-    Feedforward(Box<commands::feedforward::Args>),
+    Feedforward(Box<verbs::feedforward::Args>),
     /// Fit a transfer function, or a model's parameters, to the frequency response of a log.
-    Fit(Box<commands::fit::Args>),
+    Fit(Box<verbs::fit::Args>),
     /// Measure a frequency response from a log: H1, H2, coherence, confidence.
-    Frf(commands::frf::Args),
+    Frf(verbs::frf::Args),
     /// Write the source code of a model's estimator.
-    Generate(commands::generate::Args),
+    Generate(verbs::generate::Args),
     /// Say what a pattern can show: exact rank, unobservable directions, base parameters.
-    Identifiability(commands::identifiability::Args),
+    Identifiability(verbs::identifiability::Args),
     /// Identify parameters: on a simulated plant, or from a log.
-    Identify(Box<commands::identify::Args>),
+    Identify(Box<verbs::identify::Args>),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
-    Linearize(Box<commands::linearize::Args>),
+    Linearize(Box<verbs::linearize::Args>),
     /// Study the rotary pendulum of Fong: derive, linearise, measure, fit, identify, balance, and report.
-    PendulumStudy(commands::pendulum_study::Args),
+    PendulumStudy(verbs::pendulum_study::Args),
     /// Split every input into what holds its own coordinate still and what moves it.
-    Split(commands::split::Args),
+    Split(verbs::split::Args),
     /// Play one run on the simulated plant and write its log.
-    Simulate(Box<commands::simulate::Args>),
+    Simulate(Box<verbs::simulate::Args>),
     /// Repeat an experiment on the simulated plant for many seeds: bias, spread, coverage of the intervals.
-    Study(commands::study::Args),
+    Study(verbs::study::Args),
     /// Predict another log with identified parameters.
-    Validate(Box<commands::validate::Args>),
+    Validate(Box<verbs::validate::Args>),
 }
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
     interrupt::install();
     let outcome = match &cli.command {
-        Command::Actuator(args) => commands::actuator::run(args),
-        Command::Campaign(args) => commands::campaign::run(args),
-        Command::Check(args) => commands::check::run(args),
-        Command::Design(args) => commands::design::run(args),
-        Command::Expand(args) => commands::expand::run(args),
-        Command::Feedforward(args) => commands::feedforward::run(args),
-        Command::Fit(args) => commands::fit::run(args),
-        Command::Frf(args) => commands::frf::run(args),
-        Command::Generate(args) => commands::generate::run(args),
-        Command::Identifiability(args) => commands::identifiability::run(args),
-        Command::Identify(args) => commands::identify::run(args),
-        Command::Linearize(args) => commands::linearize::run(args),
-        Command::PendulumStudy(args) => commands::pendulum_study::run(args),
-        Command::Split(args) => commands::split::run(args),
-        Command::Simulate(args) => commands::simulate::run(args),
-        Command::Study(args) => commands::study::run(args),
-        Command::Validate(args) => commands::validate::run(args),
+        Command::Actuator(args) => verbs::actuator::run(args),
+        Command::Campaign(args) => verbs::campaign::run(args),
+        Command::Check(args) => verbs::check::run(args),
+        Command::Design(args) => verbs::design::run(args),
+        Command::Expand(args) => verbs::expand::run(args),
+        Command::Feedforward(args) => verbs::feedforward::run(args),
+        Command::Fit(args) => verbs::fit::run(args),
+        Command::Frf(args) => verbs::frf::run(args),
+        Command::Generate(args) => verbs::generate::run(args),
+        Command::Identifiability(args) => verbs::identifiability::run(args),
+        Command::Identify(args) => verbs::identify::run(args),
+        Command::Linearize(args) => verbs::linearize::run(args),
+        Command::PendulumStudy(args) => verbs::pendulum_study::run(args),
+        Command::Split(args) => verbs::split::run(args),
+        Command::Simulate(args) => verbs::simulate::run(args),
+        Command::Study(args) => verbs::study::run(args),
+        Command::Validate(args) => verbs::validate::run(args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

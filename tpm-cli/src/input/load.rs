@@ -1,0 +1,124 @@
+//! From a path to a model, with every fault rendered at its place.
+
+use crate::failure::Failure;
+use crate::output::file;
+use std::path::Path;
+use tpm_codegen::diagnostic::{self, Diagnostic};
+use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::language::AtTerm;
+use tpm_codegen::source::Source;
+use tpm_codegen::{Parsed, parse_model};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+
+/// A parsed model with the text it came from, so that later stages can still point at places.
+pub(crate) struct Loaded {
+    source: Source,
+    parsed: Parsed,
+}
+
+impl Loaded {
+    /// Reads and parses a model file. Warnings go to standard error.
+    pub(crate) fn from_file(path: &Path) -> Result<Self, Failure> {
+        let bytes = std::fs::read(path).map_err(|error| Failure::read(path, error))?;
+        let source = Source::from_bytes(path.display().to_string(), bytes);
+        match parse_model(&source) {
+            Ok(parsed) => {
+                if !parsed.warnings.is_empty() {
+                    file::remark(parsed.warnings.render(&source).trim_end());
+                }
+                Ok(Self { source, parsed })
+            }
+            Err(diagnostics) => Err(Failure::Model(diagnostics.render(&source))),
+        }
+    }
+
+    /// The model.
+    pub(crate) fn model(&self) -> &Model {
+        &self.parsed.model
+    }
+
+    /// The model with its coordinates eliminated, sorted into its parameters.
+    pub(crate) fn prepared(&self) -> Result<Prepared, Failure> {
+        prepare(self.model().clone()).map_err(|error| self.at(&error))
+    }
+
+    /// The same for tables: with the declared Taylor polynomials in place. What they replace is said on standard error.
+    pub(crate) fn for_tables(&self) -> Result<Prepared, Failure> {
+        prepare(self.model_for_tables()?).map_err(|error| self.at(&error))
+    }
+
+    /// The model with the declared Taylor polynomials in place. What they replace is said on standard error.
+    pub(crate) fn model_for_tables(&self) -> Result<Model, Failure> {
+        let (model, truncations) = self.parsed.for_tables().map_err(|error| self.at(&error))?;
+        for replaced in Parsed::replacements(&model, &truncations) {
+            file::remark(&format!("remark: {replaced}"));
+        }
+        Ok(model.into_owned())
+    }
+
+    /// The declared number of harmonics of terms with infinitely many.
+    pub(crate) fn harmonics(&self, pattern: &Pattern) -> Option<usize> {
+        let index = self.model().patterns.iter().position(|other| other == pattern)?;
+        self.parsed.harmonics_of(index)
+    }
+
+    /// Everything that the source code of an estimator is made of.
+    pub(crate) fn estimator(&self) -> Result<Estimator, Failure> {
+        Estimator::of(&self.parsed).map_err(|diagnostic| Failure::Model(self.rendered(&diagnostic)))
+    }
+
+    /// A fault of the model as a whole, at its name.
+    pub(crate) fn at_whole(&self, message: &str, help: Option<&str>) -> Failure {
+        let diagnostic = Diagnostic::error(self.parsed.ast.name.span, message);
+        Failure::Model(self.rendered(&match help {
+            Some(help) => diagnostic.help(help),
+            None => diagnostic,
+        }))
+    }
+
+    /// An error of a later stage, at its place in the text.
+    pub(crate) fn at(&self, error: &impl AtTerm) -> Failure {
+        Failure::Model(self.rendered(&self.parsed.locate(error)))
+    }
+
+    /// The same, with what to do about it.
+    pub(crate) fn at_with_help(&self, error: &impl AtTerm, help: &str) -> Failure {
+        Failure::Model(self.rendered(&self.parsed.locate(error).help(help)))
+    }
+
+    /// What stands in the way of one use of the model but is no fault of it, at its place.
+    pub(crate) fn remark(&self, error: &impl AtTerm) -> String {
+        let mut diagnostic = self.parsed.locate(error);
+        diagnostic.severity = diagnostic::Severity::Warning;
+        self.rendered(&diagnostic)
+    }
+
+    fn rendered(&self, diagnostic: &Diagnostic) -> String {
+        diagnostic::render(&self.source, diagnostic)
+    }
+
+    /// The chosen pattern, the first when no name is given.
+    pub(crate) fn pattern(&self, name: Option<&str>) -> Result<&Pattern, Failure> {
+        let model = self.model();
+        model.pattern(name).ok_or_else(|| {
+            let (message, help) = match name {
+                None => (
+                    format!("model {} has no pattern", model.name),
+                    "add `pattern { ... }` to it to expand it (logs need none)".to_owned(),
+                ),
+                Some(name) => {
+                    let known: Vec<&str> =
+                        model.patterns.iter().filter_map(|pattern| pattern.name.as_deref()).collect();
+                    let help = match known.as_slice() {
+                        [] => "its patterns have no names; leave out --pattern".to_owned(),
+                        known => format!("it has {}", known.join(", ")),
+                    };
+                    (format!("model {} has no pattern named `{name}`", model.name), help)
+                }
+            };
+            self.at_whole(&message, Some(&help))
+        })
+    }
+}

@@ -1,0 +1,162 @@
+//! Options about a log of a machine: its columns, the part to use, and what its inputs do between samples.
+
+use crate::failure::Failure;
+use crate::input::assignments::{assignment, by_name, number_assignment};
+use clap::ValueEnum;
+use std::path::PathBuf;
+use tpm_runtime::harmonics::Hold;
+use tpm_runtime::interpret::Interpreted;
+use tpm_runtime::log::LogOptions;
+use tpm_runtime::machine::actuator::MotorFile;
+use tpm_runtime::model::Model as _;
+use tpm_runtime::run::Dynamics;
+use tpm_runtime::run::LowPass;
+
+/// What an input does between samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum HoldChoice {
+    /// The recorded value is a sample of a signal that goes on between samples, or the timing is unknown.
+    None,
+    /// The recorded value is applied until the next sample.
+    Zoh,
+}
+
+impl From<HoldChoice> for Hold {
+    fn from(choice: HoldChoice) -> Self {
+        match choice {
+            HoldChoice::None => Hold::None,
+            HoldChoice::Zoh => Hold::Zoh,
+        }
+    }
+}
+
+/// Options about the columns of a log, of verbs which all have an argument `log`.
+#[derive(clap::Args)]
+pub(crate) struct ColumnArgs {
+    /// Column of a coordinate or input (or of t_s) that is named otherwise in the log.
+    #[arg(long, value_name = "NAME=COLUMN", requires = "log", value_parser = assignment)]
+    map: Vec<(String, String)>,
+    /// Factor on a column: counts to radians, a gear ratio.
+    #[arg(long, value_name = "NAME=FACTOR", requires = "log", value_parser = number_assignment)]
+    scale: Vec<(String, f64)>,
+    /// Added to a column after its factor.
+    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
+    offset: Vec<(String, f64)>,
+}
+
+impl ColumnArgs {
+    /// The same for the library, with names checked against the model.
+    pub(crate) fn options(&self, model: &Interpreted) -> Result<LogOptions, Failure> {
+        let dims = model.dims();
+        let coordinates = (0..dims.coordinates).map(|i| model.coordinate(i).name.to_owned());
+        let inputs = (0..dims.inputs).map(|i| model.input(i).name.to_owned());
+        let mut signals: Vec<String> = coordinates.chain(inputs).collect();
+        signals.push("t_s".to_owned());
+        Ok(LogOptions {
+            map: by_name("--map", &self.map, &signals)?,
+            scale: by_name("--scale", &self.scale, &signals)?,
+            offset: by_name("--offset", &self.offset, &signals)?,
+            ..LogOptions::default()
+        })
+    }
+}
+
+/// Options of the verbs that read a log, which all have an argument `log`.
+#[derive(clap::Args)]
+pub(crate) struct LogArgs {
+    #[command(flatten)]
+    columns: ColumnArgs,
+    /// First sample to use, from 0; found when not given.
+    #[arg(long, value_name = "N", requires = "log")]
+    from_sample: Option<usize>,
+    /// Period of the motion in seconds; found when not given.
+    #[arg(long, value_name = "SECONDS", requires = "log")]
+    period: Option<f64>,
+    /// What the inputs do between samples.
+    #[arg(long, value_enum, requires = "log")]
+    hold: Option<HoldChoice>,
+    /// Known time by which an input's force lags behind its recorded value, s; corrected.
+    #[arg(long, value_name = "INPUT=SECONDS", requires = "log", value_parser = number_assignment)]
+    delay: Vec<(String, f64)>,
+    /// Known second-order low pass behind an input's recorded value, natural frequency in rad/s and quality (1/sqrt(2) when not
+    /// given); corrected.
+    #[arg(long, value_name = "INPUT=W[:Q]", requires = "log", value_parser = low_pass)]
+    low_pass: Vec<(String, LowPass)>,
+    /// Motor file: what it states of the amplifiers is known, and corrected.
+    #[arg(long, value_name = "FILE", requires = "log")]
+    motor: Option<PathBuf>,
+    /// Highest harmonic to use; chosen from the spectrum when not given.
+    #[arg(long, value_name = "N", requires = "log")]
+    harmonics: Option<usize>,
+    /// Value of a constant that is known at run time only.
+    #[arg(long = "constant", value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
+    pub(crate) constants: Vec<(String, f64)>,
+}
+
+fn low_pass(text: &str) -> Result<(String, LowPass), String> {
+    let (name, value) = assignment(text)?;
+    let (frequency, quality) = value.split_once(':').unwrap_or((&value, ""));
+    let positive = |what: &str, text: &str| match text.trim().parse::<f64>() {
+        Ok(number) if number.is_finite() && number > 0.0 => Ok(number),
+        _ => Err(format!("the {what} `{text}` is not a positive number")),
+    };
+    let quality = if quality.is_empty() { std::f64::consts::FRAC_1_SQRT_2 } else { positive("quality", quality)? };
+    Ok((name, LowPass { natural_frequency: positive("natural frequency (rad/s)", frequency)?, quality }))
+}
+
+impl LogArgs {
+    /// What is known to lie between the recorded inputs and the forces.
+    fn actuators(&self, model: &Interpreted) -> Result<Vec<Dynamics>, Failure> {
+        let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_owned()).collect();
+        let mut known = match &self.motor {
+            None => vec![Dynamics::default(); inputs.len()],
+            Some(path) => {
+                let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+                MotorFile::parse(&text)
+                    .and_then(|file| file.dynamics(model))
+                    .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?
+            }
+        };
+        let delays = by_name("--delay", &self.delay, &inputs)?;
+        let filters = by_name("--low-pass", &self.low_pass, &inputs)?;
+        for (name, known) in inputs.iter().zip(&mut known) {
+            if let Some(&delay) = delays.get(name) {
+                if !(delay.is_finite() && delay >= 0.0) {
+                    return Err(Failure::Input(format!("--delay {name}={delay}: the time must not be negative")));
+                }
+                known.delay = delay;
+            }
+            if let Some(&filter) = filters.get(name) {
+                known.filter = Some(filter);
+            }
+        }
+        Ok(known)
+    }
+
+    /// The same for the library, with names checked against the model.
+    pub(crate) fn options(&self, model: &Interpreted) -> Result<LogOptions, Failure> {
+        let dims = model.dims();
+        let constants: Vec<String> = (0..dims.constants).map(|i| model.constant(i).name.to_owned()).collect();
+        let given = by_name("--constant", &self.constants, &constants)?;
+        let missing: Vec<String> = constants
+            .iter()
+            .filter(|name| !given.contains_key(*name))
+            .map(|name| format!("--constant {name}=VALUE"))
+            .collect();
+        if !missing.is_empty() {
+            return Err(Failure::Input(format!(
+                "the model has constants that are known at run time only; give {}",
+                missing.join(" ")
+            )));
+        }
+        Ok(LogOptions {
+            from_sample: self.from_sample,
+            period: self.period,
+            hold: self.hold.map_or(Hold::None, Hold::from),
+            actuators: self.actuators(model)?,
+            harmonics: self.harmonics,
+            constants: constants.iter().map(|name| given[name]).collect(),
+            ..self.columns.options(model)?
+        })
+    }
+}

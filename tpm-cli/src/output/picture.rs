@@ -1,0 +1,37 @@
+//! Figures to files, as SVG or PNG by the name of the file.
+
+use crate::failure::Failure;
+use crate::output::file;
+use std::path::Path;
+use tpm_runtime::plot::Figure;
+
+/// Pixels of a PNG per pixel of the figure.
+const ZOOM: f32 = 2.0;
+
+/// The kind of picture that a file's name asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Picture {
+    Svg,
+    Png,
+}
+
+impl Picture {
+    /// Refuses a name that ends in neither .svg nor .png.
+    pub(crate) fn of(path: &Path) -> Result<Self, Failure> {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("svg") => Ok(Self::Svg),
+            Some("png") => Ok(Self::Png),
+            _ => Err(Failure::Input(format!("--plot {}: the name must end in .svg or .png", path.display()))),
+        }
+    }
+}
+
+/// Draws a figure into a file.
+pub(crate) fn draw(path: &Path, figure: &Figure) -> Result<(), Failure> {
+    let drawn = match Picture::of(path)? {
+        Picture::Png => figure.png(ZOOM),
+        Picture::Svg => figure.svg().map(String::into_bytes),
+    };
+    let bytes = drawn.map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?;
+    file::write_file(path, &bytes)
+}

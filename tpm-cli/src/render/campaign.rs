@@ -1,0 +1,133 @@
+//! What is written of a campaign for reading: the table of its runs (the form of Feng, Table 5.1), tracking error before and
+//! after, and the inputs beside their feed-forward (Figures 5.5, 5.6), as Markdown, SVG and PNG.
+
+use crate::failure::Failure;
+use crate::output::{file, picture};
+use crate::render::table::{combination, number};
+use std::path::Path;
+use tpm_runtime::campaign::RunReport;
+use tpm_runtime::model::Model as _;
+use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
+use tpm_runtime::run::{Record, Trial};
+use tpm_runtime::session::{CampaignIdentification, Machine};
+
+/// Points of a curve at most.
+const POINTS: usize = 1000;
+
+/// A run as it was played.
+pub(crate) struct Played {
+    trial: Trial,
+    record: Record,
+    from: usize,
+}
+
+impl Played {
+    /// Keeps a run that was measured.
+    pub(crate) fn of(trial: &Trial, record: &Record, report: &RunReport) -> Option<Self> {
+        let from = report.settled_after? * trial.samples_per_period;
+        Some(Played { trial: trial.clone(), record: record.clone(), from })
+    }
+
+    /// Mean over the measured periods, by share of the period.
+    fn mean(&self, channel: &[f64], less: &dyn Fn(usize) -> f64) -> Vec<(f64, f64)> {
+        let period = self.trial.samples_per_period;
+        let used = &channel[self.from.min(channel.len())..];
+        let periods = used.len() / period.max(1);
+        (0..period)
+            .step_by((period / POINTS).max(1))
+            .map(|n| {
+                let sum: f64 = (0..periods).map(|k| used[k * period + n]).sum();
+                (n as f64 / period as f64, sum / periods.max(1) as f64 - less(n))
+            })
+            .collect()
+    }
+
+    fn error(&self, coordinate: usize) -> Vec<(f64, f64)> {
+        let width = self.trial.reference.len() / self.trial.samples_per_period.max(1);
+        self.mean(&self.record.coordinates[coordinate], &|n| self.trial.reference[n * width + coordinate])
+    }
+
+    fn input(&self, input: usize) -> Vec<(f64, f64)> {
+        self.mean(&self.record.inputs[input], &|_| 0.0)
+    }
+
+    fn feed_forward(&self, input: usize) -> Vec<(f64, f64)> {
+        let inputs = self.record.inputs.len();
+        let period = self.trial.samples_per_period;
+        let at = |n: usize| (n as f64 / period as f64, self.trial.feed_forward[n * inputs + input]);
+        (0..period).step_by((period / POINTS).max(1)).map(at).collect()
+    }
+
+    fn name(&self, which: &str) -> String {
+        format!("{which} run, {} rad/s", number(self.trial.trajectory.frequency))
+    }
+}
+
+/// Writes table and figures into a folder.
+pub(crate) fn write(
+    folder: &Path,
+    machine: &Machine,
+    result: &CampaignIdentification,
+    first: Option<&Played>,
+    last: Option<&Played>,
+) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+    file::write_file(&folder.join("table.md"), table(machine, result).as_bytes())?;
+    let (Some(first), Some(last)) = (first, last) else { return Ok(()) };
+    let plant = machine.plant();
+    let dims = plant.dims();
+    let panel = |label: String, series: Vec<Series>| Panel {
+        x: Axis::linear("share of the period").from_to(0.0, 1.0),
+        y: Axis::linear(&label),
+        series,
+    };
+    let errors = (0..dims.coordinates).map(|c| {
+        let series = vec![
+            Series::new(&first.name("first"), 1, Curve::Line(first.error(c))),
+            Series::new(&last.name("last"), 0, Curve::Line(last.error(c))),
+        ];
+        panel(format!("error of {}", plant.coordinate(c)), series)
+    });
+    draw(folder, "error", &Figure::new("Tracking error, mean over the measured periods", errors.collect()))?;
+    let inputs = (0..dims.inputs).map(|i| {
+        let series = vec![
+            Series::new("applied", 1, Curve::Line(last.input(i))),
+            Series::new("feed-forward", 0, Curve::Dashed(last.feed_forward(i))),
+        ];
+        panel(plant.input(i).to_string(), series)
+    });
+    draw(folder, "input", &Figure::new(&format!("Inputs of the {}", last.name("last")), inputs.collect()))
+}
+
+/// One row per run with the parameters that it was driven with, then what was identified.
+fn table(machine: &Machine, result: &CampaignIdentification) -> String {
+    let plant = machine.plant();
+    let names: Vec<&str> = (0..plant.dims().parameters).map(|j| plant.parameter(j).name).collect();
+    let row = |first: String, values: &[f64]| {
+        format!("| {first} | {} |\n", values.iter().map(|value| number(*value)).collect::<Vec<_>>().join(" | "))
+    };
+    let mut text = format!("| {} | {} |\n", machine.pattern().frequency, names.join(" | "));
+    text.push_str(&format!("|{}\n", " ---: |".repeat(names.len() + 1)));
+    for run in &result.runs {
+        text.push_str(&row(number(run.frequency), &run.played));
+    }
+    text.push_str(&row("identified".to_owned(), &result.current));
+    if !result.unobservable.is_empty() {
+        text.push_str("\nAlong these directions the runs show nothing, and the values above keep the prior:\n\n");
+        for direction in &result.unobservable {
+            text.push_str(&format!("- {}\n", combination(direction)));
+        }
+    }
+    if !result.combinations.is_empty() {
+        text.push_str("\nWhat they do show of these parameters:\n\n");
+        for shown in &result.combinations {
+            let [value, std] = [shown.value, shown.std].map(number);
+            text.push_str(&format!("- {} = {value}, standard deviation {std}\n", combination(&shown.terms)));
+        }
+    }
+    text
+}
+
+fn draw(folder: &Path, name: &str, figure: &Figure) -> Result<(), Failure> {
+    ["svg", "png"].into_iter().try_for_each(|kind| picture::draw(&folder.join(format!("{name}.{kind}")), figure))
+}

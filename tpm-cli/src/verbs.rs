@@ -1,0 +1,19 @@
+//! The verbs, one module each.
+
+pub(crate) mod actuator;
+pub(crate) mod campaign;
+pub(crate) mod check;
+pub(crate) mod design;
+pub(crate) mod expand;
+pub(crate) mod feedforward;
+pub(crate) mod fit;
+pub(crate) mod frf;
+pub(crate) mod generate;
+pub(crate) mod identifiability;
+pub(crate) mod identify;
+pub(crate) mod linearize;
+pub(crate) mod pendulum_study;
+pub(crate) mod simulate;
+pub(crate) mod split;
+pub(crate) mod study;
+pub(crate) mod validate;

@@ -1,0 +1,97 @@
+//! `tpm design`: experiments that would show the most within the limits.
+
+use crate::Outcome;
+use crate::failure::Failure;
+use crate::input::experiment::{SimulatedArgs, Simulation};
+use crate::output::file;
+use crate::render::table::{Align, TextTable, number};
+use std::path::PathBuf;
+use tpm_runtime::model::Model as _;
+use tpm_runtime::study::{Candidate, Design, design};
+
+/// Options of `tpm design`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    #[command(flatten)]
+    simulated: SimulatedArgs,
+    /// How many candidates to propose.
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    best: usize,
+    /// Print all candidates as JSON (tpm.design/1).
+    #[arg(long)]
+    json: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    schema: &'static str,
+    model: &'a str,
+    #[serde(flatten)]
+    design: &'a Design,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
+    let found =
+        design(machine.plant(), machine.pattern(), &experiment).map_err(|error| Failure::Input(error.to_string()))?;
+    let text = if args.json {
+        file::json(&Report { schema: "tpm.design/1", model: machine.plant().name(), design: &found })?
+    } else {
+        describe(&found, args.best)
+    };
+    file::emit(args.output.as_deref(), &text)?;
+    if found.candidates.iter().all(|candidate| candidate.passed.is_some()) {
+        return Err(Failure::Incomplete("no candidate keeps within the limits".to_owned()));
+    }
+    Ok(())
+}
+
+fn describe(found: &Design, best: usize) -> String {
+    let candidates = &found.candidates;
+    let Some(first) = candidates.first() else { return String::new() };
+    let mut head: Vec<(&str, Align)> = first.amplitudes.iter().map(|(name, _)| (name.as_str(), Align::Right)).collect();
+    head.push(("w", Align::Right));
+    head.extend([("multiples", Align::Left), ("rank", Align::Right), ("condition", Align::Right)]);
+    head.extend([("ln det", Align::Right), ("effort", Align::Right)]);
+    let deviations: Vec<String> = first.parameters.iter().map(|p| format!("std {}", p.name)).collect();
+    head.extend(deviations.iter().map(|name| (name.as_str(), Align::Right)));
+    let mut table = TextTable::new(&head);
+    for candidate in candidates.iter().filter(|candidate| candidate.passed.is_none()).take(best) {
+        let mut row: Vec<String> = candidate.amplitudes.iter().map(|(_, value)| number(*value)).collect();
+        row.push(number(candidate.frequency));
+        let multiples: Vec<String> = candidate.multiples.iter().map(|(name, m)| format!("{name} {m}")).collect();
+        row.push(if multiples.is_empty() { "-".to_owned() } else { multiples.join(" ") });
+        row.push(candidate.rank.to_string());
+        row.push(number(candidate.condition));
+        row.push(number(candidate.determinant));
+        row.push(candidate.effort_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)));
+        row.extend(candidate.parameters.iter().map(|p| p.std.map_or_else(|| "-".to_owned(), number)));
+        table.row(&row);
+    }
+    let mut text = table.finish();
+    let list = |values: &[(String, f64)]| -> String {
+        values.iter().map(|(name, value)| format!("{name} {}", number(*value))).collect::<Vec<_>>().join(", ")
+    };
+    text.push_str(&format!(
+        "\nstd: Cramer-Rao bound of one run, for noise of {}, near the estimates {}\n",
+        list(&found.noise),
+        list(&found.estimates)
+    ));
+    let beyond: Vec<&Candidate> = candidates.iter().filter(|candidate| candidate.passed.is_some()).collect();
+    if let Some(passed) = beyond.first().and_then(|candidate| candidate.passed.as_ref()) {
+        text.push_str(&format!(
+            "{} candidates pass limits.effort_share; the best of them asks {:.0} % of {} at sample {} of its period\n",
+            beyond.len(),
+            100.0 * passed.share,
+            passed.input,
+            passed.sample
+        ));
+    }
+    text
+}

@@ -1,0 +1,526 @@
+//! `tpm fit`: a transfer function, or the physical parameters of a model, from the frequency response of a log.
+
+use crate::Outcome;
+use crate::failure::Failure;
+use crate::input::assignments::{by_name, number_assignment};
+use crate::input::load::Loaded;
+use crate::input::measured::{Measured, MeasuredArgs};
+use crate::input::values::{ValueArgs, Values};
+use crate::output::file;
+use crate::render::table::{Align, TextTable, number};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use tpm_runtime::frequency::{
+    Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root,
+    StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
+};
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::number::rational;
+
+/// Options of `tpm fit`.
+#[derive(clap::Args)]
+#[command(group(clap::ArgGroup::new("what").required(true).multiple(true).args(["order", "model"])))]
+pub(crate) struct Args {
+    #[command(flatten)]
+    measured: MeasuredArgs,
+    /// Degrees of numerator and denominator, such as 1/3; several, 1/3,2/4, are compared by predicting the other half of
+    /// the log.
+    #[arg(long, value_name = "M/N", value_delimiter = ',', value_parser = degrees)]
+    order: Vec<(usize, usize)>,
+    /// Fit to the transform of the whole record with its transient, instead of the averaged response: smaller errors where
+    /// noise on the output is strong.
+    #[arg(long, requires = "order", conflicts_with = "model")]
+    whole: bool,
+    /// A known delay in seconds.
+    #[arg(long, value_name = "SECONDS", requires = "order")]
+    delay: Option<f64>,
+    /// Fit a delay as well, starting from --delay or 0.
+    #[arg(long, requires = "order")]
+    fit_delay: bool,
+    /// Fit the parameters of this model, linearised at rest in 0; input and measured output are named as in it.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Start values of the parameters, and values of the constants, of the model: NAME = VALUE lines (.toml), or a result of
+    /// `tpm identify --json` (.json).
+    #[arg(long, value_name = "FILE", requires = "model")]
+    params: Option<PathBuf>,
+    /// Start value of a parameter of the model; goes before that of the file.
+    #[arg(long, value_name = "NAME=VALUE", requires = "model", value_parser = number_assignment)]
+    start: Vec<(String, f64)>,
+    /// A parameter of the model that is held at a value.
+    #[arg(long, value_name = "NAME=VALUE", requires = "model", value_parser = number_assignment)]
+    freeze: Vec<(String, f64)>,
+    /// Value of a constant that is known at run time only.
+    #[arg(long = "constant", value_name = "NAME=VALUE", requires = "model", value_parser = number_assignment)]
+    constants: Vec<(String, f64)>,
+    /// Print JSON (tpm.fit/1).
+    #[arg(long)]
+    json: bool,
+}
+
+fn degrees(text: &str) -> Result<(usize, usize), String> {
+    let parsed = text.split_once('/').and_then(|(m, n)| Some((m.trim().parse().ok()?, n.trim().parse().ok()?)));
+    match parsed {
+        Some((m, n)) if m <= 30 && n <= 30 => Ok((m, n)),
+        Some(_) => Err(format!("`{text}`: degrees above 30 are not fitted")),
+        None => Err(format!("`{text}` is not of the form M/N, such as 1/3")),
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let physical = args.model.as_deref().map(|path| Physical::load(args, path)).transpose()?;
+    let measured = Measured::new(&args.measured)?;
+    let mut text = measured.describe(&args.measured);
+    let mut whole = json!({
+        "schema": "tpm.fit/1", "input": args.measured.input, "output": args.measured.measured,
+        "low_hz": measured.low, "high_hz": measured.high,
+        "orders": [], "recommended": null, "rational": null, "model": null,
+    });
+    let mut incomplete = Vec::new();
+    let rational = if args.order.is_empty() {
+        None
+    } else {
+        Some(rational(args, &measured, &mut text, &mut whole, &mut incomplete)?)
+    };
+    let mut drawn = Vec::new();
+    if let Some(fit) = &rational {
+        drawn.push((format!("{}/{}", fit.function.numerator.len() - 1, fit.function.denominator.len() - 1), {
+            let function = fit.function.clone();
+            Box::new(move |w: f64| function.response(w)) as Box<dyn Fn(f64) -> _>
+        }));
+    }
+    if let Some(physical) = &physical {
+        let response = physical.response()?;
+        let fit = fit_structured(&measured.response, &response, &physical.settings(args, &measured))
+            .map_err(|error| Failure::Input(error.to_string()))?;
+        physical.describe(&fit, &mut text);
+        whole["model"] = physical.json(&fit);
+        if fit.rank < physical.free() {
+            incomplete.push(format!(
+                "the response determines {} independent combinations of {} free parameters; freeze some",
+                fit.rank,
+                physical.free()
+            ));
+        }
+        let values: Vec<f64> = fit.parameters.iter().map(|parameter| parameter.value).collect();
+        drawn.push((
+            physical.model.name.clone(),
+            Box::new(move |w: f64| {
+                let mut out = [Default::default()];
+                response.responses(&values, &[w], &mut out);
+                out[0]
+            }),
+        ));
+    }
+    let named: Vec<_> = drawn.iter().map(|(name, model)| (name.as_str(), &**model as &dyn Fn(f64) -> _)).collect();
+    measured.plot(&args.measured, &named)?;
+    if args.json {
+        text = file::json(&whole)?;
+    }
+    file::emit(args.measured.output.as_deref(), &text)?;
+    if incomplete.is_empty() { Ok(()) } else { Err(Failure::Incomplete(incomplete.join("\n"))) }
+}
+
+fn rational(
+    args: &Args,
+    measured: &Measured,
+    text: &mut String,
+    whole: &mut Value,
+    incomplete: &mut Vec<String>,
+) -> Result<RationalFit, Failure> {
+    let delay = match (args.fit_delay, args.delay) {
+        (true, start) => Delay::Free(start.unwrap_or(0.0)),
+        (false, Some(delay)) => Delay::Fixed(delay),
+        (false, None) => Delay::None,
+    };
+    let (m, n) = args.order[0];
+    let settings = RationalSettings {
+        delay,
+        estimator: args.measured.estimator.into(),
+        ..RationalSettings::new(m, n, measured.low, measured.high)
+    };
+    let fit = if args.order.len() == 1 {
+        fit_rational(&measured.response, &settings).map_err(|error| Failure::Input(error.to_string()))?
+    } else {
+        let (input, output) = measured.signals();
+        let welch = &measured.response.welch;
+        let found = compare_orders(input, output, measured.log.sample_time, welch, &settings, &args.order)
+            .map_err(|error| Failure::Input(error.to_string()))?;
+        text.push_str(&compared(&found));
+        whole["orders"] = found
+            .trials
+            .iter()
+            .map(|trial| {
+                json!({
+                    "numerator": trial.numerator, "denominator": trial.denominator,
+                    "validation": trial.validation, "worse_by": trial.worse_by, "doubtful": trial.doubtful(),
+                    "fault": trial.fit.as_ref().err().map(ToString::to_string),
+                })
+            })
+            .collect();
+        let Some(best) = found.recommended.map(|at| found.trials[at].clone()) else {
+            let faults: Vec<String> = found
+                .trials
+                .iter()
+                .map(|trial| match &trial.fit {
+                    Err(fault) => format!("{}/{}: {fault}", trial.numerator, trial.denominator),
+                    Ok(fit) => {
+                        let said: Vec<String> = fit.warnings.iter().map(ToString::to_string).collect();
+                        format!("{}/{}: {}", trial.numerator, trial.denominator, said.join("; "))
+                    }
+                })
+                .collect();
+            let said = if args.json { file::json(&*whole)? } else { text.clone() };
+            file::emit(args.measured.output.as_deref(), &said)?;
+            return Err(Failure::Incomplete(format!("none of the orders can be recommended\n{}", faults.join("\n"))));
+        };
+        whole["recommended"] = json!({"numerator": best.numerator, "denominator": best.denominator});
+        best.fit.map_err(|error| Failure::Input(error.to_string()))?
+    };
+    let fit = if args.whole {
+        let chosen = RationalSettings {
+            numerator: fit.function.numerator.len() - 1,
+            denominator: fit.function.denominator.len() - 1,
+            ..settings
+        };
+        let (input, output) = measured.signals();
+        fit_record(input, output, measured.log.sample_time, &measured.response.welch, &chosen)
+            .map_err(|error| Failure::Input(error.to_string()))?
+    } else {
+        fit
+    };
+    text.push_str(&described(&fit));
+    whole["rational"] = fit_json(&fit);
+    let spoilt = |warning: &&FitWarning| warning.order_too_high() || matches!(warning, FitWarning::Unstable { .. });
+    for warning in fit.warnings.iter().filter(spoilt) {
+        incomplete.push(warning.to_string());
+    }
+    Ok(fit)
+}
+
+fn compared(found: &OrderComparison) -> String {
+    let mut table = TextTable::new(&[
+        ("order", Align::Left),
+        ("prediction", Align::Right),
+        ("worse by", Align::Right),
+        ("misfit", Align::Right),
+        ("", Align::Left),
+    ]);
+    for (at, trial) in found.trials.iter().enumerate() {
+        let or_none = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3}"));
+        let remark = match &trial.fit {
+            _ if found.recommended == Some(at) => "recommended".to_owned(),
+            Err(fault) => fault.to_string(),
+            Ok(fit) if trial.doubtful() => fit
+                .warnings
+                .iter()
+                .find(|w| w.order_too_high() || matches!(w, FitWarning::Unstable { .. }))
+                .map(ToString::to_string)
+                .unwrap_or_default(),
+            Ok(_) => String::new(),
+        };
+        table.row(&[
+            format!("{}/{}", trial.numerator, trial.denominator),
+            or_none(trial.validation),
+            or_none(trial.worse_by),
+            or_none(trial.fit.as_ref().ok().map(|fit| fit.misfit)),
+            remark,
+        ]);
+    }
+    format!(
+        "\n{}prediction: squared error of predicting the other half of the log over that of noise; worse by: standard errors\n",
+        table.finish()
+    )
+}
+
+fn described(fit: &RationalFit) -> String {
+    let function = &fit.function;
+    let mut table = TextTable::new(&[("coefficient", Align::Left), ("value", Align::Right), ("std", Align::Right)]);
+    for (name, values, stds) in
+        [("b", &function.numerator, &fit.numerator_std), ("a", &function.denominator, &fit.denominator_std)]
+    {
+        for (power, (value, std)) in values.iter().zip(stds).enumerate().rev() {
+            table.row(&[format!("{name}{power} s^{power}"), number(*value), number(*std)]);
+        }
+    }
+    if function.delay != 0.0 {
+        table.row(&["delay [s]".to_owned(), number(function.delay), number(fit.delay_std)]);
+    }
+    let mut text = format!(
+        "\ntransfer function of order {}/{}, b(s)/a(s)\n{}\n",
+        function.numerator.len() - 1,
+        function.denominator.len() - 1,
+        table.finish()
+    );
+    let mut roots = TextTable::new(&[
+        ("", Align::Left),
+        ("real [rad/s]", Align::Right),
+        ("imaginary", Align::Right),
+        ("std", Align::Right),
+        ("frequency [Hz]", Align::Right),
+        ("damping", Align::Right),
+    ]);
+    for (name, list) in [("pole", &fit.poles), ("zero", &fit.zeros)] {
+        for root in list.iter().filter(|root| root.value.im >= 0.0) {
+            let sign = if root.value.im > 0.0 { "+-" } else { "" };
+            roots.row(&[
+                name.to_owned(),
+                number(root.value.re),
+                format!("{sign}{}", number(root.value.im)),
+                number(root.radius()),
+                number(root.natural_frequency() / std::f64::consts::TAU),
+                number(root.damping()),
+            ]);
+        }
+    }
+    text.push_str(&roots.finish());
+    text.push_str(&format!(
+        "\nstatic gain {} +- {}; misfit {:.2} (1 is noise alone); |G/H - 1| {} median, {} at most; {} lines, condition number {}\n",
+        number(fit.static_gain.value),
+        number(fit.static_gain.std),
+        fit.misfit,
+        number(fit.median_error),
+        number(fit.largest_error),
+        fit.lines,
+        number(fit.condition)
+    ));
+    for warning in &fit.warnings {
+        text.push_str(&format!("warning: {warning}\n"));
+    }
+    text
+}
+
+/// JSON has no infinity: what is not known is null.
+fn finite(value: f64) -> Value {
+    if value.is_finite() { json!(value) } else { Value::Null }
+}
+
+fn fit_json(fit: &RationalFit) -> Value {
+    let list = |values: &[f64]| values.iter().map(|v| finite(*v)).collect::<Vec<_>>();
+    let roots = |roots: &[Root]| -> Vec<Value> {
+        roots
+            .iter()
+            .map(|root| {
+                json!({"re": root.value.re, "im": root.value.im, "std_re": finite(root.std.re), "std_im": finite(root.std.im)})
+            })
+            .collect()
+    };
+    json!({
+        "numerator": fit.function.numerator, "numerator_std": list(&fit.numerator_std),
+        "denominator": fit.function.denominator, "denominator_std": list(&fit.denominator_std),
+        "delay": fit.function.delay, "delay_std": finite(fit.delay_std),
+        "poles": roots(&fit.poles), "zeros": roots(&fit.zeros),
+        "static_gain": {"value": finite(fit.static_gain.value), "std": finite(fit.static_gain.std)},
+        "misfit": fit.misfit, "median_error": fit.median_error, "largest_error": fit.largest_error,
+        "lines": fit.lines, "condition": finite(fit.condition),
+        "warnings": fit.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+    })
+}
+
+/// A model with what is known about its parameters.
+struct Physical {
+    model: Model,
+    linear: tpm_symbolic::linear::linearize::Linearization,
+    input: Symbol,
+    coordinate: tpm_symbolic::expr::graph::Coordinate,
+    parameters: Vec<Symbol>,
+    names: Vec<String>,
+    start: Vec<f64>,
+    frozen: Vec<bool>,
+    constants: Vec<(Symbol, f64)>,
+}
+
+impl Physical {
+    fn load(args: &Args, path: &Path) -> Result<Self, Failure> {
+        let loaded = Loaded::from_file(path)?;
+        let mut model = loaded.model().clone();
+        let named = |symbols: Vec<Symbol>| -> Vec<String> {
+            symbols.iter().map(|symbol| loaded.model().quantity(*symbol).name.to_string()).collect()
+        };
+        let parameters: Vec<Symbol> = model.parameters().collect();
+        let run_time: Vec<Symbol> = model.run_time_constants().collect();
+        let inputs: Vec<Symbol> = model.inputs().collect();
+        let (names, constant_names, input_names) =
+            (named(parameters.clone()), named(run_time.clone()), named(inputs.clone()));
+        let starts = by_name("--start", &args.start, &names)?;
+        let held = by_name("--freeze", &args.freeze, &names)?;
+        let constants = by_name("--constant", &args.constants, &constant_names)?;
+        let (mut from_file, mut known) = (BTreeMap::new(), BTreeMap::new());
+        if let Some(file) = &args.params {
+            let values = Values::load(&ValueArgs::file(file), &model)?;
+            let of = |symbols: &[Symbol], names: &[String]| -> BTreeMap<String, f64> {
+                let given = symbols.iter().zip(names).filter_map(|(symbol, name)| Some((name, values.get(*symbol)?)));
+                given.map(|(name, value)| (name.clone(), rational::to_f64(value))).collect()
+            };
+            (from_file, known) = (of(&parameters, &names), of(&run_time, &constant_names));
+        }
+        from_file.extend(starts);
+        known.extend(constants);
+        let (starts, constants) = (from_file, known);
+        let missing: Vec<String> = names
+            .iter()
+            .filter(|name| !starts.contains_key(*name) && !held.contains_key(*name))
+            .map(|name| format!("--start {name}=VALUE"))
+            .chain(
+                constant_names.iter().filter(|n| !constants.contains_key(*n)).map(|n| format!("--constant {n}=VALUE")),
+            )
+            .collect();
+        if !missing.is_empty() {
+            return Err(Failure::Input(format!(
+                "a fit of {} needs values to start from; give --params FILE, or {} (or --freeze for what is known)",
+                model.name,
+                missing.join(" ")
+            )));
+        }
+        let input = input_names.iter().position(|name| *name == args.measured.input).ok_or_else(|| {
+            Failure::Input(format!(
+                "--input {}: the model has no such input; it has {}",
+                args.measured.input,
+                input_names.join(", ")
+            ))
+        })?;
+        let coordinates: Vec<&str> = model.coordinates.iter().map(|c| c.name.as_str()).collect();
+        let coordinate = coordinates.iter().position(|name| *name == args.measured.measured).ok_or_else(|| {
+            Failure::Input(format!(
+                "--measured {}: the model has no such coordinate; it has {}",
+                args.measured.measured,
+                coordinates.join(", ")
+            ))
+        })?;
+        let linear = linearize(&mut model, &OperatingPoint::default())
+            .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?;
+        Ok(Physical {
+            linear,
+            input: inputs[input],
+            coordinate: tpm_symbolic::expr::graph::Coordinate(coordinate as u32),
+            start: names
+                .iter()
+                .map(|name| held.get(name).or_else(|| starts.get(name)).copied().unwrap_or(0.0))
+                .collect(),
+            frozen: names.iter().map(|name| held.contains_key(name)).collect(),
+            constants: run_time.iter().zip(&constant_names).map(|(symbol, name)| (*symbol, constants[name])).collect(),
+            parameters,
+            names,
+            model,
+        })
+    }
+
+    fn free(&self) -> usize {
+        self.frozen.iter().filter(|frozen| !**frozen).count()
+    }
+
+    fn response(&self) -> Result<LinearizedResponse<'_>, Failure> {
+        let Physical { model, linear, coordinate, input, parameters, constants, .. } = self;
+        LinearizedResponse::new(model, linear, *coordinate, *input, parameters, constants)
+            .map_err(|error| Failure::Input(error.to_string()))
+    }
+
+    fn settings(&self, args: &Args, measured: &Measured) -> StructuredSettings {
+        StructuredSettings {
+            frozen: self.frozen.clone(),
+            estimator: args.measured.estimator.into(),
+            ..StructuredSettings::new(&self.start, measured.low, measured.high)
+        }
+    }
+
+    fn describe(&self, fit: &StructuredFit, text: &mut String) {
+        let mut table = TextTable::new(&[
+            ("parameter", Align::Left),
+            ("unit", Align::Left),
+            ("start", Align::Right),
+            ("fitted", Align::Right),
+            ("std", Align::Right),
+            ("", Align::Left),
+        ]);
+        for (i, name) in self.names.iter().enumerate() {
+            let unit = self.model.quantity(self.parameters[i]).unit.as_ref().map(ToString::to_string);
+            let found = fit.parameters[i];
+            let (value, std, remark) = if self.frozen[i] {
+                (number(found.value), String::new(), "frozen")
+            } else if found.std.is_finite() {
+                (number(found.value), number(found.std), "")
+            } else {
+                (String::new(), String::new(), "unobservable")
+            };
+            table.row(&[name.clone(), unit.unwrap_or_default(), number(self.start[i]), value, std, remark.to_owned()]);
+        }
+        text.push_str(&format!("\nparameters of {}, linearised at rest\n{}", self.model.name, table.finish()));
+        text.push_str(&format!(
+            "\nrank {} of {}, condition number {}; misfit {:.2} (1 is noise alone); |G/H - 1| {} median, {} at most; {} lines\n",
+            fit.rank,
+            self.free(),
+            number(fit.condition),
+            fit.misfit,
+            number(fit.median_error),
+            number(fit.largest_error),
+            fit.lines
+        ));
+        for direction in &fit.unobservable {
+            text.push_str(&format!("the response does not change along {}\n", self.direction(direction)));
+        }
+        if !fit.converged {
+            text.push_str("warning: the minimisation ended before it converged\n");
+        }
+        for gap in &fit.gaps {
+            text.push_str(&format!("warning: {gap}\n"));
+        }
+    }
+
+    /// A direction in relative changes of the parameters.
+    fn direction(&self, direction: &[f64]) -> String {
+        let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let terms: Vec<String> = self
+            .names
+            .iter()
+            .zip(direction)
+            .filter(|(_, share)| share.abs() > 1e-4 * largest)
+            .map(|(name, share)| format!("{:+.3} {name}", share / largest))
+            .collect();
+        format!("{} (in multiples of the start values)", terms.join(" "))
+    }
+
+    fn json(&self, fit: &StructuredFit) -> Value {
+        let parameters: Vec<Value> = self
+            .names
+            .iter()
+            .enumerate()
+            .map(|(i, name)| {
+                let found = fit.parameters[i];
+                let lost = !found.std.is_finite();
+                json!({
+                    "name": name,
+                    "unit": self.model.quantity(self.parameters[i]).unit.as_ref().map(ToString::to_string),
+                    "prior": self.start[i],
+                    "value": if lost { Value::Null } else { json!(found.value) },
+                    "std": finite(found.std),
+                    "status": if self.frozen[i] { "frozen" } else if lost { "unobservable" } else { "identified" },
+                })
+            })
+            .collect();
+        let directions: Vec<Value> = fit
+            .unobservable
+            .iter()
+            .map(|direction| self.names.iter().cloned().zip(direction.iter().map(|v| json!(v))).collect())
+            .collect();
+        json!({
+            "name": self.model.name, "parameters": parameters, "unobservable": directions, "rank": fit.rank,
+            "condition": finite(fit.condition), "misfit": fit.misfit, "median_error": fit.median_error,
+            "largest_error": fit.largest_error, "lines": fit.lines, "converged": fit.converged,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::degrees;
+
+    #[test]
+    fn orders_are_two_degrees() {
+        assert_eq!(degrees("1/3"), Ok((1, 3)));
+        assert!(degrees("3").is_err() && degrees("a/b").is_err() && degrees("1/99").is_err());
+    }
+}

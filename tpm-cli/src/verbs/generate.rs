@@ -1,0 +1,244 @@
+//! `tpm generate`: the source code of a model's estimator.
+
+use crate::Outcome;
+use crate::failure::Failure;
+use crate::input::load::Loaded;
+use crate::output::file;
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
+use tpm_codegen::emit::estimator::{EmitError, Identified};
+use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
+use tpm_symbolic::number::rational::{self, Rational};
+
+/// 1/sqrt(2), the quality of a low pass that falls as late as it can without a peak.
+const FLATTEST: &str = "0.70710678118654752440084436210484903928";
+
+/// A target language.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Language {
+    /// A `no_std` module over `core` and the crate libm alone.
+    Rust,
+    /// A header and a source in C99, over math.h alone.
+    C,
+}
+
+/// The scalar of C.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Real {
+    /// Single precision.
+    Float,
+    /// Double precision.
+    Double,
+}
+
+impl Language {
+    fn target(self) -> generate::Language {
+        match self {
+            Self::Rust => generate::Language::Rust,
+            Self::C => generate::Language::C,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Rust => "rust",
+            Self::C => "c",
+        }
+    }
+}
+
+/// Options of `tpm generate`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    /// The language of the code.
+    #[arg(long, value_enum)]
+    lang: Language,
+    /// With --lang c, what names and files begin with; the model's name in small letters when not given.
+    #[arg(long, value_name = "P")]
+    prefix: Option<String>,
+    /// With --lang c, the scalar; double when not given. Rust is generic over both.
+    #[arg(long, value_enum)]
+    real: Option<Real>,
+    /// Write into this folder, which is made when there is none; or to this file, when there is one and the name ends as
+    /// the language's files do (.rs). Standard output when not given.
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED.
+    #[arg(long, value_name = "RESULT.json")]
+    params: Option<PathBuf>,
+    /// Add the feed-forward behind a second-order low pass of this natural frequency (rad/s) and quality (1/sqrt(2) when
+    /// not given): of everything (common), and of the motion-dependent part alone (split).
+    #[arg(long, value_name = "W[:Q]", requires = "sample_time")]
+    low_pass: Option<String>,
+    /// A low pass of the motion-independent part in the split scheme; none when not given.
+    #[arg(long, value_name = "W[:Q]", requires = "low_pass")]
+    independent_low_pass: Option<String>,
+    /// Time between the samples of the filters, s.
+    #[arg(long, value_name = "SECONDS", requires = "low_pass")]
+    sample_time: Option<String>,
+    /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
+    #[arg(long, requires = "output")]
+    check: bool,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let loaded = Loaded::from_file(&args.file)?;
+    let estimator = loaded.estimator()?;
+    let identified = args.params.as_deref().map(identified).transpose()?;
+    if args.lang != Language::C && (args.prefix.is_some() || args.real.is_some()) {
+        let what =
+            "--prefix and --real are for --lang c; Rust names its module by the model and is generic over f32 and f64";
+        return Err(Failure::Input(what.to_owned()));
+    }
+    let filters = filters(args)?;
+    let command = command(args);
+    let options = Options {
+        identified: identified.as_ref(),
+        filters: filters.as_ref(),
+        prefix: args.prefix.as_deref(),
+        scalar: if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double },
+        ..Options::new(args.lang.target(), &command)
+    };
+    let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
+        (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
+        (EmitError::Prefix(_) | EmitError::Filter(_), _) => Failure::Input(error.to_string()),
+        _ => loaded.at_whole(&error.to_string(), None),
+    })?;
+    for gap in estimator.gaps() {
+        file::remark(&format!("remark: {gap}"));
+    }
+    match &args.output {
+        None if files.len() > 1 => {
+            let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
+            Err(Failure::Input(format!(
+                "the code is in {} files ({}): give a folder with -o",
+                names.len(),
+                names.join(", ")
+            )))
+        }
+        Some(out) if files.len() > 1 && is_file(out, &files) => Err(Failure::Input(format!(
+            "the code is in {} files, so that -o must be a folder, not the file {}",
+            files.len(),
+            out.display()
+        ))),
+        Some(out) if out.exists() && !out.is_dir() && !is_file(out, &files) => Err(Failure::Input(format!(
+            "-o {} is no folder: give one, which is made when there is none{}",
+            out.display(),
+            if files.len() == 1 { ", or a file whose name ends as the language's do" } else { "" }
+        ))),
+        None => files.iter().try_for_each(|file| file::print(&file.text)),
+        Some(out) if args.check => check(out, &files, &command),
+        Some(out) => write(out, &files),
+    }
+}
+
+/// The command as it stands in the header: without folders, so that the text does not depend on where it was given.
+fn command(args: &Args) -> String {
+    let name = |path: &Path| {
+        path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
+    };
+    let mut command = format!("tpm generate {} --lang {}", name(&args.file), args.lang.name());
+    if let Some(prefix) = &args.prefix {
+        command.push_str(&format!(" --prefix {prefix}"));
+    }
+    if args.real == Some(Real::Float) {
+        command.push_str(" --real float");
+    }
+    let filters = [
+        ("low-pass", &args.low_pass),
+        ("independent-low-pass", &args.independent_low_pass),
+        ("sample-time", &args.sample_time),
+    ];
+    for (name, value) in filters {
+        if let Some(value) = value {
+            command.push_str(&format!(" --{name} {value}"));
+        }
+    }
+    if let Some(params) = &args.params {
+        command.push_str(&format!(" --params {}", name(params)));
+    }
+    command
+}
+
+/// The filters that were asked for; their numbers are taken exactly as they are written.
+fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
+    let number = |option: &str, text: &str| -> Result<Rational, Failure> {
+        rational::parse(text.trim())
+            .ok_or_else(|| Failure::Input(format!("--{option} {text}: `{text}` is not a number such as 100 or 0.001")))
+    };
+    let low_pass = |option: &str, text: &str| -> Result<LowPass, Failure> {
+        let (frequency, quality) = text.split_once(':').unwrap_or((text, FLATTEST));
+        Ok(LowPass { natural_frequency: number(option, frequency)?, quality: number(option, quality)? })
+    };
+    let (Some(dependent), Some(sample_time)) = (&args.low_pass, &args.sample_time) else { return Ok(None) };
+    Ok(Some(Filters {
+        sample_time: number("sample-time", sample_time)?,
+        dependent: low_pass("low-pass", dependent)?,
+        independent: (args.independent_low_pass.as_deref())
+            .map(|text| low_pass("independent-low-pass", text))
+            .transpose()?,
+    }))
+}
+
+fn identified(path: &Path) -> Result<Identified, Failure> {
+    let bytes = std::fs::read(path).map_err(|error| Failure::read(path, error))?;
+    let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
+    let text = String::from_utf8(bytes).map_err(|error| {
+        at(format!("byte {} is not UTF-8; give the output of `tpm identify --json`", error.utf8_error().valid_up_to()))
+    })?;
+    Identified::from_json(&text).map_err(|error| at(error.to_string()))
+}
+
+/// Whether a path is named as a file of the language, and is no folder.
+fn is_file(out: &Path, files: &[File]) -> bool {
+    let same_kind = |file: &File| out.extension().is_some() && out.extension() == Path::new(&file.name).extension();
+    files.iter().any(same_kind) && !out.is_dir()
+}
+
+/// Where a file goes: into the folder, or to the very path when that is named as the file's kind is.
+fn target(out: &Path, file: &File, alone: bool) -> PathBuf {
+    if alone && is_file(out, std::slice::from_ref(file)) { out.to_owned() } else { out.join(&file.name) }
+}
+
+fn write(out: &Path, files: &[File]) -> Outcome {
+    let paths: Vec<PathBuf> = files.iter().map(|file| target(out, file, files.len() == 1)).collect();
+    if let Some(folder) = paths.first().and_then(|path| path.parent()).filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+    }
+    let contents: Vec<(&Path, &[u8])> =
+        paths.iter().zip(files).map(|(path, file)| (path.as_path(), file.text.as_bytes())).collect();
+    file::write_files(&contents)?;
+    for path in &paths {
+        file::remark(&format!("wrote {}", path.display()));
+    }
+    Ok(())
+}
+
+fn check(out: &Path, files: &[File], command: &str) -> Outcome {
+    let mut stale = Vec::new();
+    for file in files {
+        let path = target(out, file, files.len() == 1);
+        match std::fs::read(&path) {
+            Ok(present) if present == file.text.as_bytes() => {}
+            Ok(present) => stale.push(format!("{} differs {}", path.display(), first_difference(&present, &file.text))),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                stale.push(format!("{} is not there", path.display()));
+            }
+            Err(error) => return Err(Failure::read(&path, error)),
+        }
+    }
+    if stale.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Incomplete(format!("not current: {}; run `{command} -o {}`", stale.join(", "), out.display())))
+}
+
+/// The first line in which a file is not what it should be.
+fn first_difference(present: &[u8], expected: &str) -> String {
+    let mut lines = present.split(|&byte| byte == b'\n').zip(expected.split('\n'));
+    let same = lines.by_ref().take_while(|(present, expected)| *present == expected.as_bytes()).count();
+    format!("from line {}", same + 1)
+}

@@ -1,0 +1,629 @@
+//! `tpm linearize`: state space, transfer functions, poles and zeros of a model about a point at rest.
+
+use crate::Outcome;
+use crate::failure::Failure;
+use crate::input::assignments::{assignment, once};
+use crate::input::load::Loaded;
+use crate::input::values::{ValueArgs, Values};
+use crate::output::file;
+use crate::render::table::{Align, TextTable, number};
+use serde_json::{Value, json};
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use tpm_codegen::parse_value;
+use tpm_codegen::source::Source;
+use tpm_runtime::frequency::TransferFunction;
+use tpm_symbolic::expr::graph::{Coordinate, ExprId};
+use tpm_symbolic::linear::linearize::{self, Linearization, OperatingPoint, StateSpace};
+use tpm_symbolic::linear::transfer::{SymbolicTransfer, transfer_functions};
+use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::number::rational::{self, Rational};
+
+/// Distance of a pole and a zero, as a share of their size, at which they are said nearly to cancel.
+const CLOSE: f64 = 1e-2;
+/// Median relative difference of two responses up to which they are said to agree.
+const AGREE: f64 = 5e-2;
+/// Frequencies at which two responses are compared.
+const COMPARED: usize = 400;
+
+/// Options of `tpm linearize`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    /// Value of a coordinate or input at the point, such as th2=pi or F=m*g; what is not given is 0.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
+    at: Vec<(String, String)>,
+    #[command(flatten)]
+    values: ValueArgs,
+    /// Transfer functions of this coordinate only.
+    #[arg(long, value_name = "NAME")]
+    measured: Option<String>,
+    /// Transfer functions from this input only.
+    #[arg(long, value_name = "NAME")]
+    input: Option<String>,
+    /// Another transfer function to put beside that of --measured over --input: coefficients of numerator and
+    /// denominator, highest power first, such as 2,1/1,3,2.
+    #[arg(long, value_name = "B,../A,..", value_parser = coefficients, allow_hyphen_values = true)]
+    beside: Option<TransferFunction>,
+    /// Lowest frequency in Hz of the comparison; a tenth of the slowest pole's when not given.
+    #[arg(long, value_name = "HZ", requires = "beside")]
+    low: Option<f64>,
+    /// Highest frequency in Hz of the comparison; ten times the fastest pole's when not given.
+    #[arg(long, value_name = "HZ", requires = "beside")]
+    high: Option<f64>,
+    /// Print JSON (tpm.linearization/1).
+    #[arg(long)]
+    json: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+fn coefficients(text: &str) -> Result<TransferFunction, String> {
+    let list = |part: &str| -> Result<Vec<f64>, String> {
+        let mut list = Vec::new();
+        for coefficient in part.split(',') {
+            let value = coefficient.trim().parse::<f64>().map_err(|_| format!("`{coefficient}` is not a number"))?;
+            list.push(value);
+        }
+        list.reverse();
+        Ok(list)
+    };
+    let (numerator, denominator) =
+        text.split_once('/').ok_or("write coefficients of numerator and denominator, such as 2,1/1,3,2")?;
+    TransferFunction::new(&list(numerator)?, &list(denominator)?).map_err(|error| error.to_string())
+}
+
+/// One coordinate over one input.
+struct Channel {
+    coordinate: usize,
+    input: usize,
+    exact: SymbolicTransfer,
+    numbers: Option<Numbers>,
+}
+
+/// A transfer function in numbers, common factors removed.
+struct Numbers {
+    function: TransferFunction,
+    /// Exactly the same pole and zero.
+    cancelled: Vec<Complex>,
+    /// A pole and a zero that lie close to each other.
+    close: Vec<(Complex, Complex)>,
+}
+
+type Complex = tpm_runtime::frequency::Complex;
+
+/// Everything that is printed.
+struct Linear {
+    model: Model,
+    linear: Linearization,
+    /// The point: every coordinate and input with its value.
+    point: Vec<(String, ExprId)>,
+    /// Names of the state, coordinates and their rates.
+    state: Vec<String>,
+    inputs: Vec<String>,
+    /// A and B in numbers, and whether they are exact before their one rounding.
+    numbers: Option<(StateSpace<f64>, bool)>,
+    poles: Vec<Complex>,
+    channels: Vec<Channel>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let loaded = Loaded::from_file(&args.file)?;
+    let found = Linear::new(args, loaded.model().clone())?;
+    let comparison = args.beside.as_ref().map(|beside| found.beside(args, beside)).transpose()?;
+    let text = if args.json {
+        file::json(&found.json(comparison.as_ref()))?
+    } else {
+        format!("{}\n", found.text(comparison.as_ref()).trim_end())
+    };
+    file::emit(args.output.as_deref(), &text)
+}
+
+impl Linear {
+    fn new(args: &Args, mut model: Model) -> Result<Self, Failure> {
+        let fault = |text: String| Failure::Input(format!("{}: {text}", args.file.display()));
+        let coordinates: Vec<String> = model.coordinates.iter().map(|c| c.name.clone()).collect();
+        let symbols: Vec<_> = model.inputs().collect();
+        let inputs: Vec<String> = symbols.iter().map(|symbol| model.quantity(*symbol).name.to_string()).collect();
+        let values = Values::load(&args.values, &model)?;
+        let operating = operating_point(args, &mut model, &coordinates, &inputs)?;
+        let linear = linearize::linearize(&mut model, &operating).map_err(|error| fault(error.to_string()))?;
+        let zero = model.graph.integer(0);
+        let of = |found: Option<ExprId>| found.unwrap_or(zero);
+        let mut point = Vec::new();
+        for (c, name) in (0u32..).zip(&coordinates) {
+            let given = operating.coordinates.iter().find(|(other, _)| *other == Coordinate(c));
+            point.push((name.clone(), of(given.map(|(_, value)| *value))));
+        }
+        for (symbol, name) in symbols.iter().zip(&inputs) {
+            let given = operating.inputs.iter().find(|(other, _)| other == symbol);
+            point.push((name.clone(), of(given.map(|(_, value)| *value))));
+        }
+        let outputs = chosen("--measured", args.measured.as_deref(), &coordinates)?;
+        let drives = chosen("--input", args.input.as_deref(), &inputs)?;
+        let state_space = state_space(&model, &linear, &values)?;
+        let mut transfers = transfer_functions(&mut model, &linear);
+        let mut channels = Vec::new();
+        for &coordinate in &outputs {
+            for &input in &drives {
+                let exact = std::mem::replace(
+                    &mut transfers[coordinate][input],
+                    SymbolicTransfer { numerator: Vec::new(), denominator: Vec::new(), cancelled: 0 },
+                );
+                let numbers =
+                    state_space.as_ref().map(|(space, _)| in_numbers(space, coordinate, input)).transpose()?;
+                channels.push(Channel { coordinate, input, exact, numbers });
+            }
+        }
+        let poles = match &state_space {
+            Some((space, _)) => {
+                let all: Vec<f64> = space.characteristic_polynomial().iter().map(rational::to_f64).collect();
+                TransferFunction::new(&[1.0], &all).map_err(|error| fault(error.to_string()))?.poles()
+            }
+            None => Vec::new(),
+        };
+        let rates = coordinates.iter().map(|name| format!("dot({name})"));
+        let state = coordinates.iter().cloned().chain(rates).collect();
+        let numbers = state_space.map(|(space, exact)| {
+            let rounded = |matrix: &[Vec<Rational>]| -> Vec<Vec<f64>> {
+                matrix.iter().map(|row| row.iter().map(rational::to_f64).collect()).collect()
+            };
+            (StateSpace { a: rounded(&space.a), b: rounded(&space.b) }, exact)
+        });
+        Ok(Linear { model, linear, point, state, inputs, numbers, poles, channels })
+    }
+
+    fn name(&self, channel: &Channel) -> String {
+        format!("{} over {}", self.state[channel.coordinate], self.inputs[channel.input])
+    }
+
+    fn text(&self, comparison: Option<&Comparison>) -> String {
+        let model = &self.model;
+        let point: Vec<String> =
+            self.point.iter().map(|(name, value)| format!("{name} = {}", model.display(*value))).collect();
+        let mut text =
+            format!("{} linearised at rest in {}; the equations hold there exactly\n", model.name, point.join(", "));
+        let n = self.linear.mass.len();
+        let _ = writeln!(
+            text,
+            "\nM ddot(q) + D dot(q) + K q = F u, q = ({}), u = ({}); entries that are not listed are 0\n",
+            self.state[..n].join(", "),
+            self.inputs.join(", ")
+        );
+        let mut table = TextTable::new(&[
+            ("matrix", Align::Left),
+            ("equation", Align::Left),
+            ("column", Align::Left),
+            ("entry", Align::Left),
+        ]);
+        let matrices = [
+            ("M", &self.linear.mass, &self.state[..n]),
+            ("D", &self.linear.damping, &self.state[..n]),
+            ("K", &self.linear.stiffness, &self.state[..n]),
+            ("F", &self.linear.input, &self.inputs[..]),
+        ];
+        for (name, matrix, columns) in matrices {
+            for (row, equation) in matrix.iter().zip(&model.equations) {
+                for (entry, column) in row.iter().zip(columns).filter(|(entry, _)| !self.is_zero(**entry)) {
+                    table.row(&[name.to_owned(), equation.name.clone(), column.clone(), model.display(*entry)]);
+                }
+            }
+        }
+        text.push_str(&table.finish());
+        let _ = writeln!(
+            text,
+            "\nd/dt of a rate is the sum of its entries times the states and inputs, over det M; all other entries of A and B\n\
+             are 0, but d/dt of a coordinate is its rate\n\ndet M = {}\n",
+            model.display(self.linear.determinant)
+        );
+        let mut table =
+            TextTable::new(&[("d/dt", Align::Left), ("of", Align::Left), ("entry times det M", Align::Left)]);
+        for (i, row) in self.rates().iter().enumerate() {
+            let columns = self.state.iter().chain(&self.inputs);
+            for (entry, column) in row.iter().zip(columns).filter(|(entry, _)| entry.as_str() != "0") {
+                table.row(&[self.state[n + i].clone(), column.clone(), entry.clone()]);
+            }
+        }
+        text.push_str(&table.finish());
+        if let Some((space, exact)) = &self.numbers {
+            let _ = writeln!(
+                text,
+                "\nin numbers{}, state ({})\n",
+                if *exact {
+                    ""
+                } else {
+                    " (an entry is not rational, so these are rounded before anything is cancelled)"
+                },
+                self.state.join(", ")
+            );
+            for (name, matrix) in [("A", &space.a), ("B", &space.b)] {
+                text.push_str(&matrix_text(name, matrix));
+            }
+            let _ = writeln!(text, "poles [rad/s]: {}", roots_text(&self.poles));
+        }
+        for channel in &self.channels {
+            let _ = write!(text, "\n{}\n", self.channel_text(channel));
+        }
+        if let Some(comparison) = comparison {
+            let _ = write!(text, "\n{}", comparison.text());
+        }
+        text
+    }
+
+    fn is_zero(&self, entry: ExprId) -> bool {
+        self.model.graph.as_number(entry).is_some_and(|value| *value == rational::integer(0))
+    }
+
+    /// Entries of A and B times det M in the rows of the rates.
+    fn rates(&self) -> Vec<Vec<String>> {
+        let n = self.linear.mass.len();
+        let mut graph = self.model.graph.clone();
+        let rows = self.linear.a[n..].iter().zip(&self.linear.b[n..]);
+        rows.map(|(a, b)| {
+            a.iter()
+                .chain(b)
+                .map(|&entry| {
+                    let product = graph.mul(entry, self.linear.determinant);
+                    let product = tpm_symbolic::expr::trigonometric::simplify(&mut graph, product);
+                    graph.display(product, &self.model)
+                })
+                .collect()
+        })
+        .collect()
+    }
+
+    fn channel_text(&self, channel: &Channel) -> String {
+        let name = self.name(channel);
+        let exact = &channel.exact;
+        if exact.numerator.is_empty() {
+            return format!("{name}: 0, exactly; the input does not move this coordinate\n");
+        }
+        let mut text = format!("transfer function of {name}\n\n");
+        let mut head = vec![("", Align::Left), ("power", Align::Left), ("exact coefficient", Align::Left)];
+        if channel.numbers.is_some() {
+            head.push(("over the highest below", Align::Right));
+        }
+        let mut table = TextTable::new(&head);
+        let numbers = channel.numbers.as_ref();
+        let reduced = numbers.map_or(0, |n| exact.denominator.len().saturating_sub(n.function.denominator.len()));
+        for (part, coefficients, values) in [
+            ("above", &exact.numerator, numbers.map(|n| &n.function.numerator)),
+            ("below", &exact.denominator, numbers.map(|n| &n.function.denominator)),
+        ] {
+            for (power, coefficient) in coefficients.iter().enumerate().rev() {
+                let mut row = vec![part.to_owned(), format!("s^{power}"), self.model.display(*coefficient)];
+                // Where numbers let more cancel than a power of s the coefficients do not correspond.
+                if let Some(value) = values.filter(|_| reduced == 0).and_then(|values| values.get(power)) {
+                    row.push(number(*value));
+                }
+                table.row(&row);
+            }
+        }
+        text.push_str(&table.finish());
+        if exact.cancelled > 0 {
+            let what = if exact.cancelled == 1 { "a factor s".to_owned() } else { format!("s^{}", exact.cancelled) };
+            let _ = writeln!(
+                text,
+                "{what} above and below has cancelled: {} does not show {} at 0",
+                self.state[channel.coordinate],
+                if exact.cancelled == 1 { "a pole" } else { "poles" }
+            );
+        }
+        let Some(numbers) = numbers else { return text };
+        if reduced > 0 {
+            let _ = writeln!(
+                text,
+                "in numbers, more cancels: ({}) / ({})",
+                polynomial_text(&numbers.function.numerator),
+                polynomial_text(&numbers.function.denominator)
+            );
+        }
+        let _ = writeln!(text, "poles [rad/s]: {}", roots_text(&numbers.function.poles()));
+        let _ = writeln!(text, "zeros [rad/s]: {}", roots_text(&numbers.function.zeros()));
+        if !numbers.cancelled.is_empty() {
+            let _ = writeln!(text, "cancelled, exactly: {}", roots_text(&numbers.cancelled));
+        }
+        for (pole, zero) in &numbers.close {
+            let _ = writeln!(text, "nearly cancel: pole {} and zero {}", root_text(*pole), root_text(*zero));
+        }
+        let _ = writeln!(text, "static gain: {}", gain_text(numbers.function.static_gain()));
+        text
+    }
+
+    fn json(&self, comparison: Option<&Comparison>) -> Value {
+        let model = &self.model;
+        let matrix = |matrix: &[Vec<ExprId>]| -> Value {
+            matrix.iter().map(|row| row.iter().map(|e| json!(model.display(*e))).collect::<Value>()).collect()
+        };
+        let list = |list: &[ExprId]| -> Value { list.iter().map(|e| json!(model.display(*e))).collect() };
+        let channels: Vec<Value> = self
+            .channels
+            .iter()
+            .map(|channel| {
+                json!({
+                    "output": self.state[channel.coordinate], "input": self.inputs[channel.input],
+                    "exact": {
+                        "numerator": list(&channel.exact.numerator), "denominator": list(&channel.exact.denominator),
+                        "cancelled_powers_of_s": channel.exact.cancelled,
+                    },
+                    "numbers": channel.numbers.as_ref().map(|numbers| json!({
+                        "numerator": numbers.function.numerator, "denominator": numbers.function.denominator,
+                        "poles": roots_json(&numbers.function.poles()), "zeros": roots_json(&numbers.function.zeros()),
+                        "cancelled": roots_json(&numbers.cancelled),
+                        "nearly_cancelling": numbers.close.iter()
+                            .map(|(pole, zero)| json!({"pole": root_json(pole), "zero": root_json(zero)}))
+                            .collect::<Vec<_>>(),
+                        "static_gain": finite(numbers.function.static_gain()),
+                    })),
+                })
+            })
+            .collect();
+        let point: serde_json::Map<String, Value> =
+            self.point.iter().map(|(name, value)| (name.clone(), json!(model.display(*value)))).collect();
+        json!({
+            "schema": "tpm.linearization/1", "model": model.name, "point": point,
+            "state": self.state, "inputs": self.inputs,
+            "equations": model.equations.iter().map(|equation| equation.name.clone()).collect::<Vec<_>>(),
+            "mass": matrix(&self.linear.mass), "damping": matrix(&self.linear.damping),
+            "stiffness": matrix(&self.linear.stiffness), "input": matrix(&self.linear.input),
+            "determinant": model.display(self.linear.determinant),
+            "a": matrix(&self.linear.a), "b": matrix(&self.linear.b),
+            "numbers": self.numbers.as_ref().map(|(space, exact)| json!({
+                "a": space.a, "b": space.b, "exact": exact, "poles": roots_json(&self.poles),
+            })),
+            "transfer_functions": channels,
+            "beside": comparison.map(Comparison::json),
+        })
+    }
+
+    fn beside(&self, args: &Args, other: &TransferFunction) -> Result<Comparison, Failure> {
+        let [channel] = self.channels.as_slice() else {
+            return Err(Failure::Input(format!(
+                "--beside needs one transfer function to compare with, and there are {}; choose with --measured and --input",
+                self.channels.len()
+            )));
+        };
+        let Some(numbers) = &channel.numbers else {
+            return Err(Failure::Input(
+                "--beside needs the model in numbers; give --params FILE or --set NAME=VALUE".to_owned(),
+            ));
+        };
+        let own = numbers.function.clone();
+        let sizes: Vec<f64> =
+            own.poles().iter().chain(&other.poles()).map(|pole| pole.norm() / TAU).filter(|size| *size > 0.0).collect();
+        let low = args.low.or_else(|| Some(0.1 * sizes.iter().copied().reduce(f64::min)?));
+        let high = args.high.or_else(|| Some(10.0 * sizes.iter().copied().reduce(f64::max)?));
+        let (Some(low), Some(high)) = (low, high) else {
+            return Err(Failure::Input("neither has a pole to choose a band by; give --low and --high".to_owned()));
+        };
+        if !(low > 0.0 && low < high && high.is_finite()) {
+            return Err(Failure::Input(format!("the band {low} to {high} Hz must rise from above 0")));
+        }
+        Ok(Comparison::new(self.name(channel), own, other.clone(), low, high))
+    }
+}
+
+/// The coordinates and inputs that were given.
+fn operating_point(
+    args: &Args,
+    model: &mut Model,
+    coordinates: &[String],
+    inputs: &[String],
+) -> Result<OperatingPoint, Failure> {
+    let mut point = OperatingPoint::default();
+    once("--at", &args.at)?;
+    for (name, text) in &args.at {
+        let source = Source::new(format!("--at {name}"), text.as_str());
+        let value = parse_value(&source, model).map_err(|diagnostics| Failure::Model(diagnostics.render(&source)))?;
+        if let Some(c) = coordinates.iter().position(|other| other == name) {
+            point.coordinates.push((Coordinate(c as u32), value));
+        } else if let Some(symbol) = inputs.iter().position(|other| other == name).and_then(|i| model.inputs().nth(i)) {
+            point.inputs.push((symbol, value));
+        } else {
+            return Err(Failure::Input(format!(
+                "--at {name}: the model has no such coordinate or input; it has {}",
+                [coordinates, inputs].concat().join(", ")
+            )));
+        }
+    }
+    Ok(point)
+}
+
+/// Indices of the one that was named, or of all.
+fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>, Failure> {
+    let Some(name) = name else { return Ok((0..known.len()).collect()) };
+    match known.iter().position(|other| other == name) {
+        Some(index) => Ok(vec![index]),
+        None => Err(Failure::Input(format!("{flag} {name}: the model has no such name; it has {}", known.join(", ")))),
+    }
+}
+
+/// A and B as rationals, and whether they are exact; `None` when no values were given.
+fn state_space(
+    model: &Model,
+    linear: &Linearization,
+    values: &Values,
+) -> Result<Option<(StateSpace<Rational>, bool)>, Failure> {
+    let missing = values.missing(model, None);
+    if !missing.is_empty() {
+        if values.is_empty() {
+            return Ok(None);
+        }
+        let flags: Vec<String> = missing.iter().map(|name| format!("--set {name}=VALUE")).collect();
+        return Err(Failure::Input(format!("for numbers, values are missing; give {}", flags.join(" "))));
+    }
+    if let Some(exact) = linear.evaluate_exact(model, |symbol| values.get(symbol).cloned()) {
+        return Ok(Some((exact, true)));
+    }
+    let rounded = linear.evaluate(model, |symbol| values.get(symbol).map_or(f64::NAN, rational::to_f64));
+    let exactly = |matrix: &[Vec<f64>]| -> Option<Vec<Vec<Rational>>> {
+        matrix.iter().map(|row| row.iter().map(|&value| rational::from_f64(value)).collect()).collect()
+    };
+    match (exactly(&rounded.a), exactly(&rounded.b)) {
+        (Some(a), Some(b)) => Ok(Some((StateSpace { a, b }, false))),
+        _ => Err(Failure::Input(
+            "with these values the mass matrix is singular or an entry is not finite; check them".to_owned(),
+        )),
+    }
+}
+
+fn in_numbers(space: &StateSpace<Rational>, coordinate: usize, input: usize) -> Result<Numbers, Failure> {
+    let output: Vec<Rational> =
+        (0..space.a.len()).map(|state| rational::integer(i64::from(state == coordinate))).collect();
+    let exact =
+        space.transfer_function(&output, input).expect("invariant: coordinate and input are those of the state space");
+    let float = |polynomial: &[Rational]| -> Vec<f64> { polynomial.iter().map(rational::to_f64).collect() };
+    let numerator = if exact.numerator.is_empty() { vec![0.0] } else { float(&exact.numerator) };
+    let function = TransferFunction::new(&numerator, &float(&exact.denominator))
+        .map_err(|error| Failure::Input(error.to_string()))?;
+    let cancelled = TransferFunction::new(&[1.0], &float(&exact.cancelled))
+        .map_err(|error| Failure::Input(error.to_string()))?
+        .poles();
+    let zeros = function.zeros();
+    let mut close = Vec::new();
+    for pole in function.poles() {
+        let nearest = zeros.iter().min_by(|a, b| (*a - pole).norm().total_cmp(&(*b - pole).norm()));
+        if let Some(zero) = nearest.filter(|zero| (*zero - pole).norm() <= CLOSE * pole.norm()) {
+            close.push((pole, *zero));
+        }
+    }
+    Ok(Numbers { function, cancelled, close })
+}
+
+/// Two transfer functions beside each other.
+struct Comparison {
+    name: String,
+    own: TransferFunction,
+    other: TransferFunction,
+    low: f64,
+    high: f64,
+    median: f64,
+    largest: f64,
+}
+
+impl Comparison {
+    fn new(name: String, own: TransferFunction, other: TransferFunction, low: f64, high: f64) -> Self {
+        let mut differences: Vec<f64> = (0..COMPARED)
+            .map(|i| {
+                let w = TAU * low * (high / low).powf(i as f64 / (COMPARED - 1) as f64);
+                (other.response(w) / own.response(w) - 1.0).norm()
+            })
+            .collect();
+        differences.sort_by(f64::total_cmp);
+        let (median, largest) = (differences[COMPARED / 2], differences[COMPARED - 1]);
+        Comparison { name, own, other, low, high, median, largest }
+    }
+
+    fn consistent(&self) -> bool {
+        self.median <= AGREE
+    }
+
+    fn text(&self) -> String {
+        let mut table =
+            TextTable::new(&[(self.name.as_str(), Align::Left), ("model", Align::Left), ("beside", Align::Left)]);
+        let mut row = |name: &str, of: &dyn Fn(&TransferFunction) -> String| {
+            table.row(&[name.to_owned(), of(&self.own), of(&self.other)]);
+        };
+        row("order", &|f| format!("{}/{}", f.numerator.len() - 1, f.denominator.len() - 1));
+        row("poles [rad/s]", &|f| roots_text(&f.poles()));
+        row("zeros [rad/s]", &|f| roots_text(&f.zeros()));
+        row("static gain", &|f| gain_text(f.static_gain()));
+        format!(
+            "{}the two are {}: from {} to {} Hz their responses differ by {} % of the model's (median), {} % at most\n",
+            table.finish(),
+            if self.consistent() { "consistent" } else { "not consistent" },
+            number(self.low),
+            number(self.high),
+            number(100.0 * self.median),
+            number(100.0 * self.largest)
+        )
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "numerator": self.other.numerator, "denominator": self.other.denominator,
+            "poles": roots_json(&self.other.poles()), "zeros": roots_json(&self.other.zeros()),
+            "static_gain": finite(self.other.static_gain()), "low_hz": self.low, "high_hz": self.high,
+            "median_difference": finite(self.median), "largest_difference": finite(self.largest),
+            "consistent": self.consistent(),
+        })
+    }
+}
+
+fn gain_text(gain: f64) -> String {
+    if gain.is_finite() { number(gain) } else { "infinite".to_owned() }
+}
+
+/// JSON has no infinity: what is not finite is null.
+fn finite(value: f64) -> Value {
+    if value.is_finite() { json!(value) } else { Value::Null }
+}
+
+fn root_json(root: &Complex) -> Value {
+    json!({"re": root.re, "im": root.im})
+}
+
+fn roots_json(roots: &[Complex]) -> Vec<Value> {
+    roots.iter().map(root_json).collect()
+}
+
+fn root_text(root: Complex) -> String {
+    // A pole at 0 is exact; "-0" would puzzle.
+    let re = number(root.re + 0.0);
+    if root.im == 0.0 { re } else { format!("{re}+-{}j", number(root.im.abs())) }
+}
+
+/// Roots, conjugate pairs once.
+fn roots_text(roots: &[Complex]) -> String {
+    let list: Vec<String> = roots.iter().filter(|root| root.im >= 0.0).map(|root| root_text(*root)).collect();
+    if list.is_empty() { "none".to_owned() } else { list.join(", ") }
+}
+
+fn polynomial_text(coefficients: &[f64]) -> String {
+    let terms: Vec<String> = coefficients
+        .iter()
+        .enumerate()
+        .rev()
+        .filter(|(_, c)| **c != 0.0)
+        .map(|(power, c)| match power {
+            0 => number(*c),
+            1 => format!("{} s", number(*c)),
+            _ => format!("{} s^{power}", number(*c)),
+        })
+        .collect();
+    if terms.is_empty() { "0".to_owned() } else { terms.join(" + ") }
+}
+
+fn matrix_text(name: &str, matrix: &[Vec<f64>]) -> String {
+    let columns = matrix.first().map_or(0, Vec::len);
+    let mut table = TextTable::new(&vec![("", Align::Right); columns + 1]);
+    for (i, row) in matrix.iter().enumerate() {
+        let mut cells = vec![if i == 0 { format!("{name} =") } else { String::new() }];
+        cells.extend(row.iter().map(|value| number(*value + 0.0)));
+        table.row(&cells);
+    }
+    // The head is empty.
+    let text = table.finish();
+    let body = text.trim_start_matches('\n');
+    format!("{body}\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{coefficients, roots_text};
+
+    #[test]
+    fn coefficients_stand_highest_first() {
+        let function = coefficients("4,2/2,0,6").expect("valid");
+        assert_eq!(
+            (function.numerator.as_slice(), function.denominator.as_slice()),
+            (&[1.0, 2.0][..], &[3.0, 0.0, 1.0][..])
+        );
+        assert_eq!(roots_text(&function.poles()), "0+-1.73205j");
+        assert!(coefficients("1").is_err() && coefficients("1/0").is_err() && coefficients("x/1").is_err());
+    }
+}

@@ -1,0 +1,244 @@
+//! `tpm split`: of every input, what holds its own coordinate still and what moves it, with the harmonics of both.
+
+use crate::Outcome;
+use crate::failure::Failure;
+use crate::input::assignments::{assignment, once};
+use crate::input::load::Loaded;
+use crate::input::values::{ValueArgs, Values};
+use crate::output::file;
+use crate::render::table::{Align, TextTable, number};
+use serde_json::{Value, json};
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use tpm_codegen::emit::table;
+use tpm_symbolic::expr::graph::{Coordinate, Symbol};
+use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
+use tpm_symbolic::harmonic::table::HarmonicTable;
+use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::split::{NumericPart, Split, numeric_parts, split};
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+
+/// Highest harmonic of a motion in numbers when nothing is said.
+const HARMONICS: usize = 15;
+
+/// Options of `tpm split`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    /// The coordinates that an input drives, such as u=phi or F=x,y; found from the equations when not given.
+    #[arg(long, value_name = "INPUT=COORDINATE,..", value_parser = assignment)]
+    motion: Vec<(String, String)>,
+    /// The pattern for the harmonics; the model's first when not given.
+    #[arg(long, value_name = "NAME")]
+    pattern: Option<String>,
+    /// Highest harmonic of what has infinitely many.
+    #[arg(long, value_name = "N")]
+    harmonics: Option<usize>,
+    #[command(flatten)]
+    values: ValueArgs,
+    /// Print JSON (tpm.split/1).
+    #[arg(long)]
+    json: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// What was given with `--motion`, by symbol and coordinate.
+pub(crate) fn motions(model: &Model, given: &[(String, String)]) -> Result<Vec<(Symbol, Vec<Coordinate>)>, Failure> {
+    let inputs: Vec<Symbol> = model.inputs().collect();
+    let mut motions = Vec::new();
+    for (input, coordinates) in &once("--motion", given)? {
+        let symbol = inputs.iter().copied().find(|symbol| model.quantity(*symbol).name == *input).ok_or_else(|| {
+            let names: Vec<&str> = inputs.iter().map(|symbol| model.quantity(*symbol).name.as_str()).collect();
+            Failure::Input(format!(
+                "--motion {input}=...: the model has no input `{input}`; it has {}",
+                names.join(", ")
+            ))
+        })?;
+        let mut driven = Vec::new();
+        for name in coordinates.split(',').map(str::trim) {
+            let found = (0u32..).zip(&model.coordinates).find(|(_, info)| info.name == name);
+            let (index, _) = found.ok_or_else(|| {
+                let names: Vec<&str> = model.coordinates.iter().map(|info| info.name.as_str()).collect();
+                Failure::Input(format!(
+                    "--motion {input}={coordinates}: the model has no coordinate `{name}`; it has {}",
+                    names.join(", ")
+                ))
+            })?;
+            driven.push(Coordinate(index));
+        }
+        motions.push((symbol, driven));
+    }
+    Ok(motions)
+}
+
+/// Harmonics in numbers.
+struct Numbers {
+    parts: Prepared,
+    waves: Vec<NumericPart>,
+    harmonics: usize,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let loaded = Loaded::from_file(&args.file)?;
+    let model = loaded.model();
+    let motions = motions(model, &args.motion)?;
+    let mut parts = split(model, &motions).map_err(|error| loaded.at(&error))?;
+    let pattern = match (&args.pattern, model.patterns.is_empty()) {
+        (None, true) => None,
+        (name, _) => Some(loaded.pattern(name.as_deref())?),
+    };
+    let values = Values::load_with(&args.values, model, pattern)?;
+    let (table, numbers) = match pattern {
+        None => (None, None),
+        Some(pattern) if values.is_empty() => (exact(&loaded, &motions, pattern, args.harmonics)?, None),
+        Some(pattern) => {
+            let harmonics = args.harmonics.or_else(|| loaded.harmonics(pattern)).unwrap_or(HARMONICS);
+            (None, Some(in_numbers(&loaded, &parts, pattern, &values, harmonics)?))
+        }
+    };
+    let text = if args.json {
+        file::json(&as_json(&mut parts, table.as_ref(), numbers.as_ref()))?
+    } else {
+        as_text(&mut parts, table.as_ref(), numbers.as_ref())
+    };
+    file::emit(args.output.as_deref(), &text)
+}
+
+/// The exact table of the parts; none, with a remark, where the motion has no finite one.
+fn exact(
+    loaded: &Loaded,
+    motions: &[(Symbol, Vec<Coordinate>)],
+    pattern: &Pattern,
+    harmonics: Option<usize>,
+) -> Result<Option<HarmonicTable>, Failure> {
+    let model = loaded.model_for_tables()?;
+    let parts = split(&model, motions).map_err(|error| loaded.at(&error))?;
+    let parts = parts.parts().and_then(prepare).map_err(|error| loaded.at(&error))?;
+    let harmonics = harmonics.or_else(|| loaded.harmonics(pattern));
+    let mut options = ExpandOptions { harmonics, ..ExpandOptions::default() };
+    match expand_with(&parts.model, &parts.form, pattern, &mut options) {
+        Ok(table) => {
+            for tail in &table.tails {
+                file::remark(&format!("remark: {}", table::left_out(&table, tail)));
+            }
+            Ok(Some(table))
+        }
+        Err(error) => {
+            file::remark(&format!("remark: there is no table of the harmonics\n{}", loaded.remark(&error)));
+            Ok(None)
+        }
+    }
+}
+
+fn in_numbers(
+    loaded: &Loaded,
+    split: &Split,
+    pattern: &Pattern,
+    values: &Values,
+    harmonics: usize,
+) -> Result<Numbers, Failure> {
+    let model = loaded.model();
+    let missing = values.missing(model, Some(pattern));
+    if !missing.is_empty() {
+        return Err(Failure::Input(format!(
+            "harmonics in numbers need a value of {}; give them with --params FILE or --set NAME=VALUE, or none at all for the exact table",
+            missing.join(", ")
+        )));
+    }
+    let parts = split.parts().and_then(prepare).map_err(|error| loaded.at(&error))?;
+    let value = |symbol: Symbol| match &model.symbols.get(symbol.0 as usize).map(|quantity| &quantity.kind) {
+        Some(Kind::Constant { value: Some(value) }) => rational::to_f64(value),
+        _ => values.get(symbol).map_or(0.0, rational::to_f64),
+    };
+    let waves = numeric_parts(&parts, pattern, harmonics, value).map_err(|error| loaded.at(&error))?;
+    Ok(Numbers { parts, waves, harmonics })
+}
+
+/// Names of the driven coordinates.
+fn drives(split: &Split, driven: &[Coordinate]) -> Vec<String> {
+    driven.iter().map(|c| split.model.coordinates[c.0 as usize].name.clone()).collect()
+}
+
+fn as_text(split: &mut Split, table: Option<&HarmonicTable>, numbers: Option<&Numbers>) -> String {
+    let mut text = format!("{}: the two parts of every input\n", split.model.name);
+    for input in &split.inputs.clone() {
+        let name = split.model.quantity(input.input).name.to_string();
+        let _ = writeln!(text, "\n{name} drives {}", drives(split, &input.motions).join(", "));
+        for (label, part) in [("independent", &input.independent), ("dependent", &input.dependent)] {
+            let expr = split.expression(part);
+            let _ = writeln!(text, "  {:<18}  {}", format!("motion-{label}"), split.model.display(expr));
+        }
+    }
+    if let Some(table) = table {
+        let _ = write!(text, "\n{}", table::markdown(table));
+    }
+    if let Some(numbers) = numbers {
+        let _ = writeln!(text, "\nharmonics up to {}\n", numbers.harmonics);
+        let mut table = TextTable::new(&[
+            ("part", Align::Left),
+            ("harmonic", Align::Right),
+            ("cos", Align::Right),
+            ("sin", Align::Right),
+            ("amplitude", Align::Right),
+        ]);
+        for part in &numbers.waves {
+            for (harmonic, cos, sin) in lines(part) {
+                table.row(&[
+                    numbers.parts.form.rows[part.equation].name.to_string(),
+                    harmonic.to_string(),
+                    number(cos),
+                    number(sin),
+                    number(cos.hypot(sin)),
+                ]);
+            }
+        }
+        text.push_str(&table.finish());
+        for part in numbers.waves.iter().filter(|part| part.tail > 0.0) {
+            let name = &numbers.parts.form.rows[part.equation].name;
+            let _ = writeln!(text, "higher harmonics of {name} add at most {}", number(part.tail));
+        }
+    }
+    text
+}
+
+/// The harmonics of a part that are more than rounding.
+fn lines(part: &NumericPart) -> Vec<(usize, f64, f64)> {
+    let at = |list: &[f64], k: usize| list.get(k).copied().unwrap_or(0.0);
+    let count = part.wave.cos.len().max(part.wave.sin.len());
+    let all = (0..count).map(|k| (k, at(&part.wave.cos, k), at(&part.wave.sin, k)));
+    let largest = all.clone().map(|(_, c, s)| c.hypot(s)).fold(0.0, f64::max);
+    let rounded = |value: f64| if value.abs() > 1e-12 * largest { value } else { 0.0 };
+    all.map(|(k, c, s)| (k, rounded(c), rounded(s))).filter(|(_, c, s)| c.hypot(*s) > 0.0).collect()
+}
+
+fn as_json(split: &mut Split, table: Option<&HarmonicTable>, numbers: Option<&Numbers>) -> Value {
+    let mut inputs = Vec::new();
+    for input in &split.inputs.clone() {
+        let [independent, dependent] = [&input.independent, &input.dependent].map(|part| {
+            let expr = split.expression(part);
+            split.model.display(expr)
+        });
+        inputs.push(json!({
+            "input": split.model.quantity(input.input).name,
+            "drives": drives(split, &input.motions),
+            "independent": independent,
+            "dependent": dependent,
+        }));
+    }
+    let waves = numbers.map(|numbers| {
+        let part = |part: &NumericPart| {
+            let harmonics: Vec<Value> =
+                lines(part).iter().map(|(k, cos, sin)| json!({"harmonic": k, "cos": cos, "sin": sin})).collect();
+            let name = &numbers.parts.form.rows[part.equation].name;
+            json!({"part": name, "harmonics": harmonics, "left_out": part.tail})
+        };
+        numbers.waves.iter().map(part).collect::<Vec<_>>()
+    });
+    json!({"schema": "tpm.split/1", "model": split.model.name, "inputs": inputs, "table": table, "waves": waves})
+}

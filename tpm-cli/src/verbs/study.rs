@@ -1,0 +1,141 @@
+//! `tpm study`: many campaigns on the simulated plant and how their results spread about the truth, or how many updates every
+//! estimator needs without noise.
+
+use crate::failure::Failure;
+use crate::input::experiment::{SimulatedArgs, Simulation};
+use crate::output::{file, progress};
+use crate::render::table::{Align, TextTable, number};
+use crate::{Outcome, interrupt};
+use std::path::PathBuf;
+use tpm_runtime::campaign::RunReport;
+use tpm_runtime::experiment::Experiment;
+use tpm_runtime::study::{LIMITS, Study, Updates, study_campaigns, updates};
+
+/// Updates that are played at most.
+const MOST: usize = 10;
+
+/// Options of `tpm study`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    #[command(flatten)]
+    simulated: SimulatedArgs,
+    /// How many seeds, from the experiment's own on.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(2..))]
+    seeds: u32,
+    /// Without noise, count the updates of every estimator at every stage of the schedule instead.
+    #[arg(long, conflicts_with = "seeds")]
+    updates: bool,
+    /// Print JSON (tpm.study/1, tpm.updates/1).
+    #[arg(long)]
+    json: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
+    if args.updates {
+        let found = updates(machine.plant(), machine.pattern(), &experiment, MOST)
+            .map_err(|error| Failure::Input(error.to_string()))?;
+        let text = if args.json { file::json(&found)? } else { describe_updates(&found) };
+        return file::emit(args.output.as_deref(), &text);
+    }
+    let bar = progress::Bar::new("studying");
+    let seeds = args.seeds as usize;
+    let (result, interrupted) = interrupt::watched(|go_on| {
+        let step = |ended: usize| {
+            bar.set(ended as u64, seeds as u64);
+            go_on()
+        };
+        let identify = |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| machine.identify(own, go_on);
+        (study_campaigns(machine.plant(), machine.pattern(), &experiment, seeds, &identify, &step), !go_on())
+    });
+    drop(bar);
+    let result = result.map_err(|error| Failure::Input(error.to_string()))?;
+    let text = if args.json { file::json(&result)? } else { describe(&result) };
+    file::emit(args.output.as_deref(), &text)?;
+    if interrupted {
+        return Err(Failure::Interrupted);
+    }
+    if !result.incomplete_seeds.is_empty() {
+        return Err(Failure::Incomplete(format!(
+            "{} of {} campaigns did not identify everything",
+            result.incomplete_seeds.len(),
+            result.campaigns
+        )));
+    }
+    Ok(())
+}
+
+fn describe_updates(found: &Updates) -> String {
+    let mut text =
+        format!("model {} on an exact simulated plant: updates until every parameter is within\n\n", found.model);
+    let limits: Vec<String> = LIMITS.iter().map(|limit| format!("{limit:e}")).collect();
+    let mut head = vec![("estimator", Align::Left)];
+    if let Some(first) = found.estimators.first() {
+        head.extend(first.amplitudes.iter().map(|(name, _)| (name.as_str(), Align::Right)));
+    }
+    head.push(("frequency", Align::Right));
+    head.extend(limits.iter().map(|limit| (limit.as_str(), Align::Right)));
+    head.push(("runs each", Align::Right));
+    let mut table = TextTable::new(&head);
+    for convergence in &found.estimators {
+        let mut row = vec![convergence.estimator.to_owned()];
+        row.extend(convergence.amplitudes.iter().map(|(_, value)| number(*value)));
+        row.push(number(convergence.frequency));
+        let count = |updates: &Option<usize>| {
+            updates.map_or_else(|| format!("> {}", convergence.errors.len()), |updates| updates.to_string())
+        };
+        row.extend(convergence.updates.iter().map(count));
+        row.push(convergence.runs_per_update.to_string());
+        table.row(&row);
+    }
+    text.push_str(&table.finish());
+    text
+}
+
+fn describe(study: &Study) -> String {
+    let mut text = format!(
+        "model {} on a simulated plant; estimator {}; {} campaigns, seeds from {}\n\n",
+        study.model, study.estimator, study.campaigns, study.first_seed
+    );
+    let mut table = TextTable::new(&[
+        ("parameter", Align::Left),
+        ("unit", Align::Left),
+        ("true", Align::Right),
+        ("mean", Align::Right),
+        ("bias", Align::Right),
+        ("+-", Align::Right),
+        ("spread", Align::Right),
+        ("stated", Align::Right),
+        ("bound", Align::Right),
+        ("95 % interval", Align::Right),
+        ("of", Align::Right),
+    ]);
+    let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
+    for parameter in &study.parameters {
+        table.row(&[
+            parameter.name.clone(),
+            parameter.unit.clone().unwrap_or_else(|| "-".to_owned()),
+            number(parameter.truth),
+            optional(parameter.mean),
+            optional(parameter.bias),
+            optional(parameter.bias_std),
+            optional(parameter.spread),
+            optional(parameter.stated),
+            optional(parameter.bound),
+            parameter.coverage.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)),
+            parameter.values.to_string(),
+        ]);
+    }
+    text.push_str(&table.finish());
+    text.push_str("\nspread: standard deviation of the results; stated: what the campaigns said it is;\nbound: Cramer-Rao bound after the runs of the first campaign; 95 % interval: share of those stated that hold the true value\n");
+    for warning in &study.warnings {
+        text.push_str(&format!("warning: {warning}\n"));
+    }
+    text
+}
