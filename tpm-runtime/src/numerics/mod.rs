@@ -6,9 +6,11 @@
 pub(crate) mod differences;
 pub(crate) mod eigenvalues;
 pub(crate) mod fourier;
+mod matrix;
 mod riccati;
 pub(crate) mod singular;
 
+pub use matrix::Matrix;
 pub(crate) use nalgebra::storage::Owned;
 pub(crate) use nalgebra::{Cholesky, Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn, RowDVector};
 #[cfg(test)]
