@@ -178,6 +178,12 @@ pub trait Model<T: Real>: Send + Sync {
     /// Sizes; the same for the lifetime of the model.
     fn dims(&self) -> Dims;
 
+    /// The text in which the model was declared, from which its exact form, its patterns and its physical parameters can be had
+    /// again; nothing for a model that was written by hand.
+    fn source(&self) -> Option<&str> {
+        None
+    }
+
     /// Name and unit of a coordinate.
     fn coordinate(&self, index: usize) -> Label<'_>;
     /// Name and unit of an input.

@@ -27,10 +27,12 @@ pub mod numerics;
 #[cfg(feature = "plot")]
 pub mod plot;
 #[cfg(feature = "std")]
+pub mod report;
+#[cfg(feature = "std")]
 pub mod run;
-#[cfg(feature = "std")]
+#[cfg(feature = "interpret")]
 pub mod session;
-#[cfg(feature = "std")]
+#[cfg(feature = "interpret")]
 pub mod study;
 
 pub use tpm_core::{

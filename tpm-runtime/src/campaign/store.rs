@@ -5,7 +5,7 @@
 //! last, and both by way of a temporary file that is renamed when complete. Numbers are written with as many digits as give
 //! the same number back, so that a campaign that goes on from a folder is the unbroken one.
 
-use crate::log::rate_column;
+use crate::log::{fingerprint, rate_column};
 use crate::run::smoothing::Smoothing;
 use crate::run::{Ending, Record, RunEnding, Trial};
 use serde::{Deserialize, Serialize};
@@ -46,8 +46,8 @@ impl Manifest {
         Manifest {
             schema: CAMPAIGN.to_string(),
             model: model.to_string(),
-            model_hash: hash(model_text),
-            experiment_hash: hash(experiment_text),
+            model_hash: fingerprint(model_text),
+            experiment_hash: fingerprint(experiment_text),
             version: env!("CARGO_PKG_VERSION").to_string(),
         }
     }
@@ -221,7 +221,7 @@ impl Store {
                 }
             }
             let text = fs::read(&samples).map_err(|error| io(&samples, &error))?;
-            if hash(&text) != run.samples_hash {
+            if fingerprint(&text) != run.samples_hash {
                 return Err(broken(&samples, "the samples are not those of the manifest beside them"));
             }
             records.push(read_samples(&samples, &text, model, &run)?);
@@ -265,7 +265,7 @@ impl Store {
             ending: record.ending.kind(),
             passed,
             saturated: record.saturated,
-            samples_hash: hash(text.as_bytes()),
+            samples_hash: fingerprint(text.as_bytes()),
         };
         let (samples, path) = self.paths(trial.run + 1);
         write_whole(&samples, text.as_bytes())?;
@@ -341,14 +341,6 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
         (RunEnding::Diverged, _) => Ending::Diverged { sample: last },
     };
     Ok(Record { sample_time: run.sample_time, coordinates: channels, inputs, rates, ending, saturated: run.saturated })
-}
-
-/// Hash of a file's bytes (FNV-1a, 64 bits): it tells files apart, it is no protection against forgery.
-fn hash(bytes: &[u8]) -> String {
-    let value = bytes
-        .iter()
-        .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3));
-    format!("{value:016x}")
 }
 
 fn pretty(value: &impl Serialize) -> String {

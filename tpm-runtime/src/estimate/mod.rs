@@ -40,7 +40,8 @@ use std::string::String;
 use std::vec::Vec;
 
 /// What may be said of one estimated parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Status {
     /// Known with the stated standard deviation.
     Identified,

@@ -24,8 +24,8 @@ pub struct ParameterReport {
     pub value: Option<f64>,
     /// Standard deviation; nothing when unobservable.
     pub std: Option<f64>,
-    /// identified, unobservable, poorly_determined or frozen.
-    pub status: &'static str,
+    /// What may be said of it.
+    pub status: Status,
 }
 
 /// A combination of parameters that do not show one by one.
@@ -68,7 +68,7 @@ impl EstimateReport {
                 prior: prior.get(j).copied(),
                 value: seen(j).map(|e| e.values[j]),
                 std: seen(j).map(|e| e.std[j]),
-                status: status(j).name(),
+                status: status(j),
             })
             .collect();
         let named = |direction: &[f64]| -> BTreeMap<String, String> {

@@ -227,19 +227,12 @@ pub fn has_inertia(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64]
     symmetric && matrix.iter().all(|x| x.is_finite()) && matrix.symmetric_eigenvalues().iter().all(|m| *m > 0.0)
 }
 
-/// Masses and moments of inertia among parameters that came out negative: a fit that no machine has.
+/// Masses and moments of inertia that are negative beyond doubt, by name with their values: a fit that no machine has.
 #[must_use]
-pub fn negative_masses(parameters: &[ParameterReport]) -> Vec<String> {
-    let negative = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass)).filter_map(|p| {
-        let (value, std) = (p.value?, p.std?);
-        (value < -SURELY_NEGATIVE * std).then(|| {
-            format!(
-                "{} = {value:.4e} is negative, which no machine has: a term may be missing, or a scale, a sign or a column may be wrong",
-                p.name
-            )
-        })
-    });
-    negative.collect()
+pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {
+    let inertias = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass));
+    let known = inertias.filter_map(|p| Some((p, p.value?, p.std?)));
+    known.filter(|(_, value, std)| *value < -SURELY_NEGATIVE * std).map(|(p, value, _)| (p.name.clone(), value)).collect()
 }
 
 /// Whether a quantity in this unit is a mass or a moment of inertia.
@@ -536,7 +529,7 @@ impl Fixed {
                     prior: self.prior[i].or(self.frozen[i]),
                     value: seen.then_some(value),
                     std: (seen && !solution.held[i]).then_some(std),
-                    status: status.name(),
+                    status,
                 }
             })
             .collect();

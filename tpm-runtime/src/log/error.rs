@@ -2,11 +2,35 @@
 
 use crate::estimate::EstimateError;
 use crate::run::SpectrumError;
+use crate::report::Remedy;
+use std::fmt;
 use std::string::String;
 use std::vec::Vec;
 
+/// What may be said about the column of a signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Adjustment {
+    /// The column's name.
+    Column,
+    /// A factor on the column.
+    Scale,
+    /// A value that is added after the factor.
+    Offset,
+}
+
+impl fmt::Display for Adjustment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Adjustment::Column => "column",
+            Adjustment::Scale => "scale",
+            Adjustment::Offset => "offset",
+        })
+    }
+}
+
 /// Why a log cannot be used, with the place and what to do.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LogError {
     /// The file cannot be read.
     #[error("{path}: {source}")]
@@ -28,7 +52,7 @@ pub enum LogError {
     },
     /// A signal of the model has no column.
     #[error(
-        "{path}:1: there is no column `{column}` for `{name}`; the columns are {}; name the right one with --map {name}=COLUMN",
+        "{path}:1: there is no column `{column}` for `{name}`; the columns are {}; name the right one",
         .available.join(", ")
     )]
     MissingColumn {
@@ -49,21 +73,21 @@ pub enum LogError {
         /// The column.
         column: String,
     },
-    /// An option names something that the model does not have.
-    #[error("{option} {name}: the model has no coordinate or input `{name}`; it has {}", .available.join(", "))]
+    /// A setting names something that the model does not have.
+    #[error("{adjustment} of `{name}`: the model has no coordinate or input `{name}`; it has {}", .available.join(", "))]
     UnknownName {
-        /// The option (`--map`, `--scale`, `--offset`).
-        option: &'static str,
+        /// What was to be set.
+        adjustment: Adjustment,
         /// The unknown name.
         name: String,
         /// What the model has.
         available: Vec<String>,
     },
     /// A scale or an offset is not a usable number.
-    #[error("{option} {name}={value}: the value must be finite{}", if *.option == "--scale" { " and not zero" } else { "" })]
-    BadOption {
-        /// The option.
-        option: &'static str,
+    #[error("{adjustment} of `{name}` = {value}: the value must be finite{}", if *.adjustment == Adjustment::Scale { " and not zero" } else { "" })]
+    Unusable {
+        /// What was to be set.
+        adjustment: Adjustment,
         /// The signal.
         name: String,
         /// The value given.
@@ -152,7 +176,7 @@ pub enum LogError {
     },
     /// A signal never changes.
     #[error(
-        "{path}:{from}-{to}: column `{column}` is {value} throughout; is it the right column (--map), or was the sensor disconnected?"
+        "{path}:{from}-{to}: column `{column}` is {value} throughout; is it the right column, or was the sensor disconnected?"
     )]
     Constant {
         /// The file.
@@ -161,6 +185,8 @@ pub enum LogError {
         from: u64,
         /// Last data line.
         to: u64,
+        /// The signal of the model.
+        signal: String,
         /// The column.
         column: String,
         /// Its value.
@@ -169,7 +195,7 @@ pub enum LogError {
     /// No two periods follow each other.
     #[error(
         "{path}:{from}-{to}: the motion is not periodic: the best period found, {period} s, leaves {:.1} % between successive periods; \
-         run the machine on a periodic reference, record at least two whole periods after it has settled, or state --period and --from-sample",
+         run the machine on a periodic reference, record at least two whole periods after it has settled, or state period and first sample",
         100.0 * .mismatch
     )]
     NotPeriodic {
@@ -187,7 +213,7 @@ pub enum LogError {
     /// No candidate of a period at all.
     #[error(
         "{path}:{from}-{to}: the motion does not repeat within the log; run the machine on a periodic reference and record at least two whole periods, \
-         or state --period and --from-sample"
+         or state period and first sample"
     )]
     NoPeriod {
         /// The file.
@@ -204,6 +230,8 @@ pub enum LogError {
         path: String,
         /// What does not fit.
         what: String,
+        /// The setting to change.
+        remedy: Remedy,
         /// Samples in the log.
         samples: usize,
         /// Sample time, s.
@@ -235,4 +263,19 @@ pub enum LogError {
         /// The reason.
         source: EstimateError,
     },
+}
+
+impl LogError {
+    /// The setting that would help, when there is one.
+    #[must_use]
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            LogError::MissingColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
+            LogError::NotPeriodic { .. } | LogError::NoPeriod { .. } => Some(Remedy::PeriodAndStart),
+            LogError::Constant { signal, .. } => Some(Remedy::MapColumn { signal: signal.clone() }),
+            LogError::BadRange { remedy, .. } => Some(remedy.clone()),
+            LogError::Constants { names, .. } => Some(Remedy::Constants { names: names.clone() }),
+            _ => None,
+        }
+    }
 }

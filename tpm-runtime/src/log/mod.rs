@@ -4,10 +4,12 @@
 //! read or found, checked, and reported with the result; what is not right is an error that names the line.
 
 mod error;
+mod fingerprint;
 mod periodic;
 mod read;
 
-pub use error::LogError;
+pub use error::{Adjustment, LogError};
+pub use fingerprint::fingerprint;
 pub(crate) use periodic::PeriodicFault;
 pub use periodic::{Periodic, find_periodic};
 pub(crate) use read::rate_column;

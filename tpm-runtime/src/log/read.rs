@@ -4,7 +4,7 @@
 //! knows its line in the file.
 
 use crate::estimate::{Frozen, Weights};
-use crate::log::error::LogError;
+use crate::log::error::{Adjustment, LogError};
 use crate::run::Dynamics;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -221,13 +221,14 @@ impl Log {
             return Err(LogError::TooShort { path: name.into(), line: last_line, samples: time.len(), needed: LEAST });
         }
         let sample_time = even_time(&time, resolution, &lines, name)?;
-        for (channel, (_, column)) in channels.iter().zip(&places) {
+        for ((channel, (_, column)), signal) in channels.iter().zip(&places).zip(&signals) {
             let first = channel[0];
             if channel.iter().all(|x| *x == first) {
                 return Err(LogError::Constant {
                     path: name.into(),
                     from: lines[0],
                     to: last_line,
+                    signal: (*signal).clone(),
                     column: column.clone(),
                     value: first,
                 });
@@ -260,23 +261,23 @@ fn signals(model: &dyn Model<f64>) -> Vec<String> {
 }
 
 fn check_names(signals: &[String], options: &LogOptions) -> Result<(), LogError> {
-    let unknown = |option: &'static str, name: &String| LogError::UnknownName {
-        option,
+    let unknown = |adjustment: Adjustment, name: &String| LogError::UnknownName {
+        adjustment,
         name: name.clone(),
         available: signals.to_vec(),
     };
     for name in options.map.keys() {
         if name != TIME && !signals.contains(name) {
-            return Err(unknown("--map", name));
+            return Err(unknown(Adjustment::Column, name));
         }
     }
-    for (option, values) in [("--scale", &options.scale), ("--offset", &options.offset)] {
+    for (adjustment, values) in [(Adjustment::Scale, &options.scale), (Adjustment::Offset, &options.offset)] {
         for (name, &value) in values {
             if !signals.contains(name) {
-                return Err(unknown(option, name));
+                return Err(unknown(adjustment, name));
             }
-            if !value.is_finite() || (option == "--scale" && value == 0.0) {
-                return Err(LogError::BadOption { option, name: name.clone(), value });
+            if !value.is_finite() || (adjustment == Adjustment::Scale && value == 0.0) {
+                return Err(LogError::Unusable { adjustment, name: name.clone(), value });
             }
         }
     }
@@ -377,7 +378,7 @@ mod tests {
         assert_eq!(log.lines[0], 2);
         options.scale.insert("v".into(), 2.0);
         let message = format!("{}", read(&csv, &options).expect_err("unknown name"));
-        assert!(message.contains("--scale v"), "{message}");
+        assert!(message.contains("scale of `v`"), "{message}");
     }
 
     #[test]

@@ -1,15 +1,24 @@
-//! From a log to parameters, with everything that was found on the way.
+//! From a log to parameters.
 
-use crate::estimate::named::{CombinationReport, EstimateReport, ParameterReport, doubts};
-use crate::estimate::{Estimate, EstimateError, MeasuredMotion, Settings, Status, estimate_measured_motion, no_result};
-use crate::log::{Log, LogError, LogOptions};
-use crate::log::{Periodic, PeriodicFault, find_periodic};
-use crate::run::Spectra;
-use crate::run::correct_actuators;
-use serde::Serialize;
+use crate::estimate::physical::PhysicalSettings;
+use crate::estimate::{
+    Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion,
+};
+use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, find_periodic, fingerprint};
+use crate::report::Remedy;
+use crate::run::{Dynamics, Spectra, correct_actuators};
+use crate::session::error::{SessionError, Setting};
+use crate::session::identification::{Identification, LogFingerprint, Provenance, Source};
+use crate::session::log_report::{ActuatorReport, HoldResiduals, LogReport};
+use crate::session::model::{DeclaredModel, Identifiable};
+use crate::session::summary::{self, Lumped, Named};
+use crate::session::warning::{Data, Warning};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::format;
+use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
+use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
@@ -19,117 +28,197 @@ const CLEARLY_BETTER: f64 = 0.7;
 /// A difference of successive periods above this share of the motion is flagged.
 const UNSTEADY: f64 = 0.02;
 
-/// Residuals with either choice of hold, as shares of the force.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct HoldResiduals {
-    /// Inputs as recorded.
-    pub none: Option<f64>,
-    /// Inputs held between samples.
-    pub zoh: Option<f64>,
-}
-
-/// What was found about a log.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LogReport {
-    /// The file.
-    pub path: String,
-    /// Samples in the log.
-    pub samples: usize,
-    /// Time between samples, s.
-    pub sample_time: f64,
-    /// First sample of the part that repeats, from 0.
-    pub steady_from_sample: usize,
-    /// First sample used, from 0.
-    pub from_sample: usize,
-    /// Its line in the file.
-    pub from_line: u64,
-    /// Period, s.
-    pub period: f64,
-    /// Period in samples.
-    pub samples_per_period: f64,
-    /// Whole periods used.
-    pub periods: usize,
-    /// Difference between the last two periods as a share of the motion.
-    pub mismatch: f64,
-    /// Window on the samples.
-    pub window: String,
-    /// Harmonics used, per row of the model.
-    pub lines: Vec<Vec<usize>>,
-    /// Highest harmonic of the motion from which regressors were built.
-    pub motion_harmonics: usize,
-    /// Residual per row, as a share of its force.
-    pub row_residuals: Vec<f64>,
-    /// Known dynamics of the actuators, by input, that were corrected.
+/// A log to identify from, and what is known about it. Every setting is by the model's names and in its units.
+///
+/// A path alone is a request with nothing known: `"run.csv".into()`.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct LogRequest {
+    /// The file: CSV with one header line, time in `t_s`.
+    pub path: PathBuf,
+    /// Column of a coordinate or input (or of `t_s`), where it is not called like it.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub actuators: BTreeMap<String, ActuatorReport>,
-    /// Residual with either hold.
-    pub hold_residuals: HoldResiduals,
-}
-
-/// What was known to lie between an input and its force.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ActuatorReport {
-    /// Delay, s.
-    pub delay: f64,
-    /// Natural frequency (rad/s) and quality factor of a low pass.
-    pub low_pass: Option<(f64, f64)>,
-    /// Bandwidth of the current loop, rad/s.
-    pub bandwidth: Option<f64>,
-}
-
-/// Identified parameters; serialises as `tpm.identification/1`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Identification {
-    /// `tpm.identification/1`.
-    pub schema: &'static str,
-    /// Name of the model.
-    pub model: String,
-    /// Hold of the inputs: none or zoh.
-    pub hold: String,
-    /// Highest harmonic used.
-    pub harmonics: usize,
-    /// Parameters in which the model is linear.
-    pub parameters: Vec<ParameterReport>,
-    /// Physical parameters, where parameters were lumped.
-    pub physical: Vec<ParameterReport>,
-    /// Directions that the data do not show: parameter to weight.
-    pub unobservable: Vec<BTreeMap<String, String>>,
-    /// What they do show of the unobservable parameters.
-    pub combinations: Vec<CombinationReport>,
-    /// Covariance of the parameters; nothing where unobservable.
-    pub covariance: Vec<Vec<Option<f64>>>,
-    /// Independent combinations that the data show.
-    pub rank: usize,
-    /// Condition number of the scaled equations.
-    pub condition: f64,
-    /// Residual as a share of the force.
-    pub residual: f64,
-    /// Runs of a campaign; none for a log.
-    pub runs: Vec<serde_json::Value>,
-    /// What the user should know.
-    pub warnings: Vec<String>,
-    /// What was found about the log.
-    pub log: LogReport,
-    /// The estimate itself, for further computation.
+    pub map: BTreeMap<String, String>,
+    /// Factor on the column of a signal.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub scale: BTreeMap<String, f64>,
+    /// Value that is added to a signal after the factor, unit of the signal.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub offset: BTreeMap<String, f64>,
+    /// First sample to use, from 0; found when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub from_sample: Option<usize>,
+    /// Period of the motion, s; found when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub period: Option<f64>,
+    /// What the inputs do between samples.
+    #[serde(serialize_with = "hold_name")]
+    pub hold: Hold,
+    /// Known dynamics between the recorded value of an input and its force, by input.
     #[serde(skip)]
-    pub estimate: Estimate,
+    pub actuators: BTreeMap<String, Dynamics>,
+    /// Highest harmonic to use; chosen from the spectrum when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub harmonics: Option<usize>,
+    /// How much every equation counts.
+    pub weights: Weights,
+    /// Values of the constants that are known at run time, by name.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub constants: BTreeMap<String, f64>,
+    /// Values known before, by parameter or physical parameter: what an unobservable direction keeps, or where the search for a
+    /// physical parameter starts.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub prior: BTreeMap<String, f64>,
+    /// Values that are held, by parameter or physical parameter.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub frozen: BTreeMap<String, f64>,
+    /// Least and largest value of a physical parameter; infinite for none.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub bounds: BTreeMap<String, (f64, f64)>,
 }
 
-impl Identification {
-    /// Why this is not all that was asked for, when it is not.
+fn hold_name<S: serde::Serializer>(hold: &Hold, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(hold)
+}
+
+impl LogRequest {
+    /// A log of which nothing is known beside its file.
     #[must_use]
-    pub fn shortfall(&self) -> Option<String> {
-        if !self.estimate.is_explained() {
-            return Some(no_result(self.residual));
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        LogRequest { path: path.into(), ..LogRequest::default() }
+    }
+
+    /// Says in which column a signal stands.
+    #[must_use]
+    pub fn map(mut self, signal: &str, column: &str) -> Self {
+        self.map.insert(signal.to_string(), column.to_string());
+        self
+    }
+
+    /// Gives a constant that is known at run time its value.
+    #[must_use]
+    pub fn constant(mut self, name: &str, value: f64) -> Self {
+        self.constants.insert(name.to_string(), value);
+        self
+    }
+
+    /// Says what the inputs do between samples.
+    #[must_use]
+    pub fn hold(mut self, hold: Hold) -> Self {
+        self.hold = hold;
+        self
+    }
+
+    /// The settings by index, with every name checked against the model; physical parameters are those named so.
+    pub(super) fn options(&self, model: &dyn Model<f64>, physical: &[String]) -> Result<LogOptions, SessionError> {
+        let dims = model.dims();
+        let names = |count: usize, name: &dyn Fn(usize) -> String| -> Vec<String> { (0..count).map(name).collect() };
+        let parameters = names(dims.parameters, &|j| model.parameter(j).name.to_string());
+        let either: Vec<String> = parameters.iter().chain(physical).cloned().collect();
+        let constants = names(dims.constants, &|i| model.constant(i).name.to_string());
+        let inputs = names(dims.inputs, &|i| model.input(i).name.to_string());
+        for (setting, given, known) in [
+            (Setting::Prior, self.prior.keys().collect::<Vec<_>>(), &either),
+            (Setting::Frozen, self.frozen.keys().collect(), &either),
+            (Setting::Constant, self.constants.keys().collect(), &constants),
+            (Setting::Actuator, self.actuators.keys().collect(), &inputs),
+        ] {
+            if let Some(name) = given.into_iter().find(|name| !known.contains(name)) {
+                return Err(SessionError::UnknownName { setting, name: name.clone(), known: known.clone() });
+            }
         }
-        let wanted = self.estimate.status.iter().filter(|status| **status != Status::Frozen).count();
-        (self.rank < wanted).then(|| {
-            format!("the data determine {} independent combinations of the parameters, not all of them", self.rank)
+        let missing: Vec<String> =
+            constants.iter().filter(|name| !self.constants.contains_key(*name)).cloned().collect();
+        if !missing.is_empty() {
+            return Err(SessionError::Constants { names: missing });
+        }
+        let held = parameters.iter().enumerate();
+        Ok(LogOptions {
+            map: self.map.clone(),
+            scale: self.scale.clone(),
+            offset: self.offset.clone(),
+            from_sample: self.from_sample,
+            period: self.period,
+            hold: self.hold,
+            actuators: inputs.iter().map(|name| self.actuators.get(name).copied().unwrap_or_default()).collect(),
+            harmonics: self.harmonics,
+            weights: self.weights,
+            constants: constants.iter().map(|name| self.constants[name]).collect(),
+            prior: if parameters.iter().all(|name| !self.prior.contains_key(name)) {
+                Vec::new()
+            } else {
+                parameters.iter().map(|name| self.prior.get(name).copied().unwrap_or(0.0)).collect()
+            },
+            frozen: held
+                .filter_map(|(parameter, name)| Some(Frozen { parameter, value: *self.frozen.get(name)? }))
+                .collect(),
         })
+    }
+
+    /// What is said of physical parameters.
+    fn physical(&self, physical: &[String]) -> PhysicalSettings {
+        let only = |values: &BTreeMap<String, f64>| {
+            values.iter().filter(|(name, _)| physical.contains(name)).map(|(name, value)| (name.clone(), *value)).collect()
+        };
+        PhysicalSettings {
+            prior: only(&self.prior),
+            frozen: only(&self.frozen),
+            bounds: self.bounds.clone(),
+            constants: self.constants.clone(),
+        }
     }
 }
 
-/// Identifies the parameters of a model from one log.
+impl From<&str> for LogRequest {
+    fn from(path: &str) -> Self {
+        LogRequest::new(path)
+    }
+}
+
+impl From<&Path> for LogRequest {
+    fn from(path: &Path) -> Self {
+        LogRequest::new(path)
+    }
+}
+
+impl From<PathBuf> for LogRequest {
+    fn from(path: PathBuf) -> Self {
+        LogRequest::new(path)
+    }
+}
+
+/// Identifies a model from a log: parameters, physical parameters behind lumped ones, what the log does not show.
+///
+/// # Errors
+/// [`SessionError`] when the log cannot be read or does not repeat, or a setting does not fit the model.
+pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result<Identification, SessionError> {
+    let request = log.into();
+    let declared = model.declaration()?;
+    let evaluated = model.evaluated();
+    let lumped = declared.as_deref().and_then(|declared| Lumped::of(declared.prepared()));
+    let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
+    let options = request.options(evaluated, &physical)?;
+    let path = request.path.display().to_string();
+    let bytes = std::fs::read(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
+    let log = Log::read(&bytes[..], &path, evaluated, &options)?;
+    let settings = request.physical(&physical);
+    if let (None, Some(name)) = (&lumped, request.bounds.keys().next()) {
+        return Err(SessionError::NothingLumped { name: name.clone() });
+    }
+    let mut result = identify_log(evaluated, &log, &options)?;
+    if let Some(lumped) = lumped {
+        lumped.complete(&mut result, &settings)?;
+    }
+    result.provenance = Provenance {
+        model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
+        logs: vec![LogFingerprint { path, hash: fingerprint(&bytes) }],
+        options: summary::options(&request),
+        ..summary::provenance()
+    };
+    Ok(result)
+}
+
+/// Identifies the parameters in which a model is linear from one log.
 ///
 /// # Errors
 /// [`LogError`].
@@ -197,7 +286,38 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
         hold_residuals,
     };
     let warnings = warnings(model, &record, &estimate, options, &log_report, other);
-    Ok(report(model, options, &record, estimate, log_report, warnings))
+    let Named { parameters, unobservable, combinations, covariance } =
+        Named::new(model, &options.prior, Some(&estimate));
+    let mut result = Identification {
+        source: Source::Log,
+        model: model.name().into(),
+        estimator: Default::default(),
+        frequency_name: String::new(),
+        outcome: None,
+        stop: None,
+        seed: None,
+        hold: options.hold,
+        harmonics: record.harmonics(),
+        parameters,
+        physical: Vec::new(),
+        unobservable,
+        combinations,
+        covariance,
+        rank: estimate.rank,
+        condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
+        residual: estimate.residual,
+        runs: Vec::new(),
+        stability: None,
+        log: Some(log_report),
+        warnings,
+        provenance: summary::provenance(),
+        current: estimate.values.clone(),
+        estimate: Some(estimate),
+    };
+    let mean = |channel: &Vec<f64>| channel.iter().sum::<f64>() / channel.len().max(1) as f64;
+    let position: Vec<f64> = log.channels[..dims.coordinates].iter().map(mean).collect();
+    summary::warn_of_negative_inertias(&mut result, model, &options.constants, &position);
+    Ok(result)
 }
 
 /// The part of a log that repeats, and its spectra.
@@ -215,23 +335,23 @@ pub(super) fn periodic_spectra(
 }
 
 fn periodic_part(log: &Log, coordinates: usize, options: &LogOptions) -> Result<Periodic, LogError> {
-    let range = |what: String| LogError::BadRange {
+    let range = |what: String, remedy: Remedy| LogError::BadRange {
         path: log.path.clone(),
         what,
+        remedy,
         samples: log.len(),
         sample_time: log.sample_time,
     };
     if let Some(from) = options.from_sample
         && from >= log.len()
     {
-        return Err(range(format!("--from-sample {from} lies behind the end")));
+        return Err(range(format!("the first sample {from} lies behind the end"), Remedy::FromSample));
     }
     if let Some(period) = options.period
         && !(period.is_finite() && period >= 3.0 * log.sample_time)
     {
-        return Err(range(format!(
-            "--period {period} s is not a period (it is given in seconds, and has three samples at least)"
-        )));
+        let what = format!("{period} s is not a period (it is given in seconds, and has three samples at least)");
+        return Err(range(what, Remedy::Period));
     }
     let stated = options.period.map(|p| {
         let samples = p / log.sample_time;
@@ -246,12 +366,13 @@ fn periodic_part(log: &Log, coordinates: usize, options: &LogOptions) -> Result<
         PeriodicFault::Mismatch { period, mismatch } => {
             LogError::NotPeriodic { path: log.path.clone(), from, to, period: period * log.sample_time, mismatch }
         }
-        PeriodicFault::Range => range(match options.period {
+        PeriodicFault::Range => match options.period {
             Some(period) => {
-                format!("no whole period of {period} s lies behind sample {start} (--period is in seconds)")
+                let what = format!("no whole period of {period} s lies behind sample {start} (it is given in seconds)");
+                range(what, Remedy::Period)
             }
-            None => format!("no whole period lies behind sample {start}"),
-        }),
+            None => range(format!("no whole period lies behind sample {start}"), Remedy::FromSample),
+        },
     })
 }
 
@@ -262,76 +383,26 @@ fn warnings(
     options: &LogOptions,
     log: &LogReport,
     other: Option<f64>,
-) -> Vec<String> {
+) -> Vec<Warning> {
     let mut warnings = Vec::new();
-    if let Some(other) = other
-        && other < CLEARLY_BETTER * estimate.residual
+    if let Some(left_by_better) = other
+        && left_by_better < CLEARLY_BETTER * estimate.residual
     {
-        warnings.push(format!(
-            "--hold {} explains the log clearly better: it leaves {:.3} % of the force, --hold {} leaves {:.3} %",
-            options.hold.other(),
-            100.0 * other,
-            options.hold,
-            100.0 * estimate.residual
-        ));
+        let better = options.hold.other();
+        warnings.push(Warning::OtherHold { stated: options.hold, left: estimate.residual, better, left_by_better });
     }
     if log.periods == 1 {
-        warnings.push(
-            "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four"
-                .into(),
-        );
+        warnings.push(Warning::OnePeriod);
     }
     if log.mismatch > UNSTEADY {
-        warnings.push(format!(
-            "the last two periods differ by {:.1} % of the motion: noise, or a motion that has not settled",
-            100.0 * log.mismatch
-        ));
+        warnings.push(Warning::Unsteady { mismatch: log.mismatch });
     }
     if options.from_sample.is_none() && 2 * log.steady_from_sample > log.samples {
-        warnings.push(format!(
-            "more than half of the log is left out: samples 0 to {} of {} do not repeat with the period of the last ones; \
-             the end of a motion whose frequency changes passes for periodic, and its parameters are not to be trusted \
-             (--from-sample says where a motion repeats)",
-            log.steady_from_sample - 1,
-            log.samples
-        ));
+        warnings.push(Warning::MostlyLeftOut { left_out: log.steady_from_sample, samples: log.samples });
     }
     if let Some((from, to)) = record.left_out() {
-        warnings.push(format!(
-            "harmonics {from} to {to} are excited but left out: the model does not explain them as it does the lower ones (--harmonics {to} takes them in)"
-        ));
+        warnings.push(Warning::HarmonicsLeftOut { from, to });
     }
-    warnings.extend(estimate.unexplained());
-    warnings.extend(doubts(model, estimate, "this log"));
+    warnings.extend(summary::doubts(model, estimate, Data::Log));
     warnings
-}
-
-fn report(
-    model: &dyn Model<f64>,
-    options: &LogOptions,
-    record: &MeasuredMotion,
-    estimate: Estimate,
-    log: LogReport,
-    warnings: Vec<String>,
-) -> Identification {
-    let EstimateReport { parameters, unobservable, combinations, covariance } =
-        EstimateReport::new(model, &options.prior, Some(&estimate));
-    Identification {
-        schema: "tpm.identification/1",
-        model: model.name().into(),
-        hold: options.hold.to_string(),
-        harmonics: record.harmonics(),
-        parameters,
-        physical: Vec::new(),
-        unobservable,
-        combinations,
-        covariance,
-        rank: estimate.rank,
-        condition: estimate.condition,
-        residual: estimate.residual,
-        runs: Vec::new(),
-        warnings,
-        log,
-        estimate,
-    }
 }

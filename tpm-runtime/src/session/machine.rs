@@ -5,7 +5,7 @@
 
 use crate::campaign::Store;
 use crate::campaign::{Campaign, RunReport, Setup};
-use crate::estimate::physical::{PhysicalSettings, has_inertia};
+use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{Eliminated, EliminatedError, Method, Weights};
 use crate::experiment::{Equations, Experiment, ExperimentError, StageSection};
 use crate::interpret::Interpreted;
@@ -108,17 +108,6 @@ impl Machine {
         self.eliminated.as_deref()
     }
 
-    /// Whether the matrix of accelerations is that of some machine, symmetric and positive definite, with given parameters
-    /// of the plant at rest where the pattern of the first stage begins. A coupling may then be negative.
-    #[must_use]
-    pub fn has_inertia(&self, parameters: &[f64], setup: &Setup) -> bool {
-        let mut motion = vec![0.0; self.plant.dims().motion_len()];
-        if let Some(stage) = setup.procedure.stages.first() {
-            stage.trajectory(&self.pattern, 1.0).motion(0.0, &mut motion);
-        }
-        has_inertia(&self.plant, parameters, &setup.constants, &motion[..self.plant.dims().coordinates])
-    }
-
     /// A campaign on this machine.
     ///
     /// # Errors
@@ -135,35 +124,5 @@ impl Machine {
             _ => Campaign::new(&self.plant, setup),
         };
         Ok(campaign?)
-    }
-
-    /// Runs an experiment's campaign on its simulated machine, when the loop is stable. `progress` sees every run as it
-    /// ends and says whether to go on.
-    ///
-    /// # Errors
-    /// [`ExperimentError`].
-    pub fn identify(
-        &self,
-        experiment: &Experiment,
-        progress: &mut dyn FnMut(&RunReport) -> bool,
-    ) -> Result<CampaignIdentification, ExperimentError> {
-        self.identify_watched(experiment, None, &mut |_, _, run| progress(run))
-    }
-
-    /// The same for whoever wants to see the samples too. Runs that a store holds are taken from it, and new ones are kept
-    /// there as they end, so that a campaign that was stopped goes on where it was.
-    ///
-    /// # Errors
-    /// [`ExperimentError`].
-    pub fn identify_watched(
-        &self,
-        experiment: &Experiment,
-        store: Option<&Store>,
-        watch: &mut Watch<'_>,
-    ) -> Result<CampaignIdentification, ExperimentError> {
-        let (setup, stability) = experiment.stable_setup(&self.plant, &self.pattern)?;
-        let mut result = play_campaign(&self.plant, self.campaign(experiment, setup)?, experiment, store, watch)?;
-        result.stability = Some(stability);
-        Ok(result)
     }
 }

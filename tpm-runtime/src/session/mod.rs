@@ -1,17 +1,47 @@
-//! Identification from a log, and on a simulated machine.
+//! Identification in three lines: from a log, on a simulated machine, on a machine of one's own.
+//!
+//! ```no_run
+//! use tpm_runtime::session::{self, DeclaredModel};
+//!
+//! # fn main() -> Result<(), session::SessionError> {
+//! let model = DeclaredModel::open("models/emps.tpm")?;
+//! let result = session::from_log(&model, "run.csv")?;
+//! println!("{result}");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Whatever the data are, the result is one [`Identification`]: parameters with standard deviations, the physical parameters
+//! behind lumped ones, what the data do not show, warnings, and what has to be the same for the result to come out the same again.
+//! [`from_log`] takes a log, [`on_simulated_plant`] an experiment with a simulated machine, [`on_machine`] an experiment and whoever
+//! plays its runs; a [`Session`] is for those who want the steps one by one.
 
+mod campaign;
+mod error;
+mod identification;
 mod log;
-#[cfg(feature = "interpret")]
+mod log_report;
 mod machine;
 #[cfg(test)]
 mod measured_tests;
-mod simulated;
+mod model;
+mod summary;
 #[cfg(test)]
 mod synthetic_tests;
+mod text;
 mod validate;
+mod warning;
 
-pub use self::log::{ActuatorReport, HoldResiduals, Identification, LogReport, identify_log};
-#[cfg(feature = "interpret")]
+pub use self::log::{LogRequest, from_log, identify_log};
+pub use campaign::{
+    ExperimentRequest, Session, SimulatedMachine, Watch, identify_simulated, on_machine, on_simulated_plant, play_campaign,
+    play_simulated,
+};
+pub use error::{SessionError, Setting};
+pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
+pub use log_report::{ActuatorReport, HoldResiduals, LogReport};
 pub use machine::{Machine, MachineError};
-pub use simulated::{CampaignIdentification, Watch, identify_simulated, play_campaign, summary};
+pub use model::{DeclaredModel, Identifiable, ModelFault};
+pub use summary::of_campaign;
 pub use validate::{RowPrediction, Validation, validate_log};
+pub use warning::{Data, Warning};

@@ -1,38 +1,46 @@
 //! Tables and sums for reading in a terminal.
 
+use std::borrow::ToOwned;
 use std::collections::BTreeMap;
+use std::format;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
 
 /// How a column is aligned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Align {
+pub enum Align {
     /// Text.
     Left,
     /// Numbers.
     Right,
 }
 
-/// Rows of cells under a head.
-pub(crate) struct TextTable {
+/// Rows of cells under a head, for a terminal.
+#[derive(Clone, Debug)]
+pub struct TextTable {
     align: Vec<Align>,
     rows: Vec<Vec<String>>,
 }
 
 impl TextTable {
     /// A table with a head.
-    pub(crate) fn new(head: &[(&str, Align)]) -> Self {
+    #[must_use]
+    pub fn new(head: &[(&str, Align)]) -> Self {
         let names = head.iter().map(|(name, _)| (*name).to_owned()).collect();
         Self { align: head.iter().map(|(_, align)| *align).collect(), rows: vec![names] }
     }
 
     /// Adds a row; missing cells are empty.
-    pub(crate) fn row(&mut self, cells: &[String]) {
+    pub fn row(&mut self, cells: &[String]) {
         let mut cells = cells.to_vec();
         cells.resize(self.align.len(), String::new());
         self.rows.push(cells);
     }
 
     /// The text, columns two spaces apart, no trailing spaces.
-    pub(crate) fn finish(&self) -> String {
+    #[must_use]
+    pub fn finish(&self) -> String {
         let width = |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.align.len()).map(width).collect();
         let mut text = String::new();
@@ -53,7 +61,8 @@ impl TextTable {
 }
 
 /// A number with six significant digits, plain where that is short.
-pub(crate) fn number(value: f64) -> String {
+#[must_use]
+pub fn number(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
     }
@@ -66,8 +75,9 @@ pub(crate) fn number(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// `0.40647 a10 - a20`, from weights by name.
-pub(crate) fn combination(direction: &BTreeMap<String, String>) -> String {
+/// A linear combination for reading, such as `0.40647 a10 - a20`, from the weight of every name.
+#[must_use]
+pub fn combination(direction: &BTreeMap<String, String>) -> String {
     let mut text = String::new();
     for (name, weight) in direction {
         let (sign, size) = weight.strip_prefix('-').map_or((" + ", weight.as_str()), |size| (" - ", size));
@@ -85,6 +95,7 @@ pub(crate) fn combination(direction: &BTreeMap<String, String>) -> String {
 #[cfg(test)]
 mod tests {
     use super::{Align, TextTable, number};
+    use std::borrow::ToOwned;
 
     #[test]
     fn numbers_have_six_significant_digits() {

@@ -1,0 +1,49 @@
+//! What a user can do about a warning or an error.
+
+use serde::Serialize;
+use std::string::String;
+use tpm_core::harmonics::Hold;
+
+/// A setting that would remove a warning or an error. The library states it as data; a front end spells it in its own words, such
+/// as the name of a flag.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "setting", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Remedy {
+    /// Name the column of the file in which a signal of the model stands.
+    MapColumn {
+        /// The signal, as the model names it.
+        signal: String,
+    },
+    /// State from which sample on the motion repeats, and its period.
+    PeriodAndStart,
+    /// State the period in seconds.
+    Period,
+    /// State the first sample to use.
+    FromSample,
+    /// State that the inputs behave so between samples.
+    Hold {
+        /// The other choice.
+        #[serde(serialize_with = "by_name")]
+        hold: Hold,
+    },
+    /// Use the harmonics up to this one.
+    Harmonics {
+        /// The highest harmonic.
+        highest: usize,
+    },
+    /// State which coordinate an input drives.
+    DrivenCoordinate {
+        /// The input, as the model names it.
+        input: String,
+    },
+    /// Give a value to a constant of the model that is known at run time only.
+    Constants {
+        /// The constants without a value.
+        names: std::vec::Vec<String>,
+    },
+}
+
+fn by_name<S: serde::Serializer>(hold: &Hold, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(hold)
+}

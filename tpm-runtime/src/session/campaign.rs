@@ -1,0 +1,409 @@
+//! Campaigns: on a simulated machine, on a machine behind a [`Bench`], and from the runs that a folder keeps.
+
+use crate::campaign::{Campaign, RunReport, Store, summary_of_store};
+use crate::estimate::physical::PhysicalSettings;
+use crate::experiment::{Experiment, ExperimentError};
+use crate::log::fingerprint;
+use crate::machine::actuator::{FileFault, MotorFile};
+use crate::machine::simulated::simulate;
+use crate::machine::stability::Stability;
+use crate::run::trajectory::Pattern;
+use crate::run::{Bench, BenchError, Record, RunEnding, Trial};
+use crate::session::error::SessionError;
+use crate::session::identification::{Identification, Source};
+use crate::session::machine::Machine;
+use crate::session::model::{DeclaredModel, Identifiable, ModelFault};
+use crate::session::summary::{self, Lumped};
+use std::boxed::Box;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::string::{String, ToString};
+use std::vec::Vec;
+use tpm_core::model::Model;
+
+/// Sees every run as it ends, with what was played and recorded, and says whether to go on.
+pub type Watch<'a> = dyn FnMut(&Trial, &Record, &RunReport) -> bool + 'a;
+
+/// Which experiment is meant, and what is changed in it.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct ExperimentRequest {
+    /// The file; the one beside the model, of its name and ending in `.toml`, when not given.
+    pub file: Option<PathBuf>,
+    /// Keys of the experiment with their new values, such as `plant.parameters.m` and `3`.
+    pub changes: Vec<(String, String)>,
+    /// Name of the pattern to play; the experiment's, or the model's first, when not given.
+    pub pattern: Option<String>,
+    /// Least and largest value of a physical parameter behind lumped ones; infinite for none.
+    pub bounds: BTreeMap<String, (f64, f64)>,
+}
+
+/// Identifies a model on the simulated machine of an experiment: the whole five-step procedure (Feng, chapter 3).
+///
+/// # Errors
+/// [`SessionError`].
+pub fn on_simulated_plant(model: &impl Identifiable, experiment: Experiment) -> Result<Identification, SessionError> {
+    Session::new(declared(model)?, experiment, None, BTreeMap::new())?.identify(None, &mut |_, _, _| true)
+}
+
+/// Identifies a model on a machine that plays what it is given.
+///
+/// # Errors
+/// [`SessionError`]; [`SessionError::Bench`] when the machine fails.
+pub fn on_machine(
+    model: &impl Identifiable,
+    experiment: Experiment,
+    bench: &mut dyn Bench,
+) -> Result<Identification, SessionError> {
+    Session::new(declared(model)?, experiment, None, BTreeMap::new())?.identify_on(bench, None, &mut |_, _, _| true)
+}
+
+fn declared(model: &impl Identifiable) -> Result<DeclaredModel, SessionError> {
+    match model.declaration()? {
+        Some(declared) => Ok(declared.into_owned()),
+        None => Err(ModelFault::NoText { name: model.evaluated().name().to_string() }.into()),
+    }
+}
+
+/// A model with an experiment that can be played on it.
+#[derive(Clone, Debug)]
+pub struct Session {
+    declared: DeclaredModel,
+    machine: Machine,
+    /// As it was written: in physical parameters, if these are given.
+    written: Experiment,
+    /// In the parameters that the model is linear in.
+    experiment: Experiment,
+    bounds: BTreeMap<String, (f64, f64)>,
+}
+
+impl Session {
+    /// Reads an experiment and brings it together with a model that stands in a file.
+    ///
+    /// # Errors
+    /// [`SessionError`], with the file at fault.
+    pub fn open(model: DeclaredModel, file: &Path, request: &ExperimentRequest) -> Result<Self, SessionError> {
+        let (experiment, motors) = read_experiment(file, request)?;
+        Self::with_motors(model, experiment, request.pattern.as_deref(), request.bounds.clone(), motors)
+    }
+
+    /// Brings a model and an experiment together; `pattern` names the pattern to play where the experiment's is not meant.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn new(
+        model: DeclaredModel,
+        experiment: Experiment,
+        pattern: Option<&str>,
+        bounds: BTreeMap<String, (f64, f64)>,
+    ) -> Result<Self, SessionError> {
+        Self::with_motors(model, experiment, pattern, bounds, None)
+    }
+
+    fn with_motors(
+        declared: DeclaredModel,
+        mut written: Experiment,
+        pattern: Option<&str>,
+        bounds: BTreeMap<String, (f64, f64)>,
+        motors: Option<(PathBuf, MotorFile)>,
+    ) -> Result<Self, SessionError> {
+        if let Some(pattern) = pattern {
+            written.pattern = Some(pattern.to_string());
+        }
+        let experiment = written.lumped(declared.prepared());
+        let pattern = declared.pattern(experiment.pattern.as_deref())?;
+        let machine = Machine::new(declared.prepared(), pattern, &experiment, &bounds)?;
+        if let Some((path, motors)) = motors {
+            experiment.check_motors(machine.plant(), &motors).map_err(|fault| at(&path, &fault))?;
+        }
+        Ok(Session { declared, machine, written, experiment, bounds })
+    }
+
+    /// The model.
+    #[must_use]
+    pub const fn model(&self) -> &DeclaredModel {
+        &self.declared
+    }
+
+    /// The model as a machine that moves along the pattern.
+    #[must_use]
+    pub const fn machine(&self) -> &Machine {
+        &self.machine
+    }
+
+    /// The experiment in the parameters that the model is linear in.
+    #[must_use]
+    pub const fn experiment(&self) -> &Experiment {
+        &self.experiment
+    }
+
+    /// The experiment as it was written.
+    #[must_use]
+    pub const fn written(&self) -> &Experiment {
+        &self.written
+    }
+
+    /// The experiment with another seed of the simulated noise.
+    #[must_use]
+    pub fn with_seed(&self, seed: u64) -> Self {
+        let mut other = self.clone();
+        other.written.seed = seed;
+        other.experiment.seed = seed;
+        other
+    }
+
+    /// The campaign before its first run, and what its loop was found to be; nothing moves where it is not stable.
+    ///
+    /// # Errors
+    /// [`SessionError::Experiment`].
+    pub fn campaign(&self) -> Result<(Campaign<'_>, Stability), SessionError> {
+        // The drive of a real machine holds its input between samples as the simulated one does.
+        let (setup, stability) = self.experiment.stable_setup(self.machine.plant(), self.machine.pattern())?;
+        Ok((self.machine.campaign(&self.experiment, setup)?, stability))
+    }
+
+    /// Plays a trial on the simulated machine of the experiment.
+    ///
+    /// # Errors
+    /// [`SessionError::Experiment`].
+    pub fn simulate(&self, trial: &Trial) -> Result<Record, SessionError> {
+        Ok(play_simulated(self.machine.plant(), &self.experiment, trial)?)
+    }
+
+    /// Plays the campaign on the simulated machine. Runs that a store holds are taken from it, and new ones are kept there as they
+    /// end, so that a campaign that was stopped goes on where it was.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn identify(&self, store: Option<&Store>, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        let seed = Some(self.experiment.seed);
+        let mut play = |trial: &Trial| self.simulate(trial);
+        self.played(Source::SimulatedPlant, store.map(|store| (store, seed)), &mut play, watch)
+    }
+
+    /// Plays the campaign on a machine, with a store as [`identify`](Self::identify) has it.
+    ///
+    /// # Errors
+    /// [`SessionError`]; [`SessionError::Bench`] when the machine fails.
+    pub fn identify_on(
+        &self,
+        bench: &mut dyn Bench,
+        store: Option<&Store>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Identification, SessionError> {
+        let mut play = |trial: &Trial| bench.play(trial).map_err(SessionError::Bench);
+        self.played(Source::Machine, store.map(|store| (store, None)), &mut play, watch)
+    }
+
+    /// What the runs of a folder say, without playing any.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn result_of(&self, store: &Store) -> Result<Identification, SessionError> {
+        let (campaign, stability) = self.restored(store)?;
+        self.result(&campaign, stability, Source::Folder, Some(store))
+    }
+
+    /// The campaign with all runs that a folder keeps, and what its loop was found to be.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn restored(&self, store: &Store) -> Result<(Campaign<'_>, Stability), SessionError> {
+        let (mut campaign, stability) = self.campaign()?;
+        for record in store.records(self.machine.plant())? {
+            campaign.submit(&record)?;
+        }
+        Ok((campaign, stability))
+    }
+
+    fn played(
+        &self,
+        source: Source,
+        store: Option<(&Store, Option<u64>)>,
+        play: &mut dyn FnMut(&Trial) -> Result<Record, SessionError>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Identification, SessionError> {
+        let (mut campaign, stability) = self.campaign()?;
+        play_campaign(self.machine.plant(), &mut campaign, store, play, watch)?;
+        self.result(&campaign, stability, source, store.map(|(store, _)| store))
+    }
+
+    /// The result of a campaign so far: parameters, physical parameters, warnings, provenance.
+    ///
+    /// # Errors
+    /// [`SessionError::Physical`].
+    pub fn result(
+        &self,
+        campaign: &Campaign<'_>,
+        stability: Stability,
+        source: Source,
+        store: Option<&Store>,
+    ) -> Result<Identification, SessionError> {
+        let mut result = summary::of_campaign(campaign, source, self.experiment.seed);
+        result.stability = Some(stability);
+        if self.machine.eliminated().is_none() {
+            match Lumped::of(self.declared.prepared()) {
+                Some(lumped) => lumped.complete(&mut result, &self.physical_settings(&lumped))?,
+                None => {
+                    if let Some(name) = self.bounds.keys().next() {
+                        return Err(SessionError::NothingLumped { name: name.clone() });
+                    }
+                }
+            }
+        }
+        result.provenance.model = Some(self.declared.hash());
+        result.provenance.experiment = Some(fingerprint(self.text()?.as_bytes()));
+        if let Some(store) = store {
+            result.provenance.logs = summary_of_store(store)?;
+        }
+        if !self.bounds.is_empty() {
+            let bounds = summary::options(&self.bounds);
+            result.provenance.options.insert("bounds".to_string(), serde_json::Value::Object(bounds.into_iter().collect()));
+        }
+        Ok(result)
+    }
+
+    fn physical_settings(&self, lumped: &Lumped<'_>) -> PhysicalSettings {
+        let own = lumped.names();
+        let only = |values: &BTreeMap<String, f64>| {
+            values.iter().filter(|(name, _)| own.contains(name)).map(|(name, value)| (name.clone(), *value)).collect()
+        };
+        PhysicalSettings {
+            prior: only(&self.written.prior),
+            frozen: only(&self.written.frozen),
+            bounds: self.bounds.clone(),
+            constants: self.written.constants.clone(),
+        }
+    }
+
+    /// The experiment as its file has it, with all changes.
+    pub(super) fn text(&self) -> Result<String, ExperimentError> {
+        self.written.text()
+    }
+}
+
+/// Plays one trial on the simulated machine of an experiment, which obeys `model` or is named in the experiment.
+///
+/// # Errors
+/// [`ExperimentError`].
+pub fn play_simulated(
+    model: &dyn Model<f64>,
+    experiment: &Experiment,
+    trial: &Trial,
+) -> Result<Record, ExperimentError> {
+    let other = experiment.other_plant(model)?;
+    let plant = other.as_ref().map_or(model, |arm| arm as &dyn Model<f64>);
+    Ok(simulate(plant, &experiment.bench_in_run(model, trial.run)?, trial)?)
+}
+
+/// Plays what a campaign asks for until it ends or the watcher stops it. Runs that a store holds are taken from it; new ones are
+/// kept there, with the seed of their noise, as they end.
+///
+/// # Errors
+/// What `play` gives, and [`SessionError::Experiment`].
+pub fn play_campaign(
+    model: &dyn Model<f64>,
+    campaign: &mut Campaign<'_>,
+    store: Option<(&Store, Option<u64>)>,
+    play: &mut dyn FnMut(&Trial) -> Result<Record, SessionError>,
+    watch: &mut Watch<'_>,
+) -> Result<(), SessionError> {
+    let finished = store.map_or_else(|| Ok(Vec::new()), |(store, _)| store.records(model))?;
+    let mut finished = finished.into_iter();
+    while let Some(trial) = campaign.next().cloned() {
+        let (record, is_new) = match finished.next() {
+            Some(record) => (record, false),
+            None => (play(&trial)?, true),
+        };
+        let report = campaign.submit(&record)?;
+        // A run in which a sensor dropped out is no finished run: it is played again when the campaign goes on.
+        let whole = report.ending != RunEnding::SensorLost;
+        let go_on = watch(&trial, &record, report);
+        if let Some((store, seed)) = store.filter(|_| is_new && whole) {
+            store.append(model, &trial, &record, seed)?;
+        }
+        if !go_on {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Runs an experiment's campaign on the simulated machine of a model that was written by hand. `progress` sees every run as it ends
+/// and says whether to go on.
+///
+/// # Errors
+/// [`SessionError`].
+pub fn identify_simulated(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    experiment: &Experiment,
+    progress: &mut dyn FnMut(&RunReport) -> bool,
+) -> Result<Identification, SessionError> {
+    let (setup, stability) = experiment.stable_setup(model, pattern)?;
+    let mut campaign = Campaign::new(model, setup)?;
+    let mut play = |trial: &Trial| Ok(play_simulated(model, experiment, trial)?);
+    play_campaign(model, &mut campaign, None, &mut play, &mut |_, _, run| progress(run))?;
+    let mut result = summary::of_campaign(&campaign, Source::SimulatedPlant, experiment.seed);
+    result.stability = Some(stability);
+    Ok(result)
+}
+
+/// The simulated machine of an experiment, as a bench.
+#[derive(Clone, Copy, Debug)]
+pub struct SimulatedMachine<'a> {
+    session: &'a Session,
+}
+
+impl<'a> SimulatedMachine<'a> {
+    /// The simulated machine of a session's experiment.
+    #[must_use]
+    pub const fn new(session: &'a Session) -> Self {
+        Self { session }
+    }
+}
+
+impl Bench for SimulatedMachine<'_> {
+    fn play(&mut self, trial: &Trial) -> Result<Record, BenchError> {
+        self.session.simulate(trial).map_err(|error| Box::new(error) as BenchError)
+    }
+}
+
+/// The experiment that was asked for, and the file in which its motors stand.
+fn read_experiment(
+    model: &Path,
+    request: &ExperimentRequest,
+) -> Result<(Experiment, Option<(PathBuf, MotorFile)>), SessionError> {
+    let path = request.file.clone().unwrap_or_else(|| model.with_extension("toml"));
+    if request.file.is_none() && !path.exists() {
+        return Err(SessionError::NoExperiment { path: path.display().to_string() });
+    }
+    let text = read(&path)?;
+    let mut experiment = Experiment::parse(&text)
+        .map_err(|error| SessionError::File { path: path.display().to_string(), message: error.to_string() })?;
+    for (key, value) in &request.changes {
+        experiment.apply_override(key, value)?;
+    }
+    let motors = match (&experiment.motors, experiment.motor_file().map(|beside| path.with_file_name(beside))) {
+        (_, Some(beside)) => {
+            let text = read(&beside)?;
+            experiment.set_motors(&text).map_err(|fault| at(&beside, &fault))?;
+            let motors = MotorFile::parse(&text).map_err(|fault| at(&beside, &fault))?;
+            Some((beside, motors))
+        }
+        (Some(_), None) => {
+            let motors = MotorFile::within(&text).map_err(|fault| at(&path, &fault))?;
+            Some((path, motors))
+        }
+        (None, None) => None,
+    };
+    Ok((experiment, motors))
+}
+
+fn read(path: &Path) -> Result<String, SessionError> {
+    std::fs::read_to_string(path).map_err(|source| SessionError::Read { path: path.display().to_string(), source })
+}
+
+fn at(path: &Path, fault: &FileFault) -> SessionError {
+    SessionError::File { path: path.display().to_string(), message: fault.to_string() }
+}

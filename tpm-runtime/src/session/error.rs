@@ -1,0 +1,151 @@
+//! Why a session cannot identify anything.
+
+use crate::campaign::{CampaignError, StoreError, WireError};
+use crate::estimate::EstimateError;
+use crate::estimate::physical::PhysicalError;
+use crate::experiment::ExperimentError;
+use crate::log::LogError;
+use crate::report::Remedy;
+use crate::run::{BenchError, RecordError};
+use crate::session::machine::MachineError;
+use crate::session::model::ModelFault;
+use std::fmt;
+use std::string::String;
+use std::vec::Vec;
+
+/// What a name was given for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Setting {
+    /// A value known before.
+    Prior,
+    /// A value that is held.
+    Frozen,
+    /// The value of a constant that is known at run time.
+    Constant,
+    /// Known dynamics behind an input.
+    Actuator,
+}
+
+impl fmt::Display for Setting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Setting::Prior => "prior",
+            Setting::Frozen => "frozen value",
+            Setting::Constant => "constant",
+            Setting::Actuator => "actuator",
+        })
+    }
+}
+
+/// Why a session cannot identify anything. [`remedy`](Self::remedy) says which setting would help.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// The model.
+    #[error(transparent)]
+    Model(#[from] ModelFault),
+    /// The model and the experiment make no machine.
+    #[error(transparent)]
+    Machine(#[from] MachineError),
+    /// The experiment.
+    #[error(transparent)]
+    Experiment(#[from] ExperimentError),
+    /// The log.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// The physical parameters behind lumped ones.
+    #[error(transparent)]
+    Physical(#[from] PhysicalError),
+    /// A file that is exchanged with a machine's user.
+    #[error(transparent)]
+    Wire(#[from] WireError),
+    /// A file cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// A fault of a file, with its place.
+    #[error("{path}: {message}")]
+    File {
+        /// The file.
+        path: String,
+        /// The fault.
+        message: String,
+    },
+    /// A setting names something that the model does not have.
+    #[error("{setting} `{name}`: the model has no such name; {}", listed(.known))]
+    UnknownName {
+        /// What it was given for.
+        setting: Setting,
+        /// The name.
+        name: String,
+        /// What the model has.
+        known: Vec<String>,
+    },
+    /// Constants without a value.
+    #[error("the model has constants that are known at run time only, and no value was given for {}", .names.join(", "))]
+    Constants {
+        /// Their names.
+        names: Vec<String>,
+    },
+    /// Bounds, although the model is linear in its parameters as they are.
+    #[error(
+        "bounds of `{name}`: the model is linear in its parameters as they are; bounds are for physical parameters behind lumped ones"
+    )]
+    NothingLumped {
+        /// The name that was given.
+        name: String,
+    },
+    /// There is no experiment beside the model.
+    #[error("there is no experiment {path} beside the model; write one, or name another")]
+    NoExperiment {
+        /// Where it was looked for.
+        path: String,
+    },
+    /// The folder holds no campaign.
+    #[error("{path} holds no campaign")]
+    NoCampaign {
+        /// The folder.
+        path: String,
+    },
+    /// A record came although the campaign had ended.
+    #[error("the campaign has ended; no log is expected")]
+    Ended,
+    /// The experiment has no run to play.
+    #[error("the experiment has no run to play")]
+    NothingToPlay,
+    /// The machine behind a [`Bench`](crate::run::Bench) failed.
+    #[error("the machine: {0}")]
+    Bench(BenchError),
+}
+
+fn listed(known: &[String]) -> String {
+    if known.is_empty() { "it has none".into() } else { std::format!("there are {}", known.join(", ")) }
+}
+
+impl SessionError {
+    /// The setting that would help, when there is one.
+    #[must_use]
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            SessionError::Log(error) => error.remedy(),
+            SessionError::Constants { names } => Some(Remedy::Constants { names: names.clone() }),
+            _ => None,
+        }
+    }
+}
+
+macro_rules! by_way_of_experiment {
+    ($($error:ty),*) => {$(
+        impl From<$error> for SessionError {
+            fn from(error: $error) -> Self {
+                SessionError::Experiment(error.into())
+            }
+        }
+    )*};
+}
+by_way_of_experiment!(CampaignError, StoreError, EstimateError);

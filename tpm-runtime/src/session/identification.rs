@@ -1,0 +1,249 @@
+//! The one result of every identification.
+
+use crate::campaign::{Outcome, RunReport};
+use crate::estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, ParameterReport, Status, no_result};
+use crate::machine::actuator::LimitUse;
+use crate::machine::stability::Stability;
+use crate::session::log_report::LogReport;
+use crate::session::warning::Warning;
+use serde::ser::SerializeSeq as _;
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+
+/// The form of a serialised [`Identification`].
+pub const SCHEMA: &str = "tpm.identification/2";
+
+/// Forms of serialised identifications whose values can be read: every field of the first one is in the second.
+pub const READABLE_SCHEMAS: [&str; 2] = ["tpm.identification/1", SCHEMA];
+
+/// Where the data of an identification come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Source {
+    /// One log of a machine.
+    Log,
+    /// Runs that were played on a simulated machine.
+    SimulatedPlant,
+    /// Runs that were played on whatever stands behind a [`Bench`](crate::run::Bench).
+    Machine,
+    /// Runs that are kept in a campaign's folder.
+    Folder,
+}
+
+/// What has to be the same for a result to come out the same again.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Provenance {
+    /// Name and version of the program.
+    pub tool: String,
+    /// Fingerprint of the model's text; nothing for a model without one.
+    pub model: Option<String>,
+    /// Fingerprint of the experiment with all changes; nothing for a log.
+    pub experiment: Option<String>,
+    /// Every log, or every kept run, with its fingerprint.
+    pub logs: Vec<LogFingerprint>,
+    /// Seed of the simulated noise; nothing for data of a machine.
+    pub seed: Option<u64>,
+    /// What was asked for, by name.
+    pub options: BTreeMap<String, serde_json::Value>,
+}
+
+/// A file, and what tells it from others.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct LogFingerprint {
+    /// The file.
+    pub path: String,
+    /// Fingerprint of its bytes.
+    pub hash: String,
+}
+
+/// Identified parameters, and everything that is known about them; serialises as `tpm.identification/2`.
+///
+/// Invariant: an unobservable parameter has neither value nor deviation, and rows and columns of the covariance that belong to it
+/// are empty. Values are in the units of the model.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Identification {
+    /// Where the data come from.
+    pub source: Source,
+    /// Name of the model.
+    pub model: String,
+    /// The estimator.
+    pub estimator: Method,
+    /// Name of the frequency in the model's pattern; empty for a log. Not serialised.
+    pub frequency_name: String,
+    /// Why the campaign ended; nothing for a log, and while a campaign goes on.
+    pub outcome: Option<Outcome>,
+    /// The limit that ended the campaign, when one did.
+    pub stop: Option<LimitUse>,
+    /// Seed of the experiment; nothing for a log.
+    pub seed: Option<u64>,
+    /// What the inputs do between samples.
+    pub hold: Hold,
+    /// Highest harmonic used (of the last run, in a campaign).
+    pub harmonics: usize,
+    /// Parameters in which the model is linear.
+    pub parameters: Vec<ParameterReport>,
+    /// Physical parameters, where parameters were lumped.
+    pub physical: Vec<ParameterReport>,
+    /// Directions that the data do not show: parameter to weight.
+    pub unobservable: Vec<BTreeMap<String, String>>,
+    /// What the data do show of the unobservable parameters.
+    pub combinations: Vec<CombinationReport>,
+    /// Covariance of the parameters; nothing where unobservable.
+    pub covariance: Vec<Vec<Option<f64>>>,
+    /// Independent combinations of the parameters that the data show.
+    pub rank: usize,
+    /// Condition number of the scaled equations; nothing when nothing is observable.
+    pub condition: Option<f64>,
+    /// Root mean square of the residual, as a share of the force.
+    pub residual: f64,
+    /// The runs of a campaign; none for a log.
+    pub runs: Vec<RunReport>,
+    /// Poles of the closed loop, and what was found over the stated ranges, before the first run.
+    pub stability: Option<Stability>,
+    /// What was found about the log; nothing for a campaign.
+    pub log: Option<LogReport>,
+    /// What the user should know.
+    pub warnings: Vec<Warning>,
+    /// What has to be the same for the result to come out the same again.
+    pub provenance: Provenance,
+    /// What the next feed-forward would use: the estimate, and the prior along directions that the data do not show. Not
+    /// serialised.
+    pub current: Vec<f64>,
+    /// The estimate itself, for further computation; nothing when no run was accepted. Not serialised.
+    pub estimate: Option<Estimate>,
+}
+
+impl Identification {
+    /// Whether everything that was asked for was identified by a model that explains the data, and a campaign ended as planned.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.shortfall().is_none()
+    }
+
+    /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
+    #[must_use]
+    pub fn is_explained(&self) -> bool {
+        self.residual <= LARGE_RESIDUAL
+    }
+
+    /// Why this is not all that was asked for; nothing when it is.
+    #[must_use]
+    pub fn shortfall(&self) -> Option<String> {
+        let negative = self.warnings.iter().find(|warning| matches!(warning, Warning::NegativeInertia { .. }));
+        if let Some(negative) = negative {
+            return Some(negative.to_string());
+        }
+        match (self.source, self.outcome) {
+            (Source::Log, _) if !self.is_explained() => Some(no_result(self.residual)),
+            (Source::Log, _) => {
+                let wanted = self.parameters.iter().filter(|parameter| parameter.status != Status::Frozen).count();
+                (self.rank < wanted).then(|| {
+                    format!(
+                        "the data determine {} independent combinations of the parameters, not all of them",
+                        self.rank
+                    )
+                })
+            }
+            (_, None) => Some("not everything was identified: the campaign is not finished".to_string()),
+            (_, Some(_)) if !self.is_explained() => Some(no_result(self.residual)),
+            (_, Some(outcome)) => {
+                // Where there are physical parameters the lumped ones are means to an end.
+                let wanted = if self.physical.is_empty() { &self.parameters } else { &self.physical };
+                let known = |parameter: &ParameterReport| {
+                    matches!(parameter.status, Status::Identified | Status::Frozen)
+                };
+                let whole = wanted.iter().all(known) && self.estimate.is_some() && outcome.is_normal();
+                (!whole).then(|| format!("not everything was identified: {}", outcome.describe()))
+            }
+        }
+    }
+}
+
+/// Serialised: what the fields say, `warnings` as the texts that people read, and `findings` as the same warnings with their numbers
+/// and remedies.
+#[derive(Serialize)]
+struct Form<'a> {
+    schema: &'static str,
+    source: Source,
+    model: &'a str,
+    estimator: &'static str,
+    outcome: Option<Outcome>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stop: Option<&'a LimitUse>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    seed: Option<u64>,
+    hold: String,
+    harmonics: usize,
+    parameters: &'a [ParameterReport],
+    physical: &'a [ParameterReport],
+    unobservable: &'a [BTreeMap<String, String>],
+    combinations: &'a [CombinationReport],
+    covariance: &'a [Vec<Option<f64>>],
+    rank: usize,
+    condition: Option<f64>,
+    residual: f64,
+    runs: &'a [RunReport],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    stability: Option<&'a Stability>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    log: Option<&'a LogReport>,
+    warnings: Vec<String>,
+    findings: Findings<'a>,
+    provenance: &'a Provenance,
+}
+
+struct Findings<'a>(&'a [Warning]);
+
+impl Serialize for Findings<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Finding<'a> {
+            #[serde(flatten)]
+            warning: &'a Warning,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            remedy: Option<crate::report::Remedy>,
+        }
+        let mut list = serializer.serialize_seq(Some(self.0.len()))?;
+        for warning in self.0 {
+            list.serialize_element(&Finding { warning, remedy: warning.remedy() })?;
+        }
+        list.end()
+    }
+}
+
+impl Serialize for Identification {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        Form {
+            schema: SCHEMA,
+            source: self.source,
+            model: &self.model,
+            estimator: self.estimator.name(),
+            outcome: self.outcome,
+            stop: self.stop.as_ref(),
+            seed: self.seed,
+            hold: self.hold.to_string(),
+            harmonics: self.harmonics,
+            parameters: &self.parameters,
+            physical: &self.physical,
+            unobservable: &self.unobservable,
+            combinations: &self.combinations,
+            covariance: &self.covariance,
+            rank: self.rank,
+            condition: self.condition,
+            residual: self.residual,
+            runs: &self.runs,
+            stability: self.stability.as_ref(),
+            log: self.log.as_ref(),
+            warnings: self.warnings.iter().map(ToString::to_string).collect(),
+            findings: Findings(&self.warnings),
+            provenance: &self.provenance,
+        }
+        .serialize(serializer)
+    }
+}

@@ -1,0 +1,192 @@
+//! A model that is read at run time, from its file or from the text that a compiled model carries.
+
+use crate::interpret::Interpreted;
+use crate::log::fingerprint;
+use std::borrow::Cow;
+use std::format;
+use std::path::Path;
+use std::string::{String, ToString};
+use std::vec::Vec;
+use tpm_codegen::diagnostic::{self, Diagnostic};
+use tpm_codegen::language::AtTerm;
+use tpm_codegen::source::Source;
+use tpm_codegen::{Parsed, parse_model};
+use tpm_core::model::Model;
+use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+
+/// Why a model cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ModelFault {
+    /// The file cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The text is not a model; every fault is given at its place.
+    #[error("{diagnostics}")]
+    Text {
+        /// The faults with their places, for printing.
+        diagnostics: String,
+    },
+    /// A compiled model does not carry the text that it was declared with, as those written by hand do not.
+    #[error("model {name} was written by hand: its physical parameters and patterns are not known; declare it in a model file or with the macro")]
+    NoText {
+        /// The model.
+        name: String,
+    },
+}
+
+/// A declared model: its text, its exact form sorted into parameters, and its evaluation.
+///
+/// Invariant: evaluated, it has the rows and the parameters that remain after eliminations and lumping.
+#[derive(Clone, Debug)]
+pub struct DeclaredModel {
+    source: Source,
+    parsed: Parsed,
+    prepared: Prepared,
+    evaluated: Interpreted,
+}
+
+impl DeclaredModel {
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// [`ModelFault::Read`], [`ModelFault::Text`].
+    pub fn open(path: impl AsRef<Path>) -> Result<Self, ModelFault> {
+        let path = path.as_ref();
+        let name = path.display().to_string();
+        let bytes = std::fs::read(path).map_err(|source| ModelFault::Read { path: name.clone(), source })?;
+        Self::of_source(Source::from_bytes(name, bytes))
+    }
+
+    /// Reads a model from its text; `name` stands in messages.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`].
+    pub fn parse(name: &str, text: &str) -> Result<Self, ModelFault> {
+        Self::of_source(Source::new(name, text))
+    }
+
+    /// Reads a model from a source.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`].
+    pub fn of_source(source: Source) -> Result<Self, ModelFault> {
+        let parsed =
+            parse_model(&source).map_err(|faults| ModelFault::Text { diagnostics: faults.render(&source) })?;
+        let prepared = prepare(parsed.model.clone())
+            .map_err(|fault| ModelFault::Text { diagnostics: located(&source, &parsed, &fault) })?;
+        let evaluated = Interpreted::new(&prepared.model, &prepared.form);
+        Ok(Self { source, parsed, prepared, evaluated })
+    }
+
+    /// The exact form, sorted into the parameters that the model is linear in.
+    #[must_use]
+    pub const fn prepared(&self) -> &Prepared {
+        &self.prepared
+    }
+
+    /// What the parser found, with the way back to the text.
+    #[must_use]
+    pub const fn parsed(&self) -> &Parsed {
+        &self.parsed
+    }
+
+    /// The text.
+    #[must_use]
+    pub const fn text(&self) -> &Source {
+        &self.source
+    }
+
+    /// What tells the model's text from others.
+    #[must_use]
+    pub fn hash(&self) -> String {
+        fingerprint(self.source.text().as_bytes())
+    }
+
+    /// Remarks about the text that do not keep it from being used; empty when there are none.
+    #[must_use]
+    pub fn remarks(&self) -> String {
+        let remarks = &self.parsed.warnings;
+        if remarks.is_empty() { String::new() } else { remarks.render(&self.source).trim_end().to_string() }
+    }
+
+    /// The pattern of this name, the first one when no name is given.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`], at the model's name, when there is no such pattern.
+    pub fn pattern(&self, name: Option<&str>) -> Result<&Pattern, ModelFault> {
+        let model = &self.parsed.model;
+        model.pattern(name).ok_or_else(|| {
+            let (message, help) = match name {
+                None => (
+                    format!("model {} has no pattern", model.name),
+                    "add `pattern { ... }` to it to expand it (logs need none)".to_string(),
+                ),
+                Some(name) => {
+                    let known: Vec<&str> =
+                        model.patterns.iter().filter_map(|pattern| pattern.name.as_deref()).collect();
+                    let help = match known.as_slice() {
+                        [] => "its patterns have no names; leave the name out".to_string(),
+                        known => format!("it has {}", known.join(", ")),
+                    };
+                    (format!("model {} has no pattern named `{name}`", model.name), help)
+                }
+            };
+            let diagnostic = Diagnostic::error(self.parsed.ast.name.span, &message).help(&help);
+            ModelFault::Text { diagnostics: diagnostic::render(&self.source, &diagnostic) }
+        })
+    }
+
+    /// Name of the frequency of the first pattern; `w` in a model without one.
+    pub(super) fn frequency_name(&self) -> String {
+        let model = &self.parsed.model;
+        let first = model.patterns.first();
+        first.map_or_else(|| "w".to_string(), |pattern| model.quantity(pattern.frequency).name.to_string())
+    }
+}
+
+fn located(source: &Source, parsed: &Parsed, fault: &impl AtTerm) -> String {
+    diagnostic::render(source, &parsed.locate(fault))
+}
+
+/// What can be identified: a declared model, or any model that evaluates its rows.
+///
+/// A model that was compiled by the macro carries its declaration; one that was written by hand has none, and is identified in the
+/// parameters that it states.
+pub trait Identifiable {
+    /// The rows, evaluated.
+    fn evaluated(&self) -> &dyn Model<f64>;
+
+    /// The declaration; nothing for a model that was written by hand.
+    ///
+    /// # Errors
+    /// [`ModelFault::Text`] when the text that the model carries is not a model.
+    fn declaration(&self) -> Result<Option<Cow<'_, DeclaredModel>>, ModelFault>;
+}
+
+impl Identifiable for DeclaredModel {
+    fn evaluated(&self) -> &dyn Model<f64> {
+        &self.evaluated
+    }
+
+    fn declaration(&self) -> Result<Option<Cow<'_, DeclaredModel>>, ModelFault> {
+        Ok(Some(Cow::Borrowed(self)))
+    }
+}
+
+impl<M: Model<f64>> Identifiable for M {
+    fn evaluated(&self) -> &dyn Model<f64> {
+        self
+    }
+
+    fn declaration(&self) -> Result<Option<Cow<'_, DeclaredModel>>, ModelFault> {
+        let Some(text) = self.source() else { return Ok(None) };
+        DeclaredModel::parse(self.name(), text).map(|declared| Some(Cow::Owned(declared)))
+    }
+}

@@ -1,0 +1,189 @@
+//! What every result says in the same way, wherever its data come from.
+
+use crate::campaign::Campaign;
+use crate::estimate::named::EstimateReport;
+use crate::estimate::physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
+use crate::estimate::{Estimate, LARGE_RESIDUAL, Status};
+use crate::run::RunEnding;
+use crate::session::identification::{Identification, Provenance, Source};
+use crate::session::warning::{Data, Warning};
+use std::collections::BTreeMap;
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+use tpm_core::model::Model;
+use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::regressor::prepare::Prepared;
+
+/// Components of a direction below this one are rounding.
+const NOTHING: f64 = 1e-9;
+
+pub(super) use crate::estimate::named::EstimateReport as Named;
+
+/// Name and version of the program.
+pub(super) fn provenance() -> Provenance {
+    Provenance { tool: format!("tpm {}", env!("CARGO_PKG_VERSION")), ..Provenance::default() }
+}
+
+/// What was asked for, by name.
+pub(super) fn options(request: &impl serde::Serialize) -> BTreeMap<String, serde_json::Value> {
+    match serde_json::to_value(request) {
+        Ok(serde_json::Value::Object(fields)) => fields.into_iter().collect(),
+        _ => BTreeMap::new(),
+    }
+}
+
+/// The result of a campaign so far, in the parameters that its estimator gives.
+#[must_use]
+pub fn of_campaign(campaign: &Campaign<'_>, source: Source, seed: u64) -> Identification {
+    let model = campaign.model();
+    let estimate = campaign.estimate();
+    let setup = campaign.setup();
+    let own = EstimateReport::new(model, &setup.prior, estimate);
+    // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
+    let (linear, found, report, physical) = match campaign.estimator().lumped() {
+        Some((lumped, found)) => (lumped, Some(found), EstimateReport::new(lumped, &[], Some(found)), own.parameters),
+        None => (model, estimate, own, Vec::new()),
+    };
+    let EstimateReport { parameters, unobservable, combinations, covariance } = report;
+    let mut result = Identification {
+        source,
+        model: model.name().into(),
+        estimator: setup.method,
+        frequency_name: setup.pattern.frequency.clone(),
+        outcome: campaign.outcome(),
+        stop: campaign.stop().cloned(),
+        seed: Some(seed),
+        hold: setup.procedure.hold,
+        harmonics: campaign.runs().iter().rev().find_map(|run| run.harmonics).unwrap_or(0),
+        parameters,
+        physical,
+        unobservable,
+        combinations,
+        covariance,
+        rank: found.map_or(0, |e| e.rank),
+        condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
+        residual: found.map_or(0.0, |e| e.residual),
+        runs: campaign.runs().to_vec(),
+        stability: None,
+        log: None,
+        warnings: campaign_warnings(linear, found, campaign),
+        provenance: Provenance { seed: (source == Source::SimulatedPlant).then_some(seed), ..provenance() },
+        current: campaign.current().to_vec(),
+        estimate: estimate.cloned(),
+    };
+    if estimate.is_some() {
+        let mut position = std::vec![0.0; model.dims().motion_len()];
+        if let Some(stage) = setup.procedure.stages.first() {
+            stage.trajectory(&setup.pattern, 1.0).motion(0.0, &mut position);
+        }
+        position.truncate(model.dims().coordinates);
+        warn_of_negative_inertias(&mut result, model, &setup.constants, &position);
+    }
+    result
+}
+
+fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Campaign<'_>) -> Vec<Warning> {
+    let runs = campaign.runs();
+    let stopped = runs.iter().filter(|run| run.ending != RunEnding::Complete);
+    let mut warnings: Vec<Warning> =
+        stopped.map(|run| Warning::Run { run: run.run, ending: run.ending }).collect();
+    warnings.extend(runs.iter().filter_map(|run| {
+        let mode = run.near_mode.clone()?;
+        Some(Warning::NearMode { run: run.run, fundamental: run.frequency, mode })
+    }));
+    if let Some(outcome) = campaign.outcome().filter(|outcome| !outcome.is_normal()) {
+        warnings.push(Warning::EndedEarly { outcome, limit: campaign.stop().cloned() });
+    }
+    let plant = campaign.model();
+    for (i, mounted) in campaign.setup().procedure.motors.iter().enumerate() {
+        if let Some(mounted) = mounted.filter(|mounted| mounted.motor.rotor_inertia > 0.0) {
+            warnings.push(Warning::RotorIncluded {
+                coordinate: plant.coordinate(mounted.coordinate).name.to_string(),
+                input: plant.input(i).name.to_string(),
+                inertia: mounted.motor.rotor_inertia * mounted.motor.ratio.powi(2),
+            });
+        }
+    }
+    match estimate {
+        None => warnings.push(Warning::NothingAccepted),
+        Some(estimate) => warnings.extend(doubts(model, estimate, Data::Runs)),
+    }
+    let said = campaign.estimator().warnings();
+    warnings.extend(said.iter().map(|message| Warning::Estimator { message: message.clone() }));
+    warnings
+}
+
+/// What is unexplained, and which parameters the data do not tell well.
+pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) -> Vec<Warning> {
+    let name = |j: usize| model.parameter(j).name.to_string();
+    let combinations = estimate.combinations();
+    let shared = |j: usize| combinations.iter().any(|shown| shown.weights[j].abs() > NOTHING);
+    let (mut doubts, mut together) = (Vec::new(), Vec::new());
+    if estimate.residual > LARGE_RESIDUAL {
+        doubts.push(Warning::Unexplained { residual: estimate.residual });
+    }
+    for (j, status) in estimate.status.iter().enumerate() {
+        match status {
+            Status::Unobservable if shared(j) => together.push(name(j)),
+            Status::Unobservable => doubts.push(Warning::NotVisible { parameter: name(j), data }),
+            Status::PoorlyDetermined => doubts.push(Warning::PoorlyDetermined {
+                parameter: name(j),
+                value: estimate.values[j],
+                std: estimate.std[j],
+            }),
+            Status::Identified | Status::Frozen => {}
+        }
+    }
+    if !together.is_empty() {
+        doubts.push(Warning::OnlyInCombinations { parameters: together, data });
+    }
+    doubts
+}
+
+/// Warns of masses and inertias that came out negative, unless the matrix of accelerations at rest at a position is that of some
+/// machine: a coupling of inertias may well be negative where the whole matrix is positive definite.
+pub(super) fn warn_of_negative_inertias(
+    result: &mut Identification,
+    model: &dyn Model<f64>,
+    constants: &[f64],
+    position: &[f64],
+) {
+    if has_inertia(model, &result.current, constants, position) {
+        return;
+    }
+    let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
+    let negative = negative_inertias(named);
+    result.warnings.extend(
+        negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }),
+    );
+}
+
+/// A model whose parameters were lumped.
+pub(super) struct Lumped<'a>(&'a Prepared);
+
+impl<'a> Lumped<'a> {
+    /// The model, when it is one whose parameters were lumped.
+    pub(super) fn of(prepared: &'a Prepared) -> Option<Self> {
+        is_lumped(prepared).then_some(Self(prepared))
+    }
+
+    /// Names of the physical parameters.
+    pub(super) fn names(&self) -> Vec<String> {
+        let quantities = self.0.model.symbols.iter().filter(|quantity| quantity.kind == Kind::Parameter);
+        quantities.map(|quantity| quantity.name.to_string()).collect()
+    }
+
+    /// Adds the physical parameters that explain a result's lumped ones best, and what there is to say of them.
+    pub(super) fn complete(
+        &self,
+        result: &mut Identification,
+        settings: &PhysicalSettings,
+    ) -> Result<(), PhysicalError> {
+        let Some(estimate) = &result.estimate else { return Ok(()) };
+        let found = physical(self.0, estimate, settings)?;
+        result.physical = found.parameters;
+        result.warnings.extend(found.warnings.into_iter().map(|message| Warning::Physical { message }));
+        Ok(())
+    }
+}

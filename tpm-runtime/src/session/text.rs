@@ -1,0 +1,222 @@
+//! A result as people read it.
+
+use crate::estimate::{CombinationReport, ParameterReport, Status};
+use crate::machine::stability::Stability;
+use crate::report::{Align, Remedy, TextTable, combination, number};
+use crate::session::identification::{Identification, Source};
+use crate::session::log_report::LogReport;
+use std::borrow::ToOwned;
+use std::fmt::{self, Write as _};
+use std::format;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+
+impl fmt::Display for Identification {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text(&|_| None))
+    }
+}
+
+impl Identification {
+    /// The result as text: runs, parameters with standard deviations, what the data do not show, warnings. `spell` says what a front
+    /// end calls a remedy, such as the name of a flag; warnings stand without it where it gives nothing.
+    #[must_use]
+    pub fn text(&self, spell: &dyn Fn(&Remedy) -> Option<String>) -> String {
+        let mut text = self.head();
+        text.push_str(&parameters(&self.parameters));
+        text.push_str(&combinations(&self.combinations));
+        if !self.physical.is_empty() {
+            text.push_str("\nphysical parameters\n");
+            text.push_str(&parameters(&self.physical));
+        }
+        text.push('\n');
+        if self.source != Source::Log {
+            text.push_str(self.outcome.map_or("not finished", |outcome| outcome.describe()));
+            if let Some(stop) = &self.stop {
+                text.push_str(&format!(": {stop}"));
+            }
+            text.push_str("; ");
+        }
+        text.push_str(&format!(
+            "rank {} of {}, condition number {}, residual {} % of the force\n",
+            self.rank,
+            self.parameters.len(),
+            self.condition.map_or_else(|| "-".to_owned(), number),
+            number(100.0 * self.residual),
+        ));
+        for direction in &self.unobservable {
+            text.push_str(&format!("the data do not show the direction {}\n", combination(direction)));
+        }
+        for warning in &self.warnings {
+            text.push_str(&format!("warning: {warning}"));
+            if let Some(words) = warning.remedy().and_then(|remedy| spell(&remedy)) {
+                text.push_str(&format!(" ({words})"));
+            }
+            text.push('\n');
+        }
+        text
+    }
+
+    fn head(&self) -> String {
+        let (model, estimator, hold) = (&self.model, self.estimator.name(), self.hold);
+        let mut text = match (self.source, &self.log) {
+            (Source::Log, Some(log)) => return log_head(self, log),
+            (Source::Log, None) => return format!("model {model} from a log; hold {hold}\n\n"),
+            (Source::SimulatedPlant, _) => {
+                let seed = self.seed.unwrap_or(0);
+                format!("model {model} on a simulated plant; estimator {estimator}; hold {hold}; seed {seed}\n\n")
+            }
+            (Source::Machine, _) => format!("model {model} on a machine; estimator {estimator}; hold {hold}\n\n"),
+            (Source::Folder, _) => {
+                format!("model {model} from the runs in its folder; estimator {estimator}; hold {hold}\n\n")
+            }
+        };
+        text.push_str(&self.run_table());
+        if let Some(stability) = &self.stability {
+            text.push_str(&closed_loop(stability));
+        }
+        text.push('\n');
+        text
+    }
+
+    fn run_table(&self) -> String {
+        // Stages may have patterns of their own, with other amplitudes.
+        let mut amplitudes: Vec<&str> = Vec::new();
+        for (name, _) in self.runs.iter().flat_map(|run| &run.amplitudes) {
+            if !amplitudes.contains(&name.as_str()) {
+                amplitudes.push(name);
+            }
+        }
+        let several = self.runs.iter().any(|run| run.pattern.is_some());
+        let mut head = vec![("run", Align::Right)];
+        head.extend(several.then_some(("pattern", Align::Left)));
+        head.extend(amplitudes.iter().map(|name| (*name, Align::Right)));
+        head.extend([(self.frequency_name.as_str(), Align::Right), ("periods", Align::Right)]);
+        head.extend([("rms error", Align::Right), ("effort", Align::Right), ("condition", Align::Right)]);
+        head.push(("ending", Align::Left));
+        let mut table = TextTable::new(&head);
+        for run in &self.runs {
+            let mut row = vec![run.run.to_string()];
+            row.extend(several.then(|| run.pattern.clone().unwrap_or_else(|| "-".to_owned())));
+            row.extend(amplitudes.iter().map(|name| {
+                let own = run.amplitudes.iter().find(|(own, _)| own == name);
+                own.map_or_else(|| "-".to_owned(), |(_, value)| number(*value))
+            }));
+            row.push(number(run.frequency));
+            row.push(run.periods.to_string());
+            row.push(run.tracking_rms.iter().map(|rms| number(*rms)).collect::<Vec<_>>().join(" "));
+            row.push(run.effort_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)));
+            row.push(run.condition.map_or_else(|| "-".to_owned(), number));
+            row.push(run.ending.to_string());
+            table.row(&row);
+        }
+        table.finish()
+    }
+}
+
+fn log_head(result: &Identification, log: &LogReport) -> String {
+    let mut text = format!(
+        "model {} from {}\n{} samples every {} s; {} periods of {} s from sample {} (line {}); hold {}; {} window; harmonics up to {}\n\n",
+        result.model,
+        log.path,
+        log.samples,
+        number(log.sample_time),
+        log.periods,
+        number(log.period),
+        log.from_sample,
+        log.from_line,
+        result.hold,
+        log.window,
+        result.harmonics,
+    );
+    for (input, known) in &log.actuators {
+        let mut parts = Vec::new();
+        if known.delay > 0.0 {
+            parts.push(format!("a delay of {} s", number(known.delay)));
+        }
+        if let Some((frequency, quality)) = known.low_pass {
+            parts.push(format!("a low pass of {} rad/s and quality {}", number(frequency), number(quality)));
+        }
+        if let Some(bandwidth) = known.bandwidth {
+            parts.push(format!("a current loop of {} rad/s", number(bandwidth)));
+        }
+        text.push_str(&format!("corrected behind {input}: {}\n", parts.join(", ")));
+    }
+    if !log.actuators.is_empty() {
+        text.push('\n');
+    }
+    text
+}
+
+/// What was known of the loop before the first run; nothing when nothing could be known.
+fn closed_loop(stability: &Stability) -> String {
+    let mut text = String::new();
+    if let Some(slowest) = stability.poles.iter().map(|pole| pole.0).reduce(f64::max) {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "\nclosed loop: slowest pole {} 1/s with the prior", number(slowest));
+    }
+    if let Some(sampled) = &stability.sampled {
+        let _ = write!(
+            text,
+            "{} {} 1/s over the stated ranges (sampled: {} vertices, {} points on edges, {} inside)",
+            if text.is_empty() { "\nclosed loop: slowest pole" } else { "," },
+            number(sampled.slowest),
+            sampled.vertices,
+            sampled.edges,
+            sampled.interior
+        );
+    }
+    if !text.is_empty() {
+        text.push('\n');
+    }
+    text
+}
+
+/// Parameter, unit, prior, identified, standard deviation, change. An unobservable parameter gets no number.
+fn parameters(list: &[ParameterReport]) -> String {
+    let mut table = estimates("parameter");
+    for parameter in list {
+        let remark = match parameter.status {
+            Status::Identified => String::new(),
+            status => status.name().replace('_', " "),
+        };
+        let values = [parameter.prior, parameter.value, parameter.std];
+        table.row(&row(parameter.name.clone(), parameter.unit.as_deref(), values, remark));
+    }
+    table.finish()
+}
+
+/// Combinations of parameters that do not show one by one, in the columns of [`parameters`].
+fn combinations(list: &[CombinationReport]) -> String {
+    if list.is_empty() {
+        return String::new();
+    }
+    let mut table = estimates("combination");
+    for shown in list {
+        let values = [shown.prior, Some(shown.value), Some(shown.std)];
+        table.row(&row(combination(&shown.terms), shown.unit.as_deref(), values, String::new()));
+    }
+    format!("\n{}", table.finish())
+}
+
+fn estimates(of: &str) -> TextTable {
+    TextTable::new(&[
+        (of, Align::Left),
+        ("unit", Align::Left),
+        ("prior", Align::Right),
+        ("identified", Align::Right),
+        ("std. dev.", Align::Right),
+        ("change", Align::Right),
+        ("", Align::Left),
+    ])
+}
+
+fn row(name: String, unit: Option<&str>, [prior, value, std]: [Option<f64>; 3], remark: String) -> [String; 7] {
+    let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
+    let change = match (prior, value) {
+        (Some(prior), Some(value)) if prior != 0.0 => format!("{:+.3} %", 100.0 * (value - prior) / prior),
+        _ => "-".to_owned(),
+    };
+    [name, unit.unwrap_or("-").to_owned(), optional(prior), optional(value), optional(std), change, remark]
+}

@@ -1,0 +1,240 @@
+//! What a user should know beside the numbers of a result.
+
+use crate::campaign::{NearMode, Outcome};
+use crate::machine::actuator::LimitUse;
+use crate::report::Remedy;
+use crate::run::RunEnding;
+use serde::Serialize;
+use std::fmt;
+use std::string::String;
+use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+
+/// Which data a statement is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Data {
+    /// One log.
+    Log,
+    /// The runs of a campaign.
+    Runs,
+}
+
+impl fmt::Display for Data {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Data::Log => "this log",
+            Data::Runs => "these runs",
+        })
+    }
+}
+
+/// A warning of a result. Its text names no front end's options; [`remedy`](Self::remedy) says which setting would help.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Warning {
+    /// Another assumption about the inputs between samples leaves a clearly smaller residual.
+    OtherHold {
+        /// The hold that was assumed.
+        #[serde(serialize_with = "hold_name")]
+        stated: Hold,
+        /// Share of the force that it leaves unexplained.
+        left: f64,
+        /// The hold that explains the log better.
+        #[serde(serialize_with = "hold_name")]
+        better: Hold,
+        /// Share of the force that the better hold leaves unexplained.
+        left_by_better: f64,
+    },
+    /// The log holds one whole period only.
+    OnePeriod,
+    /// The last two periods of a log differ.
+    Unsteady {
+        /// Root mean square of their difference, as a share of the motion.
+        mismatch: f64,
+    },
+    /// More than half of a log does not repeat with the period of its end.
+    MostlyLeftOut {
+        /// Samples at the start that are left out.
+        left_out: usize,
+        /// Samples of the log.
+        samples: usize,
+    },
+    /// Harmonics are excited that the model does not explain as it does the lower ones; they are not used.
+    HarmonicsLeftOut {
+        /// The lowest of them.
+        from: usize,
+        /// The highest of them.
+        to: usize,
+    },
+    /// The model leaves a large part of the force unexplained.
+    Unexplained {
+        /// Root mean square of the residual, as a share of the force.
+        residual: f64,
+    },
+    /// A parameter takes no part in what the data show.
+    NotVisible {
+        /// The parameter.
+        parameter: String,
+        /// The data.
+        data: Data,
+    },
+    /// A parameter's standard deviation is of the size of its value.
+    PoorlyDetermined {
+        /// The parameter.
+        parameter: String,
+        /// Its value, in its unit.
+        value: f64,
+        /// Its standard deviation, in its unit.
+        std: f64,
+    },
+    /// The data show these parameters only in combinations with each other.
+    OnlyInCombinations {
+        /// The parameters.
+        parameters: Vec<String>,
+        /// The data.
+        data: Data,
+    },
+    /// A mass or a moment of inertia came out negative.
+    NegativeInertia {
+        /// The parameter.
+        parameter: String,
+        /// Its value, in its unit.
+        value: f64,
+    },
+    /// A run ended before all of its samples were used, or had to be played again.
+    Run {
+        /// Number of the run, from 1.
+        run: usize,
+        /// How it ended.
+        ending: RunEnding,
+    },
+    /// A harmonic that was played lies near a natural frequency of the machine.
+    NearMode {
+        /// Number of the run, from 1.
+        run: usize,
+        /// Fundamental frequency of the run, rad/s.
+        fundamental: f64,
+        /// The harmonic and the mode.
+        mode: NearMode,
+    },
+    /// The campaign ended before it had done what its schedule asks.
+    EndedEarly {
+        /// Why.
+        outcome: Outcome,
+        /// The limit that ended it, when one did.
+        limit: Option<LimitUse>,
+    },
+    /// An identified inertia contains that of a motor's rotor.
+    RotorIncluded {
+        /// The coordinate whose inertia it is.
+        coordinate: String,
+        /// The input that the motor drives.
+        input: String,
+        /// The rotor's inertia, seen from the coordinate, in the unit of the coordinate's inertia.
+        inertia: f64,
+    },
+    /// No run of a campaign could be used.
+    NothingAccepted,
+    /// What an estimator says of its own equations.
+    Estimator {
+        /// The estimator's words.
+        message: String,
+    },
+    /// What the map from lumped to physical parameters shows.
+    Physical {
+        /// The words of [`Physical::warnings`](crate::estimate::physical::Physical::warnings).
+        message: String,
+    },
+}
+
+fn hold_name<S: serde::Serializer>(hold: &Hold, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(hold)
+}
+
+impl Warning {
+    /// The setting that would remove the warning, when there is one.
+    #[must_use]
+    pub fn remedy(&self) -> Option<Remedy> {
+        match self {
+            Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
+            Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
+            Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Warning::OtherHold { stated, left, better, left_by_better } => write!(
+                f,
+                "hold {better} explains the log clearly better: it leaves {:.3} % of the force, hold {stated} leaves {:.3} %",
+                100.0 * left_by_better,
+                100.0 * left
+            ),
+            Warning::OnePeriod => f.write_str(
+                "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four",
+            ),
+            Warning::Unsteady { mismatch } => write!(
+                f,
+                "the last two periods differ by {:.1} % of the motion: noise, or a motion that has not settled",
+                100.0 * mismatch
+            ),
+            Warning::MostlyLeftOut { left_out, samples } => write!(
+                f,
+                "more than half of the log is left out: samples 0 to {} of {samples} do not repeat with the period of the last ones; \
+                 the end of a motion whose frequency changes passes for periodic, and its parameters are not to be trusted; \
+                 say from which sample on the motion repeats",
+                left_out - 1
+            ),
+            Warning::HarmonicsLeftOut { from, to } => write!(
+                f,
+                "harmonics {from} to {to} are excited but left out: the model does not explain them as it does the lower ones"
+            ),
+            Warning::Unexplained { residual } => write!(
+                f,
+                "{:.1} % of the force is not explained by the model; terms may be missing, or a scale, a sign or a column may be wrong",
+                100.0 * residual
+            ),
+            Warning::NotVisible { parameter, data } => write!(f, "{parameter} is not visible in {data}"),
+            Warning::PoorlyDetermined { parameter, value, std } => {
+                write!(f, "{parameter} is poorly determined: {value:.3e} with a standard deviation of {std:.3e}")
+            }
+            Warning::OnlyInCombinations { parameters, data } => {
+                write!(f, "visible in {data} only in combinations with each other: {}", parameters.join(", "))
+            }
+            Warning::NegativeInertia { parameter, value } => write!(
+                f,
+                "{parameter} = {value:.4e} is negative, which no machine has: a term may be missing, or a scale, a sign or a column may be wrong"
+            ),
+            Warning::Run { run, ending } => match ending {
+                RunEnding::Unsettled => {
+                    write!(f, "run {run}: the motion had not settled; it was played again for longer")
+                }
+                RunEnding::SensorLost => write!(f, "run {run}: a sensor gave no value; the run is not used"),
+                ending => write!(f, "run {run}: aborted ({ending}), amplitudes reduced"),
+            },
+            Warning::NearMode { run, fundamental, mode } => write!(
+                f,
+                "run {run}: harmonic {} of {} ({:.4} rad/s) lies near a natural mode of the machine ({:.4} rad/s): choose another frequency, or its vibration is measured",
+                mode.harmonic,
+                mode.signal,
+                f64::from(mode.harmonic) * fundamental,
+                mode.frequency
+            ),
+            Warning::EndedEarly { outcome, limit } => {
+                write!(f, "the campaign ended early: {}", outcome.describe())?;
+                limit.as_ref().map_or(Ok(()), |limit| write!(f, ": {limit}"))
+            }
+            Warning::RotorIncluded { coordinate, input, inertia } => write!(
+                f,
+                "what is identified of {coordinate}'s inertia contains the rotor on {input}, {inertia:.4e} in its unit: leave rotor_inertia out where these values meet this motor"
+            ),
+            Warning::NothingAccepted => f.write_str("no run was accepted; nothing is identified"),
+            Warning::Estimator { message } | Warning::Physical { message } => f.write_str(message),
+        }
+    }
+}
