@@ -21,7 +21,7 @@ use tpm_runtime::frequency::{
 };
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::machine::simulated::{Actuator, Bench, Sensor, drive};
+use tpm_runtime::machine::simulated::{Actuator, Rig, Sensor, drive};
 use tpm_runtime::model::Model as _;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
@@ -70,7 +70,7 @@ fn run(folder: &Path) -> Result<(), Box<dyn Error>> {
     let interpreted = Interpreted::new(&prepared.model, &prepared.form);
     let value = |name: &str| TABLE_1.iter().find(|(known, _)| *known == name).map_or(f64::NAN, |(_, value)| *value);
     let of = |symbol: Symbol| value(&prepared.model.quantity(symbol).name);
-    let bench = Bench {
+    let bench = Rig {
         parameters: ParameterMap::new(&prepared).evaluate(of),
         constants: (0..interpreted.dims().constants).map(|i| value(interpreted.constant(i).name)).collect(),
         sensors: vec![Sensor { step: std::f64::consts::TAU / 2000.0, ..Sensor::default() }; 2],

@@ -9,7 +9,7 @@ use tpm_runtime::estimate::physical::{PhysicalSettings, physical};
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::machine::regulator::{Regulator, Weights};
-use tpm_runtime::machine::simulated::{Actuator, Bench, Regulation, Sensor, regulate};
+use tpm_runtime::machine::simulated::{Actuator, Regulation, Rig, Sensor, regulate};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::Ending;
 use tpm_runtime::run::trajectory::Pattern;
@@ -175,7 +175,7 @@ fn the_identified_machine_is_balanced_from_15_degrees() {
     let map = ParameterMap::new(&upright);
     let plant = map.evaluate(|symbol| truth[upright.model.quantity(symbol).name.as_str()]);
     assert!(map.columns().iter().zip(0..).all(|(name, j)| name == machine.parameter(j).name));
-    let bench = |seed| Bench {
+    let bench = |seed| Rig {
         parameters: plant.clone(),
         constants: (0..machine.dims().constants).map(|i| truth[machine.constant(i).name]).collect(),
         sensors: vec![Sensor { step: TAU / 2000.0, ..Sensor::default() }; 2],

@@ -14,7 +14,7 @@ use crate::machine::stability::natural_modes;
 use crate::numerics::fourier::analyse;
 use crate::run::held;
 use crate::run::trajectory::{Pattern, Trajectory};
-use crate::run::{Ending, Record, RunEnding};
+use crate::run::{Ending, Record, RecordError, RunEnding};
 use crate::run::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
 use crate::run::{Spectra, SpectrumError};
 use num_complex::Complex;
@@ -265,14 +265,9 @@ pub enum CampaignError {
         /// In the record.
         given: usize,
     },
-    /// The record was sampled at another rate.
-    #[error("the record has a sample every {given} s, the trial one every {needed} s")]
-    SampleTime {
-        /// In the trial, s.
-        needed: f64,
-        /// In the record, s.
-        given: f64,
-    },
+    /// The samples that came back are no record of the trial.
+    #[error(transparent)]
+    Record(#[from] RecordError),
     /// The record holds a value that is not finite.
     #[error("sample {sample} of the record is not finite; was a sensor disconnected?")]
     NotFinite {

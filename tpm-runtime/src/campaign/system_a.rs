@@ -2,7 +2,7 @@
 
 use crate::campaign::procedure::{Campaign, Outcome, Procedure, Setup, Stage};
 use crate::estimate::{Estimate, Method, Run, Settings};
-use crate::machine::simulated::{Actuator, Bench, Sensor, simulate};
+use crate::machine::simulated::{Actuator, Rig, Sensor, simulate};
 use crate::numerics::{SMatrix, SVector};
 use crate::run::Spectra;
 use crate::run::smoothing::Smoothing;
@@ -57,9 +57,9 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
     }
 }
 
-fn bench(noise: f64, counts: f64, seed: u64) -> Bench {
+fn bench(noise: f64, counts: f64, seed: u64) -> Rig {
     let step = if counts > 0.0 { 2.0 * PI / counts } else { 0.0 };
-    Bench {
+    Rig {
         parameters: TRUE.to_vec(),
         constants: vec![],
         sensors: vec![Sensor { noise, step, ..Sensor::default() }],
@@ -70,7 +70,7 @@ fn bench(noise: f64, counts: f64, seed: u64) -> Bench {
 }
 
 /// Largest relative error after every update.
-fn errors(setup: Setup, bench: &Bench) -> (Vec<f64>, Option<Outcome>) {
+fn errors(setup: Setup, bench: &Rig) -> (Vec<f64>, Option<Outcome>) {
     let mut campaign = Campaign::new(&MassSpringDrag, setup).expect("playable");
     let mut errors = Vec::new();
     while let Some(trial) = campaign.next() {

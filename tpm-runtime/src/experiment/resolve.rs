@@ -6,7 +6,7 @@ use crate::estimate::{EstimateError, Frozen, Method, Settings, Weights};
 use crate::experiment::actuators::limited;
 use crate::experiment::overrides::near;
 use crate::experiment::{ArmSection, DropoutSection, Experiment, Named};
-use crate::machine::simulated::{Actuator, ArmGeometry, Bench, ClosedLoopArm, Sensor};
+use crate::machine::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
 use crate::machine::stability::{self, Range, Stability, StabilityError};
 use crate::run::smoothing::Smoothing;
 use crate::run::trajectory::Pattern;
@@ -228,7 +228,7 @@ impl Experiment {
     ///
     /// # Errors
     /// [`ExperimentError`].
-    pub fn bench(&self, model: &dyn Model<f64>) -> Result<Bench, ExperimentError> {
+    pub fn bench(&self, model: &dyn Model<f64>) -> Result<Rig, ExperimentError> {
         let coordinates = coordinates(model);
         let mut sensors = vec![Sensor::default(); coordinates.names.len()];
         for (name, section) in &self.plant.sensors {
@@ -284,7 +284,7 @@ impl Experiment {
         } else {
             (parameters(model).all("plant.parameters", &self.plant.parameters)?, self.constant_values(model)?)
         };
-        Ok(Bench {
+        Ok(Rig {
             parameters,
             constants,
             sensors,
@@ -322,7 +322,7 @@ impl Experiment {
     ///
     /// # Errors
     /// [`ExperimentError`].
-    pub fn bench_in_run(&self, model: &dyn Model<f64>, run: usize) -> Result<Bench, ExperimentError> {
+    pub fn bench_in_run(&self, model: &dyn Model<f64>, run: usize) -> Result<Rig, ExperimentError> {
         let mut bench = self.bench(model)?;
         let drift = parameters(model).fill("plant.drift", &self.plant.drift, 0.0)?;
         for (value, drift) in bench.parameters.iter_mut().zip(&drift) {

@@ -28,7 +28,7 @@ pub use excitation::{Excitation, ExcitationError, Phases, crest_factor};
 pub use linearized::{LinearizedError, LinearizedResponse};
 pub use orders::{OrderComparison, OrderError, OrderTrial, compare_orders};
 pub use rational::{Delay, Estimate, FitError, FitWarning, RationalFit, RationalSettings, Root, fit_rational};
-pub use record::{RecordError, fit_record};
+pub use record::{RecordFitError, fit_record};
 pub use response::{Estimator, FrequencyResponse, Gap, HoldEffect, Line, ResponseError, Welch};
 pub use structured::{ResponseModel, StructuredFit, StructuredSettings, fit_structured};
 pub use transfer::{TransferError, TransferFunction};

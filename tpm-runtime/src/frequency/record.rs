@@ -38,7 +38,7 @@ const SILENT: f64 = 1e-12;
 
 /// Why a record was not fitted.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum RecordError {
+pub enum RecordFitError {
     /// The record has no frequency response.
     #[error(transparent)]
     Response(#[from] ResponseError),
@@ -53,14 +53,14 @@ pub enum RecordError {
 /// taken to be on the output.
 ///
 /// # Errors
-/// [`RecordError`].
+/// [`RecordFitError`].
 pub fn fit_record(
     input: &[f64],
     output: &[f64],
     sample_time: f64,
     welch: &Welch,
     settings: &RationalSettings,
-) -> Result<RationalFit, RecordError> {
+) -> Result<RationalFit, RecordFitError> {
     let response = FrequencyResponse::estimate(input, output, sample_time, welch)?;
     let averaged = fit_rational(&response, settings)?;
     let lines = Lines::new(input, output, &response, settings);
@@ -215,7 +215,7 @@ impl Lines {
 
 #[cfg(test)]
 mod tests {
-    use super::{RecordError, fit_record};
+    use super::{RecordFitError, fit_record};
     use crate::frequency::excitation::Excitation;
     use crate::frequency::rational::{Delay, FitError, RationalSettings};
     use crate::frequency::response::Welch;
@@ -270,11 +270,11 @@ mod tests {
         let y = lag(&u, 0.0);
         let settings = RationalSettings { delay: Delay::None, ..RationalSettings::new(0, 1, 0.5, 20.0) };
         let short = fit_record(&u[..1000], &y[..1000], 1e-3, &Welch::new(1024, Hold::Zoh), &settings);
-        assert!(matches!(short, Err(RecordError::Response(_))), "{short:?}");
+        assert!(matches!(short, Err(RecordFitError::Response(_))), "{short:?}");
         let narrow = RationalSettings { low: 2.0, high: 2.1, ..settings };
         let few = fit_record(&u, &y, 1e-3, &Welch::new(1024, Hold::Zoh), &narrow);
         assert!(
-            matches!(few, Err(RecordError::Fit(FitError::EmptyBand { .. } | FitError::TooFewLines { .. }))),
+            matches!(few, Err(RecordFitError::Fit(FitError::EmptyBand { .. } | FitError::TooFewLines { .. }))),
             "{few:?}"
         );
     }

@@ -11,11 +11,10 @@ use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::fourier::forward;
 use crate::numerics::{DMatrix, DVector};
 use crate::run::trajectory::{Line, Series, Trajectory};
-use crate::run::trial::TrialError;
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
-use tpm_core::model::Model;
+use tpm_core::model::{EvalError, Model};
 
 /// Fewest and most harmonics of an open coordinate.
 const HARMONICS: (usize, usize) = (8, 128);
@@ -31,28 +30,25 @@ const DIFFERENCE: f64 = 1e-3;
 /// Fills the series of the open coordinates with their periodic motion under given parameters.
 ///
 /// # Errors
-/// [`TrialError::Open`] when the rows without an input do not determine it, [`TrialError::Evaluation`].
+/// [`CompletionError::Open`] when the rows without an input do not determine the motion, [`CompletionError::Evaluation`] when
+/// the model cannot be evaluated along it.
 pub(super) fn complete(
     model: &dyn Model<f64>,
     trajectory: &mut Trajectory,
     open: &[usize],
     parameters: &[f64],
     constants: &[f64],
-) -> Result<(), TrialError> {
+) -> Result<(), CompletionError> {
     if open.is_empty() {
         return Ok(());
     }
-    let fault = |reason| TrialError::Open {
-        coordinates: open.iter().map(|&c| model.coordinate(c).name.into()).collect(),
-        reason,
-    };
     let mut harmonics = HARMONICS.0.max(2 * trajectory.highest_harmonic() as usize).min(HARMONICS.1);
     loop {
         let balance = Balance::new(model, trajectory, open, parameters, constants, harmonics)?;
         if balance.rows.len() != open.len() {
-            return Err(fault(OpenReason::Rows { free: balance.rows.len(), open: open.len() }));
+            return Err(OpenReason::Rows { free: balance.rows.len(), open: open.len() }.into());
         }
-        let solution = balance.solve(trajectory)?.map_err(fault)?;
+        let solution = balance.solve(trajectory)?;
         if solution.iter().all(|lines| is_short(lines)) {
             for (&c, lines) in open.iter().zip(solution) {
                 trajectory.coordinates[c] = series(&lines);
@@ -60,10 +56,21 @@ pub(super) fn complete(
             return Ok(());
         }
         if harmonics == HARMONICS.1 {
-            return Err(fault(OpenReason::Harmonics { most: HARMONICS.1 }));
+            return Err(OpenReason::Harmonics { most: HARMONICS.1 }.into());
         }
         harmonics = (2 * harmonics).min(HARMONICS.1);
     }
+}
+
+/// Why the series of the open coordinates cannot be filled.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub(super) enum CompletionError {
+    /// The model could not be evaluated along the motion.
+    #[error(transparent)]
+    Evaluation(#[from] EvalError),
+    /// The rows without an input do not determine the motion.
+    #[error(transparent)]
+    Open(#[from] OpenReason),
 }
 
 /// Why the motion of open coordinates is not determined.
@@ -127,7 +134,7 @@ impl<'a> Balance<'a> {
         parameters: &'a [f64],
         constants: &'a [f64],
         harmonics: usize,
-    ) -> Result<Self, TrialError> {
+    ) -> Result<Self, EvalError> {
         let dims = model.dims();
         // Products of four series of this length are still resolved.
         let points = (8 * (harmonics + 1)).next_power_of_two();
@@ -146,8 +153,8 @@ impl<'a> Balance<'a> {
         Ok(Balance { model, open, parameters, constants, harmonics, points, rows })
     }
 
-    /// Mean and lines of every open coordinate, or why there are none.
-    fn solve(&self, trajectory: &Trajectory) -> Result<Result<Vec<Vec<f64>>, OpenReason>, TrialError> {
+    /// Mean and lines of every open coordinate.
+    fn solve(&self, trajectory: &Trajectory) -> Result<Vec<Vec<f64>>, CompletionError> {
         let width = 2 * self.harmonics + 1;
         let size = self.open.len() * width;
         let mut now = trajectory.clone();
@@ -158,31 +165,31 @@ impl<'a> Balance<'a> {
             }
             let (residual, jacobian) = self.linearise(&now)?;
             if jacobian.iter().chain(&residual).all(|x| *x == 0.0) {
-                return Ok(Ok(vec![vec![0.0; width]; self.open.len()]));
+                return Ok(vec![vec![0.0; width]; self.open.len()]);
             }
             // Rows of high harmonics are larger by the square of their frequency.
             let scale: Vec<f64> = jacobian.row_iter().map(|row| row.amax()).collect();
             if scale.iter().any(|s| !s.is_finite() || *s <= 0.0) || residual.iter().any(|x| !x.is_finite()) {
-                return Ok(Err(OpenReason::Singular));
+                return Err(OpenReason::Singular.into());
             }
             let scaled = DMatrix::from_fn(size, size, |r, c| jacobian[(r, c)] / scale[r]);
             let right = DVector::from_fn(size, |r, _| -residual[r] / scale[r]);
             let Some(step) = scaled.lu().solve(&right).filter(|step| step.iter().all(|x| x.is_finite())) else {
-                return Ok(Err(OpenReason::Singular));
+                return Err(OpenReason::Singular.into());
             };
             unknown += &step;
             if step.amax() <= CONVERGED * unknown.amax() {
-                return Ok(Ok(unknown.as_slice().chunks_exact(width).map(<[f64]>::to_vec).collect()));
+                return Ok(unknown.as_slice().chunks_exact(width).map(<[f64]>::to_vec).collect());
             }
         }
-        Ok(Err(OpenReason::NoConvergence))
+        Err(OpenReason::NoConvergence.into())
     }
 
     /// Harmonics of the rows, and their derivatives with respect to the unknown lines.
     ///
     /// A row's derivative with respect to a coordinate's n-th derivative is a periodic function g; the derivative of the row's
     /// harmonic a with respect to a line b is a harmonic of g times a line, so it takes the harmonics a + b and a - b of g.
-    fn linearise(&self, now: &Trajectory) -> Result<(DVector<f64>, DMatrix<f64>), TrialError> {
+    fn linearise(&self, now: &Trajectory) -> Result<(DVector<f64>, DMatrix<f64>), EvalError> {
         let width = 2 * self.harmonics + 1;
         let size = self.open.len() * width;
         let mut residual = DVector::zeros(size);
@@ -225,7 +232,7 @@ impl<'a> Balance<'a> {
     }
 
     /// The rows and their derivatives at the points of a period.
-    fn sample(&self, now: &Trajectory) -> Result<Samples, TrialError> {
+    fn sample(&self, now: &Trajectory) -> Result<Samples, EvalError> {
         let dims = self.model.dims();
         let mut motions = vec![0.0; self.points * dims.motion_len()];
         let mut sizes = vec![0.0_f64; dims.motion_len()];
@@ -321,9 +328,8 @@ fn differentiated(unknown: usize, order: usize, frequency: f64) -> Option<(isize
 
 #[cfg(test)]
 mod tests {
-    use super::{OpenReason, complete};
+    use super::{CompletionError, OpenReason, complete};
     use crate::run::trajectory::{Line, Series, Trajectory};
-    use crate::run::trial::TrialError;
     use crate::test_models::TwoCarts;
     use std::vec;
 
@@ -355,7 +361,7 @@ mod tests {
             &[2.0, 1.0, 40.0, 300.0, k3],
             &[],
         ) {
-            Err(TrialError::Open { reason, .. }) => Some(reason),
+            Err(CompletionError::Open(reason)) => Some(reason),
             _ => None,
         };
         assert_eq!(reason(&[0], 0.0), Some(OpenReason::Singular));

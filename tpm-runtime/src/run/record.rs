@@ -1,6 +1,5 @@
 //! What comes back from an experiment.
 
-use crate::campaign::CampaignError;
 use crate::run::trial::Trial;
 use serde::{Deserialize, Serialize};
 use std::vec::Vec;
@@ -87,6 +86,28 @@ impl std::fmt::Display for RunEnding {
     }
 }
 
+/// Why samples are no record of a trial.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// The samples were taken at another rate.
+    #[error("the record has a sample every {given} s, the trial one every {needed} s")]
+    SampleTime {
+        /// Of the trial, s.
+        needed: f64,
+        /// Of the samples, s.
+        given: f64,
+    },
+    /// The samples end before the trial, and no tracking error passed its bound.
+    #[error("the record has {given} samples, the trial has {needed}")]
+    TooShort {
+        /// Samples of the trial.
+        needed: usize,
+        /// Samples given.
+        given: usize,
+    },
+}
+
 /// Samples of one run, complete or not.
 ///
 /// Invariant: all signals have the same length, rates at least that; sample n of an input was applied from n to n + 1 sample
@@ -112,17 +133,18 @@ impl Record {
     /// number, and a sample in which an input stands at its limit counts as cut.
     ///
     /// # Errors
-    /// [`CampaignError::SampleTime`], [`CampaignError::Mismatch`] when samples are missing although no bound was passed.
+    /// [`RecordError::SampleTime`] when the samples were taken at another rate than the trial's, [`RecordError::TooShort`] when
+    /// samples are missing although no bound was passed.
     pub fn of_samples(
         trial: &Trial,
         sample_time: f64,
         coordinates: Vec<Vec<f64>>,
         inputs: Vec<Vec<f64>>,
-    ) -> Result<Self, CampaignError> {
+    ) -> Result<Self, RecordError> {
         let needed = trial.control.sample_time;
         let off = (sample_time / needed - 1.0).abs();
         if off.is_nan() || off > SAME_RATE {
-            return Err(CampaignError::SampleTime { needed, given: sample_time });
+            return Err(RecordError::SampleTime { needed, given: sample_time });
         }
         let mut record = Record {
             sample_time: needed,
@@ -143,8 +165,7 @@ impl Record {
         let passed = (0..played).find_map(passes);
         let length = passed.map_or(played, |(n, _)| n + 1);
         if passed.is_none() && record.len() < trial.samples() {
-            let given = record.len();
-            return Err(CampaignError::Mismatch { what: "samples", needed: trial.samples(), given });
+            return Err(RecordError::TooShort { needed: trial.samples(), given: record.len() });
         }
         for channel in record.coordinates.iter_mut().chain(&mut record.inputs) {
             channel.truncate(length);

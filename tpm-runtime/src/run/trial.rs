@@ -7,7 +7,7 @@
 use super::hold::held;
 use crate::numerics::fourier;
 use crate::run::actuator::Dynamics;
-use crate::run::completion::{OpenReason, complete};
+use crate::run::completion::{CompletionError, OpenReason, complete};
 use crate::run::smoothing::Smoothing;
 use crate::run::spectra::Spectra;
 use crate::run::trajectory::Trajectory;
@@ -268,7 +268,13 @@ impl Trial {
         }
         let samples = asked.round() as usize;
         trajectory.frequency = 2.0 * std::f64::consts::PI / (samples as f64 * sample_time);
-        complete(model, &mut trajectory, open, parameters, constants)?;
+        complete(model, &mut trajectory, open, parameters, constants).map_err(|fault| match fault {
+            CompletionError::Evaluation(source) => TrialError::Evaluation(source),
+            CompletionError::Open(reason) => TrialError::Open {
+                coordinates: open.iter().map(|&c| model.coordinate(c).name.into()).collect(),
+                reason,
+            },
+        })?;
         let mut reference = vec![0.0; samples * dims.motion_len()];
         for (n, motion) in reference.chunks_exact_mut(dims.motion_len()).enumerate() {
             trajectory.motion_at(n, samples, 0.0, motion);

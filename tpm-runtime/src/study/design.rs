@@ -8,7 +8,7 @@
 use crate::campaign::{LEAST_PERIODS, RunReport, Setup, Stage};
 use crate::estimate::Along;
 use crate::experiment::{Experiment, ExperimentError};
-use crate::machine::simulated::{Bench, Sensor, simulate};
+use crate::machine::simulated::{Rig, Sensor, simulate};
 use crate::numerics::DMatrix;
 use crate::numerics::fourier::analyse;
 use crate::numerics::singular::{Singular, unit_columns};
@@ -176,7 +176,7 @@ pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment
 }
 
 /// Standard deviation of the noise of every coordinate.
-fn deviations(bench: &Bench, trajectory: &Trajectory) -> Vec<f64> {
+fn deviations(bench: &Rig, trajectory: &Trajectory) -> Vec<f64> {
     let sensors = bench.sensors.iter().zip(&trajectory.coordinates);
     let deviation = sensors.map(|(sensor, series)| {
         let size = series.lines.iter().map(|line| line.cos.hypot(line.sin)).fold(0.0, f64::max);

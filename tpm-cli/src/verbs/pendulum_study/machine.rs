@@ -8,7 +8,7 @@ use std::path::Path;
 use tpm_runtime::experiment::Named;
 use tpm_runtime::frequency::TransferFunction;
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::machine::simulated::{Actuator, Bench, Sensor};
+use tpm_runtime::machine::simulated::{Actuator, Rig, Sensor};
 use tpm_runtime::model::Model as _;
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::linear::linearize::{Linearization, OperatingPoint, StateSpace, linearize};
@@ -105,10 +105,10 @@ impl Machine {
     }
 
     /// The simulated machine.
-    pub(super) fn bench(&self, sensors: Vec<Sensor>, limit: f64, seed: u64) -> Bench {
+    pub(super) fn bench(&self, sensors: Vec<Sensor>, limit: f64, seed: u64) -> Rig {
         let lumped = self.lumped();
         let dims = self.interpreted.dims();
-        Bench {
+        Rig {
             parameters: (0..dims.parameters).map(|j| lumped[self.interpreted.parameter(j).name]).collect(),
             constants: (0..dims.constants).map(|j| self.named(self.interpreted.constant(j).name)).collect(),
             sensors,

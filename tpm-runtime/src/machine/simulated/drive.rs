@@ -1,6 +1,6 @@
 //! Given inputs on a simulated machine, without feedback: an excitation for a frequency response.
 
-use crate::machine::simulated::Bench;
+use crate::machine::simulated::Rig;
 use crate::machine::simulated::plant::Plant;
 use crate::machine::simulated::sensor::{Measurement, apply};
 use crate::machine::simulated::transmission::Transmission;
@@ -13,22 +13,17 @@ use tpm_core::model::{Buffer, EvalError, Model, require_len};
 /// zero. The record holds what the drives made of them.
 ///
 /// # Errors
-/// [`EvalError`] when model, bench and inputs do not fit together, or the plant's rows do not determine its motion.
-pub fn drive(
-    model: &dyn Model<f64>,
-    bench: &Bench,
-    sample_time: f64,
-    inputs: &[Vec<f64>],
-) -> Result<Record, EvalError> {
+/// [`EvalError`] when model, rig and inputs do not fit together, or the plant's rows do not determine its motion.
+pub fn drive(model: &dyn Model<f64>, rig: &Rig, sample_time: f64, inputs: &[Vec<f64>]) -> Result<Record, EvalError> {
     let dims = model.dims();
     let n = dims.coordinates;
-    require_len(Buffer::Motion, bench.sensors.len(), n)?;
-    require_len(Buffer::Inputs, bench.actuators.len(), dims.inputs)?;
+    require_len(Buffer::Motion, rig.sensors.len(), n)?;
+    require_len(Buffer::Inputs, rig.actuators.len(), dims.inputs)?;
     require_len(Buffer::Inputs, inputs.len(), dims.inputs)?;
     let samples = inputs.iter().map(Vec::len).min().unwrap_or(0);
-    let mut plant = Plant::new(model, &bench.parameters, &bench.constants)?;
-    let mut measurement = Measurement::new(&bench.sensors, bench.seed, 0);
-    let mut transmission = Transmission::new(&bench.actuators, sample_time, bench.sub_steps);
+    let mut plant = Plant::new(model, &rig.parameters, &rig.constants)?;
+    let mut measurement = Measurement::new(&rig.sensors, rig.seed, 0);
+    let mut transmission = Transmission::new(&rig.actuators, sample_time, rig.sub_steps);
     let (mut measured, mut applied) = (vec![0.0; n], vec![0.0; dims.inputs]);
     let mut record = Record {
         sample_time,
@@ -46,7 +41,7 @@ pub fn drive(
         for (value, column) in applied.iter_mut().zip(inputs) {
             *value = column[sample];
         }
-        record.saturated += usize::from(apply(&bench.actuators, &mut applied, &mut record.inputs));
+        record.saturated += usize::from(apply(&rig.actuators, &mut applied, &mut record.inputs));
         if transmission.advance(&mut plant, &applied)? {
             record.ending = Ending::Diverged { sample };
             break;
@@ -58,7 +53,7 @@ pub fn drive(
 #[cfg(test)]
 mod tests {
     use super::drive;
-    use crate::machine::simulated::Bench;
+    use crate::machine::simulated::Rig;
     use crate::machine::simulated::sensor::{Actuator, Sensor};
     use crate::run::Ending;
     use crate::test_models::MassSpringDrag;
@@ -66,7 +61,7 @@ mod tests {
 
     #[test]
     fn a_step_moves_a_mass_as_it_must() {
-        let bench = Bench {
+        let rig = Rig {
             parameters: vec![2.0, 8.0, 0.0],
             constants: vec![],
             sensors: vec![Sensor::default()],
@@ -75,12 +70,12 @@ mod tests {
             seed: 1,
         };
         // 4 N, cut to 3: x = 3/8 (1 - cos 2 t).
-        let record = drive(&MassSpringDrag, &bench, 0.01, &[vec![4.0; 500]]).expect("fits");
+        let record = drive(&MassSpringDrag, &rig, 0.01, &[vec![4.0; 500]]).expect("fits");
         assert_eq!((record.ending, record.saturated, record.inputs[0][7]), (Ending::Complete, 500, 3.0));
         for (n, x) in record.coordinates[0].iter().enumerate() {
             let expected = 0.375 * (1.0 - (0.02 * n as f64).cos());
             assert!((x - expected).abs() < 1e-9, "{n}: {x} {expected}");
         }
-        assert!(drive(&MassSpringDrag, &bench, 0.01, &[]).is_err());
+        assert!(drive(&MassSpringDrag, &rig, 0.01, &[]).is_err());
     }
 }

@@ -1,8 +1,9 @@
 //! A simulated machine: plant, sensors, drive and sampled control loop.
 //!
-//! Invariant: a run depends on the trial, the bench and its seed alone. All memory is reserved before the first sample; the
+//! Invariant: a run depends on the trial, the rig and its seed alone. All memory is reserved before the first sample; the
 //! loop itself allocates nothing.
 
+mod bench;
 mod closed_loop_arm;
 mod continuous;
 mod drive;
@@ -11,6 +12,7 @@ mod regulate;
 mod sensor;
 mod transmission;
 
+pub use bench::SimulatedBench;
 pub use closed_loop_arm::{ArmGeometry, ClosedLoopArm};
 pub use continuous::simulate_continuous;
 pub use drive::drive;
@@ -27,9 +29,9 @@ use tpm_core::control::{Differentiator, Feedback};
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
 use transmission::Transmission;
 
-/// The simulated machine around a plant.
+/// What surrounds a simulated plant, with the true values of its parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bench {
+pub struct Rig {
     /// True values of the parameters, in the model's order.
     pub parameters: Vec<f64>,
     /// Constants of the model.
@@ -46,9 +48,9 @@ pub struct Bench {
 
 /// One run on a simulated machine.
 #[derive(Debug)]
-pub struct Session<'a> {
+pub struct SimulatedRun<'a> {
     trial: &'a Trial,
-    bench: &'a Bench,
+    rig: &'a Rig,
     plant: Plant<'a>,
     measurement: Measurement,
     transmission: Transmission,
@@ -69,20 +71,20 @@ pub struct Session<'a> {
     saturated: usize,
 }
 
-impl<'a> Session<'a> {
+impl<'a> SimulatedRun<'a> {
     /// Puts the plant to rest at the start of the reference and reserves all memory.
     ///
     /// # Errors
-    /// [`EvalError`] when bench or trial do not fit the model.
-    pub fn new(model: &'a dyn Model<f64>, bench: &'a Bench, trial: &'a Trial) -> Result<Self, EvalError> {
+    /// [`EvalError`] when rig or trial do not fit the model.
+    pub fn new(model: &'a dyn Model<f64>, rig: &'a Rig, trial: &'a Trial) -> Result<Self, EvalError> {
         let dims = model.dims();
         let (n, period) = (dims.coordinates, trial.samples_per_period);
-        require_len(Buffer::Motion, bench.sensors.len(), n)?;
-        require_len(Buffer::Inputs, bench.actuators.len(), dims.inputs)?;
+        require_len(Buffer::Motion, rig.sensors.len(), n)?;
+        require_len(Buffer::Inputs, rig.actuators.len(), dims.inputs)?;
         require_len(Buffer::Motion, trial.reference.len(), period * dims.motion_len())?;
         require_len(Buffer::Motion, trial.tracking_bounds.len(), n)?;
         require_len(Buffer::Inputs, trial.feed_forward.len(), period * dims.inputs)?;
-        let mut plant = Plant::new(model, &bench.parameters, &bench.constants)?;
+        let mut plant = Plant::new(model, &rig.parameters, &rig.constants)?;
         let mut start = vec![0.0; dims.motion_len()];
         if let Some(first) = trial.reference.get(..n) {
             start[..n].copy_from_slice(first);
@@ -90,12 +92,12 @@ impl<'a> Session<'a> {
         plant.reset(&start)?;
         let time_constant = trial.control.velocity.time_constant().unwrap_or(0.0);
         let reserve = |count: usize| (0..count).map(|_| Vec::with_capacity(trial.samples())).collect();
-        Ok(Session {
+        Ok(SimulatedRun {
             trial,
-            bench,
+            rig,
             plant,
-            measurement: Measurement::new(&bench.sensors, bench.seed, trial.run),
-            transmission: Transmission::new(&bench.actuators, trial.control.sample_time, bench.sub_steps),
+            measurement: Measurement::new(&rig.sensors, rig.seed, trial.run),
+            transmission: Transmission::new(&rig.actuators, trial.control.sample_time, rig.sub_steps),
             filters: vec![Differentiator::new(trial.control.sample_time, time_constant); n],
             smoothers: trial
                 .control
@@ -110,9 +112,9 @@ impl<'a> Session<'a> {
             coordinates: reserve(n),
             inputs: reserve(dims.inputs),
             rated: vec![0.0; n],
-            rate_columns: if bench.sensors.iter().any(|sensor| sensor.rate_noise.is_some()) {
+            rate_columns: if rig.sensors.iter().any(|sensor| sensor.rate_noise.is_some()) {
                 let column = |sensor: &Sensor| sensor.rate_noise.map(|_| Vec::with_capacity(trial.samples()));
-                bench.sensors.iter().map(column).collect()
+                rig.sensors.iter().map(column).collect()
             } else {
                 Vec::new()
             },
@@ -150,7 +152,7 @@ impl<'a> Session<'a> {
         let rates = match self.trial.control.velocity {
             Velocity::Measured => {
                 for (c, rate) in self.rates.iter_mut().enumerate() {
-                    let actual = match self.bench.sensors.get(c).and_then(|sensor| sensor.rate_noise) {
+                    let actual = match self.rig.sensors.get(c).and_then(|sensor| sensor.rate_noise) {
                         Some(_) => self.rated.get(c),
                         None => self.plant.motion().get(n + c),
                     };
@@ -170,7 +172,7 @@ impl<'a> Session<'a> {
             }
         };
         Feedback::new(&self.trial.control.gains, &mut self.filters).add(&self.seen, rates, &mut self.wanted)?;
-        self.saturated += usize::from(apply(&self.bench.actuators, &mut self.wanted, &mut self.inputs));
+        self.saturated += usize::from(apply(&self.rig.actuators, &mut self.wanted, &mut self.inputs));
         for (&value, column) in self.measured.iter().zip(&mut self.coordinates) {
             column.push(value);
         }
@@ -214,16 +216,16 @@ impl<'a> Session<'a> {
 /// Plays a trial on a simulated machine.
 ///
 /// # Errors
-/// [`EvalError`] when model, bench and trial do not fit together, or the plant's rows do not determine its motion.
-pub fn simulate(model: &dyn Model<f64>, bench: &Bench, trial: &Trial) -> Result<Record, EvalError> {
-    let mut session = Session::new(model, bench, trial)?;
-    let ending = session.play()?;
-    Ok(session.record(ending))
+/// [`EvalError`] when model, rig and trial do not fit together, or the plant's rows do not determine its motion.
+pub fn simulate(model: &dyn Model<f64>, rig: &Rig, trial: &Trial) -> Result<Record, EvalError> {
+    let mut run = SimulatedRun::new(model, rig, trial)?;
+    let ending = run.play()?;
+    Ok(run.record(ending))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Session;
+    use super::SimulatedRun;
     use crate::campaign::Campaign;
     use crate::experiment::Experiment;
     use crate::run::Ending;
@@ -235,16 +237,16 @@ mod tests {
     fn the_control_loop_allocates_nothing() {
         let file = include_str!("../../../../models/mass_spring_drag.toml");
         let experiment = Experiment::parse(file).expect("the shipped file is right");
-        let bench = experiment.bench(&MassSpringDrag).expect("fits");
+        let rig = experiment.bench(&MassSpringDrag).expect("fits");
         let setup = experiment.setup(&MassSpringDrag, &rest_to_rest_3(), Hold::Zoh).expect("fits");
         let campaign = Campaign::new(&MassSpringDrag, setup).expect("playable");
         let trial = campaign.next().expect("first");
-        let mut session = Session::new(&MassSpringDrag, &bench, trial).expect("fits");
+        let mut run = SimulatedRun::new(&MassSpringDrag, &rig, trial).expect("fits");
         let mut ending = Ok(Ending::Diverged { sample: 0 });
-        let counted = allocation_counter::measure(|| ending = session.play());
+        let counted = allocation_counter::measure(|| ending = run.play());
         assert_eq!(ending, Ok(Ending::Complete));
         assert_eq!(counted.count_total, 0);
-        let record = session.record(Ending::Complete);
+        let record = run.record(Ending::Complete);
         assert_eq!(record.len(), trial.samples());
     }
 }

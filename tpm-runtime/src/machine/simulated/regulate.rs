@@ -4,7 +4,7 @@
 //! simulation knows.
 
 use crate::machine::regulator::{Regulator, Weights};
-use crate::machine::simulated::Bench;
+use crate::machine::simulated::Rig;
 use crate::machine::simulated::plant::Plant;
 use crate::machine::simulated::sensor::{Measurement, apply};
 use crate::machine::simulated::transmission::Transmission;
@@ -47,23 +47,23 @@ pub struct Regulated {
 /// Plays a regulator on a simulated machine of second order.
 ///
 /// # Errors
-/// [`EvalError`] when model, bench and regulation do not fit together, or the plant's rows do not determine its motion.
-pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'_>) -> Result<Regulated, EvalError> {
+/// [`EvalError`] when model, rig and regulation do not fit together, or the plant's rows do not determine its motion.
+pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) -> Result<Regulated, EvalError> {
     let dims = model.dims();
     let n = dims.coordinates;
-    require_len(Buffer::Motion, bench.sensors.len(), n)?;
+    require_len(Buffer::Motion, rig.sensors.len(), n)?;
     require_len(Buffer::Motion, regulation.start.len(), n)?;
     require_len(Buffer::Motion, regulation.bounds.len(), n)?;
     require_len(Buffer::Motion, regulation.regulator.gain.ncols(), 2 * n)?;
-    require_len(Buffer::Inputs, bench.actuators.len(), dims.inputs)?;
+    require_len(Buffer::Inputs, rig.actuators.len(), dims.inputs)?;
     require_len(Buffer::Inputs, regulation.regulator.gain.nrows(), dims.inputs)?;
     let sample_time = regulation.regulator.sample_time;
-    let mut plant = Plant::new(model, &bench.parameters, &bench.constants)?;
+    let mut plant = Plant::new(model, &rig.parameters, &rig.constants)?;
     let mut start = vec![0.0; dims.motion_len()];
     start[..n].copy_from_slice(&regulation.start);
     plant.reset(&start)?;
-    let mut measurement = Measurement::new(&bench.sensors, bench.seed, 0);
-    let mut transmission = Transmission::new(&bench.actuators, sample_time, bench.sub_steps);
+    let mut measurement = Measurement::new(&rig.sensors, rig.seed, 0);
+    let mut transmission = Transmission::new(&rig.actuators, sample_time, rig.sub_steps);
     let mut filters = vec![Differentiator::new(sample_time, regulation.derivative_filter); n];
     let (mut state, mut inputs) = (vec![0.0; 2 * n], vec![0.0; dims.inputs]);
     let mut found = Regulated {
@@ -89,7 +89,7 @@ pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'
         for (i, input) in inputs.iter_mut().enumerate() {
             *input = -regulation.regulator.gain.row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
         }
-        found.record.saturated += usize::from(apply(&bench.actuators, &mut inputs, &mut found.record.inputs));
+        found.record.saturated += usize::from(apply(&rig.actuators, &mut inputs, &mut found.record.inputs));
         for (column, value) in found.record.coordinates.iter_mut().zip(&state) {
             column.push(*value);
         }
@@ -117,7 +117,7 @@ pub fn regulate(model: &dyn Model<f64>, bench: &Bench, regulation: &Regulation<'
 mod tests {
     use super::{Regulation, regulate};
     use crate::machine::regulator::{Regulator, Weights};
-    use crate::machine::simulated::Bench;
+    use crate::machine::simulated::Rig;
     use crate::machine::simulated::sensor::{Actuator, Sensor};
     use crate::numerics::DMatrix;
     use crate::run::Ending;
@@ -125,8 +125,8 @@ mod tests {
     use std::vec;
 
     /// m = 2, k1 = -8: a mass on a spring that pushes away, x'' = 4 x + u/2.
-    fn bench(step: f64) -> Bench {
-        Bench {
+    fn rig(step: f64) -> Rig {
+        Rig {
             parameters: vec![2.0, -8.0, 0.0],
             constants: vec![],
             sensors: vec![Sensor { step, ..Sensor::default() }],
@@ -153,14 +153,14 @@ mod tests {
         let weights = Weights { state: vec![10.0, 0.0], input: vec![0.1] };
         let regulator = regulator(&weights);
         let regulation = regulation(&regulator, &weights, 0.1, 1.0);
-        let found = regulate(&MassSpringDrag, &bench(0.0), &regulation).expect("fits");
+        let found = regulate(&MassSpringDrag, &rig(0.0), &regulation).expect("fits");
         assert_eq!((found.record.ending, found.record.len()), (Ending::Complete, 10_000));
         assert!(found.late[0] < 1e-6, "{found:?}", found = found.late);
         // The rate is a difference, half a sample old: the cost is all but the least one.
         let least = regulator.cost_from(&[0.1, 0.0]);
         assert!((found.cost / least - 1.0).abs() < 1e-2, "{} {least}", found.cost);
         // Steps of an encoder keep it moving, within a few of them.
-        let stepped = regulate(&MassSpringDrag, &bench(1e-3), &regulation).expect("fits");
+        let stepped = regulate(&MassSpringDrag, &rig(1e-3), &regulation).expect("fits");
         assert!(stepped.late[0] > 1e-5 && stepped.late[0] < 1e-2, "{:?}", stepped.late);
     }
 
@@ -170,7 +170,7 @@ mod tests {
         let regulator = regulator(&weights);
         // The spring pushes with 48 N there, the drive with 40.
         let regulation = regulation(&regulator, &weights, 6.0, 10.0);
-        let found = regulate(&MassSpringDrag, &bench(0.0), &regulation).expect("fits");
+        let found = regulate(&MassSpringDrag, &rig(0.0), &regulation).expect("fits");
         assert!(
             matches!(found.record.ending, Ending::TrackingBound { coordinate: 0, .. }),
             "{:?}",
@@ -178,6 +178,6 @@ mod tests {
         );
         assert!(found.record.saturated == found.record.len() && found.record.len() < 10_000);
         let wrong = Regulation { start: vec![0.0, 0.0], ..regulation };
-        assert!(regulate(&MassSpringDrag, &bench(0.0), &wrong).is_err());
+        assert!(regulate(&MassSpringDrag, &rig(0.0), &wrong).is_err());
     }
 }
