@@ -10,7 +10,7 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::machine::simulated::{ClosedLoopArm, simulate};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::{Record, Trial};
-use tpm_runtime::session::{CampaignIdentification, Machine};
+use tpm_runtime::session::{Identification, Machine};
 use tpm_symbolic::regressor::prepare::prepare;
 
 const PROPOSED: &str = include_str!("../../../models/closed_loop_arm.toml");
@@ -91,7 +91,7 @@ fn best_quadratic(experiment: &Experiment) -> DVector<f64> {
     best
 }
 
-fn identified(experiment: &Experiment) -> (CampaignIdentification, [f64; 9]) {
+fn identified(experiment: &Experiment) -> (Identification, [f64; 9]) {
     let machine = machine(experiment);
     let result = machine.identify(experiment, &mut |_| true).expect("runs");
     let mut values = [0.0; 9];

@@ -7,7 +7,7 @@ use tpm_runtime::estimate::Along;
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::run::trajectory::Pattern;
-use tpm_runtime::session::{CampaignIdentification, Machine, identify_simulated};
+use tpm_runtime::session::{Identification, Machine, identify_simulated};
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::regressor::form::regressor_form;
 use tpm_symbolic::regressor::prepare::prepare;
@@ -115,7 +115,7 @@ fn stages_play_patterns_and_multiples_of_their_own_and_a_stopped_campaign_goes_o
     // Stopped after the run with the other pattern, the campaign goes on from its folder to the same result.
     let folder = tempfile::tempdir().expect("a folder");
     let manifest = Manifest::new("MassSpringDrag", TWO_PATTERNS.as_bytes(), b"two patterns");
-    let play = |most: usize| -> CampaignIdentification {
+    let play = |most: usize| -> Identification {
         let store = Store::open(folder.path(), &manifest).expect("a folder");
         let result = machine.identify_watched(&experiment, Some(&store), &mut |_, _, run| run.run < most);
         result.expect("runs")

@@ -5,7 +5,7 @@ use crate::support::model as shipped;
 use std::collections::BTreeMap;
 use tpm_runtime::experiment::{Experiment, ExperimentError};
 use tpm_runtime::machine::stability::StabilityError;
-use tpm_runtime::session::{CampaignIdentification, Machine};
+use tpm_runtime::session::{Identification, Machine};
 use tpm_symbolic::regressor::prepare::prepare;
 
 const TWO: &str = include_str!("../../../models/two_carts.toml");
@@ -41,7 +41,7 @@ fn exact(mut experiment: Experiment) -> Experiment {
 }
 
 /// Largest relative error of the physical parameters.
-fn error(result: &CampaignIdentification, truth: &[(&str, f64)]) -> f64 {
+fn error(result: &Identification, truth: &[(&str, f64)]) -> f64 {
     assert_eq!(result.physical.len(), truth.len(), "{:?}", result.warnings);
     let of = |(parameter, &(name, truth)): (&tpm_runtime::estimate::ParameterReport, &(&str, f64))| {
         assert_eq!(parameter.name, name);

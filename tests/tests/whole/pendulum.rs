@@ -13,7 +13,7 @@ use tpm_runtime::machine::simulated::{Actuator, Regulation, Rig, Sensor, regulat
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::Ending;
 use tpm_runtime::run::trajectory::Pattern;
-use tpm_runtime::session::{CampaignIdentification, identify_simulated};
+use tpm_runtime::session::{Identification, identify_simulated};
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
@@ -42,14 +42,14 @@ fn pendulum(overrides: &[(&str, &str)]) -> Pendulum {
 }
 
 impl Pendulum {
-    fn identify(&self) -> CampaignIdentification {
+    fn identify(&self) -> Identification {
         let found = identify_simulated(&self.model, &self.pattern, &self.experiment, &mut |_| true).expect("runs");
         assert!(found.is_complete(), "{:?} {:?}", found.outcome, found.warnings);
         found
     }
 
     /// Relative errors of the seven combinations that the motion shows (Fong, Eqn 26).
-    fn errors(&self, found: &CampaignIdentification) -> Vec<(&'static str, f64)> {
+    fn errors(&self, found: &Identification) -> Vec<(&'static str, f64)> {
         let truth = &self.experiment.plant.parameters;
         let motor = self.experiment.constants["Kt"] / self.experiment.constants["Rm"];
         let value = |name: &str| found.parameters.iter().find(|p| p.name == name).and_then(|p| p.value).expect("known");
@@ -69,7 +69,7 @@ impl Pendulum {
         found.iter().zip(truth).map(|((name, found), (_, truth))| (*name, found / truth - 1.0)).collect()
     }
 
-    fn physical(&self, found: &CampaignIdentification) -> BTreeMap<String, f64> {
+    fn physical(&self, found: &Identification) -> BTreeMap<String, f64> {
         let settings = PhysicalSettings {
             frozen: self.written.frozen.clone(),
             constants: self.written.constants.clone(),

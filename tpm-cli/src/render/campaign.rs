@@ -9,7 +9,7 @@ use tpm_runtime::campaign::RunReport;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
 use tpm_runtime::run::{Record, Trial};
-use tpm_runtime::session::{CampaignIdentification, Machine};
+use tpm_runtime::session::{Identification, Machine};
 
 /// Points of a curve at most.
 const POINTS: usize = 1000;
@@ -67,7 +67,7 @@ impl Played {
 pub(crate) fn write(
     folder: &Path,
     machine: &Machine,
-    result: &CampaignIdentification,
+    result: &Identification,
     first: Option<&Played>,
     last: Option<&Played>,
 ) -> Result<(), Failure> {
@@ -100,7 +100,7 @@ pub(crate) fn write(
 }
 
 /// One row per run with the parameters that it was driven with, then what was identified.
-fn table(machine: &Machine, result: &CampaignIdentification) -> String {
+fn table(machine: &Machine, result: &Identification) -> String {
     let plant = machine.plant();
     let names: Vec<&str> = (0..plant.dims().parameters).map(|j| plant.parameter(j).name).collect();
     let row = |first: String, values: &[f64]| {

@@ -1,4 +1,4 @@
 //! Results as text.
 
 pub(crate) mod campaign;
-pub(crate) mod table;
+

@@ -23,7 +23,7 @@ use tpm_runtime::log::{Log, LogOptions};
 use tpm_runtime::machine::stability::Stability;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::{Record, Trial};
-use tpm_runtime::session::CampaignIdentification;
+use tpm_runtime::session::Identification;
 use tpm_runtime::session::{Identification, identify_log};
 use tpm_symbolic::mechanics::model::Kind;
 use tpm_symbolic::regressor::prepare::Prepared;
@@ -182,7 +182,7 @@ pub(crate) enum Runs {
 }
 
 pub(crate) fn describe_campaign(
-    result: &CampaignIdentification,
+    result: &Identification,
     model: &tpm_symbolic::mechanics::model::Model,
     runs: Runs,
 ) -> String {

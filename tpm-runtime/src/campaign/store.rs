@@ -6,13 +6,13 @@
 //! the same number back, so that a campaign that goes on from a folder is the unbroken one.
 
 use crate::log::{fingerprint, rate_column};
+use crate::report::write_whole;
 use crate::run::smoothing::Smoothing;
 use crate::run::{Ending, Record, RunEnding, Trial};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::format;
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec;
@@ -50,6 +50,16 @@ impl Manifest {
             experiment_hash: fingerprint(experiment_text),
             version: env!("CARGO_PKG_VERSION").to_string(),
         }
+    }
+}
+
+impl Manifest {
+    /// The manifest of the campaign in a folder.
+    ///
+    /// # Errors
+    /// [`StoreError`] when there is none, or it is no manifest.
+    pub fn read(folder: &Path) -> Result<Self, StoreError> {
+        read_json(&folder.join("campaign.json"), CAMPAIGN)
     }
 }
 
@@ -181,7 +191,7 @@ impl Store {
     pub fn open(folder: &Path, manifest: &Manifest) -> Result<Self, StoreError> {
         let path = folder.join("campaign.json");
         if path.exists() {
-            let found: Manifest = read_json(&path, CAMPAIGN)?;
+            let found = Manifest::read(folder)?;
             let different = [
                 ("model", &found.model_hash, &manifest.model_hash),
                 ("experiment", &found.experiment_hash, &manifest.experiment_hash),
@@ -195,8 +205,14 @@ impl Store {
             return Ok(Store { folder: folder.to_path_buf(), manifest: found });
         }
         fs::create_dir_all(folder).map_err(|error| io(folder, &error))?;
-        write_whole(&path, pretty(manifest).as_bytes())?;
+        keep(&path, pretty(manifest).as_bytes())?;
         Ok(Store { folder: folder.to_path_buf(), manifest: manifest.clone() })
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
     }
 
     /// The finished runs, in their order.
@@ -225,6 +241,22 @@ impl Store {
                 return Err(broken(&samples, "the samples are not those of the manifest beside them"));
             }
             records.push(read_samples(&samples, &text, model, &run)?);
+        }
+    }
+
+    /// The samples' file of every finished run, in their order, with its fingerprint.
+    ///
+    /// # Errors
+    /// [`StoreError`] when a manifest cannot be read.
+    pub fn fingerprints(&self) -> Result<Vec<(String, String)>, StoreError> {
+        let mut found = Vec::new();
+        loop {
+            let (samples, manifest) = self.paths(found.len() + 1);
+            if !manifest.exists() {
+                return Ok(found);
+            }
+            let run: RunManifest = read_json(&manifest, RUN)?;
+            found.push((samples.display().to_string(), run.samples_hash));
         }
     }
 
@@ -268,8 +300,8 @@ impl Store {
             samples_hash: fingerprint(text.as_bytes()),
         };
         let (samples, path) = self.paths(trial.run + 1);
-        write_whole(&samples, text.as_bytes())?;
-        write_whole(&path, pretty(&manifest).as_bytes())
+        keep(&samples, text.as_bytes())?;
+        keep(&path, pretty(&manifest).as_bytes())
     }
 
     fn paths(&self, run: usize) -> (PathBuf, PathBuf) {
@@ -358,19 +390,8 @@ fn read_json<T: serde::de::DeserializeOwned>(path: &Path, schema: &str) -> Resul
     serde_json::from_value(value).map_err(|error| broken(path, &error.to_string()))
 }
 
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    let partial = path.with_extension("partial");
-    let write = || -> std::io::Result<()> {
-        let mut file = fs::File::create(&partial)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&partial, path)
-    };
-    write().map_err(|error| {
-        // What cannot be removed is written over the next time.
-        let _ = fs::remove_file(&partial);
-        io(path, &error)
-    })
+fn keep(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    write_whole(path, bytes).map_err(|error| io(path, &error))
 }
 
 fn io(path: &Path, error: &std::io::Error) -> StoreError {

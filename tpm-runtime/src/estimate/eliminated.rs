@@ -231,12 +231,12 @@ impl Eliminated {
         for (j, &i) in order.iter().enumerate() {
             let said = physical.parameters[i].status;
             std[j] = covariance[(j, j)].max(0.0_f64).sqrt();
-            status[j] = if said == Status::Unobservable.name() {
+            status[j] = if said == Status::Unobservable {
                 std[j] = f64::INFINITY;
                 Status::Unobservable
-            } else if said == Status::Frozen.name() {
+            } else if said == Status::Frozen {
                 Status::Frozen
-            } else if said == Status::PoorlyDetermined.name() || std[j] > POOR * values[j].abs() {
+            } else if said == Status::PoorlyDetermined || std[j] > POOR * values[j].abs() {
                 Status::PoorlyDetermined
             } else {
                 Status::Identified

@@ -232,7 +232,10 @@ pub fn has_inertia(model: &dyn Model<f64>, parameters: &[f64], constants: &[f64]
 pub fn negative_inertias(parameters: &[ParameterReport]) -> Vec<(String, f64)> {
     let inertias = parameters.iter().filter(|p| p.unit.as_deref().is_some_and(is_mass));
     let known = inertias.filter_map(|p| Some((p, p.value?, p.std?)));
-    known.filter(|(_, value, std)| *value < -SURELY_NEGATIVE * std).map(|(p, value, _)| (p.name.clone(), value)).collect()
+    known
+        .filter(|(_, value, std)| *value < -SURELY_NEGATIVE * std)
+        .map(|(p, value, _)| (p.name.clone(), value))
+        .collect()
 }
 
 /// Whether a quantity in this unit is a mass or a moment of inertia.

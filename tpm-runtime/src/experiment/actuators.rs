@@ -193,7 +193,7 @@ mod tests {
     use crate::run::LowPass;
     use crate::run::trajectory::tests::rest_to_rest_3;
     use crate::session::identify_log;
-    use crate::session::{CampaignIdentification, identify_simulated};
+    use crate::session::{Identification, identify_simulated};
     use crate::test_models::MassSpringDrag;
     use std::string::ToString;
     use tpm_core::harmonics::Hold;
@@ -212,7 +212,7 @@ mod tests {
         experiment
     }
 
-    fn identified(experiment: &Experiment) -> CampaignIdentification {
+    fn identified(experiment: &Experiment) -> Identification {
         identify_simulated(&MassSpringDrag, &rest_to_rest_3(), experiment, &mut |_| true).expect("runs")
     }
 
@@ -253,7 +253,7 @@ mod tests {
         let error = |actuators: &[Dynamics], hold: Hold| {
             let options = LogOptions { hold, actuators: actuators.to_vec(), ..LogOptions::default() };
             let found = identify_log(model, &log, &options).expect("periodic");
-            (worst(found.estimate.values.iter().copied()), found.residual, found.log.actuators.len())
+            (worst(found.current.iter().copied()), found.residual, found.log.map_or(0, |log| log.actuators.len()))
         };
         let filter = Some(LowPass { natural_frequency: 250.0, quality: 0.8 });
         let known = Dynamics { delay: 0.0035, filter, bandwidth: None };

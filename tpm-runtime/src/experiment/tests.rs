@@ -2,7 +2,7 @@ use crate::experiment::Experiment;
 use crate::experiment::resolve::ExperimentError;
 use crate::run::RunEnding;
 use crate::run::trajectory::tests::rest_to_rest_3;
-use crate::session::identify_simulated;
+use crate::session::{SessionError, identify_simulated};
 use crate::test_models::MassSpringDrag;
 use std::string::ToString;
 
@@ -63,7 +63,7 @@ fn limits_end_a_campaign() {
     let weak = run(&[&tight[..], &[("max_aborts", "0")]].concat());
     assert_eq!(weak.outcome.expect("ended"), crate::campaign::Outcome::Aborted);
     assert!(!weak.is_complete() && weak.parameters[0].value.is_none());
-    assert!(weak.warnings.iter().any(|w| w.contains("tracking")), "{:?}", weak.warnings);
+    assert!(weak.warnings.iter().any(|w| w.to_string().contains("tracking")), "{:?}", weak.warnings);
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn parameters_that_drift_are_followed() {
         }
         identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs")
     };
-    let error = |result: &crate::session::CampaignIdentification| {
+    let error = |result: &crate::session::Identification| {
         let truth = 40.0 * 1.01_f64.powi(result.runs.len() as i32 - 1);
         (result.parameters[1].value.expect("identified") / truth - 1.0).abs()
     };
@@ -173,10 +173,10 @@ fn lower_gains_show_more_and_are_checked() {
     assert!(identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false).is_ok());
     experiment.schedule.gains = std::vec![1.0, 0.25];
     let refused = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false);
-    assert!(matches!(refused, Err(ExperimentError::Stability(_))), "{refused:?}");
+    assert!(matches!(refused, Err(SessionError::Experiment(ExperimentError::Stability(_)))), "{refused:?}");
     experiment.schedule.gains = std::vec![1.0; 9];
     let refused = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false);
-    assert!(matches!(refused, Err(ExperimentError::Invalid { .. })), "{refused:?}");
+    assert!(matches!(refused, Err(SessionError::Experiment(ExperimentError::Invalid { .. }))), "{refused:?}");
 }
 
 #[test]
@@ -189,7 +189,11 @@ fn a_sensor_that_drops_out_ends_the_campaign_and_what_was_known_stays() {
     for (parameter, truth) in result.parameters.iter().zip([2.0, 40.0, 1.5]) {
         assert!((parameter.value.expect("of the first run") / truth - 1.0).abs() < 2e-2, "{parameter:?}");
     }
-    assert!(!result.is_complete() && result.warnings.iter().any(|w| w.contains("sensor")), "{:?}", result.warnings);
+    assert!(
+        !result.is_complete() && result.warnings.iter().any(|w| w.to_string().contains("sensor")),
+        "{:?}",
+        result.warnings
+    );
 }
 
 #[test]
@@ -203,7 +207,7 @@ fn harmonics_near_a_natural_mode_are_said() {
     let near = result.runs[1].near_mode.as_ref().expect("seen");
     assert_eq!((near.signal.as_str(), near.harmonic), ("x", 1));
     assert!((near.frequency - 20.0_f64.sqrt()).abs() < 0.1);
-    assert!(result.warnings.iter().any(|w| w.contains("natural mode")), "{:?}", result.warnings);
+    assert!(result.warnings.iter().any(|w| w.to_string().contains("natural mode")), "{:?}", result.warnings);
     // The second harmonic is only in the force, from the square of the velocity.
     experiment.apply_override("schedule.stages", "[{ lambda = 0.2, w = 2.25 }]").expect("known");
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
@@ -226,7 +230,11 @@ fn a_plant_that_diverges_leaves_what_was_known() {
         assert_eq!(parameter.value, kept.value);
         assert!((parameter.value.expect("of the first run") / truth - 1.0).abs() < 2e-2, "{parameter:?}");
     }
-    assert!(!result.is_complete() && result.warnings.iter().any(|w| w.contains("diverged")), "{:?}", result.warnings);
+    assert!(
+        !result.is_complete() && result.warnings.iter().any(|w| w.to_string().contains("diverged")),
+        "{:?}",
+        result.warnings
+    );
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! What can be wrong with a log.
 
 use crate::estimate::EstimateError;
-use crate::run::SpectrumError;
 use crate::report::Remedy;
+use crate::run::SpectrumError;
 use std::fmt;
 use std::string::String;
 use std::vec::Vec;

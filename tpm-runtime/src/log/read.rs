@@ -336,6 +336,7 @@ fn even_time(time: &[f64], resolution: f64, lines: &[u64], name: &str) -> Result
 #[cfg(test)]
 mod tests {
     use super::{Log, LogError, LogOptions};
+    use crate::report::Remedy;
     use crate::test_models::MassSpringDrag;
     use std::format;
     use std::string::String;
@@ -392,8 +393,10 @@ mod tests {
         // A dropped sample, and time that stands still.
         assert!(fault(&with(5, "")).starts_with("run.csv:7: time advances by"));
         assert!(fault(&with(5, "0.004,1,1\n")).starts_with("run.csv:7: time advances by"));
-        let message = fault(&text(good).replace("t_s,x,u", "t_s,y,u"));
-        assert!(message.contains("no column `x`") && message.contains("--map x=COLUMN"), "{message}");
+        let error =
+            read(&text(good).replace("t_s,x,u", "t_s,y,u"), &LogOptions::default()).expect_err("no such column");
+        assert!(format!("{error}").contains("no column `x`"), "{error}");
+        assert_eq!(error.remedy(), Some(Remedy::MapColumn { signal: "x".into() }));
         assert!(fault("t_s,x,u\n0,1,2\n").starts_with("run.csv:2: the log ends after 1 samples"));
         assert!(fault("").contains("no column `t_s`"));
         let message = fault(&text(|i| format!("{:.3},0.5,{i}\n", i as f64 * 1e-3)));

@@ -1,7 +1,9 @@
-//! Text for people: tables and numbers for a terminal, and remedies as data.
+//! Text for people: tables and numbers for a terminal, remedies as data, and files that are written whole.
 
+mod file;
 mod remedy;
 mod table;
 
+pub use file::write_whole;
 pub use remedy::Remedy;
 pub use table::{Align, TextTable, combination, number};

@@ -1,28 +1,23 @@
 //! Campaigns: on a simulated machine, on a machine behind a [`Bench`], and from the runs that a folder keeps.
 
-use crate::campaign::{Campaign, RunReport, Store, summary_of_store};
+use crate::campaign::{Campaign, Store};
 use crate::estimate::physical::PhysicalSettings;
 use crate::experiment::{Experiment, ExperimentError};
 use crate::log::fingerprint;
 use crate::machine::actuator::{FileFault, MotorFile};
-use crate::machine::simulated::simulate;
 use crate::machine::stability::Stability;
-use crate::run::trajectory::Pattern;
-use crate::run::{Bench, BenchError, Record, RunEnding, Trial};
+use crate::run::{Bench, BenchError, Record, Trial};
 use crate::session::error::SessionError;
-use crate::session::identification::{Identification, Source};
+use crate::session::identification::{Identification, LogFingerprint, Source};
 use crate::session::machine::Machine;
 use crate::session::model::{DeclaredModel, Identifiable, ModelFault};
+use crate::session::play::{Watch, play_campaign, play_simulated};
 use crate::session::summary::{self, Lumped};
 use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec::Vec;
-use tpm_core::model::Model;
-
-/// Sees every run as it ends, with what was played and recorded, and says whether to go on.
-pub type Watch<'a> = dyn FnMut(&Trial, &Record, &RunReport) -> bool + 'a;
 
 /// Which experiment is meant, and what is changed in it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -254,11 +249,15 @@ impl Session {
         result.provenance.model = Some(self.declared.hash());
         result.provenance.experiment = Some(fingerprint(self.text()?.as_bytes()));
         if let Some(store) = store {
-            result.provenance.logs = summary_of_store(store)?;
+            let kept = store.fingerprints()?;
+            result.provenance.logs = kept.into_iter().map(|(path, hash)| LogFingerprint { path, hash }).collect();
         }
         if !self.bounds.is_empty() {
             let bounds = summary::options(&self.bounds);
-            result.provenance.options.insert("bounds".to_string(), serde_json::Value::Object(bounds.into_iter().collect()));
+            result
+                .provenance
+                .options
+                .insert("bounds".to_string(), serde_json::Value::Object(bounds.into_iter().collect()));
         }
         Ok(result)
     }
@@ -280,73 +279,6 @@ impl Session {
     pub(super) fn text(&self) -> Result<String, ExperimentError> {
         self.written.text()
     }
-}
-
-/// Plays one trial on the simulated machine of an experiment, which obeys `model` or is named in the experiment.
-///
-/// # Errors
-/// [`ExperimentError`].
-pub fn play_simulated(
-    model: &dyn Model<f64>,
-    experiment: &Experiment,
-    trial: &Trial,
-) -> Result<Record, ExperimentError> {
-    let other = experiment.other_plant(model)?;
-    let plant = other.as_ref().map_or(model, |arm| arm as &dyn Model<f64>);
-    Ok(simulate(plant, &experiment.bench_in_run(model, trial.run)?, trial)?)
-}
-
-/// Plays what a campaign asks for until it ends or the watcher stops it. Runs that a store holds are taken from it; new ones are
-/// kept there, with the seed of their noise, as they end.
-///
-/// # Errors
-/// What `play` gives, and [`SessionError::Experiment`].
-pub fn play_campaign(
-    model: &dyn Model<f64>,
-    campaign: &mut Campaign<'_>,
-    store: Option<(&Store, Option<u64>)>,
-    play: &mut dyn FnMut(&Trial) -> Result<Record, SessionError>,
-    watch: &mut Watch<'_>,
-) -> Result<(), SessionError> {
-    let finished = store.map_or_else(|| Ok(Vec::new()), |(store, _)| store.records(model))?;
-    let mut finished = finished.into_iter();
-    while let Some(trial) = campaign.next().cloned() {
-        let (record, is_new) = match finished.next() {
-            Some(record) => (record, false),
-            None => (play(&trial)?, true),
-        };
-        let report = campaign.submit(&record)?;
-        // A run in which a sensor dropped out is no finished run: it is played again when the campaign goes on.
-        let whole = report.ending != RunEnding::SensorLost;
-        let go_on = watch(&trial, &record, report);
-        if let Some((store, seed)) = store.filter(|_| is_new && whole) {
-            store.append(model, &trial, &record, seed)?;
-        }
-        if !go_on {
-            break;
-        }
-    }
-    Ok(())
-}
-
-/// Runs an experiment's campaign on the simulated machine of a model that was written by hand. `progress` sees every run as it ends
-/// and says whether to go on.
-///
-/// # Errors
-/// [`SessionError`].
-pub fn identify_simulated(
-    model: &dyn Model<f64>,
-    pattern: &Pattern,
-    experiment: &Experiment,
-    progress: &mut dyn FnMut(&RunReport) -> bool,
-) -> Result<Identification, SessionError> {
-    let (setup, stability) = experiment.stable_setup(model, pattern)?;
-    let mut campaign = Campaign::new(model, setup)?;
-    let mut play = |trial: &Trial| Ok(play_simulated(model, experiment, trial)?);
-    play_campaign(model, &mut campaign, None, &mut play, &mut |_, _, run| progress(run))?;
-    let mut result = summary::of_campaign(&campaign, Source::SimulatedPlant, experiment.seed);
-    result.stability = Some(stability);
-    Ok(result)
 }
 
 /// The simulated machine of an experiment, as a bench.

@@ -1,17 +1,19 @@
 //! Why a session cannot identify anything.
 
 use crate::campaign::{CampaignError, StoreError, WireError};
+use crate::estimate::EliminatedError;
 use crate::estimate::EstimateError;
 use crate::estimate::physical::PhysicalError;
 use crate::experiment::ExperimentError;
 use crate::log::LogError;
 use crate::report::Remedy;
-use crate::run::{BenchError, RecordError};
-use crate::session::machine::MachineError;
+use crate::run::BenchError;
+use crate::run::trajectory::PatternError;
 use crate::session::model::ModelFault;
 use std::fmt;
 use std::string::String;
 use std::vec::Vec;
+use tpm_symbolic::regressor::prepare::PrepareError;
 
 /// What a name was given for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +38,20 @@ impl fmt::Display for Setting {
             Setting::Actuator => "actuator",
         })
     }
+}
+
+/// Why a model is no machine.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MachineError {
+    /// Its own equations have no regressor form.
+    #[error("before coordinates are eliminated: {0}")]
+    Own(#[from] PrepareError),
+    /// The eliminated form does not fit.
+    #[error(transparent)]
+    Eliminated(#[from] EliminatedError),
+    /// The pattern cannot be played.
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
 }
 
 /// Why a session cannot identify anything. [`remedy`](Self::remedy) says which setting would help.

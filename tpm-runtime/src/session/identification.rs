@@ -155,9 +155,8 @@ impl Identification {
             (_, Some(outcome)) => {
                 // Where there are physical parameters the lumped ones are means to an end.
                 let wanted = if self.physical.is_empty() { &self.parameters } else { &self.physical };
-                let known = |parameter: &ParameterReport| {
-                    matches!(parameter.status, Status::Identified | Status::Frozen)
-                };
+                let known =
+                    |parameter: &ParameterReport| matches!(parameter.status, Status::Identified | Status::Frozen);
                 let whole = wanted.iter().all(known) && self.estimate.is_some() && outcome.is_normal();
                 (!whole).then(|| format!("not everything was identified: {}", outcome.describe()))
             }

@@ -1,9 +1,7 @@
 //! From a log to parameters.
 
 use crate::estimate::physical::PhysicalSettings;
-use crate::estimate::{
-    Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion,
-};
+use crate::estimate::{Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
 use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, find_periodic, fingerprint};
 use crate::report::Remedy;
 use crate::run::{Dynamics, Spectra, correct_actuators};
@@ -134,9 +132,6 @@ impl LogRequest {
         }
         let held = parameters.iter().enumerate();
         Ok(LogOptions {
-            map: self.map.clone(),
-            scale: self.scale.clone(),
-            offset: self.offset.clone(),
             from_sample: self.from_sample,
             period: self.period,
             hold: self.hold,
@@ -152,13 +147,28 @@ impl LogRequest {
             frozen: held
                 .filter_map(|(parameter, name)| Some(Frozen { parameter, value: *self.frozen.get(name)? }))
                 .collect(),
+            ..self.columns()
         })
+    }
+
+    /// What is said of the columns alone.
+    pub(super) fn columns(&self) -> LogOptions {
+        LogOptions {
+            map: self.map.clone(),
+            scale: self.scale.clone(),
+            offset: self.offset.clone(),
+            ..LogOptions::default()
+        }
     }
 
     /// What is said of physical parameters.
     fn physical(&self, physical: &[String]) -> PhysicalSettings {
         let only = |values: &BTreeMap<String, f64>| {
-            values.iter().filter(|(name, _)| physical.contains(name)).map(|(name, value)| (name.clone(), *value)).collect()
+            values
+                .iter()
+                .filter(|(name, _)| physical.contains(name))
+                .map(|(name, value)| (name.clone(), *value))
+                .collect()
         };
         PhysicalSettings {
             prior: only(&self.prior),

@@ -3,35 +3,22 @@
 //! Invariant: the plant's parameters are those of the model's own equations. With coordinates eliminated they are the
 //! physical parameters behind the lumped ones, and the estimator gives them.
 
-use crate::campaign::Store;
-use crate::campaign::{Campaign, RunReport, Setup};
+use crate::campaign::{Campaign, RunReport, Setup, Store};
 use crate::estimate::physical::PhysicalSettings;
-use crate::estimate::{Eliminated, EliminatedError, Method, Weights};
+use crate::estimate::{Eliminated, Method, Weights};
 use crate::experiment::{Equations, Experiment, ExperimentError, StageSection};
 use crate::interpret::Interpreted;
-use crate::run::trajectory::{Pattern, PatternError};
-use crate::session::simulated::{CampaignIdentification, Watch, play_campaign};
+use crate::run::Trial;
+use crate::run::trajectory::Pattern;
+use crate::session::error::{MachineError, SessionError};
+use crate::session::identification::{Identification, Source};
+use crate::session::play::{Watch, play_campaign, play_simulated};
+use crate::session::summary;
 use std::collections::BTreeMap;
 use std::string::String;
 use std::sync::Arc;
-use std::vec;
 use std::vec::Vec;
-use tpm_core::model::Model as _;
-use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
-
-/// Why a model is no machine.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MachineError {
-    /// Its own equations have no regressor form.
-    #[error("before coordinates are eliminated: {0}")]
-    Own(#[from] PrepareError),
-    /// The eliminated form does not fit.
-    #[error(transparent)]
-    Eliminated(#[from] EliminatedError),
-    /// The pattern cannot be played.
-    #[error(transparent)]
-    Pattern(#[from] PatternError),
-}
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 /// A model as a machine.
 #[derive(Clone, Debug)]
@@ -124,5 +111,39 @@ impl Machine {
             _ => Campaign::new(&self.plant, setup),
         };
         Ok(campaign?)
+    }
+
+    /// Plays an experiment's campaign on its simulated machine, when the loop is stable, in the parameters that the estimator
+    /// gives; a [`Session`](crate::session::Session) adds the physical ones behind lumped ones. `progress` sees every run as it ends
+    /// and says whether to go on.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn identify(
+        &self,
+        experiment: &Experiment,
+        progress: &mut dyn FnMut(&RunReport) -> bool,
+    ) -> Result<Identification, SessionError> {
+        self.identify_watched(experiment, None, &mut |_, _, run| progress(run))
+    }
+
+    /// Plays an experiment's campaign as [`identify`](Self::identify) does, for whoever wants to see the samples too. Runs that a store
+    /// holds are taken from it, and new ones are kept there as they end.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn identify_watched(
+        &self,
+        experiment: &Experiment,
+        store: Option<&Store>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Identification, SessionError> {
+        let (setup, stability) = experiment.stable_setup(&self.plant, &self.pattern)?;
+        let mut campaign = self.campaign(experiment, setup)?;
+        let mut play = |trial: &Trial| Ok(play_simulated(&self.plant, experiment, trial)?);
+        play_campaign(&self.plant, &mut campaign, store.map(|store| (store, Some(experiment.seed))), &mut play, watch)?;
+        let mut result = summary::of_campaign(&campaign, Source::SimulatedPlant, experiment.seed);
+        result.stability = Some(stability);
+        Ok(result)
     }
 }

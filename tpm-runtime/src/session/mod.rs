@@ -18,6 +18,7 @@
 
 mod campaign;
 mod error;
+mod folder;
 mod identification;
 mod log;
 mod log_report;
@@ -25,6 +26,7 @@ mod machine;
 #[cfg(test)]
 mod measured_tests;
 mod model;
+mod play;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;
@@ -33,15 +35,14 @@ mod validate;
 mod warning;
 
 pub use self::log::{LogRequest, from_log, identify_log};
-pub use campaign::{
-    ExperimentRequest, Session, SimulatedMachine, Watch, identify_simulated, on_machine, on_simulated_plant, play_campaign,
-    play_simulated,
-};
-pub use error::{SessionError, Setting};
+pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
+pub use error::{MachineError, SessionError, Setting};
+pub use folder::{CampaignFolder, NextRun, Submission};
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
 pub use log_report::{ActuatorReport, HoldResiduals, LogReport};
-pub use machine::{Machine, MachineError};
+pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
+pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use summary::of_campaign;
 pub use validate::{RowPrediction, Validation, validate_log};
 pub use warning::{Data, Warning};

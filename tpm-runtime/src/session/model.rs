@@ -34,7 +34,9 @@ pub enum ModelFault {
         diagnostics: String,
     },
     /// A compiled model does not carry the text that it was declared with, as those written by hand do not.
-    #[error("model {name} was written by hand: its physical parameters and patterns are not known; declare it in a model file or with the macro")]
+    #[error(
+        "model {name} was written by hand: its physical parameters and patterns are not known; declare it in a model file or with the macro"
+    )]
     NoText {
         /// The model.
         name: String,
@@ -77,8 +79,7 @@ impl DeclaredModel {
     /// # Errors
     /// [`ModelFault::Text`].
     pub fn of_source(source: Source) -> Result<Self, ModelFault> {
-        let parsed =
-            parse_model(&source).map_err(|faults| ModelFault::Text { diagnostics: faults.render(&source) })?;
+        let parsed = parse_model(&source).map_err(|faults| ModelFault::Text { diagnostics: faults.render(&source) })?;
         let prepared = prepare(parsed.model.clone())
             .map_err(|fault| ModelFault::Text { diagnostics: located(&source, &parsed, &fault) })?;
         let evaluated = Interpreted::new(&prepared.model, &prepared.form);
@@ -141,13 +142,6 @@ impl DeclaredModel {
             let diagnostic = Diagnostic::error(self.parsed.ast.name.span, &message).help(&help);
             ModelFault::Text { diagnostics: diagnostic::render(&self.source, &diagnostic) }
         })
-    }
-
-    /// Name of the frequency of the first pattern; `w` in a model without one.
-    pub(super) fn frequency_name(&self) -> String {
-        let model = &self.parsed.model;
-        let first = model.patterns.first();
-        first.map_or_else(|| "w".to_string(), |pattern| model.quantity(pattern.frequency).name.to_string())
     }
 }
 

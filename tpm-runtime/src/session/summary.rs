@@ -86,8 +86,7 @@ pub fn of_campaign(campaign: &Campaign<'_>, source: Source, seed: u64) -> Identi
 fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Campaign<'_>) -> Vec<Warning> {
     let runs = campaign.runs();
     let stopped = runs.iter().filter(|run| run.ending != RunEnding::Complete);
-    let mut warnings: Vec<Warning> =
-        stopped.map(|run| Warning::Run { run: run.run, ending: run.ending }).collect();
+    let mut warnings: Vec<Warning> = stopped.map(|run| Warning::Run { run: run.run, ending: run.ending }).collect();
     warnings.extend(runs.iter().filter_map(|run| {
         let mode = run.near_mode.clone()?;
         Some(Warning::NearMode { run: run.run, fundamental: run.frequency, mode })
@@ -154,9 +153,9 @@ pub(super) fn warn_of_negative_inertias(
     }
     let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
     let negative = negative_inertias(named);
-    result.warnings.extend(
-        negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }),
-    );
+    result
+        .warnings
+        .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
 }
 
 /// A model whose parameters were lumped.

@@ -5,9 +5,9 @@
 
 use crate::campaign::RunReport;
 use crate::estimate::Status;
-use crate::experiment::{Experiment, ExperimentError};
+use crate::experiment::Experiment;
 use crate::run::trajectory::Pattern;
-use crate::session::{CampaignIdentification, identify_simulated};
+use crate::session::{Identification, Session, SessionError, identify_simulated};
 use crate::study::design::bounds;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -72,31 +72,46 @@ pub struct Study {
 }
 
 /// One campaign of a study.
-pub type Identify<'a> = dyn Fn(&Experiment, &mut dyn FnMut(&RunReport) -> bool) -> Result<CampaignIdentification, ExperimentError>
-    + Sync
-    + 'a;
+pub type Identify<'a> =
+    dyn Fn(&Experiment, &mut dyn FnMut(&RunReport) -> bool) -> Result<Identification, SessionError> + Sync + 'a;
 
 /// Runs an experiment for `campaigns` seeds from its own on, on all cores. `progress` hears how many have ended, from any
 /// thread, and says whether to go on; campaigns after the last one before the first gap are not used.
 ///
 /// # Errors
-/// [`ExperimentError`]: that of the first seed which has one.
+/// [`SessionError`]: that of the first seed which has one.
 pub fn study(
     model: &dyn Model<f64>,
     pattern: &Pattern,
     experiment: &Experiment,
     campaigns: usize,
     progress: &(dyn Fn(usize) -> bool + Sync),
-) -> Result<Study, ExperimentError> {
+) -> Result<Study, SessionError> {
     let identify =
         |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| identify_simulated(model, pattern, own, go_on);
     study_campaigns(model, pattern, experiment, campaigns, &identify, progress)
 }
 
-/// The same with a campaign of the caller: it is handed the experiment with its seed, and what to ask after every run.
+/// Repeats the experiment of a session, for `campaigns` seeds from its own on.
 ///
 /// # Errors
-/// As [`study`].
+/// [`SessionError`]: that of the first seed which has one.
+pub fn study_session(
+    session: &Session,
+    campaigns: usize,
+    progress: &(dyn Fn(usize) -> bool + Sync),
+) -> Result<Study, SessionError> {
+    let machine = session.machine();
+    let identify = |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| {
+        session.with_seed(own.seed).identify(None, &mut |_, _, run| go_on(run))
+    };
+    study_campaigns(machine.plant(), machine.pattern(), session.experiment(), campaigns, &identify, progress)
+}
+
+/// Repeats campaigns of the caller, each of which is handed the experiment with its seed and what to ask after every run.
+///
+/// # Errors
+/// [`SessionError`]: that of the first seed which has one.
 pub fn study_campaigns(
     model: &dyn Model<f64>,
     pattern: &Pattern,
@@ -104,7 +119,7 @@ pub fn study_campaigns(
     campaigns: usize,
     identify: &Identify<'_>,
     progress: &(dyn Fn(usize) -> bool + Sync),
-) -> Result<Study, ExperimentError> {
+) -> Result<Study, SessionError> {
     let (ended, go_on) = (AtomicUsize::new(0), AtomicBool::new(true));
     let one = |index: usize| {
         if !go_on.load(Ordering::Relaxed) {
@@ -120,10 +135,8 @@ pub fn study_campaigns(
         }
         whole.then_some(result)
     };
-    let results: Vec<Option<Result<CampaignIdentification, ExperimentError>>> =
-        (0..campaigns).into_par_iter().map(one).collect();
-    let results: Vec<CampaignIdentification> =
-        results.into_iter().map_while(|result| result).collect::<Result<_, _>>()?;
+    let results: Vec<Option<Result<Identification, SessionError>>> = (0..campaigns).into_par_iter().map(one).collect();
+    let results: Vec<Identification> = results.into_iter().map_while(|result| result).collect::<Result<_, _>>()?;
     let bounds = match results.first() {
         Some(first) => bounds(model, pattern, experiment, &first.runs)?.unwrap_or_default(),
         None => Vec::new(),
@@ -135,11 +148,11 @@ fn summarise(
     model: &dyn Model<f64>,
     experiment: &Experiment,
     asked: usize,
-    results: &[CampaignIdentification],
+    results: &[Identification],
     bounds: &[Option<f64>],
 ) -> Study {
     let incomplete = results.iter().filter(|result| !result.is_complete());
-    let incomplete_seeds: Vec<u64> = incomplete.map(|result| result.seed).collect();
+    let incomplete_seeds: Vec<u64> = incomplete.filter_map(|result| result.seed).collect();
     let parameters: Vec<ParameterStudy> = (0..model.dims().parameters)
         .filter_map(|j| {
             let label = model.parameter(j);
@@ -150,7 +163,7 @@ fn summarise(
                 .filter_map(
                     |result| if result.physical.is_empty() { result.parameters.get(j) } else { result.physical.get(j) },
                 )
-                .filter(|parameter| parameter.status == Status::Identified.name())
+                .filter(|parameter| parameter.status == Status::Identified)
                 .filter_map(|parameter| Some((parameter.value?, parameter.std?)))
                 .collect();
             let bound = bounds.get(j).copied().flatten();

@@ -4,6 +4,6 @@ mod campaigns;
 mod design;
 mod updates;
 
-pub use campaigns::{Identify, ParameterStudy, Study, study, study_campaigns};
+pub use campaigns::{Identify, ParameterStudy, Study, study, study_campaigns, study_session};
 pub use design::{Candidate, Design, Passed, Predicted, design};
 pub use updates::{Convergence, LIMITS, Updates, convergence, updates};

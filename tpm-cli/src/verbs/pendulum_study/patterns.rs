@@ -8,14 +8,14 @@ use crate::verbs::pendulum_study::machine::Machine;
 use crate::verbs::pendulum_study::markdown::{percent, table};
 use std::collections::BTreeMap;
 use tpm_runtime::estimate::physical::{PhysicalSettings, physical};
-use tpm_runtime::session::CampaignIdentification;
+use tpm_runtime::session::Identification;
 
 /// Physical parameters that the seven combinations determine.
 const DETERMINED: [&str; 6] = ["m2", "c2", "l1", "J1", "J2", "C2"];
 
 /// One campaign.
 struct Campaign {
-    found: CampaignIdentification,
+    found: Identification,
     /// Value and standard deviation.
     physical: BTreeMap<String, (f64, Option<f64>)>,
 }

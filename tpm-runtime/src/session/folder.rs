@@ -1,0 +1,169 @@
+//! A campaign that lives in a folder, and goes on by files: what to play next goes out, logs come in.
+
+use crate::campaign::{Manifest, Outcome, RunFile, RunReport, Store, StoreError, trial_samples};
+use crate::experiment::Experiment;
+use crate::log::Log;
+use crate::report::write_whole;
+use crate::run::{Record, RunEnding, Trial};
+use crate::session::campaign::{ExperimentRequest, Session};
+use crate::session::error::SessionError;
+use crate::session::identification::{Identification, Source};
+use crate::session::log::LogRequest;
+use crate::session::model::DeclaredModel;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::string::{String, ToString};
+use tpm_core::model::Model as _;
+
+/// The model, as it was when the campaign began.
+const MODEL: &str = "model.tpm";
+/// The experiment with all changes.
+const EXPERIMENT: &str = "experiment.toml";
+
+/// A campaign in a folder: model, experiment, and every finished run.
+#[derive(Clone, Debug)]
+pub struct CampaignFolder {
+    session: Session,
+    store: Store,
+}
+
+/// What the machine plays next.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NextRun {
+    /// The run itself.
+    pub trial: Trial,
+    /// Its samples, as CSV: time, reference with its derivatives, feed-forward.
+    pub samples: String,
+    /// Its terms: feedback, limits, timing.
+    pub terms: RunFile,
+}
+
+/// What became of a submitted run.
+#[derive(Clone, Debug)]
+pub struct Submission {
+    /// The run.
+    pub run: RunReport,
+    /// Whether the run is kept; one in which a sensor gave no value is not, and is played again.
+    pub kept: bool,
+    /// Why the campaign has ended; nothing while it goes on.
+    pub outcome: Option<Outcome>,
+    /// What all runs say so far.
+    pub result: Identification,
+}
+
+impl CampaignFolder {
+    /// Begins the campaign of a session in a folder, which is made when it is not there; goes on with it when the folder holds it
+    /// already. The loop must be stable.
+    ///
+    /// # Errors
+    /// [`SessionError`]; [`StoreError::Other`] when the folder holds another campaign.
+    pub fn begin(folder: &Path, session: Session) -> Result<Self, SessionError> {
+        session.campaign()?;
+        let store = store(folder, &session)?;
+        Ok(CampaignFolder { session, store })
+    }
+
+    /// Opens the campaign in a folder. `bounds` are those of physical parameters behind lumped ones.
+    ///
+    /// # Errors
+    /// [`SessionError::NoCampaign`] when there is none.
+    pub fn open(folder: &Path, bounds: BTreeMap<String, (f64, f64)>) -> Result<Self, SessionError> {
+        if !folder.join("campaign.json").exists() {
+            return Err(SessionError::NoCampaign { path: folder.display().to_string() });
+        }
+        let file = folder.join(MODEL);
+        let request = ExperimentRequest { file: Some(folder.join(EXPERIMENT)), bounds, ..ExperimentRequest::default() };
+        let session = Session::open(DeclaredModel::open(&file)?, &file, &request)?;
+        let store = store(folder, &session)?;
+        Ok(CampaignFolder { session, store })
+    }
+
+    /// The model with its experiment.
+    #[must_use]
+    pub const fn session(&self) -> &Session {
+        &self.session
+    }
+
+    /// The finished runs.
+    #[must_use]
+    pub const fn store(&self) -> &Store {
+        &self.store
+    }
+
+    /// What to play next, or why nothing is left to play.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn next(&self) -> Result<Result<NextRun, Option<Outcome>>, SessionError> {
+        let (campaign, _) = self.session.restored(&self.store)?;
+        let Some(trial) = campaign.next() else { return Ok(Err(campaign.outcome())) };
+        let plant = self.session.machine().plant();
+        Ok(Ok(NextRun {
+            samples: trial_samples(plant, trial),
+            terms: RunFile::new(plant, trial, campaign.setup().procedure.settle_periods),
+            trial: trial.clone(),
+        }))
+    }
+
+    /// Takes in the log of the run that [`next`](Self::next) gave: columns `t_s`, coordinates and applied inputs by name, measured
+    /// rates, if any, in columns like `dot(x)`. Of the request only what concerns columns is used.
+    ///
+    /// # Errors
+    /// [`SessionError`]; the campaign is then as it was before.
+    pub fn submit(&self, log: impl Into<LogRequest>) -> Result<Submission, SessionError> {
+        let request = log.into();
+        let (mut campaign, stability) = self.session.restored(&self.store)?;
+        let plant = self.session.machine().plant();
+        let Some(trial) = campaign.next().cloned() else { return Err(SessionError::Ended) };
+        let path = request.path.display().to_string();
+        let (measured, rates) = Log::open_rated(&request.path, plant, &request.columns())?;
+        let mut coordinates = measured.channels;
+        let inputs = coordinates.split_off(plant.dims().coordinates);
+        let fault =
+            |error: &dyn std::fmt::Display| SessionError::File { path: path.clone(), message: error.to_string() };
+        let mut record =
+            Record::of_samples(&trial, measured.sample_time, coordinates, inputs).map_err(|error| fault(&error))?;
+        record.rates = rates;
+        let run = campaign.submit(&record).map_err(|error| fault(&error))?.clone();
+        let kept = run.ending != RunEnding::SensorLost;
+        if kept {
+            self.store.append(plant, &trial, &record, None)?;
+        }
+        let result = self.session.result(&campaign, stability, Source::Folder, Some(&self.store))?;
+        Ok(Submission { run, kept, outcome: campaign.outcome(), result })
+    }
+
+    /// What all runs of the folder say.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn result(&self) -> Result<Identification, SessionError> {
+        self.session.result_of(&self.store)
+    }
+}
+
+/// The store of a session's campaign in a folder, with model and experiment beside it.
+pub(super) fn store(folder: &Path, session: &Session) -> Result<Store, SessionError> {
+    let (model, name) = (session.model().text().text(), session.machine().plant().name());
+    let manifest = |experiment: &Experiment| -> Result<(Manifest, String), SessionError> {
+        let text = experiment.text()?;
+        Ok((Manifest::new(name, model.as_bytes(), text.as_bytes()), text))
+    };
+    let (own, text) = manifest(session.written())?;
+    // Folders of earlier versions hold the experiment in the parameters that the model is linear in.
+    let (translated, translated_text) = manifest(session.experiment())?;
+    let found = if folder.join("campaign.json").exists() { Some(Manifest::read(folder)?) } else { None };
+    let earlier = found.is_some_and(|found| {
+        found.experiment_hash == translated.experiment_hash && found.experiment_hash != own.experiment_hash
+    });
+    let (manifest, text) = if earlier { (translated, translated_text) } else { (own, text) };
+    let store = Store::open(folder, &manifest)?;
+    for (file, text) in [(MODEL, model), (EXPERIMENT, text.as_str())] {
+        let path = folder.join(file);
+        write_whole(&path, text.as_bytes()).map_err(|error| {
+            let path = path.display().to_string();
+            SessionError::from(StoreError::Io { path, reason: error.to_string() })
+        })?;
+    }
+    Ok(store)
+}
