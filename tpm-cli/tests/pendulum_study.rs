@@ -1,15 +1,30 @@
-//! `tpm pendulum-study`: the whole chain on the shipped files.
+//! The example `pendulum_study`: the whole chain on the shipped files.
 
-mod support;
+// Cargo builds examples, but runs no unit tests in them: these run here.
+#[allow(dead_code, reason = "the example runs as a program of its own")]
+#[path = "../examples/pendulum_study/main.rs"]
+mod example;
 
-use support::tpm;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Runs the example in a folder. `cargo test` builds the examples of a package beside its test programs.
+fn study(folder: &Path, arguments: &[&str]) -> Output {
+    let test = std::env::current_exe().expect("this program has a path");
+    let built = test.parent().and_then(Path::parent).expect("cargo's folder `deps` stands in that of the profile");
+    let example = built.join("examples").join(format!("pendulum_study{}", std::env::consts::EXE_SUFFIX));
+    let run = Command::new(&example).args(arguments).current_dir(folder).output();
+    run.unwrap_or_else(|error| {
+        panic!("{}: {error}; `cargo build -p tpm-cli --example pendulum_study` makes it", example.display())
+    })
+}
 
 #[test]
 fn the_report_says_what_agrees_and_what_does_not() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let target = folder.path().join("study");
-    let args = ["pendulum-study", "--seeds", "2", "-o", target.to_str().expect("UTF-8")];
-    let run = tpm(&args);
+    // Far from the shipped models, which the program carries.
+    let run = study(folder.path(), &["--seeds", "2", "-o", "study"]);
     assert_eq!(run.status.code(), Some(0), "{}", String::from_utf8_lossy(&run.stderr));
     let report = std::fs::read_to_string(target.join("report.md")).expect("a report");
     for said in [
@@ -38,10 +53,10 @@ fn a_missing_value_and_a_short_record_are_said() {
     let table = folder.path().join("half.toml");
     std::fs::write(&table, "m2 = 0.022\n").expect("writable");
     for (arguments, said) in [
-        (["pendulum-study", "--params", table.to_str().expect("UTF-8")], "no value of l1, c2, J1"),
-        (["pendulum-study", "--duration", "20"], "--duration 20"),
+        (["--params", table.to_str().expect("UTF-8")], "no value of l1, c2, J1"),
+        (["--duration", "20"], "--duration 20"),
     ] {
-        let run = tpm(&arguments);
+        let run = study(folder.path(), &arguments);
         let errors = String::from_utf8_lossy(&run.stderr);
         assert!(run.status.code() == Some(2) && errors.contains(said), "{errors}");
     }

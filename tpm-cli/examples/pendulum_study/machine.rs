@@ -1,10 +1,9 @@
 //! A model with its values, ready for every step of the study.
 
-use crate::failure::Failure;
-use crate::input::load::Loaded;
-use crate::input::values::{ValueArgs, Values};
+use super::failure::Failure;
+use super::input::Input;
 use std::collections::BTreeMap;
-use std::path::Path;
+use tpm_codegen::diagnostic;
 use tpm_runtime::experiment::Named;
 use tpm_runtime::frequency::TransferFunction;
 use tpm_runtime::interpret::Interpreted;
@@ -13,44 +12,58 @@ use tpm_runtime::model::Model as _;
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::linear::linearize::{Linearization, OperatingPoint, StateSpace, linearize};
 use tpm_symbolic::mechanics::model::Model;
-use tpm_symbolic::number::rational;
+use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
-use tpm_symbolic::regressor::prepare::Prepared;
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 /// A model of two coordinates and one input, linearised at rest in zero.
 pub(super) struct Machine {
     /// Sorted into the parameters in which it is linear.
     pub(super) prepared: Prepared,
-    /// The same, to be run.
+    /// The sorted model, evaluated without compiling.
     pub(super) interpreted: Interpreted,
     linear_model: Model,
     linear: Linearization,
-    values: Values,
+    values: BTreeMap<Symbol, Rational>,
 }
 
 impl Machine {
-    pub(super) fn load(path: &Path, values: &ValueArgs) -> Result<Self, Failure> {
-        let loaded = Loaded::from_file(path)?;
-        let prepared = loaded.prepared()?;
-        let fault = |text: String| Failure::Input(format!("{}: {text}", path.display()));
-        let values = Values::load(values, loaded.model())?;
-        let missing = values.missing(loaded.model(), None);
+    /// The model of a file with the values of another.
+    ///
+    /// # Errors
+    ///
+    /// A file is faulty, a value is missing, or the model is not one of two coordinates and one input.
+    pub(super) fn load(file: &Input, values: &Input) -> Result<Self, Failure> {
+        let (source, parsed) = file.model()?;
+        let prepared = prepare(parsed.model.clone())
+            .map_err(|error| Failure::Model(diagnostic::render(&source, &parsed.locate(&error))))?;
+        let mut linear_model = parsed.model;
+        let values = values.values(&linear_model)?;
+        let symbols = linear_model.parameters().chain(linear_model.run_time_constants());
+        let missing: Vec<&str> = symbols
+            .filter(|symbol| !values.contains_key(symbol))
+            .map(|symbol| linear_model.quantity(symbol).name.as_str())
+            .collect();
         if !missing.is_empty() {
-            return Err(fault(format!("the parameter file gives no value of {}", missing.join(", "))));
+            return Err(file.fault(format!("the parameter file gives no value of {}", missing.join(", "))));
         }
         let interpreted = Interpreted::new(&prepared.model, &prepared.form);
         let dims = interpreted.dims();
         if dims.coordinates != 2 || dims.inputs != 1 {
-            return Err(fault("the study is of two coordinates, arm and pendulum, and one input".to_owned()));
+            return Err(file.fault("the study is of two coordinates, arm and pendulum, and one input"));
         }
-        let mut linear_model = loaded.model().clone();
-        let linear =
-            linearize(&mut linear_model, &OperatingPoint::default()).map_err(|error| fault(error.to_string()))?;
+        let linear = linearize(&mut linear_model, &OperatingPoint::default()).map_err(|error| file.fault(error))?;
         Ok(Machine { prepared, interpreted, linear_model, linear, values })
     }
 
     fn value(&self, symbol: Symbol) -> f64 {
-        self.values.get(symbol).map_or(f64::NAN, rational::to_f64)
+        self.values.get(&symbol).map_or(f64::NAN, rational::to_f64)
+    }
+
+    /// The pattern of this name, the model's first when there is no name.
+    pub(super) fn pattern(&self, name: Option<&str>) -> Option<&Pattern> {
+        self.linear_model.pattern(name)
     }
 
     /// Values by name.
@@ -86,12 +99,11 @@ impl Machine {
         &self,
     ) -> Result<(TransferFunction, Vec<tpm_runtime::frequency::Complex>), Failure> {
         let fault = |what: &str| Failure::Input(format!("{}: {what}", self.linear_model.name));
-        let space = self.linear.evaluate_exact(&self.linear_model, |symbol| self.values.get(symbol).cloned());
+        let space = self.linear.evaluate_exact(&self.linear_model, |symbol| self.values.get(&symbol).cloned());
         let space = space.ok_or_else(|| fault("an entry of the linear model is not rational"))?;
         let output: Vec<_> = (0..space.a.len()).map(|state| rational::integer(i64::from(state == 1))).collect();
         let exact = space.transfer_function(&output, 0).ok_or_else(|| fault("there is no transfer function"))?;
-        let float =
-            |polynomial: &[rational::Rational]| -> Vec<f64> { polynomial.iter().map(rational::to_f64).collect() };
+        let float = |polynomial: &[Rational]| -> Vec<f64> { polynomial.iter().map(rational::to_f64).collect() };
         let made = |numerator: &[f64], denominator: &[f64]| {
             TransferFunction::new(numerator, denominator).map_err(|error| fault(&error.to_string()))
         };

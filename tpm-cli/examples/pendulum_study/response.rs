@@ -1,11 +1,11 @@
 //! Frequency response of the simulated pendulum hanging down, and the fits to it (Fong, section 3.2 and Figure 6).
 
-use crate::failure::Failure;
-use crate::render::table::number;
-use crate::verbs::pendulum_study::Chapter;
-use crate::verbs::pendulum_study::linear::eqn_29;
-use crate::verbs::pendulum_study::machine::Machine;
-use crate::verbs::pendulum_study::markdown::{percent, polynomial, roots, table};
+use super::failure::Failure;
+
+use super::Chapter;
+use super::linear::eqn_29;
+use super::machine::Machine;
+use super::markdown::{number, percent, polynomial, roots, table};
 use std::f64::consts::TAU;
 use tpm_runtime::frequency::{
     BodeSettings, Complex, Excitation, FrequencyResponse, LinearizedResponse, OrderComparison, RationalFit,

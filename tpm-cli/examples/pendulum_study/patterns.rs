@@ -1,11 +1,11 @@
 //! Trajectory-pattern identification of the pendulum hanging down: the arm driven, the pendulum free.
 
-use crate::failure::Failure;
-use crate::input::experiment::Simulation;
-use crate::render::table::number;
-use crate::verbs::pendulum_study::Chapter;
-use crate::verbs::pendulum_study::machine::Machine;
-use crate::verbs::pendulum_study::markdown::{percent, table};
+use super::failure::Failure;
+use super::simulation::Simulation;
+
+use super::Chapter;
+use super::machine::Machine;
+use super::markdown::{number, percent, table};
 use std::collections::BTreeMap;
 use tpm_runtime::estimate::physical::{PhysicalSettings, physical};
 use tpm_runtime::session::CampaignIdentification;
@@ -26,13 +26,8 @@ pub(super) struct Identified {
 }
 
 impl Identified {
-    /// Runs the campaigns; `progress` hears how many have ended, and says whether to go on.
-    pub(super) fn run(
-        down: &Machine,
-        simulation: &Simulation,
-        seeds: u32,
-        progress: &dyn Fn(u32) -> bool,
-    ) -> Result<Self, Failure> {
+    /// Runs the campaigns; `ended` is called at the end of each.
+    pub(super) fn run(down: &Machine, simulation: &Simulation, seeds: u32, ended: &dyn Fn()) -> Result<Self, Failure> {
         let settings = PhysicalSettings {
             frozen: simulation.written.frozen.clone(),
             constants: simulation.written.constants.clone(),
@@ -51,9 +46,7 @@ impl Identified {
             let named = |p: tpm_runtime::estimate::ParameterReport| Some((p.name, (p.value?, p.std)));
             let physical = physical.parameters.into_iter().filter_map(named).collect();
             campaigns.push(Campaign { found, physical });
-            if !progress(seed + 1) {
-                break;
-            }
+            ended();
         }
         Ok(Identified { campaigns })
     }

@@ -1,13 +1,13 @@
 //! The step that the paper leaves as future work: a linear-quadratic regulator on the identified model, on the simulated
 //! machine.
 
-use crate::failure::Failure;
-use crate::input::experiment::Simulation;
-use crate::render::table::number;
-use crate::verbs::pendulum_study::Chapter;
-use crate::verbs::pendulum_study::machine::Machine;
-use crate::verbs::pendulum_study::markdown::{percent, table};
-use crate::verbs::pendulum_study::patterns::Identified;
+use super::failure::Failure;
+use super::simulation::Simulation;
+
+use super::Chapter;
+use super::machine::Machine;
+use super::markdown::{number, percent, table};
+use super::patterns::Identified;
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use tpm_runtime::machine::regulator::{Regulator, Weights};

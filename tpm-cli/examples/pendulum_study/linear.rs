@@ -1,10 +1,10 @@
 //! Equations of motion linearised, beside what the paper prints.
 
-use crate::failure::Failure;
-use crate::render::table::number;
-use crate::verbs::pendulum_study::Chapter;
-use crate::verbs::pendulum_study::machine::Machine;
-use crate::verbs::pendulum_study::markdown::{percent, polynomial, roots, table};
+use super::failure::Failure;
+
+use super::Chapter;
+use super::machine::Machine;
+use super::markdown::{number, percent, polynomial, roots, table};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use tpm_runtime::frequency::TransferFunction;
