@@ -34,7 +34,7 @@ fn h1_is_that_of_scipy() {
     let output_of = match run {
         Ok(output) if output.status.code() != Some(NO_SCIPY) => output,
         _ => {
-            println!("skipped: {python} with scipy is not installed");
+            crate::support::skipped(&format!("{python} with scipy is not installed"));
             return;
         }
     };

@@ -1,5 +1,9 @@
 //! What the tests share: models by name, and their tables.
 
+#[path = "../../support/skipped.rs"]
+mod skipped;
+
+pub(crate) use skipped::skipped;
 use std::path::{Path, PathBuf};
 use tpm_codegen::source::Source;
 use tpm_symbolic::harmonic::expand::expand;

@@ -1,6 +1,6 @@
 //! The printed tables of Feng, chapters 4 and 5, entry by entry.
 
-use crate::support::{model, root, table_of};
+use crate::support::{model, root, skipped, table_of};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -169,7 +169,7 @@ fn printed_forms() {
 #[test]
 fn latex_is_set_as_it_is() {
     if Command::new("pdflatex").arg("--version").output().is_err() {
-        eprintln!("skipped: no pdflatex on this machine");
+        skipped("pdflatex is not installed");
         return;
     }
     for name in ["mass_spring_drag", "two_carts", "three_carts", "closed_loop_arm", "emps"] {

@@ -1,5 +1,9 @@
 //! Runs of the tool, and what they print.
 
+#[path = "../../../tests/support/skipped.rs"]
+mod skipped;
+
+pub(crate) use skipped::skipped;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

@@ -1,6 +1,6 @@
 //! Prediction of a second log: simulated, and EMPS with and without pulses where the data are at hand.
 
-use crate::support::{root, tpm, tpm_in};
+use crate::support::{root, skipped, tpm, tpm_in};
 
 #[test]
 fn a_second_run_is_predicted() {
@@ -30,7 +30,7 @@ fn a_second_run_is_predicted() {
 #[test]
 fn emps_is_predicted_on_its_second_file() {
     let Some(data) = std::env::var_os("TPM_DATA") else {
-        println!("skipped: TPM_DATA is not set");
+        skipped("TPM_DATA does not name the folder of the published logs");
         return;
     };
     let folder = tempfile::tempdir().expect("a folder");

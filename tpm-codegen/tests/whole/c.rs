@@ -7,7 +7,7 @@
 //! `.ci/run` sees to it that there is one.
 
 use crate::support::exact::{Point, Sum, exact, harmonic_power, unlumped};
-use crate::support::{estimator, models_in};
+use crate::support::{estimator, models_in, skipped};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -41,7 +41,7 @@ fn generated(estimator: &Estimator, scalar: Scalar) -> Vec<File> {
 fn compiler() -> Option<&'static str> {
     let found = ["cc", "gcc", "clang"].into_iter().find(|name| runs(name));
     if found.is_none() {
-        say("SKIPPED: no C compiler (cc, gcc, clang) was found, so that generated C was not run");
+        skipped("no C compiler (cc, gcc, clang) was found, so that generated C was not run");
     }
     found
 }

@@ -1,6 +1,9 @@
 //! Published logs of real machines, and of a plant simulated elsewhere. They are read from the folder that the environment
 //! variable `TPM_DATA` names; without it these tests say that they were skipped.
 
+#[path = "../../../tests/support/skipped.rs"]
+mod skipped;
+
 use crate::log::{Log, LogOptions};
 use crate::session::log::{Identification, identify_log};
 use crate::test_models::{Emps, MassSpringDrag, Silverbox};
@@ -14,7 +17,7 @@ fn data(name: &str) -> Option<PathBuf> {
     match env::var_os("TPM_DATA") {
         Some(folder) => Some(PathBuf::from(folder).join(name)),
         None => {
-            eprintln!("skipped: TPM_DATA does not name the folder of the published logs");
+            skipped::skipped("TPM_DATA does not name the folder of the published logs");
             None
         }
     }

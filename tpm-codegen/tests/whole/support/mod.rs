@@ -1,7 +1,10 @@
 //! What the tests of emitted code share.
 
 pub(crate) mod exact;
+#[path = "../../../../tests/support/skipped.rs"]
+mod skipped;
 
+pub(crate) use skipped::skipped;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
