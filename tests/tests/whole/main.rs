@@ -32,5 +32,6 @@ mod licences;
 mod pendulum;
 mod physical;
 mod split;
+mod structure;
 mod support;
 mod tables;
