@@ -15,20 +15,22 @@ use tpm_runtime::machine::simulated::{Regulated, Regulation, Sensor, regulate};
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
 use tpm_runtime::run::Ending;
 
+/// Sample time, s.
 const SAMPLE_TIME: f64 = 1e-3;
-/// s.
+/// Time constant of the filter behind the differences that give the rates, s.
 const DERIVATIVE_FILTER: f64 = 0.02;
+/// Length of a run, s.
 const DURATION: f64 = 6.0;
-/// The pendulum starts so far from the vertical, degrees.
+/// Angle from the vertical at which the pendulum starts, degrees.
 const START: f64 = 15.0;
-/// V; 24 V at the motor.
+/// Largest voltage before the amplifier, V: 24 V at the motor.
 const LIMIT: f64 = 2.4;
-/// Counts of the encoders.
+/// Counts per turn of the encoders.
 const COUNTS: f64 = 2000.0;
-/// The pendulum balances when it stays within so many degrees over the last fifth.
+/// A run is balanced when the pendulum stays within this angle of the vertical over its last fifth, degrees.
 const UPRIGHT: f64 = 2.0;
 
-/// 1 V costs as much as 1 rad of the arm or 18 degrees of the pendulum.
+/// Weights by which 1 V costs as much as 1 rad of the arm or 18 degrees of the pendulum.
 fn weights() -> Weights {
     Weights { state: vec![1.0, 10.0, 0.1, 0.1], input: vec![1.0] }
 }

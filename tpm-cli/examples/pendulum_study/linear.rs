@@ -9,14 +9,14 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use tpm_runtime::frequency::TransferFunction;
 
-/// Rows of the accelerations of arm and pendulum in Fong, Eqn 24: th2, th1', th2', e.
+/// Fong, Eqn 24, as printed: the accelerations of arm and pendulum per th2, th1', th2' and e.
 const EQN_24: [[f64; 4]; 2] = [[5.9796, -8.1419, -0.1098, 28.8442], [57.6254, -6.9788, -1.0584, 24.7236]];
-/// Fong, Eqn 29, as printed.
+/// Fong, Eqn 29, as printed: numerator and denominator, s^0 first.
 const EQN_29: ([f64; 4], [f64; 5]) = ([164.6, -323.4, -24.92, 0.0277], [6548.0, 1589.0, 200.6, 15.28, 1.0]);
-/// Frequencies at which responses are compared.
+/// Number of frequencies at which two responses are compared.
 const COMPARED: usize = 400;
 
-/// Fong, Eqn 29.
+/// The parametric model of Fong, Eqn 29.
 pub(super) fn eqn_29() -> Result<TransferFunction, Failure> {
     TransferFunction::new(&EQN_29.0, &EQN_29.1).map_err(|error| Failure::Input(error.to_string()))
 }
@@ -39,7 +39,7 @@ pub(super) fn chapter(upright: &Machine, down: &Machine) -> Result<Chapter, Fail
     for (at, (row, name)) in EQN_24.iter().zip(["th1''", "th2''"]).enumerate() {
         let found = [standing.a[2 + at][1], standing.a[2 + at][2], standing.a[2 + at][3], standing.b[2 + at][0]];
         for ((found, printed), of) in found.iter().zip(row).zip(["th2", "th1'", "th2'", "e"]) {
-            // What half a unit of the last printed digit allows is no difference.
+            // Half a unit of the last printed digit is rounding, not a difference.
             let beyond = ((found - printed).abs() - 0.5e-4).max(0.0) / printed.abs();
             largest = largest.max(beyond);
             rows.push(vec![name.into(), of.into(), number(*found), number(*printed), percent(found / printed - 1.0)]);

@@ -17,9 +17,9 @@ use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
-/// A model of two coordinates and one input, linearised at rest in zero.
+/// A model of two coordinates and one input with its values, linearised at rest in zero.
 pub(super) struct Machine {
-    /// Sorted into the parameters in which it is linear.
+    /// The model sorted into the parameters in which it is linear.
     pub(super) prepared: Prepared,
     /// The sorted model, evaluated without compiling.
     pub(super) interpreted: Interpreted,
@@ -66,7 +66,7 @@ impl Machine {
         self.linear_model.pattern(name)
     }
 
-    /// Values by name.
+    /// Values of parameters and constants, by name.
     pub(super) fn values(&self, symbols: &[Symbol]) -> Named {
         symbols
             .iter()
@@ -79,7 +79,7 @@ impl Machine {
         self.prepared.model.find_symbol(name).map_or(f64::NAN, |symbol| self.value(symbol))
     }
 
-    /// The parameters in which the model is linear, from the values.
+    /// Values of the parameters in which the model is linear, by name.
     pub(super) fn lumped(&self) -> BTreeMap<String, f64> {
         let map = ParameterMap::new(&self.prepared);
         map.columns().iter().cloned().zip(map.evaluate(|symbol| self.value(symbol))).collect()

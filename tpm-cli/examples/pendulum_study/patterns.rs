@@ -13,14 +13,14 @@ use tpm_runtime::session::CampaignIdentification;
 /// Physical parameters that the seven combinations determine.
 const DETERMINED: [&str; 6] = ["m2", "c2", "l1", "J1", "J2", "C2"];
 
-/// One campaign.
+/// The result of a campaign, with the physical parameters that follow from it.
 struct Campaign {
     found: CampaignIdentification,
-    /// Value and standard deviation.
+    /// Value and standard deviation of each physical parameter, by name.
     physical: BTreeMap<String, (f64, Option<f64>)>,
 }
 
-/// Campaigns with other noise each.
+/// Campaigns that differ in their noise.
 pub(super) struct Identified {
     campaigns: Vec<Campaign>,
 }
@@ -51,12 +51,12 @@ impl Identified {
         Ok(Identified { campaigns })
     }
 
-    /// Campaigns that did not identify everything.
+    /// Number of campaigns that did not identify everything.
     pub(super) fn incomplete(&self) -> usize {
         self.campaigns.iter().filter(|campaign| !campaign.found.is_complete()).count()
     }
 
-    /// Seeds with the physical parameters.
+    /// The seed of every campaign, and the values of its physical parameters by name.
     pub(super) fn machines(&self) -> impl Iterator<Item = (u64, BTreeMap<String, f64>)> + '_ {
         self.campaigns.iter().map(|campaign| {
             let values = campaign.physical.iter().map(|(name, (value, _))| (name.clone(), *value)).collect();

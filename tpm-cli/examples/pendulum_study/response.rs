@@ -17,31 +17,35 @@ use tpm_runtime::machine::simulated::{Sensor, drive};
 use tpm_runtime::plot::Figure;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 
-/// s, V, s: as in the paper where it says, otherwise chosen.
+/// Sample time, s.
 const SAMPLE_TIME: f64 = 1e-3;
+/// Standard deviation of the noise that excites the machine, V.
 const VOLTAGE: f64 = 0.3;
+/// Time for which a value of the noise is held, s.
 const HELD: f64 = 0.01;
+/// Samples of a segment of Welch's average.
 const SEGMENT: usize = 32_768;
-/// Hz; the paper fits up to 23.
+/// Band of the fits, Hz; the paper fits up to 23 Hz.
 const BAND: (f64, f64) = (0.2, 23.0);
 const SEED: u64 = 1;
-/// Orders that are compared.
+/// Orders of numerator and denominator that are compared.
 const ORDERS: [(usize, usize); 5] = [(0, 2), (1, 2), (1, 3), (2, 4), (3, 4)];
 /// Parameters that a response over one coordinate determines when masses and lengths are known.
 const FITTED: [&str; 4] = ["J1", "J2", "C1", "C2"];
-/// Factor by which they start off.
+/// Ratio of the start values of the fitted parameters to the true ones.
 const OFF: f64 = 1.5;
 
-/// The same motion through one encoder.
+/// The motion as one encoder measures it, and the fits to it. Errors are the median and the largest of |G/H - 1| over the band.
 struct Measured {
     counts: f64,
     response: FrequencyResponse,
-    /// To the averaged response, and its median and largest error.
+    /// Fit to the averaged response, and its errors.
     averaged: (RationalFit, (f64, f64)),
-    /// To the whole record.
+    /// Fit to the transform of the whole record.
     fit: RationalFit,
+    /// Errors of the fit to the whole record.
     error: (f64, f64),
-    /// To the averaged response without the correction for the hold.
+    /// Errors of a fit to the averaged response without the correction for the hold.
     uncorrected: (f64, f64),
     orders: OrderComparison,
     physical: StructuredFit,
