@@ -14,7 +14,7 @@ use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::prepare::prepare;
 
-/// harmonic, function, parameter, powers -> coefficient.
+/// Coefficients of a table by harmonic, function, parameter and powers.
 type Facts = BTreeMap<(usize, String, String, String), Rational>;
 
 fn facts(name: &str) -> Facts {
@@ -161,7 +161,7 @@ fn printed_forms() {
         let table = table_of(name);
         insta::assert_snapshot!(format!("{name}_markdown"), markdown(&table));
         insta::assert_snapshot!(format!("{name}_latex"), latex(&table));
-        // One line an entry, below the header.
+        // A line for each entry, below the header.
         assert_eq!(csv(&table).lines().count(), table.len() + 1);
     }
 }

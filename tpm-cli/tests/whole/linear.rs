@@ -100,13 +100,13 @@ fn fong_29_is_not_consistent_with_28() {
         close(found.0, expected.0, 5e-3);
         close(found.1, expected.1, 5e-3);
     }
-    // 164.6/6548 against 0: an angle that stays at rest, which gravity does not allow.
+    // Static gain 164.6/6548 in place of 0: an angle off the vertical at rest, which gravity does not allow.
     close(other["static_gain"].as_f64().expect("finite"), 0.025, 5e-4);
     assert_eq!(other["consistent"], false);
     assert!(other["median_difference"].as_f64().expect("finite") > 0.1);
     let text = printed(&[&arguments[..], &band[..]].concat());
     assert!(text.contains("the two are not consistent: from 0.2 to 23 Hz"), "{text}");
-    // Beside itself a model is consistent.
+    // A model compared with its own transfer function is consistent.
     let same = json(&[
         "linearize",
         DOWN,
@@ -193,7 +193,7 @@ fn a_log_becomes_a_response_a_fit_and_a_figure() {
     close(poles[1].0.hypot(poles[1].1), 158.0_f64.sqrt(), 0.05);
     close(fit["rational"]["static_gain"]["value"].as_f64().expect("finite"), 1.0, 0.02);
 
-    // The same machine by its parameters: only their ratios show, so one is held.
+    // The parameters of this machine: the response shows their ratios only, so that one is held.
     let model = folder.path().join("resonance.tpm");
     let source = "model Resonance {\n coordinate y [m];\n input u [N];\n parameter m [kg], d [N*s/m], k [N/m], b [1];\n \
                   m*ddot(y) + d*dot(y) + k*y = b*u;\n}\n";
@@ -210,13 +210,13 @@ fn a_log_becomes_a_response_a_fit_and_a_figure() {
         close(parameter["value"].as_f64().expect("identified"), truth, tolerance);
         assert!(parameter["std"].as_f64().expect("known") > 0.0);
     }
-    // The start values from a file give the same; a value on the command line goes before it.
+    // Start values from a file lead to this result too; a value on the command line goes before that of the file.
     let table = folder.path().join("start.toml");
     std::fs::write(&table, "m = 3\nd = 1\nk = 7\nb = 100\n").expect("writable");
     let table = table.to_str().expect("a plain name");
     let filed = ["fit", path, "--model", model, "--params", table, "--freeze", "m=1", "--start", "k=100", "--json"];
     assert_eq!(json(&[&filed, &signals[..]].concat())["model"], found["model"]);
-    // The transform of the whole record, between its averaged lines too.
+    // The fit to the transform of the whole record uses the lines between the averaged ones too.
     let whole = json(&[&["fit", path, "--order", "0/2", "--whole", "--json"], &signals[..]].concat());
     let poles = roots(&whole["rational"]["poles"]);
     close(poles[1].0.hypot(poles[1].1), 158.0_f64.sqrt(), 0.05);
@@ -242,7 +242,7 @@ fn an_unstable_fit_is_no_success() {
     let one = [&["fit", path, "--order", "0/2"], &signals[..]].concat();
     fails(&one, 1, &["the fit is unstable: pole at"]);
     assert!(String::from_utf8_lossy(&tpm(&one).stdout).contains("transfer function of order 0/2"));
-    // Several, none of which can be recommended: JSON all the same.
+    // Several orders, none of which can be recommended, still give JSON.
     let output = tpm(&[&["fit", path, "--order", "0/2,1/2", "--json"], &signals[..]].concat());
     assert_eq!(output.status.code(), Some(1));
     let found: Value = serde_json::from_slice(&output.stdout).expect("JSON");

@@ -1,4 +1,4 @@
-//! Logs that show parameters together only.
+//! Logs that show two parameters only in a combination.
 
 use crate::support::{printed_in, root};
 use std::f64::consts::TAU;

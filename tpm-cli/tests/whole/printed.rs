@@ -1,4 +1,4 @@
-//! What is derived from the shipped models, as it is printed: the exact tests are elsewhere, here nothing changes unseen.
+//! Derivations of the shipped models as they are printed. Other tests show that they are right; these show every change.
 
 use crate::support::{printed, printed_in, root};
 
@@ -14,7 +14,7 @@ fn lumped_parameters_and_reconstructions() {
 
 #[test]
 fn what_patterns_show() {
-    // 1: the pattern does not show everything.
+    // Exit code 1 where the pattern does not show every parameter.
     for (model, code) in [("mass_spring_drag", 0), ("two_carts", 0), ("three_carts", 1), ("closed_loop_arm", 1)] {
         let text = printed_in(&root(), &["identifiability", &format!("models/{model}.tpm")], code);
         insta::assert_snapshot!(format!("identifiability_{model}"), text);

@@ -1,4 +1,4 @@
-//! The README is executed: its commands run, and what it prints after them is what they print.
+//! The README is executed: its commands run, and their output is the text that the README shows after them.
 //!
 //! A `sh` block is a list of commands; a `text` block right after it is their standard output, where a line `...` stands
 //! for any number of lines; a command may say that it ends with another exit code than 0. A `tpm` block is a model file
@@ -51,7 +51,7 @@ fn commands_print_what_the_readme_says() {
     for (i, block) in blocks.iter().enumerate().filter(|(_, block)| block.language == "sh") {
         let mut printed = String::new();
         for line in block.text.lines().filter(|line| !line.trim().is_empty()) {
-            // The test command is what runs this very test.
+            // This command runs the present test.
             if line == "cargo test --workspace" {
                 continue;
             }

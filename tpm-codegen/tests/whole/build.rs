@@ -1,4 +1,4 @@
-//! What a build script gets.
+//! Sources that a build script makes of a model file.
 
 use crate::support::root;
 use tpm_codegen::build::{BuildError, write};

@@ -3,8 +3,8 @@
 //! The exact side never sees a plan: it multiplies the terms of the regressor form, and the entries of the table, as
 //! rationals, and powers of the phasor as complex numbers. Inputs are dyadic, so that they are exact in both precisions, but for
 //! points of the circle, which are rounded to each. Every bound is a stated number of roundings times the sum of the magnitudes
-//! of the terms, since cancellation is the model's, not the code's. Without a C compiler nothing can be run, which is said;
-//! `.ci/run` sees to it that there is one.
+//! of the terms, since cancellation is the model's, not the code's. Without a C compiler the tests are skipped; `.ci/run`
+//! installs one.
 
 use crate::support::exact::{Point, Sum, exact, harmonic_power, unlumped};
 use crate::support::{estimator, models_in, skipped};
@@ -23,12 +23,12 @@ use tpm_symbolic::plan::estimator::{PatternPlan, TablePlan, Unlumping};
 /// Roundings that any value of these models may gather.
 const ROUNDINGS: f64 = 16.0;
 
-/// The same for sums over the samples of a period, of forces that were computed themselves, and for solutions.
+/// Roundings that solutions, and sums of computed forces over the samples of a period, may gather.
 const SUMMED_ROUNDINGS: f64 = 64.0;
 
 const FLAGS: [&str; 6] = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"];
 
-/// Shipped models, then the corners of the emitter.
+/// The shipped models, then models that reach corners of the emitter which no shipped model reaches.
 fn model_files() -> Vec<PathBuf> {
     models_in("models").into_iter().chain(models_in("tests/fixtures/emit")).collect()
 }
@@ -82,7 +82,7 @@ impl Random {
     }
 }
 
-/// Everything that one run of the driver reads.
+/// The numbers that a run of the driver reads.
 struct Case {
     motion: Vec<f64>,
     parameters: Vec<f64>,
@@ -98,7 +98,7 @@ struct PatternCase {
     phase: f64,
     cosine: f64,
     sine: f64,
-    /// What is accumulated.
+    /// The sample of the forces that the harmonics are accumulated from.
     forces: Vec<f64>,
     deviations: Vec<f64>,
     effort: Vec<f64>,
@@ -116,7 +116,7 @@ impl Case {
     }
 }
 
-/// The program that calls every function on what it reads, and prints what it gets.
+/// The driver: a program that calls every generated function on the numbers that it reads, and prints their results.
 fn driver(estimator: &Estimator, scalar: Scalar) -> String {
     let plan = &estimator.plan;
     let real = scalar.name();
@@ -277,7 +277,7 @@ int main(void)
     )
 }
 
-/// The way back from the columns, where there is one.
+/// Map from the columns back to the physical parameters, where one exists.
 fn unlumping(estimator: &Estimator) -> Option<&Unlumping> {
     estimator.plan.unlumping.as_ref()?.as_ref().ok()
 }
@@ -287,7 +287,7 @@ fn has_direct(estimator: &Estimator) -> bool {
     generated(estimator, Scalar::Double).iter().any(|file| file.text.contains("identify_direct("))
 }
 
-/// What stands before the names of a pattern.
+/// Prefix of a pattern's names.
 fn part(estimator: &Estimator, pattern: &PatternPlan) -> String {
     match &pattern.name {
         // C keeps the word for itself; the prefix frees it, and the namer has marked it all the same.

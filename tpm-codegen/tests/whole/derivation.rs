@@ -1,9 +1,6 @@
 //! The shipped models through elimination, expansion and the analysis of identifiability.
 
-use std::fs;
-use std::path::Path;
-
-use tpm_codegen::{Parsed, Source, parse_model};
+use crate::support::{parse, text_of};
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::identifiability::{Experiment, identifiability};
 use tpm_symbolic::harmonic::table::HarmonicTable;
@@ -11,16 +8,6 @@ use tpm_symbolic::number::rational::integer;
 use tpm_symbolic::regressor::form::canonical;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
-
-fn parse(text: &str) -> Parsed {
-    let source = Source::new("test", text);
-    parse_model(&source).unwrap_or_else(|errors| panic!("{}", errors.render(&source)))
-}
-
-fn text_of(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models").join(name).with_extension("tpm");
-    fs::read_to_string(path).expect("a model")
-}
 
 fn table_of(text: &str) -> (Prepared, HarmonicTable) {
     let prepared = prepare(parse(text).model).unwrap_or_else(|error| panic!("{error}"));

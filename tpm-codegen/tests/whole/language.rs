@@ -32,7 +32,7 @@ fn source(path: &Path) -> Source {
     Source::from_bytes(path.file_name().expect("a name").to_string_lossy(), fs::read(path).expect("a file"))
 }
 
-/// Compares with the text file beside a fixture; no file means nothing is said.
+/// Compares messages with the text file beside a fixture; a fixture without one has no messages.
 fn compare(path: &Path, said: &str, faults: &mut Vec<String>) {
     let beside = path.with_extension("txt");
     if std::env::var_os("TPM_UPDATE_FIXTURES").is_some() {
@@ -48,7 +48,7 @@ fn compare(path: &Path, said: &str, faults: &mut Vec<String>) {
     }
 }
 
-/// The text that a model prints parses to what prints the same.
+/// A model's printed text parses to a model that prints equally.
 fn assert_round_trip(source: &Source) {
     let model = language::parse(source).unwrap_or_else(|error| panic!("{}", error.render(source)));
     let text = model.to_string();

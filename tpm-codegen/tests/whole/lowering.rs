@@ -1,25 +1,13 @@
 //! From text to the exact model: what the shipped models say, against the equations of their sources.
 
+use crate::support::{parse, text_of};
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
-
 use tpm_codegen::{Parsed, Source, parse_model, parse_tokens};
 use tpm_symbolic::algebra::fourier::Fourier;
 use tpm_symbolic::expr::graph::Node;
 use tpm_symbolic::harmonic::expand::{ExpandError, expand};
 use tpm_symbolic::number::rational::{display, ratio};
 use tpm_symbolic::regressor::form::{RegressorError, RegressorForm, regressor_form};
-
-fn parse(text: &str) -> Parsed {
-    let source = Source::new("test", text);
-    parse_model(&source).unwrap_or_else(|errors| panic!("{}", errors.render(&source)))
-}
-
-fn text_of(name: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models").join(name).with_extension("tpm");
-    fs::read_to_string(path).expect("a model")
-}
 
 fn shipped(name: &str) -> Parsed {
     parse(&text_of(name))
@@ -69,7 +57,7 @@ fn assert_same_dynamics(left: &Parsed, right: &Parsed) {
     }
 }
 
-/// harmonic, function, parameter, powers to coefficient
+/// Coefficients of a table by harmonic, function, parameter and powers.
 type Entries = BTreeMap<(usize, String, String, Vec<(String, i32)>), String>;
 
 fn entries(parsed: &Parsed, equation: usize) -> Entries {

@@ -241,8 +241,8 @@ fn only_six_combinations_of_a1_to_a8_are_identifiable() {
             row = row.iter().map(|e| b.e(b.graph(|g| implicit.derivative(g, e.id)))).collect();
         }
     }
-    // At a rational configuration everything is rational: angles are rational points of the circle, l4 and l5 are
-    // chosen and l2, l3 follow from the closure, which is linear in them.
+    // A rational configuration: angles are rational points of the circle, l4 and l5 are chosen, and l2 and l3 follow
+    // from the closure, which is linear in them.
     let evaluate = |tangents: [Rational; 3], l4: Rational, l5: Rational| -> (Vec<Vec<Rational>>, [Rational; 4]) {
         let [(c2, s2), (c3, s3), (c4, s4)] = tangents.each_ref().map(rational_angle);
         let l3 = (&l4 * &s2 + &l5 * &s3) / &s4;
@@ -303,7 +303,7 @@ fn only_six_combinations_of_a1_to_a8_are_identifiable() {
     }
 }
 
-/// Point masses moved across the joints of the loop leave the kinetic energy as it is: (A1, ..., A8) from l2..l5.
+/// Changes of (A1, ..., A8) that leave the kinetic energy as it is, from l2..l5: point masses moved across the joints of the loop.
 fn null_expressions(arm: &Arm, [l2, l3, l4, l5]: &[E; 4]) -> [Vec<E>; 2] {
     let n = |value: i64| arm.b.num(value);
     [

@@ -264,7 +264,7 @@ fn the_inverse_of_two_carts_and_its_constraints() {
     // Without intermediates: m2 = (c2 c3 c7 - 3 c1 c7^2 - c3^2 c6/3)/(c3 c7)
     let whole = inverse.over_columns(&inverse.solved[1].1).expect("short");
     assert_eq!(whole.as_polynomial().map(Polynomial::len), Some(3));
-    // And in numbers.
+    // The formulas at numbers give the masses and springs back.
     let point = |symbol: Symbol| 1.0 + 0.3 * f64::from(symbol.0);
     for (parameter, value) in inverse.evaluate(&map.evaluate(point), point) {
         assert!((value - point(parameter)).abs() < 1e-12, "{}", map.name(parameter));
@@ -403,7 +403,7 @@ fn a_damper_between_the_masses_makes_elimination_an_integration() {
     assert_eq!(error.term(), Some(TermId(9)));
 }
 
-/// Small models for what can go wrong and for shapes other than chains.
+/// Faulty models, and models that are no chains.
 struct Small {
     model: Model,
     x: Vec<Coordinate>,

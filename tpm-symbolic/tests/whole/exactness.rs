@@ -17,7 +17,7 @@ use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::number::rational::{Rational, integer, ratio};
 use tpm_symbolic::regressor::form::{Column, RegressorForm, Row, Term};
 
-/// A model in regressor form, made directly.
+/// A model whose regressor form is written term by term.
 struct Builder {
     model: Model,
     form: RegressorForm,
@@ -55,7 +55,7 @@ impl Builder {
         self.form.rows[row].terms.push(Term { column, coefficient, atoms, source: TermId(self.next) });
     }
 
-    /// Sorts and collects terms, as `regressor_form` leaves them.
+    /// Sorts and collects terms into the canonical order of `regressor_form`.
     fn finish(&mut self) {
         for row in &mut self.form.rows {
             row.terms.sort_by(|a, b| (a.column, &a.atoms).cmp(&(b.column, &b.atoms)));
@@ -321,7 +321,7 @@ fn every_width_agrees_with_the_twin() {
     }
     let (b, pattern) = monomials(13, [(9, 0), (20, 1), (0, 25)].into_iter());
     agree(&b, &pattern);
-    // Denominators of the pattern that fit no machine word.
+    // The pattern's denominators fit no machine word.
     let (b, pattern) = monomials(101, [(2, 0), (1, 2)].into_iter());
     agree(&b, &pattern);
 }
@@ -371,7 +371,7 @@ fn what_would_be_too_large_is_refused_before_the_work() {
     assert_eq!((term, limit), (TermId(2), ExpandOptions::DEFAULT_LIMIT));
     assert!(entries > 40_000 && bytes > limit);
     assert!(error.to_string().contains("MB"), "{error}");
-    // What no machine holds is refused even when large tables are allowed.
+    // A table that no machine can hold is refused even when large tables are allowed.
     let (b, pattern) = monomials(3, [(i32::MAX, i32::MAX)].into_iter());
     let mut options = ExpandOptions { allow_large: true, ..ExpandOptions::default() };
     let error = expand_with(&b.model, &b.form, &pattern, &mut options).expect_err("beyond memory");

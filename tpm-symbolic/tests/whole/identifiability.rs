@@ -196,7 +196,7 @@ fn two_amplitude_ratios_or_two_multiples_show_all_nine() {
         Experiment::new("run", &one).with("lambda1", integer(1)).with("lambda2", integer(sign)).with("w", integer(2))
     };
     assert_eq!(identifiability(&[run(1), run(-1)]).expect("two runs").rank, 9);
-    // The same ratio adds nothing, whatever the frequency and the size.
+    // A run with an equal ratio of amplitudes adds nothing, whatever its frequency and size.
     let faster =
         Experiment::new("faster", &one).with("lambda1", integer(3)).with("lambda2", integer(3)).with("w", integer(7));
     assert_eq!(identifiability(&[run(1), faster]).expect("two runs").rank, 6);
@@ -204,7 +204,7 @@ fn two_amplitude_ratios_or_two_multiples_show_all_nine() {
     let open = identifiability(&[Experiment::new("1", &one), Experiment::new("2", &one)]).expect("two runs");
     assert_eq!((open.rank, open.proven), (9, true));
     assert!(open.variables.contains(&"lambda1[2]".to_owned()));
-    // Neither run alone shows any parameter.
+    // Neither of the two runs shows any parameter by itself.
     assert!(open.observability.iter().all(|o| o.experiments.is_empty() && o.observable));
     let mixed = identifiability(&[Experiment::new("1", &one), Experiment::new("2", &other)]).expect("two runs");
     assert!(mixed.observability.iter().all(|o| o.experiments == [1]));

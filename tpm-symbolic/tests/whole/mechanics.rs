@@ -17,8 +17,7 @@ fn row(b: &Build, equation: &Equation) -> E {
     b.e(b.graph(|g| g.sum(&equation.terms.iter().map(|term| term.expr).collect::<Vec<_>>())))
 }
 
-/// The derived equations and M q'' + C q' + G - Q agree with the printed left minus right-hand sides; as tpm prints them
-/// they are kept under a name.
+/// Derived equations agree with the printed ones, left minus right-hand sides; their text is kept as a snapshot.
 fn check(name: &str, b: &Build, derived: &EulerLagrange, printed: &[E]) {
     let residual = b.model(|model| derived.residual(model));
     assert_eq!(derived.equations.len(), printed.len());
@@ -39,7 +38,7 @@ fn check(name: &str, b: &Build, derived: &EulerLagrange, printed: &[E]) {
     insta::assert_snapshot!(name, text);
 }
 
-/// An expression as it is, or multiplied out in single angles where that is shorter.
+/// The shorter text of an expression: as it stands, or multiplied out in single angles.
 fn simplest(b: &Build, expr: ExprId) -> String {
     b.model(|m| {
         let simplified = trigonometric::simplify(&mut m.graph, expr);
@@ -148,7 +147,7 @@ const TABLE_1: [(&str, &str); 13] = [
     ("m1", "0.056"),
 ];
 
-/// Upright is angle 0 (Eqn 3), or hanging down is (Eqn 26).
+/// Fong's pendulum with angle 0 upright (Eqn 3) or hanging down (Eqn 26).
 fn pendulum(upright: bool) -> Pendulum {
     let b = Build::new();
     let (th1, th2) = (b.coordinate("th1"), b.coordinate(if upright { "th2" } else { "al2" }));
@@ -360,7 +359,7 @@ fn a_point_that_is_no_equilibrium_names_the_row() {
     let point = OperatingPoint { coordinates: vec![(p.coordinates[1], quarter.id)], inputs: vec![] };
     let error = p.b.model(|model| linearize(model, &point)).expect_err("a horizontal rod falls");
     assert_eq!(error, LinearizeError::NotEquilibrium { equation: "eq2".to_owned(), residual: "-m2*c2*g".to_owned() });
-    // Hanging down is an equilibrium of the upright model too, and the same as Eqn 27.
+    // The upright model has an equilibrium at th2 = pi, where its linearisation is that of Eqn 27.
     let down = OperatingPoint { coordinates: vec![(p.coordinates[1], p.b.pi().id)], inputs: vec![] };
     let linear = p.b.model(|model| linearize(model, &down)).expect("at rest");
     let values = table_1(&p);

@@ -24,7 +24,7 @@ fn put(series: &mut Series, harmonic: i64, sine: bool, value: BigRational) {
     }
 }
 
-/// cos a cos b = (cos(a-b) + cos(a+b))/2 and its relatives.
+/// The product of two series by cos a cos b = (cos(a-b) + cos(a+b))/2 and the formulas for sines.
 pub(crate) fn series_product(a: &Series, b: &Series) -> Series {
     let mut result = Series::new();
     for (&(i, left), x) in a {

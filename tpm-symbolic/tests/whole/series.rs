@@ -17,7 +17,7 @@ fn factorial(n: u32) -> i64 {
     (1..=i64::from(n)).product()
 }
 
-/// f^(k)(q0) / k!, by differentiating k times.
+/// The Taylor coefficient f^(k)(q0) / k!, by differentiating k times.
 fn by_derivatives(b: &Build, f: &E, q: &E, point: &E, k: u32) -> E {
     let derivative = (0..k).fold(f.clone(), |f, _| f.diff(q));
     let at = b.graph(|g| g.substitute(derivative.id, &[(q.id, point.id)].into()));
@@ -179,7 +179,7 @@ fn the_remainder_bound_holds_and_is_tight_for_small_ranges() {
             worst = worst.max((f.at(&values) - polynomial.at(&values)).abs());
         }
         assert!(worst <= limit + 1e-15, "{worst} {limit}");
-        // Over a small box the next order is nearly all there is to it; intervals overestimate it by a small factor.
+        // Over a small box the term of the next order is nearly the whole remainder; intervals overestimate it by a small factor.
         let further = expansions.map(|e| Expansion { order: order + 1, ..e });
         let further = b.model(|model| series(model, f.id, &further)).expect("regular");
         let next: f64 = further

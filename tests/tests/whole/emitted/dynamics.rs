@@ -79,7 +79,7 @@ fn check_dynamics<M: Model<f64> + Model<f32>>(file: &str, compiled: &M) {
             (dims.constants, &|i| model.constant(i).to_string()),
             (dims.rows, &|i| model.row(i).to_string()),
         ];
-        // One beyond the end too: an empty label, not a panic.
+        // An index one beyond the end gives an empty label, not a panic.
         lists.iter().flat_map(|(count, name)| (0..=*count).map(name)).collect::<Vec<String>>()
     };
     assert_eq!(names(compiled), names(&interpreted), "{file}");

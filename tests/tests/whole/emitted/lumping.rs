@@ -86,7 +86,7 @@ fn check_unlump(file: &str, double: &dyn Fn(&[f64]) -> Vec<f64>, single: &dyn Fn
                 prop_assert_eq!(parameter, solved);
                 let expected = value.evaluate(|&j| values[j].clone()).expect("the plan divides by the same");
                 let error = rational::to_f64(&rational::abs(&(exact(*found) - &expected)));
-                // What is of second order makes no difference beside 1 %, unless the first order is as large as the value.
+                // Terms of second order stay below the 1 %, unless the bound of first order is as large as the value.
                 let bound = 1.01 * epsilon / 2.0 * rational::to_f64(bound);
                 if bound < 0.01 * rational::to_f64(&rational::abs(&expected)) {
                     prop_assert!(error <= bound, "{}: {} is not {}, bound {}", file, found, expected, bound);

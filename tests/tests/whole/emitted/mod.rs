@@ -31,7 +31,7 @@ fn estimator(file: &str) -> Estimator {
     Estimator::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
 }
 
-/// The same cases at every run.
+/// A runner that draws equal cases in every run.
 fn runner(cases: u32) -> TestRunner {
     let rng = proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha);
     TestRunner::new_with_rng(ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }, rng)

@@ -8,7 +8,7 @@ use tpm_runtime::SolveError;
 use tpm_runtime::interpret::Interpreted;
 use tpm_symbolic::number::rational::{self, Rational};
 
-/// What a compiled pattern does, over plain slices.
+/// The functions of a compiled pattern, over plain slices.
 #[allow(clippy::type_complexity)] // each type is written once
 struct PatternCode<'a> {
     reference: &'a dyn Fn(&[f64], &[f64], f64) -> Vec<f64>,

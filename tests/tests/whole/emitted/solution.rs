@@ -65,7 +65,7 @@ fn the_exact_pseudo_inverse_is_folded_into_constants() {
         Ok(())
     });
     result.expect("the same parameters");
-    // Two joints on one pattern leave directions open: there is none for them.
+    // Two joints on one pattern leave directions undetermined: there is no pseudo-inverse for them.
     let text = tpm_codegen::generate::generate(
         &estimator("closed_loop_arm.tpm"),
         &tpm_codegen::generate::Options::new(tpm_codegen::generate::Language::Rust, "test"),

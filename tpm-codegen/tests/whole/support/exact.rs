@@ -11,7 +11,7 @@ use tpm_symbolic::number::rational::Rational;
 use tpm_symbolic::regressor::form::{Column, Row};
 use tpm_symbolic::regressor::parameter_map::{Inverse, Variable};
 
-/// A double as it is.
+/// The rational number that a double is.
 pub(crate) fn exact(value: f64) -> Rational {
     rational::from_f64(value).unwrap_or_else(|| panic!("{value} is no number"))
 }
