@@ -144,7 +144,10 @@ fn folders_import_from_those_below_them() {
     let mut found = String::new();
     for name in ["tpm-symbolic", "tpm-runtime"] {
         let sources = sources(&root().join(name).join("src"));
-        for violation in violations(&Crate::read("lib.rs", &sources), &order(&document(), name)) {
+        let (of, order) = (Crate::read("lib.rs", &sources), order(&document(), name));
+        let named: BTreeSet<&str> = order.keys().map(String::as_str).collect();
+        assert_eq!(of.folders(), named, "the folders of {name} (left) are those in ARCHITECTURE.md (right)");
+        for violation in violations(&of, &order) {
             let _ = writeln!(found, "{name}/src/{violation}");
         }
     }

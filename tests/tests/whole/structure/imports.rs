@@ -14,7 +14,7 @@ pub(super) type Sources = BTreeMap<String, String>;
 pub(super) type Module = Vec<String>;
 
 /// Re-exports that may follow each other before a path is given up as circular.
-const MOST_STEPS: usize = 32;
+const MOST_STEPS: usize = 8;
 
 /// A module names something of another module of its crate.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -75,6 +75,11 @@ impl Crate {
     /// The file that holds a module.
     pub(super) fn file_of(&self, module: &Module) -> &str {
         &self.modules[module].file
+    }
+
+    /// The modules that the root declares: its folders, and files that stand beside them.
+    pub(super) fn folders(&self) -> BTreeSet<&str> {
+        self.modules.keys().filter(|module| module.len() == 1).map(|module| module[0].as_str()).collect()
     }
 
     /// `folder` is where files of child modules stand.
