@@ -53,7 +53,7 @@ fn split_prints_expressions_and_harmonics() {
 }
 
 #[test]
-fn the_motors_of_the_example() {
+fn the_motors_of_the_example_fall_just_short() {
     // 50 V are just not enough for the pendulum, even with the best gear; the cart's motor could follow.
     let found = json(&["actuator", MODEL, "--motor", MOTORS, "--params", EXAMPLE, "--json"], 1);
     let limits = |motor: usize, limit: usize| found["motors"][motor]["limits"][limit]["largest"].as_f64().expect("one");
@@ -108,7 +108,7 @@ fn faults_of_motor_files_are_at_their_place() {
 }
 
 #[test]
-fn figure_6_5_and_the_loop_that_is_not_run() {
+fn figure_6_5_is_reproduced_and_an_unstable_loop_is_not_run() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for name in ["figure.svg", "figure.png"] {
         let plot = folder.path().join(name).display().to_string();

@@ -35,7 +35,7 @@ fn garbage(length: usize, alphabet: Option<&[u8]>) -> Vec<u8> {
 }
 
 #[test]
-fn models_of_all_kinds() {
+fn faulty_models_of_all_kinds_are_refused() {
     let with = |body: &str| format!("{HEAD}{body}\n}}\n").into_bytes();
     let bare = |body: &str| format!("model A {{\n  coordinate x; input u; parameter m, k;\n{body}\n}}\n").into_bytes();
     let deep = |open: &str, close: &str| {
@@ -79,7 +79,7 @@ fn models_of_all_kinds() {
 
 /// What `expand` refuses and `check` only remarks on: such a model is whole for logs.
 #[test]
-fn models_without_a_finite_table() {
+fn models_without_a_finite_table_are_refused_for_tables_only() {
     let pattern = "  pattern { amplitude l [m]; frequency w [rad/s]; x = l*cos(w*t); }\n}\n";
     let free = "model A {\n  coordinate x [m], y [m]; input u [N]; parameter m [kg], k [N/m];\n  \
                 m*ddot(x) + k*y = u;\n  m*ddot(y) + k*x = 0;\n";
@@ -115,7 +115,7 @@ fn log() -> Vec<String> {
 }
 
 #[test]
-fn logs() {
+fn faulty_logs_are_refused() {
     let model = root().join("models").join("mass_spring_drag.tpm");
     let model = model.to_str().expect("a readable path");
     let identify = ["identify", model, "--log", "log.csv", "--json"];
@@ -163,7 +163,7 @@ fn logs() {
 }
 
 #[test]
-fn experiments() {
+fn faulty_experiments_are_refused() {
     let model = root().join("models").join("mass_spring_drag.tpm");
     let model = model.to_str().expect("a readable path");
     let good = std::fs::read_to_string(root().join("models").join("mass_spring_drag.toml")).expect("the experiment");

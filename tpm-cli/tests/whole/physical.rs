@@ -36,7 +36,7 @@ fn log(folder: &Path, mass: f64) -> PathBuf {
 }
 
 #[test]
-fn two_carts_from_the_far_cart_alone() {
+fn masses_and_springs_follow_from_the_far_cart_alone() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = log(folder.path(), TRUTH[0]);
     let run = identify(&["--log", path.to_str().expect("plain"), "--json"]);

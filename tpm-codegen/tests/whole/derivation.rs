@@ -17,7 +17,7 @@ fn table_of(text: &str) -> (Prepared, HarmonicTable) {
 }
 
 #[test]
-fn two_carts_as_printed() {
+fn two_carts_are_lumped_as_printed() {
     // Feng, Eqns 4.35-4.41.
     let (prepared, table) = table_of(&text_of("two_carts"));
     let definitions: Vec<String> = prepared

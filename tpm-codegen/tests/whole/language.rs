@@ -58,7 +58,7 @@ fn assert_round_trip(source: &Source) {
 }
 
 #[test]
-fn fixtures_that_pass() {
+fn fixtures_that_pass_warn_of_what_stands_beside_them() {
     let mut faults = Vec::new();
     for path in models_in(&root().join("tests/fixtures/language/pass")) {
         let source = source(&path);
@@ -74,7 +74,7 @@ fn fixtures_that_pass() {
 }
 
 #[test]
-fn fixtures_that_fail() {
+fn fixtures_that_fail_say_what_stands_beside_them() {
     let mut faults = Vec::new();
     for path in models_in(&root().join("tests/fixtures/language/fail")) {
         let source = source(&path);

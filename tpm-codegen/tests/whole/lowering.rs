@@ -193,7 +193,7 @@ fn every_shipped_model_has_a_regressor_form() {
 }
 
 #[test]
-fn contract_names_of_the_models_for_logs() {
+fn models_for_logs_keep_the_names_of_their_quantities() {
     let emps = shipped("emps").model;
     assert_eq!((emps.name.as_str(), emps.coordinates[0].name.as_str()), ("Emps", "q"));
     let names: Vec<_> = emps.symbols.iter().map(|quantity| quantity.name.as_str()).collect();

@@ -80,7 +80,7 @@ fn orders(model: &Model, term: &tpm_symbolic::regressor::form::Term) -> Vec<(u32
 }
 
 #[test]
-fn feng_4_44_exactly() {
+fn the_table_of_feng_4_44_is_exact() {
     // Columns c1..c7, rows harmonics 1, 3, ..., 15, with powers of lambda and w. Feng, Eqn 4.44, prints five entries
     // otherwise: (3, c3) 37393/180000, (5, c4) -1337/2400, nothing at (1, c5), "3976/30000" at (1, c7) and
     // 157/180000 at (3, c7). The values here are exact; the column sums below decide between them.
@@ -206,7 +206,7 @@ fn three_carts_have_fourteen_lumped_parameters() {
 }
 
 #[test]
-fn the_number_of_lumped_parameters_and_the_rank_of_the_map() {
+fn lumped_parameters_have_the_predicted_number_and_rank() {
     // n' = (l + 1) + C(l + 2, 3) lumped parameters against 2 l + 1 physical ones.
     for l in 1..=4u32 {
         let prepared = prepare(cubic(l)).expect("a chain can be eliminated");

@@ -59,7 +59,7 @@ fn mass_spring_drag() -> Model {
 }
 
 #[test]
-fn feng_3_26() {
+fn the_table_is_that_of_feng_3_26() {
     let model = mass_spring_drag();
     let form = regressor_form(&model).expect("linear in the parameters");
     assert_eq!(form.rows[0].name, "u");
