@@ -49,8 +49,6 @@ enum Command {
     Identify(Box<verbs::identify::Args>),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
     Linearize(Box<verbs::linearize::Args>),
-    /// Study the rotary pendulum of Fong: derive, linearise, measure, fit, identify, balance, and report.
-    PendulumStudy(verbs::pendulum_study::Args),
     /// Split every input into what holds its own coordinate still and what moves it.
     Split(verbs::split::Args),
     /// Play one run on the simulated plant and write its log.
@@ -77,7 +75,6 @@ fn main() -> ExitCode {
         Command::Identifiability(args) => verbs::identifiability::run(args),
         Command::Identify(args) => verbs::identify::run(args),
         Command::Linearize(args) => verbs::linearize::run(args),
-        Command::PendulumStudy(args) => verbs::pendulum_study::run(args),
         Command::Split(args) => verbs::split::run(args),
         Command::Simulate(args) => verbs::simulate::run(args),
         Command::Study(args) => verbs::study::run(args),

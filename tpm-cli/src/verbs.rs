@@ -12,7 +12,6 @@ pub(crate) mod generate;
 pub(crate) mod identifiability;
 pub(crate) mod identify;
 pub(crate) mod linearize;
-pub(crate) mod pendulum_study;
 pub(crate) mod simulate;
 pub(crate) mod split;
 pub(crate) mod study;

@@ -55,7 +55,7 @@ fn truth() -> Vec<(&'static str, f64)> {
 }
 
 #[test]
-fn five_parameters_without_noise_from_wrong_starts() {
+fn five_parameters_are_found_without_noise_from_wrong_starts() {
     // Factors from a half to two, all different.
     for factors in [[0.5, 2.0, 0.5, 2.0, 0.5], [2.0, 0.5, 2.0, 0.5, 2.0], [1.5, 1.6, 0.5, 2.0, 1.7]] {
         let mut experiment = exact(two());
@@ -86,7 +86,7 @@ fn five_parameters_without_noise_from_wrong_starts() {
 }
 
 #[test]
-fn five_parameters_within_two_percent_under_noise() {
+fn five_parameters_are_within_two_percent_under_noise() {
     let mut errors: Vec<Vec<f64>> = vec![Vec::new(); 5];
     // Of the lumped ones c3 to c5 are known far worse than the others.
     let mut lumped: Vec<Vec<f64>> = vec![Vec::new(); 7];
@@ -132,7 +132,7 @@ fn poorly_determined_lumped_parameters_are_said_to_be() {
 }
 
 #[test]
-fn both_equations_as_rows() {
+fn both_equations_as_rows_give_the_parameters() {
     let mut experiment = two();
     experiment.equations = tpm_runtime::experiment::Equations::Own;
     experiment.stability.points = 10;
@@ -186,7 +186,7 @@ fn full_state_feedback_identifies_as_well() {
 }
 
 #[test]
-fn three_carts_without_noise() {
+fn three_carts_are_identified_without_noise() {
     let truth = [("m1", 2.0), ("m2", 1.0), ("m3", 1.5), ("k1", 40.0), ("k2", 300.0), ("g1", 200.0), ("g2", 250.0)];
     let mut experiment = exact(two());
     experiment.plant.parameters = truth.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();

@@ -126,7 +126,7 @@ fn generated_c_filters_are_the_runtimes() {
     let Some(compiler) =
         ["cc", "gcc", "clang"].into_iter().find(|name| Command::new(name).arg("--version").output().is_ok())
     else {
-        eprintln!("SKIPPED: no C compiler was found");
+        crate::support::skipped("no C compiler (cc, gcc, clang) was found");
         return;
     };
     let (estimator, filters, reference) = (estimator(), filters(), expected::<f64>());

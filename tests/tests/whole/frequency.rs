@@ -1,4 +1,4 @@
-//! Frequency responses beside an independent implementation of the same estimate.
+//! Frequency responses beside those of an independent implementation, `scipy.signal`.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,7 +13,7 @@ const NO_SCIPY: i32 = 77;
 fn h1_is_that_of_scipy() {
     let (samples, segment, sample_time) = (180_000, 32_768, 1e-3);
     let input = Excitation::Noise { std: 0.3, hold: 0.01, seed: 1 }.samples(samples, sample_time).expect("valid");
-    // A damped resonance with a constant offset and steps of an encoder; what it is does not matter here.
+    // A damped resonance with a constant offset, through an encoder. Any other system would do.
     let (mut x, mut v) = (0.0_f64, 0.0_f64);
     let output: Vec<f64> = input
         .iter()
@@ -34,7 +34,7 @@ fn h1_is_that_of_scipy() {
     let output_of = match run {
         Ok(output) if output.status.code() != Some(NO_SCIPY) => output,
         _ => {
-            println!("skipped: {python} with scipy is not installed");
+            crate::support::skipped(&format!("{python} with scipy is not installed"));
             return;
         }
     };

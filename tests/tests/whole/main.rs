@@ -1,7 +1,7 @@
-//! Tests of the whole, one binary: what no single crate can show.
+//! Tests of the whole, in one program: properties that no single crate can show.
 
 mod arm;
-// What the build script made.
+// The module that the build script made of a shipped model.
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]
 mod built {
     include!(concat!(env!("OUT_DIR"), "/mass_spring_drag.rs"));
@@ -12,8 +12,8 @@ mod emitted;
 mod filtered;
 mod foundation;
 mod frequency;
-// As `tpm generate models/NAME.tpm --lang rust -o tests/generated` wrote them; the command line's tests compare. That they compile
-// here shows that they stand alone on `core` and `libm`.
+// The files that `tpm generate models/NAME.tpm --lang rust -o tests/generated` wrote; tests of `tpm-codegen` compare them with the
+// generator. They compile here on `core` and `libm` alone.
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]
 #[path = "../../generated"]
 mod generated {
@@ -32,5 +32,6 @@ mod licences;
 mod pendulum;
 mod physical;
 mod split;
+mod structure;
 mod support;
 mod tables;

@@ -126,7 +126,7 @@ fn same(model: &Model, left: &str, right: ExprId, terms: impl Fn(&mut Model) -> 
 }
 
 #[test]
-fn feng_6_6_and_6_7() {
+fn the_parts_are_those_of_feng_6_6_and_6_7() {
     let mut found = split(&model("cart_pendulum"), &[]).expect("can be split");
     let inputs = found.inputs.clone();
     let [force, torque] = inputs.as_slice() else { panic!("two inputs") };
@@ -172,7 +172,7 @@ fn feng_6_6_and_6_7() {
 }
 
 #[test]
-fn what_stands_still_and_what_moves_in_the_other_models() {
+fn other_models_split_into_what_holds_still_and_what_moves() {
     let pair = |found: &[[String; 2]], i: usize| [found[i][0].clone(), found[i][1].clone()];
     let emps = shown("emps");
     assert_eq!(pair(&emps, 0)[0], "OF");

@@ -1,5 +1,9 @@
-//! What the tests share: models by name, and their tables.
+//! Models by name, and their tables.
 
+#[path = "../../support/skipped.rs"]
+mod skipped;
+
+pub(crate) use skipped::skipped;
 use std::path::{Path, PathBuf};
 use tpm_codegen::source::Source;
 use tpm_symbolic::harmonic::expand::expand;
@@ -12,7 +16,7 @@ pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()
 }
 
-/// Parses a text, which must be right.
+/// Parses the text of a faultless model.
 pub(crate) fn parse(name: &str, text: &str) -> Model {
     let source = Source::new(name, text);
     match tpm_codegen::parse_model(&source) {

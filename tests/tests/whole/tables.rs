@@ -1,6 +1,6 @@
 //! The printed tables of Feng, chapters 4 and 5, entry by entry.
 
-use crate::support::{model, root, table_of};
+use crate::support::{model, root, skipped, table_of};
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -14,7 +14,7 @@ use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::prepare::prepare;
 
-/// harmonic, function, parameter, powers -> coefficient.
+/// Coefficients of a table by harmonic, function, parameter and powers.
 type Facts = BTreeMap<(usize, String, String, String), Rational>;
 
 fn facts(name: &str) -> Facts {
@@ -55,7 +55,7 @@ fn computed(table: &HarmonicTable, equation: &str) -> Facts {
 }
 
 #[test]
-fn feng_4_44() {
+fn the_table_is_that_of_feng_4_44() {
     let table = table_of("two_carts");
     assert_eq!(table.parameters, ["c1", "c2", "c3", "c4", "c5", "c6", "c7"]);
     assert_eq!(computed(&table, "F"), facts("feng_4_44"));
@@ -73,7 +73,7 @@ fn feng_4_44() {
 }
 
 #[test]
-fn feng_b_1_and_b_2() {
+fn the_tables_are_those_of_feng_b_1_and_b_2() {
     let table = table_of("closed_loop_arm");
     let (first, second) = (computed(&table, "tau1"), computed(&table, "tau2"));
     assert_eq!(first, facts("feng_b_1"));
@@ -156,12 +156,12 @@ proptest! {
 }
 
 #[test]
-fn printed_forms() {
+fn printed_forms_do_not_change() {
     for name in ["mass_spring_drag", "two_carts", "three_carts", "closed_loop_arm"] {
         let table = table_of(name);
         insta::assert_snapshot!(format!("{name}_markdown"), markdown(&table));
         insta::assert_snapshot!(format!("{name}_latex"), latex(&table));
-        // One line an entry, below the header.
+        // A line for each entry, below the header.
         assert_eq!(csv(&table).lines().count(), table.len() + 1);
     }
 }
@@ -169,7 +169,7 @@ fn printed_forms() {
 #[test]
 fn latex_is_set_as_it_is() {
     if Command::new("pdflatex").arg("--version").output().is_err() {
-        eprintln!("skipped: no pdflatex on this machine");
+        skipped("pdflatex is not installed");
         return;
     }
     for name in ["mass_spring_drag", "two_carts", "three_carts", "closed_loop_arm", "emps"] {
@@ -188,7 +188,7 @@ fn latex_is_set_as_it_is() {
 
 /// At t = 0 everything is at rest: columns with a derivative sum to 0, a pure power of x to x(0)^p.
 #[test]
-fn column_sums() {
+fn columns_add_up_to_the_regressor_at_rest() {
     for (name, start) in [("mass_spring_drag", "8/9"), ("two_carts", "64/75")] {
         let table = table_of(name);
         let start = rational::parse(start).expect("a rational number");

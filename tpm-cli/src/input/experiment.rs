@@ -44,28 +44,9 @@ impl SimulatedArgs {
 
     /// The same with bounds of physical parameters behind lumped ones.
     pub(crate) fn within(&self, file: &Path, bounds: &BTreeMap<String, (f64, f64)>) -> Result<Simulation, Failure> {
-        self.changed(file, bounds, |_| {})
-    }
-
-    /// The same with a change of the experiment, made before its parameters are lumped.
-    pub(crate) fn prepare_with(
-        &self,
-        file: &Path,
-        change: impl FnOnce(&mut Experiment),
-    ) -> Result<Simulation, Failure> {
-        self.changed(file, &BTreeMap::new(), change)
-    }
-
-    fn changed(
-        &self,
-        file: &Path,
-        bounds: &BTreeMap<String, (f64, f64)>,
-        change: impl FnOnce(&mut Experiment),
-    ) -> Result<Simulation, Failure> {
         let loaded = Loaded::from_file(file)?;
         let symbolic = loaded.prepared()?;
-        let (mut written, motors) = self.experiment(file)?;
-        change(&mut written);
+        let (written, motors) = self.experiment(file)?;
         let experiment = written.lumped(&symbolic);
         let name = self.pattern.as_deref().or(experiment.pattern.as_deref());
         let machine = Machine::new(&symbolic, loaded.pattern(name)?, &experiment, bounds)

@@ -1,6 +1,9 @@
 //! Published logs of real machines, and of a plant simulated elsewhere. They are read from the folder that the environment
 //! variable `TPM_DATA` names; without it these tests say that they were skipped.
 
+#[path = "../../../tests/support/skipped.rs"]
+mod skipped;
+
 use crate::estimate::Estimate;
 use crate::log::{Log, LogOptions};
 use crate::session::{Identification, LogReport, identify_log};
@@ -24,7 +27,7 @@ fn data(name: &str) -> Option<PathBuf> {
     match env::var_os("TPM_DATA") {
         Some(folder) => Some(PathBuf::from(folder).join(name)),
         None => {
-            eprintln!("skipped: TPM_DATA does not name the folder of the published logs");
+            skipped::skipped("TPM_DATA does not name the folder of the published logs");
             None
         }
     }

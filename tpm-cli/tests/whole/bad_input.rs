@@ -1,0 +1,187 @@
+//! Bad input through the command line: every fault is named with its place and a remedy, the exit code is 2, no file is
+//! written, and nothing panics or hangs.
+
+use crate::support::{fails, names, root, tpm_in};
+
+/// The refusal of `arguments` with `input` as the file `name` has all of `parts` in its message.
+fn check_refused(name: &str, input: &[u8], arguments: &[&str], parts: &[&str]) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join(name), input).expect("writable");
+    let output = tpm_in(folder.path(), arguments);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    let shown: String = message.chars().take(2000).collect();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {shown}");
+    for part in parts {
+        assert!(message.contains(part), "{arguments:?}: `{part}` is missing in\n{shown}");
+    }
+    assert!(!message.contains("panicked"), "{shown}");
+    assert!(output.stdout.is_empty(), "{arguments:?} printed a result");
+    assert_eq!(names(folder.path()), [name], "{arguments:?} left something behind");
+}
+
+/// Declarations that most of the faults share.
+const HEAD: &str = "model A {\n  coordinate x [m]; input u [N]; parameter m [kg], k [N/m];\n";
+
+/// Bytes without a pattern, the same at every run (xorshift).
+fn garbage(length: usize, alphabet: Option<&[u8]>) -> Vec<u8> {
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 32) as usize
+    };
+    (0..length).map(|_| alphabet.map_or(next() as u8, |alphabet| alphabet[next() % alphabet.len()])).collect()
+}
+
+#[test]
+fn faulty_models_of_all_kinds_are_refused() {
+    let with = |body: &str| format!("{HEAD}{body}\n}}\n").into_bytes();
+    let bare = |body: &str| format!("model A {{\n  coordinate x; input u; parameter m, k;\n{body}\n}}\n").into_bytes();
+    let deep = |open: &str, close: &str| {
+        with(&format!("  m*ddot(x) + k*{}x{} = u;", open.repeat(100_000), close.repeat(100_000)))
+    };
+    let letters = b"abcxyz0123456789+-*/^()[]{};= \n.,";
+    let cases: Vec<(&str, Vec<u8>, &[&str])> = vec![
+        ("unknown name", with("  m*ddot(x) + k*y = u;"), &["in.tpm:3:17", "unknown name `y`", "declare it"]),
+        ("unit mismatch", with("  m*dot(x) + k*x = u;"), &["in.tpm:3:3", "kg*m/s", "1/s is missing"]),
+        ("never used", with("  m*ddot(x) = u;"), &["in.tpm:2:52", "`k` is never used", "remove it"]),
+        ("no input", with("  m*ddot(x) + k*x = 0;"), &["in.tpm:2:27", "no equation has an input", "... = u"]),
+        ("power", with("  m*ddot(x) + k*x^1.5 = u;"), &["in.tpm:3:19", "non-negative integer", "1.5"]),
+        ("two definitions", with("  let k = 2;\n  m*ddot(x) + k*x = u;"), &["in.tpm:3:7", "defined twice", "rename"]),
+        ("deep nesting", deep("(", ")"), &["in.tpm:3:", "nested more than", "let name"]),
+        ("deep signs", deep("-", ""), &["in.tpm:3:", "nested more than", "let name"]),
+        ("huge power", bare("  m*ddot(x) + k*x^2000000000 = u;"), &["in.tpm:3:17", "too large", "lower the exponents"]),
+        ("huge sum", bare("  m*ddot(x) + k*(x + dot(x) + 1)^900 = u;"), &["in.tpm:3:17", "too large", "lower"]),
+        ("huge product", bare("  m*ddot(x) + k*x^900*x^900 = u;"), &["in.tpm:3:15", "too large", "lower"]),
+        ("garbage", garbage(10_000_000, None), &["in.tpm:1:", "not UTF-8", "save the file as UTF-8"]),
+        ("letters", garbage(10_000_000, Some(letters)), &["in.tpm:1:", "Help"]),
+        ("zeros", vec![0; 10_000_000], &["in.tpm:1:1", "NUL", "no text file"]),
+        (
+            "open",
+            [b"model A { ".as_slice(), &b"(".repeat(10_000_000)].concat(),
+            &["in.tpm:1:9", "not closed", "add a `}`"],
+        ),
+        ("not UTF-8", b"model A { // L\xe4nge\n}".to_vec(), &["in.tpm:1:15", "0xe4", "save the file as UTF-8"]),
+        ("empty", Vec::new(), &["in.tpm:1:1", "model NAME {"]),
+    ];
+    for (what, input, parts) in &cases {
+        println!("{what}");
+        check_refused("in.tpm", input, &["check", "in.tpm"], parts);
+        check_refused("in.tpm", input, &["expand", "in.tpm", "-o", "out.json", "--format", "json"], parts);
+    }
+    // One verb tells for all: they read models by one function.
+    let (what, input, parts) = &cases[0];
+    println!("{what}");
+    check_refused("in.tpm", input, &["identify", "in.tpm", "--log", "log.csv", "-o", "out.json"], parts);
+    check_refused("in.tpm", input, &["generate", "in.tpm", "--lang", "rust", "-o", "out"], parts);
+}
+
+/// What `expand` refuses and `check` only remarks on: such a model is whole for logs.
+#[test]
+fn models_without_a_finite_table_are_refused_for_tables_only() {
+    let pattern = "  pattern { amplitude l [m]; frequency w [rad/s]; x = l*cos(w*t); }\n}\n";
+    let free = "model A {\n  coordinate x [m], y [m]; input u [N]; parameter m [kg], k [N/m];\n  \
+                m*ddot(x) + k*y = u;\n  m*ddot(y) + k*x = 0;\n";
+    let cases = [
+        (format!("{HEAD}  m*ddot(x) + k*x = u;\n}}\n"), ["in.tpm:1:7", "has no pattern", "add `pattern"]),
+        (format!("{free}{pattern}"), ["in.tpm:3:15", "`y` has no motion", "eliminate it"]),
+        (
+            format!("{HEAD}  m*ddot(x) + k*sin(x/1) = u;\n{pattern}").replace("[m]", "").replace(" [N/m]", ""),
+            ["in.tpm:3:15", "`sin(x)` does not expand", "declare a Taylor series"],
+        ),
+    ];
+    for (model, parts) in &cases {
+        check_refused("in.tpm", model.as_bytes(), &["expand", "in.tpm", "-o", "out.json"], parts);
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        std::fs::write(folder.path().join("in.tpm"), model).expect("writable");
+        let output = tpm_in(folder.path(), &["check", "in.tpm"]);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert!(String::from_utf8_lossy(&output.stdout).contains("remark: "), "{model}");
+    }
+}
+
+/// A log of the slider of Feng, Eqn 3.24 over twenty periods of two seconds, as lines.
+fn log() -> Vec<String> {
+    let w = std::f64::consts::PI;
+    let line = |i: usize| {
+        let t = 0.01 * i as f64;
+        let x = 0.3 * ((w * t).cos() - (3.0 * w * t).cos() / 9.0);
+        let v = 0.3 * w * ((3.0 * w * t).sin() / 3.0 - (w * t).sin());
+        let a = 0.3 * w * w * ((3.0 * w * t).cos() - (w * t).cos());
+        format!("{t},{x},{}", 2.0 * a + 40.0 * x + 1.5 * v * v)
+    };
+    std::iter::once("t_s,x,u".to_owned()).chain((0..4000).map(line)).collect()
+}
+
+#[test]
+fn faulty_logs_are_refused() {
+    let model = root().join("models").join("mass_spring_drag.tpm");
+    let model = model.to_str().expect("a readable path");
+    let identify = ["identify", model, "--log", "log.csv", "--json"];
+    let text = |lines: &[String]| lines.join("\n").into_bytes();
+    let changed = |line: usize, new: &str| {
+        let mut lines = log();
+        lines[line - 1] = new.to_owned();
+        text(&lines)
+    };
+    let column = |index: usize, value: &dyn Fn(usize) -> String| {
+        let mut lines = log();
+        for (i, line) in lines.iter_mut().enumerate().skip(1) {
+            let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
+            fields[index] = value(i);
+            *line = fields.join(",");
+        }
+        text(&lines)
+    };
+    let noise = garbage(4001, None);
+    let cases: Vec<(&str, Vec<u8>, &[&str])> = vec![
+        ("missing column", changed(1, "t_s,y,u"), &["log.csv:1:", "no column `x`", "--map x="]),
+        ("column twice", changed(1, "t_s,x,x"), &["log.csv:1:", "`x` occurs twice", "rename"]),
+        ("NaN", changed(1235, "12.33,NaN,1"), &["log.csv:1235:", "column `x`", "cut the log"]),
+        ("infinite", changed(1235, "12.33,0,inf"), &["log.csv:1235:", "column `u`", "cut the log"]),
+        ("a word", changed(1235, "12.33,0,off"), &["log.csv:1235:", "`off`", "repair"]),
+        ("a blank", changed(1235, "12.33,,1"), &["log.csv:1235:", "column `x` is empty", "cut the log"]),
+        ("jitter", changed(1235, "12.331,0,0"), &["log.csv:1235:", "time advances", "resample"]),
+        ("back in time", changed(1235, "12.3,0,0"), &["log.csv:1235:", "time advances", "resample"]),
+        ("a gap", text(&[&log()[..1200], &log()[1300..]].concat()), &["log.csv:1201:", "time advances", "resample"]),
+        ("too short", text(&log()[..9]), &["log.csv:9:", "8 samples", "two whole periods"]),
+        ("no sample", text(&log()[..1]), &["log.csv:1:", "0 samples"]),
+        ("empty", Vec::new(), &["log.csv:1:", "no column `t_s`"]),
+        ("one period", text(&log()[..260]), &["log.csv:2-260:", "not periodic", "two whole periods"]),
+        ("not periodic", column(1, &|i| noise[i].to_string()), &["not periodic", "--period"]),
+        ("constant position", column(1, &|_| "1".to_owned()), &["log.csv:2-4001:", "`x` is 1 throughout", "--map"]),
+        ("constant force", column(2, &|_| "3".to_owned()), &["log.csv:2-4001:", "`u` is 3 throughout", "--map"]),
+        ("shorter line", changed(1502, "15,0"), &["log.csv:1502:", "2 fields, the header has 3"]),
+        ("longer line", changed(1502, "15,0,0,0"), &["log.csv:1502:", "4 fields, the header has 3"]),
+        ("not UTF-8", b"t_s,x,u\n0,\xe4,0\n".to_vec(), &["log.csv:", "not UTF-8", "save the log"]),
+    ];
+    for (what, input, parts) in &cases {
+        println!("{what}");
+        check_refused("log.csv", input, &identify, parts);
+    }
+}
+
+#[test]
+fn faulty_experiments_are_refused() {
+    let model = root().join("models").join("mass_spring_drag.tpm");
+    let model = model.to_str().expect("a readable path");
+    let good = std::fs::read_to_string(root().join("models").join("mass_spring_drag.toml")).expect("the experiment");
+    let cases: Vec<(&str, String, &[&str])> = vec![
+        ("unknown field", format!("colour = 3\n{good}"), &["in.toml", "colour"]),
+        ("not TOML", "= = =".to_owned(), &["in.toml", "line 1"]),
+        ("empty", String::new(), &["in.toml", "missing"]),
+        ("unknown weights", format!("weights = \"even\"\n{good}"), &["in.toml", "noise", "equal"]),
+        (
+            "weights of another estimator",
+            format!("weights = \"equal\"\n{}", good.replacen("measured-motion", "hill", 1)),
+            &["weights = \"equal\"", "measured-motion"],
+        ),
+    ];
+    for (what, input, parts) in &cases {
+        println!("{what}");
+        check_refused("in.toml", input.as_bytes(), &["identify", model, "--experiment", "in.toml", "--json"], parts);
+    }
+    // Coordinates are eliminated there, and the physical parameters found as the noise weighs the lumped ones.
+    fails(&["identify", "models/two_carts.tpm", "--set", "weights=equal"], 2, &["weights = \"equal\"", "equations"]);
+}

@@ -1,0 +1,184 @@
+//! `tpm generate`: where it writes, what it refuses, and that nothing is left behind when it refuses.
+//!
+//! What the code computes is tested in the crate `tests`, which compiles the committed file that is compared here.
+
+use crate::support::{names, tpm};
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("UTF-8")
+}
+
+const SLIDER: &str = "models/mass_spring_drag.tpm";
+
+/// The same text to standard output, into a new folder, and to a named file; `--check` knows it again.
+#[test]
+fn one_text_wherever_it_goes() {
+    let printed = tpm(&["generate", SLIDER, "--lang", "rust"]);
+    assert!(printed.status.success(), "{}", text(&printed.stderr));
+    let printed = text(&printed.stdout);
+    assert!(printed.contains("tpm generate mass_spring_drag.tpm --lang rust"), "the command stands in the header");
+
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let inner = folder.path().join("a/b");
+    let file = folder.path().join("slider.rs");
+    for (out, written) in [(&inner, inner.join("mass_spring_drag.rs")), (&file, file.clone())] {
+        let out = out.to_str().expect("a readable path");
+        let check = || tpm(&["generate", SLIDER, "--lang", "rust", "-o", out, "--check"]);
+        let absent = check();
+        assert_eq!(absent.status.code(), Some(1));
+        assert!(text(&absent.stderr).contains("is not there"), "{}", text(&absent.stderr));
+        assert!(!written.exists(), "--check writes nothing");
+
+        let output = tpm(&["generate", SLIDER, "--lang", "rust", "-o", out]);
+        assert!(output.status.success() && output.stdout.is_empty(), "{}", text(&output.stderr));
+        assert_eq!(std::fs::read_to_string(&written).expect("written"), printed);
+        assert!(check().status.success());
+
+        std::fs::write(&written, printed.replacen("MassSpringDrag", "Other", 1)).expect("writable");
+        let stale = check();
+        assert_eq!(stale.status.code(), Some(1));
+        assert!(text(&stale.stderr).contains("differs from line 1; run `tpm generate"), "{}", text(&stale.stderr));
+    }
+    assert_eq!(names(&inner), ["mass_spring_drag.rs"], "no temporary file is left");
+}
+
+#[test]
+fn the_committed_file_is_current() {
+    let output = tpm(&["generate", SLIDER, "--lang", "rust", "-o", "tests/generated", "--check"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+#[test]
+fn identified_values_are_baked_in() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let result = folder.path().join("result.json");
+    let result = result.to_str().expect("a readable path");
+    let identified = tpm(&["identify", SLIDER, "--json", "-o", result]);
+    assert!(identified.status.success(), "{}", text(&identified.stderr));
+    let generated = tpm(&["generate", SLIDER, "--lang", "rust", "--params", result]);
+    assert!(generated.status.success(), "{}", text(&generated.stderr));
+    let generated = text(&generated.stdout);
+    assert!(generated.contains("--lang rust --params result.json"));
+    let json: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(result).expect("written")).expect("JSON");
+    for parameter in json["parameters"].as_array().expect("a list") {
+        let line = format!("    {}: {},", parameter["name"].as_str().expect("a name"), parameter["value"]);
+        assert!(generated.contains(&line), "{line} is missing");
+    }
+}
+
+/// What a pattern cannot give is said, and the rest is generated.
+#[test]
+fn gaps_are_said() {
+    let output = tpm(&["generate", "models/rotary_pendulum.tpm", "--lang", "rust"]);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let (code, said) = (text(&output.stdout), text(&output.stderr));
+    assert!(code.contains("pub fn regressor") && !code.contains("fn estimator_matrix"));
+    assert!(said.contains("remark: There is no estimator matrix and no harmonic"), "{said}");
+}
+
+/// A header and a source, both or neither, with the prefix and the scalar that were asked for.
+#[test]
+fn c_is_a_header_and_a_source() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().to_str().expect("a readable path");
+    let float = ["generate", SLIDER, "--lang", "c", "--prefix", "slider", "--real", "float", "-o", out];
+    let output = tpm(&float);
+    assert!(output.status.success() && output.stdout.is_empty(), "{}", text(&output.stderr));
+    assert_eq!(names(folder.path()), ["slider.c", "slider.h"]);
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("written");
+    let header = read("slider.h");
+    assert!(header.contains("`tpm generate mass_spring_drag.tpm --lang c --prefix slider --real float`"), "{header}");
+    assert!(header.contains("void slider_regressor(const slider_motion *motion") && !header.contains("double"));
+    assert!(read("slider.c").contains("#include \"slider.h\"") && read("slider.c").contains("cosf(phase)"));
+
+    let check = [&float[..], &["--check"]].concat();
+    assert!(tpm(&check).status.success());
+    let changed = read("slider.c").replacen("0.5555556f", "0.5555555f", 1);
+    let line = changed.lines().position(|line| line.contains("0.5555555f")).expect("it is there") + 1;
+    std::fs::write(folder.path().join("slider.c"), changed).expect("writable");
+    let stale = tpm(&check);
+    let message = text(&stale.stderr);
+    assert_eq!(stale.status.code(), Some(1));
+    assert!(message.contains(&format!("slider.c differs from line {line};")), "{message}");
+
+    // The source cannot be written: the header stays as it was.
+    let before = "/* before */\n";
+    std::fs::write(folder.path().join("slider.h"), before).expect("writable");
+    std::fs::remove_file(folder.path().join("slider.c")).expect("removable");
+    std::fs::create_dir(folder.path().join("slider.c")).expect("a folder stands in the way");
+    let refused = tpm(&float);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused.stderr));
+    assert_eq!(read("slider.h"), before);
+
+    let large = folder.path().join("large.tpm");
+    std::fs::write(&large, "model A {\n coordinate x; input u; parameter m;\n 1e40*m*ddot(x) = u;\n}\n")
+        .expect("writable");
+    let large = large.to_str().expect("a readable path");
+    let file = folder.path().join("one.c");
+    let cases: [(&[&str], &str); 7] = [
+        (&[SLIDER, "--lang", "c"], "(mass_spring_drag.h, mass_spring_drag.c): give a folder with -o"),
+        (&[SLIDER, "--lang", "c", "-o", file.to_str().expect("a readable path")], "-o must be a folder"),
+        (&[SLIDER, "--lang", "c", "-o", large], "is no folder: give one, which is made when there is none\n"),
+        (&[SLIDER, "--lang", "c", "--prefix", "2nd", "-o", out], "`2nd` cannot begin names of C"),
+        (&[SLIDER, "--lang", "c", "--prefix", "größe", "-o", out], "all ASCII"),
+        (&[large, "--lang", "c", "--real", "float", "-o", out], "beyond single precision"),
+        (&[SLIDER, "--lang", "rust", "--real", "float"], "--prefix and --real are for --lang c"),
+    ];
+    let before = names(folder.path());
+    for (given, expected) in cases {
+        let output = tpm(&[&["generate"], given].concat());
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{given:?}: {message}");
+        assert!(message.contains(expected), "{given:?}: `{expected}` is missing in\n{message}");
+        assert_eq!(names(folder.path()), before, "{given:?} left something behind");
+    }
+}
+
+/// Arguments, what the message must contain. Exit code 2, nothing printed, nothing written.
+#[test]
+fn refusals_leave_nothing_behind() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| folder.path().join(name).to_str().expect("a readable path").to_owned();
+    let write = |name: &str, bytes: &[u8]| {
+        std::fs::write(folder.path().join(name), bytes).expect("writable");
+        path(name)
+    };
+    let wrong_model = write("wrong.tpm", b"model A {\n  coordinate x; input u; parameter m;\n  m*ddot(y) = u;\n}\n");
+    let not_linear =
+        write("bent.tpm", b"model A {\n coordinate x; input u; parameter m, k;\n ddot(x)*sin(k*x) + m*x = u;\n}\n");
+    let too_large = write("large.tpm", b"model A {\n coordinate x; input u; parameter m;\n 1e400*m*ddot(x) = u;\n}\n");
+    let other = write("other.json", br#"{"schema": "tpm.identification/1", "model": "Emps", "parameters": []}"#);
+    let garbage = write("garbage.json", b"\xff{");
+    let no_schema = write("no_schema.json", b"{\n \"model\": 3\n}");
+    write("file", b"");
+    let before = names(folder.path());
+    let out = path("out");
+    let below_a_file = path("file/below");
+    let cases: [(&[&str], &[&str]); 9] = [
+        (&[&wrong_model], &["wrong.tpm:3:10", "`y`"]),
+        (&[&not_linear], &["bent.tpm:3:", "linear"]),
+        (&[&too_large], &["large.tpm:1:7", "beyond double precision", "choose other units"]),
+        (&[&path("absent.tpm")], &["cannot read", "absent.tpm"]),
+        (&[SLIDER, "--params", &other], &["other.json", "`Emps`", "`MassSpringDrag`"]),
+        (&[SLIDER, "--params", &garbage], &["garbage.json", "byte 0 is not UTF-8", "tpm identify --json"]),
+        (&[SLIDER, "--params", &no_schema], &["no_schema.json", "tpm.identification/1", "line 2"]),
+        (&[SLIDER, "--params", &path("absent.json")], &["cannot read", "absent.json"]),
+        (&[SLIDER, "-o", &below_a_file], &["cannot write", "no partial file was left"]),
+    ];
+    for (given, expected) in cases {
+        let mut arguments = vec!["generate", "--lang", "rust"];
+        arguments.extend(given);
+        if !given.contains(&"-o") {
+            arguments.extend(["-o", &out]);
+        }
+        let output = tpm(&arguments);
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{given:?}: {message}");
+        for part in expected {
+            assert!(message.contains(part), "{given:?}: `{part}` is missing in\n{message}");
+        }
+        assert!(output.stdout.is_empty() && !message.contains("panicked"), "{given:?}: {message}");
+        assert_eq!(names(folder.path()), before, "{given:?} left something behind");
+    }
+}

@@ -1,0 +1,14 @@
+//! The tool as a user runs it: one program for the tests of all verbs.
+
+mod actuators;
+mod bad_input;
+mod campaign;
+mod generate;
+mod linear;
+mod log;
+mod pendulum_study;
+mod physical;
+mod printed;
+mod readme;
+mod support;
+mod validate;

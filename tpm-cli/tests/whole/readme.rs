@@ -1,0 +1,102 @@
+//! The README is executed: its commands run, and their output is the text that the README shows after them.
+//!
+//! A `sh` block is a list of commands; a `text` block right after it is their standard output, where a line `...` stands
+//! for any number of lines; a command may say that it ends with another exit code than 0. A `tpm` block is a model file
+//! that must pass `tpm check`. Blocks of Rust are doc tests of the `tests` crate.
+
+use crate::support::{root, skipped, tpm};
+
+#[derive(Debug)]
+struct Block {
+    language: String,
+    line: usize,
+    text: String,
+}
+
+fn blocks() -> Vec<Block> {
+    let readme = std::fs::read_to_string(root().join("README.md")).expect("the README");
+    let mut blocks = Vec::new();
+    let mut open: Option<Block> = None;
+    for (i, line) in readme.lines().enumerate() {
+        match (&mut open, line.strip_prefix("```")) {
+            (None, Some(language)) => {
+                open = Some(Block { language: language.to_owned(), line: i + 1, text: String::new() });
+            }
+            (Some(_), Some(_)) => blocks.extend(open.take()),
+            (Some(block), None) => {
+                block.text.push_str(line);
+                block.text.push('\n');
+            }
+            (None, None) => {}
+        }
+    }
+    blocks
+}
+
+/// Whether `actual` is `expected`, with `...` lines standing for any lines.
+fn matches(expected: &[&str], actual: &[&str]) -> bool {
+    match expected.split_first() {
+        None => actual.is_empty(),
+        Some((&"...", rest)) => (0..=actual.len()).any(|skip| matches(rest, &actual[skip..])),
+        Some((line, rest)) => {
+            actual.split_first().is_some_and(|(a, others)| a.trim_end() == line.trim_end() && matches(rest, others))
+        }
+    }
+}
+
+#[test]
+fn commands_print_what_the_readme_says() {
+    let blocks = blocks();
+    let (mut commands, mut not_run) = (0, 0);
+    for (i, block) in blocks.iter().enumerate().filter(|(_, block)| block.language == "sh") {
+        let mut printed = String::new();
+        for line in block.text.lines().filter(|line| !line.trim().is_empty()) {
+            // This command runs the present test.
+            if line == "cargo test --workspace" {
+                continue;
+            }
+            let (command, code) = line.split_once("  # ends with ").unwrap_or((line, "0"));
+            let arguments = command
+                .strip_prefix("cargo run --release -q -- ")
+                .or_else(|| command.strip_prefix("cargo run --release -- "))
+                .unwrap_or_else(|| panic!("README line {}: `{line}` is not a command of the tool", block.line));
+            if arguments.contains("$TPM_DATA") && std::env::var_os("TPM_DATA").is_none() {
+                not_run += 1;
+                continue;
+            }
+            let data = std::env::var("TPM_DATA").unwrap_or_default();
+            let arguments: Vec<String> = arguments.split_whitespace().map(|a| a.replace("$TPM_DATA", &data)).collect();
+            let output = tpm(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+            assert!(
+                output.status.code().is_some_and(|ended| ended.to_string() == code.trim()),
+                "README line {}: `{line}` ended otherwise:\n{}",
+                block.line,
+                String::from_utf8_lossy(&output.stderr)
+            );
+            printed.push_str(&String::from_utf8_lossy(&output.stdout));
+            commands += 1;
+        }
+        if let Some(expected) = blocks.get(i + 1).filter(|next| next.language == "text")
+            && !printed.is_empty()
+        {
+            let (expected_lines, actual): (Vec<&str>, Vec<&str>) =
+                (expected.text.lines().collect(), printed.lines().collect());
+            assert!(matches(&expected_lines, &actual), "README line {}: the output is now\n{printed}", expected.line);
+        }
+    }
+    assert!(commands > 0, "the README has commands");
+    if not_run > 0 {
+        skipped(&format!("{not_run} commands need TPM_DATA, the folder of the published logs"));
+    }
+}
+
+#[test]
+fn models_pass_the_check() {
+    for block in blocks().iter().filter(|block| block.language == "tpm") {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("model.tpm");
+        std::fs::write(&path, &block.text).expect("writable");
+        let output = tpm(&["check", path.to_str().expect("a readable path")]);
+        assert!(output.status.success(), "README line {}:\n{}", block.line, String::from_utf8_lossy(&output.stderr));
+    }
+}

@@ -1,0 +1,55 @@
+//! Runs of the tool, and what they print.
+
+#[path = "../../../tests/support/skipped.rs"]
+mod skipped;
+
+pub(crate) use skipped::skipped;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// The workspace's folder.
+pub(crate) fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace").to_owned()
+}
+
+/// Runs the tool in a folder.
+pub(crate) fn tpm_in(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tpm")).args(arguments).current_dir(folder).output().expect("the tool runs")
+}
+
+/// Runs the tool in the workspace's folder.
+pub(crate) fn tpm(arguments: &[&str]) -> Output {
+    tpm_in(&root(), arguments)
+}
+
+/// What the tool prints in a folder, ending with this exit code.
+pub(crate) fn printed_in(folder: &Path, arguments: &[&str], code: i32) -> String {
+    let output = tpm_in(folder, arguments);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+    String::from_utf8(output.stdout).expect("text")
+}
+
+/// What the tool prints in the workspace's folder when all is well.
+pub(crate) fn printed(arguments: &[&str]) -> String {
+    printed_in(&root(), arguments, 0)
+}
+
+/// The command fails with this exit code and says all of this on standard error.
+pub(crate) fn fails(arguments: &[&str], code: i32, said: &[&str]) {
+    let output = tpm(arguments);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {text}");
+    for part in said {
+        assert!(text.contains(part), "{arguments:?}: `{part}` is not in: {text}");
+    }
+}
+
+/// What a folder holds, sorted.
+pub(crate) fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("a folder");
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.expect("readable").file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}

@@ -1,0 +1,14 @@
+//! The algebra on the equations of papers, on random models, and against naive twins.
+
+mod appendix_a;
+mod chain;
+mod common;
+mod elimination;
+mod exactness;
+mod expansion;
+mod identifiability;
+mod jacobi_anger;
+mod mechanics;
+mod naive;
+mod nonsmooth;
+mod series;

@@ -1,0 +1,340 @@
+//! Taylor series about symbolic points, their remainder bounds, and the truncation of whole models.
+
+use crate::common::{Build, E};
+use proptest::prelude::{prop_assert, proptest};
+use tpm_symbolic::algebra::fourier::Fourier;
+use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::expr::graph::{ExprId, Function, Node};
+use tpm_symbolic::expr::interval::Interval;
+use tpm_symbolic::harmonic::expand::expand;
+use tpm_symbolic::linear::taylor::{Expansion, Series, SeriesError, series, truncate};
+use tpm_symbolic::mechanics::model::{Kind, TermId};
+use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
+use tpm_symbolic::number::rational::ratio;
+use tpm_symbolic::regressor::form::regressor_form;
+
+fn factorial(n: u32) -> i64 {
+    (1..=i64::from(n)).product()
+}
+
+/// The Taylor coefficient f^(k)(q0) / k!, by differentiating k times.
+fn by_derivatives(b: &Build, f: &E, q: &E, point: &E, k: u32) -> E {
+    let derivative = (0..k).fold(f.clone(), |f, _| f.diff(q));
+    let at = b.graph(|g| g.substitute(derivative.id, &[(q.id, point.id)].into()));
+    b.e(at) / factorial(k)
+}
+
+/// Functions of every kind, regular at generic points.
+fn functions(q: &E, p: &E) -> Vec<E> {
+    let inner = q * p + q.pow(2);
+    vec![
+        inner.sin(),
+        inner.cos(),
+        inner.call(Function::Tan),
+        (q / 3).call(Function::Asin),
+        (q * p / 5).call(Function::Acos),
+        inner.call(Function::Atan),
+        (2 + &inner).call(Function::Sqrt),
+        inner.call(Function::Abs) * q,
+        (1 + inner.pow(2)).pow(-2),
+        (q.sin() + 2).atan2(&(q.cos() * p)),
+        (q.sin() / (3 + q.cos())).sin() * q.pow(3),
+    ]
+}
+
+#[test]
+fn coefficients_are_derivatives_over_factorials() {
+    let b = Build::new();
+    let x = b.coordinate("x");
+    let q = b.der(x, 0);
+    let [p, q0] = b.parameters(["p", "q0"]);
+    let order = 6;
+    for f in functions(&q, &p) {
+        let expansion = Expansion { coordinate: x, point: q0.id, order };
+        let found = b.model(|model| series(model, f.id, &[expansion])).expect("regular");
+        for k in 0..=order {
+            let expected = by_derivatives(&b, &f, &q, &q0, k);
+            let coefficient = found.coefficients.get(&smallvec::smallvec![k]);
+            let coefficient = coefficient.map_or(b.num(0), |&id| b.e(id));
+            for (point, value) in [(0.3, 0.7), (0.45, 1.1), (0.2, -0.6)] {
+                let at = |e: &E| e.at(&[(q0.id, point), (p.id, value)]);
+                let (left, right) = (at(&coefficient), at(&expected));
+                assert!((left - right).abs() <= 1e-9 * (1.0 + right.abs()), "{k}: {left} {right}");
+            }
+        }
+    }
+}
+
+#[test]
+fn polynomials_are_their_own_series_and_several_coordinates_keep_the_total_order() {
+    let b = Build::new();
+    let (x, y) = (b.coordinate("x"), b.coordinate("y"));
+    let (q, r) = (b.der(x, 0), b.der(y, 0));
+    let [a, c] = b.parameters(["a", "c"]);
+    let f = &a * q.pow(3) + &c * (&q * r.pow(2)) - 7;
+    let at = |coordinate, point: &E, order| Expansion { coordinate, point: point.id, order };
+    let found = b.model(|m| series(m, f.id, &[at(x, &a, 3), at(y, &c, 3)])).expect("a polynomial");
+    let polynomial = b.e(b.graph(|g| found.polynomial(g)));
+    assert!(b.is_zero(&(polynomial - &f)));
+    // sin(x + y) about (a, 0) to order 3: every coefficient is +-sin a or cos a over i! j!.
+    let wave = (&q + &r).sin();
+    let zero = b.num(0);
+    let found = b.model(|m| series(m, wave.id, &[at(x, &a, 3), at(y, &zero, 3)])).expect("regular");
+    assert_eq!(found.coefficients.len(), 10);
+    for (index, &coefficient) in &found.coefficients {
+        let (i, j) = (index[0], index[1]);
+        let trig = if (i + j).is_multiple_of(2) { a.sin() } else { a.cos() };
+        let sign = if (i + j) % 4 >= 2 { -1 } else { 1 };
+        let expected = sign * trig / (factorial(i) * factorial(j));
+        assert_eq!(coefficient, expected.id);
+    }
+    // New parameters instead of expressions (Feng, Eqns 5.5-5.7).
+    let (expr, parameters) = b.model(|m| found.with_parameters(m, "s"));
+    assert_eq!(parameters.len(), 10);
+    let names: Vec<String> =
+        b.model(|m| parameters.iter().map(|(symbol, _)| m.quantity(*symbol).name.to_string()).collect());
+    assert_eq!(names[..3], ["s0_0", "s0_1", "s0_2"]);
+    let back = b.model(|m| {
+        let replaced = parameters.iter().map(|&(symbol, id)| (m.graph.symbol(symbol), id)).collect();
+        m.graph.substitute(expr, &replaced)
+    });
+    let polynomial = b.e(b.graph(|g| found.polynomial(g)));
+    assert!(b.is_zero(&(b.e(back) - polynomial)));
+}
+
+#[test]
+fn singular_points_are_named() {
+    let b = Build::new();
+    let x = b.coordinate("x");
+    let q = b.der(x, 0);
+    let [p] = b.parameters(["p"]);
+    let f = q.clone().pow(-1);
+    let one = b.num(1);
+    let cases: [(E, E, &str); 8] = [
+        (f.clone(), b.num(0), "1/x"),
+        ((&q - &p).pow(-2), p.clone(), "1/(x - p)^2"),
+        (q.call(Function::Sqrt), b.num(0), "sqrt(x)"),
+        (q.call(Function::Abs), b.num(0), "abs(x)"),
+        (q.call(Function::Tan), b.pi() / 2, "tan(x)"),
+        (q.call(Function::Asin), one.clone(), "asin(x)"),
+        (q.sin().atan2(&(q.cos() - 1)), b.num(0), "atan2(sin(x), -1 + cos(x))"),
+        (((&q - &p).sin().pow(2) + (&q - &p).cos().pow(2) - 1).pow(-1), p.clone(), ""),
+    ];
+    for (f, point, name) in cases {
+        let expansion = Expansion { coordinate: x, point: point.id, order: 3 };
+        match b.model(|model| series(model, f.id, &[expansion])) {
+            Err(SeriesError::Singular { term: None, atom }) if name.is_empty() || atom == name => {}
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+    // In a model the source term is named, and the model stays as it was.
+    let u = b.quantity("u", Kind::Input);
+    b.equation(&[&p * b.der(x, 2), &p * q.pow(-1), -&u]);
+    let before = b.model(|model| model.equations.clone());
+    let zero = b.num(0);
+    let expansion = Expansion { coordinate: x, point: zero.id, order: 3 };
+    let error = b.model(|model| truncate(model, &[expansion])).expect_err("1/x at 0");
+    assert_eq!(error, SeriesError::Singular { term: Some(TermId(2)), atom: "1/x".to_owned() });
+    assert_eq!(b.model(|model| model.equations.clone()), before);
+    let moving = Expansion { coordinate: x, point: q.id, order: 3 };
+    assert!(matches!(b.model(|m| series(m, f.id, &[moving])), Err(SeriesError::Point { .. })));
+    let twice = b.model(|m| series(m, f.id, &[expansion, expansion]));
+    assert!(matches!(twice, Err(SeriesError::Twice { .. })));
+}
+
+fn bound(b: &Build, found: &Series, ranges: &[(ExprId, Interval)]) -> Result<f64, SeriesError> {
+    b.model(|model| {
+        found.remainder_bound(model, |node: &Node| {
+            ranges.iter().find(|(leaf, _)| model.graph.node(*leaf) == node).map(|(_, range)| *range)
+        })
+    })
+}
+
+#[test]
+fn the_remainder_bound_holds_and_is_tight_for_small_ranges() {
+    let b = Build::new();
+    let (x, y) = (b.coordinate("x"), b.coordinate("y"));
+    let (q, r) = (b.der(x, 0), b.der(y, 0));
+    let [p, q0] = b.parameters(["p", "q0"]);
+    let zero = b.num(0);
+    let mut cases: Vec<E> = functions(&q, &p);
+    cases.push((&q + &r).sin() * (&p + r.cos()).pow(-1));
+    for (f, order) in cases.iter().flat_map(|f| [(f, 2u32), (f, 4)]) {
+        let expansions =
+            [Expansion { coordinate: x, point: q0.id, order }, Expansion { coordinate: y, point: zero.id, order }];
+        let found = b.model(|model| series(model, f.id, &expansions)).expect("regular");
+        let polynomial = b.e(b.graph(|g| found.polynomial(g)));
+        let (point, value, reach) = (0.4, 0.7, 0.005f64);
+        let ranges = [
+            (q.id, Interval::hull(point - reach, point + reach)),
+            (r.id, Interval::hull(-reach, reach)),
+            (p.id, Interval::point(value)),
+            (q0.id, Interval::point(point)),
+        ];
+        let limit = bound(&b, &found, &ranges).expect("smooth");
+        let mut worst: f64 = 0.0;
+        for (i, j) in (0..=20).flat_map(|i| (0..=20).map(move |j| (i, j))) {
+            let at = |n: i32| reach * (f64::from(n) / 10.0 - 1.0);
+            let values = [(q.id, point + at(i)), (r.id, at(j)), (p.id, value), (q0.id, point)];
+            worst = worst.max((f.at(&values) - polynomial.at(&values)).abs());
+        }
+        assert!(worst <= limit + 1e-15, "{worst} {limit}");
+        // Over a small box the term of the next order is nearly the whole remainder; intervals overestimate it by a small factor.
+        let further = expansions.map(|e| Expansion { order: order + 1, ..e });
+        let further = b.model(|model| series(model, f.id, &further)).expect("regular");
+        let next: f64 = further
+            .coefficients
+            .iter()
+            .filter(|(index, _)| index.iter().sum::<u32>() == order + 1)
+            .map(|(_, &c)| b.e(c).at(&[(p.id, value), (q0.id, point)]).abs())
+            .sum();
+        let next = next * reach.powi(order as i32 + 1);
+        assert!(limit >= next * (1.0 - 1e-12) && limit <= 3.0 * next + 1e-13, "{limit} {next}");
+    }
+}
+
+#[test]
+fn the_bound_of_a_sine_is_the_next_term_and_missing_ranges_are_named() {
+    let b = Build::new();
+    let x = b.coordinate("x");
+    let q = b.der(x, 0);
+    let [p] = b.parameters(["p"]);
+    let zero = b.num(0);
+    let expansion = |order| Expansion { coordinate: x, point: zero.id, order };
+    let f = &p * q.sin();
+    let found = b.model(|model| series(model, f.id, &[expansion(4)])).expect("regular");
+    let ranges = [(q.id, Interval::hull(-0.5, 0.5)), (p.id, Interval::hull(0.0, 2.0))];
+    let limit = bound(&b, &found, &ranges).expect("smooth");
+    // 2 * max |cos| * 0.5^5 / 5!
+    let expected = 2.0 * 0.5f64.powi(5) / 120.0;
+    assert!(limit >= expected && limit < expected * (1.0 + 1e-12), "{limit} {expected}");
+    let missing = bound(&b, &found, &ranges[..1]);
+    assert_eq!(missing, Err(SeriesError::Range { name: "p".to_owned() }));
+    let quotient = (1 + &q).pow(-1);
+    let found = b.model(|model| series(model, quotient.id, &[expansion(2)])).expect("regular at 0");
+    let error = bound(&b, &found, &[(q.id, Interval::hull(-1.5, 0.0))]);
+    assert!(matches!(error, Err(SeriesError::Unbounded { ref atom }) if atom == "1/(1 + x)"), "{error:?}");
+}
+
+/// The two-joint serial arm with gravity: inertia a, c, coupling b, gravity g1, g2 (W6).
+fn serial_arm(b: &Build) -> [E; 2] {
+    let (x, y) = (b.coordinate("q1"), b.coordinate("q2"));
+    let ([q1, v1, a1], [q2, v2, a2]) = (b.motion(x), b.motion(y));
+    let (tau1, tau2) = (b.quantity("tau1", Kind::Input), b.quantity("tau2", Kind::Input));
+    let [a, bb, c, g1, g2] = b.parameters(["a", "b", "c", "g1", "g2"]);
+    let (cosine, sine, tilt) = (q2.cos(), q2.sin(), (&q1 + &q2).cos());
+    b.equation(&[
+        &a * &a1,
+        2 * (&bb * &cosine) * &a1,
+        &c * &a2,
+        &bb * &cosine * &a2,
+        -(2 * (&bb * &sine) * (&v1 * &v2)),
+        -(&bb * &sine * v2.pow(2)),
+        &g1 * q1.cos(),
+        &g2 * &tilt,
+        -&tau1,
+    ]);
+    b.equation(&[&c * &a1, &bb * &cosine * &a1, &c * &a2, &bb * &sine * v1.pow(2), &g2 * &tilt, -&tau2]);
+    [q1, q2]
+}
+
+fn sliding(b: &Build) -> Pattern {
+    b.model(|model| {
+        let amplitudes: Vec<_> = ["l1", "l2"].map(|name| model.declare(name, None, Kind::Amplitude)).to_vec();
+        let frequency = model.declare("w", None, Kind::Frequency);
+        let shape = rest_to_rest(3).expect("odd").add(&Fourier::constant(ratio(-8, 9)));
+        let motions = amplitudes.iter().map(|&l| Some(Motion::term(Monomial::power_of(l, 1), shape.clone()))).collect();
+        Pattern { name: None, amplitudes, frequency, motions }
+    })
+}
+
+#[test]
+fn a_truncated_arm_expands_and_converges_to_the_true_torque() {
+    // The table of the truncated model against the true equations at a phase; the error falls with the order and stays
+    // below the declared bound.
+    let mut last = f64::INFINITY;
+    for order in [2, 4, 6, 8] {
+        let b = Build::new();
+        let [q1, q2] = serial_arm(&b);
+        let exact = b.model(|model| model.equations.clone());
+        let zero = b.num(0);
+        let expansions =
+            [0, 1].map(|c| Expansion { coordinate: tpm_symbolic::expr::graph::Coordinate(c), point: zero.id, order });
+        let truncations = b.model(|model| truncate(model, &expansions)).expect("sin and cos are regular");
+        // cos q2 (3 times), sin q2 (3), cos q1, cos(q1 + q2) (2)
+        assert_eq!(truncations.len(), 9);
+        let pattern = sliding(&b);
+        let model = b.model(|model| model.clone());
+        let form = regressor_form(&model).expect("linear in the parameters");
+        let table = expand(&model, &form, &pattern).expect("finite after truncation");
+        let (amplitudes, w, theta) = ([0.4, -0.3], 2.0, 1.9f64);
+        let parameters = [1.3, 0.4, 0.5, 6.0, 2.0];
+        let symbols: Vec<f64> = model
+            .symbols
+            .iter()
+            .map(|quantity| match quantity.name.as_str() {
+                "l1" => amplitudes[0],
+                "l2" => amplitudes[1],
+                "w" => w,
+                _ => 0.0,
+            })
+            .collect();
+        let mut torque = [0.0; 2];
+        for entry in table.entries() {
+            let angle = entry.harmonic as f64 * theta;
+            let wave = if entry.function.name() == "cos" { angle.cos() } else { angle.sin() };
+            let column = entry.column.expect("every term has a parameter");
+            torque[entry.equation] += table.evaluate(&entry, &symbols) * wave * parameters[column];
+        }
+        let shape = rest_to_rest(3).expect("odd");
+        let position =
+            |n: u32| shape.derivative(n).evaluate(theta) * w.powi(n as i32) - if n == 0 { 8.0 / 9.0 } else { 0.0 };
+        let names = form.columns.iter().map(|column| column.name.as_str()).collect::<Vec<_>>();
+        assert_eq!(names, ["a", "b", "c", "g1", "g2"]);
+        let mut worst: f64 = 0.0;
+        for (row, equation) in exact.iter().enumerate() {
+            let value: f64 = equation
+                .terms
+                .iter()
+                .map(|term| {
+                    model.graph.evaluate(term.expr, |node| match node {
+                        Node::Derivative(c, n) => amplitudes[c.0 as usize] * position(*n),
+                        Node::Symbol(symbol) => {
+                            let name = model.quantity(*symbol).name.as_str();
+                            names.iter().position(|n| *n == name).map_or(0.0, |i| parameters[i])
+                        }
+                        _ => 0.0,
+                    })
+                })
+                .sum();
+            worst = worst.max((value - torque[row]).abs());
+        }
+        // Each truncation times the largest factor that multiplies it.
+        let reach = |amplitude: f64| Interval::hull(0.0, amplitude * -16.0 / 9.0);
+        let ranges = [(q1.id, reach(amplitudes[0])), (q2.id, reach(amplitudes[1]))];
+        let total: f64 = truncations.iter().map(|t| bound(&b, &t.series, &ranges).expect("entire")).sum();
+        let largest_factor = 6.0;
+        assert!(worst <= total * largest_factor, "{worst} {total}");
+        assert!(worst < last * 0.2, "order {order}: {worst} after {last}");
+        last = worst;
+    }
+    assert!(last < 1e-6, "{last}");
+}
+
+proptest! {
+    #[test]
+    fn products_and_sums_of_series_are_series_of_products_and_sums(
+        m in -3i64..4, n in 1i64..4, point in -0.6f64..0.6, d in -0.02f64..0.02,
+    ) {
+        let b = Build::new();
+        let x = b.coordinate("x");
+        let q = b.der(x, 0);
+        let [q0] = b.parameters(["q0"]);
+        let f = (m * &q).sin() * (n + q.cos()).pow(-1) + (&q / n).call(Function::Atan);
+        let expansion = Expansion { coordinate: x, point: q0.id, order: 5 };
+        let found = b.model(|model| series(model, f.id, &[expansion])).expect("regular");
+        let polynomial = b.e(b.graph(|g| found.polynomial(g)));
+        let values = [(q.id, point + d), (q0.id, point)];
+        prop_assert!((f.at(&values) - polynomial.at(&values)).abs() < 1e-6);
+    }
+}
