@@ -1,7 +1,9 @@
 //! Why a command did not succeed, and the exit code that says so.
 
+use crate::render::flags;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+use tpm_runtime::session::{ModelFault, SessionError};
 
 /// A failure of a command.
 #[derive(Debug, Error)]
@@ -60,5 +62,26 @@ impl Failure {
     pub(crate) fn report(&self) {
         use std::io::Write as _;
         let _ = writeln!(std::io::stderr(), "{}", self.to_string().trim_end());
+    }
+}
+
+impl From<ModelFault> for Failure {
+    fn from(fault: ModelFault) -> Self {
+        match fault {
+            ModelFault::Read { path, source } => Self::read(Path::new(&path), source),
+            ModelFault::Text { diagnostics } => Self::Model(diagnostics),
+            other => Self::Input(other.to_string()),
+        }
+    }
+}
+
+/// What went wrong in a session, with the flag that would help.
+impl From<SessionError> for Failure {
+    fn from(error: SessionError) -> Self {
+        match error {
+            SessionError::Model(fault) => fault.into(),
+            SessionError::Read { path, source } => Self::read(Path::new(&path), source),
+            other => Self::Input(flags::error(&other)),
+        }
     }
 }

@@ -60,7 +60,7 @@ impl Identified {
     pub(super) fn machines(&self) -> impl Iterator<Item = (u64, BTreeMap<String, f64>)> + '_ {
         self.campaigns.iter().map(|campaign| {
             let values = campaign.physical.iter().map(|(name, (value, _))| (name.clone(), *value)).collect();
-            (campaign.found.seed, values)
+            (campaign.found.seed.unwrap_or(0), values)
         })
     }
 

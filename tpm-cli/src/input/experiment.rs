@@ -1,14 +1,11 @@
-//! What the verbs that play an experiment on a simulated plant have in common.
+//! What the verbs that play an experiment have in common.
 
 use crate::failure::Failure;
-use crate::input::assignments::assignment;
-use crate::input::load::Loaded;
+use crate::input::assignments::{assignment, once};
+use crate::output::file;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_runtime::experiment::{Experiment, ExperimentError};
-use tpm_runtime::machine::actuator::MotorFile;
-use tpm_runtime::session::Machine;
-use tpm_symbolic::regressor::prepare::Prepared;
+use tpm_runtime::session::{DeclaredModel, ExperimentRequest, Session};
 
 /// Options that choose and change an experiment.
 #[derive(clap::Args)]
@@ -24,71 +21,54 @@ pub(crate) struct SimulatedArgs {
     pub(crate) pattern: Option<String>,
 }
 
-/// A model with an experiment that can be played on it.
-pub(crate) struct Simulation {
-    /// The model, and its parameters.
-    pub(crate) symbolic: Prepared,
-    /// The same as a machine that moves along the pattern.
-    pub(crate) machine: Machine,
-    /// The experiment with the changes, as it is written: in physical parameters, if these are given.
-    pub(crate) written: Experiment,
-    /// The same in the parameters that the model is linear in.
-    pub(crate) experiment: Experiment,
-}
-
 impl SimulatedArgs {
     /// Reads the model and the experiment.
-    pub(crate) fn prepare(&self, file: &Path) -> Result<Simulation, Failure> {
-        self.within(file, &BTreeMap::new())
+    pub(crate) fn session(&self, file: &Path) -> Result<Session, Failure> {
+        self.bounded(file, &BoundArgs { bound: Vec::new() })
     }
 
-    /// The same with bounds of physical parameters behind lumped ones.
-    pub(crate) fn within(&self, file: &Path, bounds: &BTreeMap<String, (f64, f64)>) -> Result<Simulation, Failure> {
-        let loaded = Loaded::from_file(file)?;
-        let symbolic = loaded.prepared()?;
-        let (written, motors) = self.experiment(file)?;
-        let experiment = written.lumped(&symbolic);
-        let name = self.pattern.as_deref().or(experiment.pattern.as_deref());
-        let machine = Machine::new(&symbolic, loaded.pattern(name)?, &experiment, bounds)
-            .map_err(|error| Failure::Input(error.to_string()))?;
-        if let Some((path, motors)) = motors {
-            experiment
-                .check_motors(machine.plant(), &motors)
-                .map_err(|fault| Failure::Input(format!("{}: {fault}", path.display())))?;
-        }
-        Ok(Simulation { symbolic, machine, written, experiment })
+    /// Reads the model and the experiment; `bounds` are those of physical parameters behind lumped ones.
+    pub(crate) fn bounded(&self, file: &Path, bounds: &BoundArgs) -> Result<Session, Failure> {
+        let mut request = ExperimentRequest::default();
+        request.file.clone_from(&self.experiment);
+        request.changes.clone_from(&self.set);
+        request.pattern.clone_from(&self.pattern);
+        request.bounds = bounds.by_name()?;
+        Ok(Session::open(model(file)?, file, &request)?)
     }
+}
 
-    /// The experiment file that was named, or the one beside the model, and the file in which its motors stand.
-    fn experiment(&self, file: &Path) -> Result<(Experiment, Option<(PathBuf, MotorFile)>), Failure> {
-        let path = self.experiment.clone().unwrap_or_else(|| file.with_extension("toml"));
-        if self.experiment.is_none() && !path.exists() {
-            return Err(Failure::Input(format!(
-                "there is no experiment {} beside the model; write one, or name another with --experiment FILE",
-                path.display()
-            )));
-        }
-        let text = std::fs::read_to_string(&path).map_err(|error| Failure::read(&path, error))?;
-        let at = |error: ExperimentError| Failure::Input(format!("{}: {error}", path.display()));
-        let mut experiment = Experiment::parse(&text).map_err(at)?;
-        for (key, value) in &self.set {
-            experiment.apply_override(key, value).map_err(|error| Failure::Input(error.to_string()))?;
-        }
-        let faulty = |path: &Path| {
-            let path = path.to_owned();
-            move |fault: tpm_runtime::machine::actuator::FileFault| {
-                Failure::Input(format!("{}: {fault}", path.display()))
-            }
-        };
-        let motors = match (&experiment.motors, experiment.motor_file().map(|beside| path.with_file_name(beside))) {
-            (_, Some(beside)) => {
-                let text = std::fs::read_to_string(&beside).map_err(|error| Failure::read(&beside, error))?;
-                experiment.set_motors(&text).map_err(faulty(&beside))?;
-                Some((beside.clone(), MotorFile::parse(&text).map_err(faulty(&beside))?))
-            }
-            (Some(_), None) => Some((path.clone(), MotorFile::within(&text).map_err(faulty(&path))?)),
-            (None, None) => None,
-        };
-        Ok((experiment, motors))
+/// Reads a model file. Remarks about it go to standard error.
+pub(crate) fn model(file: &Path) -> Result<DeclaredModel, Failure> {
+    let model = DeclaredModel::open(file)?;
+    let remarks = model.remarks();
+    if !remarks.is_empty() {
+        file::remark(&remarks);
     }
+    Ok(model)
+}
+
+/// Options about physical parameters behind lumped ones.
+#[derive(clap::Args)]
+pub(crate) struct BoundArgs {
+    /// Bounds of a physical parameter behind lumped ones, either side may be left out; kg and kg*m^2 are not negative unless said.
+    #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = bounds_assignment)]
+    bound: Vec<(String, (f64, f64))>,
+}
+
+impl BoundArgs {
+    /// Least and largest value by name.
+    pub(crate) fn by_name(&self) -> Result<BTreeMap<String, (f64, f64)>, Failure> {
+        once("--bound", &self.bound)
+    }
+}
+
+fn bounds_assignment(text: &str) -> Result<(String, (f64, f64)), String> {
+    let (name, interval) = assignment(text)?;
+    let (low, high) = interval.split_once(':').ok_or_else(|| format!("`{interval}` is not of the form LOW:HIGH"))?;
+    let side = |text: &str, open: f64| match text.trim() {
+        "" => Ok(open),
+        text => text.parse::<f64>().map_err(|_| format!("`{text}` is not a number")),
+    };
+    Ok((name, (side(low, f64::NEG_INFINITY)?, side(high, f64::INFINITY)?)))
 }

@@ -1,16 +1,15 @@
 //! Options about a log of a machine: its columns, the part to use, and what its inputs do between samples.
 
 use crate::failure::Failure;
-use crate::input::assignments::{assignment, by_name, number_assignment};
+use crate::input::assignments::{assignment, number_assignment, once};
 use clap::ValueEnum;
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::log::LogOptions;
 use tpm_runtime::machine::actuator::MotorFile;
-use tpm_runtime::model::Model as _;
-use tpm_runtime::run::Dynamics;
-use tpm_runtime::run::LowPass;
+use tpm_runtime::model::Model;
+use tpm_runtime::run::{Dynamics, LowPass};
+use tpm_runtime::session::LogRequest;
 
 /// What an input does between samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -45,19 +44,13 @@ pub(crate) struct ColumnArgs {
 }
 
 impl ColumnArgs {
-    /// The same for the library, with names checked against the model.
-    pub(crate) fn options(&self, model: &Interpreted) -> Result<LogOptions, Failure> {
-        let dims = model.dims();
-        let coordinates = (0..dims.coordinates).map(|i| model.coordinate(i).name.to_owned());
-        let inputs = (0..dims.inputs).map(|i| model.input(i).name.to_owned());
-        let mut signals: Vec<String> = coordinates.chain(inputs).collect();
-        signals.push("t_s".to_owned());
-        Ok(LogOptions {
-            map: by_name("--map", &self.map, &signals)?,
-            scale: by_name("--scale", &self.scale, &signals)?,
-            offset: by_name("--offset", &self.offset, &signals)?,
-            ..LogOptions::default()
-        })
+    /// The log at a path with what is said of its columns.
+    pub(crate) fn request(&self, path: &Path) -> Result<LogRequest, Failure> {
+        let mut request = LogRequest::new(path);
+        request.map = once("--map", &self.map)?;
+        request.scale = once("--scale", &self.scale)?;
+        request.offset = once("--offset", &self.offset)?;
+        Ok(request)
     }
 }
 
@@ -90,7 +83,7 @@ pub(crate) struct LogArgs {
     harmonics: Option<usize>,
     /// Value of a constant that is known at run time only.
     #[arg(long = "constant", value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
-    pub(crate) constants: Vec<(String, f64)>,
+    constants: Vec<(String, f64)>,
 }
 
 fn low_pass(text: &str) -> Result<(String, LowPass), String> {
@@ -105,58 +98,38 @@ fn low_pass(text: &str) -> Result<(String, LowPass), String> {
 }
 
 impl LogArgs {
-    /// What is known to lie between the recorded inputs and the forces.
-    fn actuators(&self, model: &Interpreted) -> Result<Vec<Dynamics>, Failure> {
-        let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_owned()).collect();
-        let mut known = match &self.motor {
-            None => vec![Dynamics::default(); inputs.len()],
-            Some(path) => {
-                let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
-                MotorFile::parse(&text)
-                    .and_then(|file| file.dynamics(model))
-                    .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?
+    /// What is known to lie between the recorded inputs and the forces, by input; the model gives its inputs' names.
+    fn actuators(&self, model: &dyn Model<f64>) -> Result<BTreeMap<String, Dynamics>, Failure> {
+        let mut known: BTreeMap<String, Dynamics> = BTreeMap::new();
+        if let Some(path) = &self.motor {
+            let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+            let stated = MotorFile::parse(&text)
+                .and_then(|file| file.dynamics(model))
+                .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?;
+            known
+                .extend(stated.into_iter().enumerate().map(|(i, dynamics)| (model.input(i).name.to_owned(), dynamics)));
+        }
+        for (name, delay) in once("--delay", &self.delay)? {
+            if !(delay.is_finite() && delay >= 0.0) {
+                return Err(Failure::Input(format!("--delay {name}={delay}: the time must not be negative")));
             }
-        };
-        let delays = by_name("--delay", &self.delay, &inputs)?;
-        let filters = by_name("--low-pass", &self.low_pass, &inputs)?;
-        for (name, known) in inputs.iter().zip(&mut known) {
-            if let Some(&delay) = delays.get(name) {
-                if !(delay.is_finite() && delay >= 0.0) {
-                    return Err(Failure::Input(format!("--delay {name}={delay}: the time must not be negative")));
-                }
-                known.delay = delay;
-            }
-            if let Some(&filter) = filters.get(name) {
-                known.filter = Some(filter);
-            }
+            known.entry(name).or_default().delay = delay;
+        }
+        for (name, filter) in once("--low-pass", &self.low_pass)? {
+            known.entry(name).or_default().filter = Some(filter);
         }
         Ok(known)
     }
 
-    /// The same for the library, with names checked against the model.
-    pub(crate) fn options(&self, model: &Interpreted) -> Result<LogOptions, Failure> {
-        let dims = model.dims();
-        let constants: Vec<String> = (0..dims.constants).map(|i| model.constant(i).name.to_owned()).collect();
-        let given = by_name("--constant", &self.constants, &constants)?;
-        let missing: Vec<String> = constants
-            .iter()
-            .filter(|name| !given.contains_key(*name))
-            .map(|name| format!("--constant {name}=VALUE"))
-            .collect();
-        if !missing.is_empty() {
-            return Err(Failure::Input(format!(
-                "the model has constants that are known at run time only; give {}",
-                missing.join(" ")
-            )));
-        }
-        Ok(LogOptions {
-            from_sample: self.from_sample,
-            period: self.period,
-            hold: self.hold.map_or(Hold::None, Hold::from),
-            actuators: self.actuators(model)?,
-            harmonics: self.harmonics,
-            constants: constants.iter().map(|name| given[name]).collect(),
-            ..self.columns.options(model)?
-        })
+    /// The log at a path with everything that is said of it.
+    pub(crate) fn request(&self, path: &Path, model: &dyn Model<f64>) -> Result<LogRequest, Failure> {
+        let mut request = self.columns.request(path)?;
+        request.from_sample = self.from_sample;
+        request.period = self.period;
+        request.hold = self.hold.map_or(Hold::None, Hold::from);
+        request.actuators = self.actuators(model)?;
+        request.harmonics = self.harmonics;
+        request.constants = once("--constant", &self.constants)?;
+        Ok(request)
     }
 }

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::input::assignments::{assignment, once};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_codegen::emit::estimator::SCHEMA;
+use tpm_codegen::emit::estimator::READABLE_SCHEMAS;
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::{Kind, Model};
 use tpm_symbolic::mechanics::pattern::Pattern;
@@ -139,8 +139,9 @@ fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
 pub(crate) fn identification(path: &Path, text: &str) -> Result<serde_json::Value, Failure> {
     let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
     let whole: serde_json::Value = serde_json::from_str(text).map_err(|error| at(error.to_string()))?;
-    if whole["schema"] != SCHEMA {
-        return Err(at(format!("this is no result of `tpm identify --json` (schema {SCHEMA})")));
+    if !READABLE_SCHEMAS.iter().any(|schema| whole["schema"] == *schema) {
+        let known = READABLE_SCHEMAS.join(" or ");
+        return Err(at(format!("this is no result of `tpm identify --json` (schema {known})")));
     }
     Ok(whole)
 }

@@ -3,6 +3,7 @@
 use crate::failure::Failure;
 use std::io::Write as _;
 use std::path::Path;
+use tpm_runtime::report::write_whole;
 
 /// Writes a result to `path`, or to standard output.
 pub(crate) fn emit(path: Option<&Path>, text: &str) -> Result<(), Failure> {
@@ -55,27 +56,9 @@ pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes a file by way of a temporary one beside it, renamed when complete.
+/// Writes a file whole or not at all.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    let write = || -> std::io::Result<()> {
-        let mut file = tempfile::Builder::new().prefix(".tpm-").tempfile_in(folder)?;
-        file.write_all(bytes)?;
-        file.as_file().sync_all()?;
-        // A temporary file is private to its owner; a result gets what any new file here would get.
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt as _;
-            let mode = std::fs::metadata(path).map_or(0o644, |present| present.permissions().mode());
-            file.as_file().set_permissions(std::fs::Permissions::from_mode(mode))?;
-        }
-        file.persist(path).map_err(|error| error.error)?;
-        Ok(())
-    };
-    write().map_err(|error| Failure::write(path, error))
+    write_whole(path, bytes).map_err(|error| Failure::write(path, error))
 }
 
 /// A result as JSON, with a newline at its end.
@@ -88,7 +71,7 @@ pub(crate) fn json(result: &impl serde::Serialize) -> Result<String, Failure> {
 
 #[cfg(test)]
 mod tests {
-    use super::{write_file, write_files};
+    use super::write_files;
 
     #[test]
     fn files_that_belong_together_are_written_together() {
@@ -104,25 +87,5 @@ mod tests {
         std::fs::remove_dir(&source).expect("empty");
         assert!(write_files(&files).is_ok());
         assert_eq!(std::fs::read(&source).expect("it is there"), b"after");
-    }
-
-    #[test]
-    fn a_failed_write_leaves_nothing_behind() {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let target = folder.path().join("table.json");
-        std::fs::create_dir(&target).expect("a folder stands in the way");
-        assert!(write_file(&target, b"{}").is_err());
-        let left: Vec<_> = std::fs::read_dir(folder.path()).expect("readable").collect();
-        assert_eq!(left.len(), 1, "only the folder that was there: {left:?}");
-    }
-
-    #[test]
-    fn a_file_is_replaced_whole() {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let target = folder.path().join("table.json");
-        for text in ["a long first text", "short"] {
-            write_file(&target, text.as_bytes()).expect("writable");
-            assert_eq!(std::fs::read_to_string(&target).expect("readable"), text);
-        }
     }
 }

@@ -3,11 +3,11 @@
 
 use crate::failure::Failure;
 use crate::output::{file, picture};
-use crate::render::table::{combination, number};
 use std::path::Path;
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
+use tpm_runtime::report::{combination, number};
 use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::{Identification, Machine};
 

@@ -1,4 +1,4 @@
-//! Results as text.
+//! Results as text and figures, and the libraries' remedies as flags.
 
 pub(crate) mod campaign;
-
+pub(crate) mod flags;

@@ -6,7 +6,6 @@ use crate::input::assignments::assignment;
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
 use crate::output::{file, picture};
-use crate::render::table::{Align, TextTable, number};
 use crate::verbs::split::motions;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -15,6 +14,7 @@ use tpm_runtime::machine::actuator::{
     Bound, Limit, Machine, MachineError, Motor, MotorFile, Requirement, bound, requirements, scaled, torque_speed,
 };
 use tpm_runtime::model::Model as _;
+use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::Model;
 use tpm_symbolic::number::rational;

@@ -2,11 +2,12 @@
 
 use crate::Outcome;
 use crate::failure::Failure;
-use crate::input::experiment::{SimulatedArgs, Simulation};
+use crate::input::experiment::SimulatedArgs;
 use crate::output::file;
-use crate::render::table::{Align, TextTable, number};
 use std::path::PathBuf;
 use tpm_runtime::model::Model as _;
+use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::session::SessionError;
 use tpm_runtime::study::{Candidate, Design, design};
 
 /// Options of `tpm design`.
@@ -37,9 +38,9 @@ struct Report<'a> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
-    let found =
-        design(machine.plant(), machine.pattern(), &experiment).map_err(|error| Failure::Input(error.to_string()))?;
+    let session = args.simulated.session(&args.file)?;
+    let (machine, experiment) = (session.machine(), session.experiment());
+    let found = design(machine.plant(), machine.pattern(), experiment).map_err(SessionError::from)?;
     let text = if args.json {
         file::json(&Report { schema: "tpm.design/1", model: machine.plant().name(), design: &found })?
     } else {

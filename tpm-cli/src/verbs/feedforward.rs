@@ -3,7 +3,6 @@
 use crate::Outcome;
 use crate::failure::Failure;
 use crate::output::{file, picture};
-use crate::render::table::{Align, TextTable, number};
 use crate::verbs::actuator::{MachineArgs, Moved};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -12,6 +11,7 @@ use tpm_runtime::machine::actuator::{
     Drive, DriveError, FileFault, Limit, LoopFile, Motor, Stability, Tracking, tracking_errors,
 };
 use tpm_runtime::model::Model as _;
+use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::run::trajectory::Trajectory;
 
 /// Configurations of the reference at which the loop is linearised.

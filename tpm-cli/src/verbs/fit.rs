@@ -7,7 +7,6 @@ use crate::input::load::Loaded;
 use crate::input::measured::{Measured, MeasuredArgs};
 use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
-use crate::render::table::{Align, TextTable, number};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,6 +14,7 @@ use tpm_runtime::frequency::{
     Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root,
     StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
 };
+use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::mechanics::model::Model;

@@ -4,9 +4,9 @@ use crate::Outcome;
 use crate::failure::Failure;
 use crate::input::measured::{EstimatorChoice, Measured, MeasuredArgs};
 use crate::output::file;
-use crate::render::table::{Align, TextTable, number};
 use clap::ValueEnum;
 use tpm_runtime::frequency::Line;
+use tpm_runtime::report::{Align, TextTable, number};
 
 /// Lines that the table for reading shows.
 const SHOWN: usize = 24;

@@ -4,10 +4,10 @@ use crate::Outcome;
 use crate::failure::Failure;
 use crate::input::load::Loaded;
 use crate::output::file;
-use crate::render::table::{Align, TextTable};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use tpm_runtime::report::{Align, TextTable};
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::identifiability::{
     Experiment, Identifiability, PhysicalIdentifiability, Report, identifiability,

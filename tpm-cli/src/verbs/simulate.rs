@@ -1,15 +1,13 @@
 //! `tpm simulate`: one run on the simulated plant, as a log.
 
 use crate::Outcome;
-use crate::failure::Failure;
-use crate::input::experiment::{SimulatedArgs, Simulation};
+use crate::input::experiment::SimulatedArgs;
 use crate::output::file;
-use crate::verbs::campaign::read_trial;
 use std::path::PathBuf;
-use tpm_runtime::campaign::samples_text;
-use tpm_runtime::machine::simulated::simulate;
-use tpm_runtime::model::Model;
+use tpm_runtime::campaign::{read_trial, samples_text};
+use tpm_runtime::model::Model as _;
 use tpm_runtime::run::Ending;
+use tpm_runtime::session::SessionError;
 
 /// Options of `tpm simulate`.
 #[derive(clap::Args)]
@@ -28,22 +26,15 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
-    let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
-    let plant = machine.plant();
-    let (setup, _) = experiment.stable_setup(plant, machine.pattern()).map_err(|error| input(&error))?;
-    let campaign = machine.campaign(&experiment, setup).map_err(|error| input(&error))?;
-    let Some(first) = campaign.next() else {
-        return Err(Failure::Input("the experiment has no run to play".to_owned()));
-    };
+    let session = args.simulated.session(&args.file)?;
+    let plant = session.machine().plant();
+    let (campaign, _) = session.campaign()?;
+    let first = campaign.next().ok_or(SessionError::NothingToPlay)?;
     let trial = match &args.play {
-        Some(path) => read_trial(path, &machine, first)?,
+        Some(path) => read_trial(path, plant, first).map_err(SessionError::from)?,
         None => first.clone(),
     };
-    let bench = experiment.bench_in_run(plant, trial.run).map_err(|error| input(&error))?;
-    let other = experiment.other_plant(plant).map_err(|error| input(&error))?;
-    let simulated = other.as_ref().map_or(plant as &dyn Model<f64>, |arm| arm as &dyn Model<f64>);
-    let record = simulate(simulated, &bench, &trial).map_err(|error| input(&error))?;
+    let record = session.simulate(&trial)?;
     file::emit(args.output.as_deref(), &samples_text(plant, &record))?;
     match record.ending {
         Ending::Complete => {}

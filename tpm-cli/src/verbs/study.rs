@@ -2,14 +2,13 @@
 //! estimator needs without noise.
 
 use crate::failure::Failure;
-use crate::input::experiment::{SimulatedArgs, Simulation};
+use crate::input::experiment::SimulatedArgs;
 use crate::output::{file, progress};
-use crate::render::table::{Align, TextTable, number};
 use crate::{Outcome, interrupt};
 use std::path::PathBuf;
-use tpm_runtime::campaign::RunReport;
-use tpm_runtime::experiment::Experiment;
-use tpm_runtime::study::{LIMITS, Study, Updates, study_campaigns, updates};
+use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::session::SessionError;
+use tpm_runtime::study::{LIMITS, Study, Updates, study_session, updates};
 
 /// Updates that are played at most.
 const MOST: usize = 10;
@@ -37,10 +36,11 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let Simulation { machine, experiment, .. } = args.simulated.prepare(&args.file)?;
+    let session = args.simulated.session(&args.file)?;
     if args.updates {
-        let found = updates(machine.plant(), machine.pattern(), &experiment, MOST)
-            .map_err(|error| Failure::Input(error.to_string()))?;
+        let machine = session.machine();
+        let found =
+            updates(machine.plant(), machine.pattern(), session.experiment(), MOST).map_err(SessionError::from)?;
         let text = if args.json { file::json(&found)? } else { describe_updates(&found) };
         return file::emit(args.output.as_deref(), &text);
     }
@@ -51,11 +51,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
             bar.set(ended as u64, seeds as u64);
             go_on()
         };
-        let identify = |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| machine.identify(own, go_on);
-        (study_campaigns(machine.plant(), machine.pattern(), &experiment, seeds, &identify, &step), !go_on())
+        (study_session(&session, seeds, &step), !go_on())
     });
     drop(bar);
-    let result = result.map_err(|error| Failure::Input(error.to_string()))?;
+    let result = result?;
     let text = if args.json { file::json(&result)? } else { describe(&result) };
     file::emit(args.output.as_deref(), &text)?;
     if interrupted {

@@ -2,16 +2,14 @@
 
 use crate::Outcome;
 use crate::failure::Failure;
-use crate::input::load::Loaded;
+use crate::input::experiment::model;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;
 use crate::output::file;
-use crate::render::table::{Align, TextTable, number};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::log::Log;
-use tpm_runtime::model::Model as _;
-use tpm_runtime::session::{Validation, validate_log};
+use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::session::{Identifiable as _, Validation, validate};
 
 /// Options of `tpm validate`.
 #[derive(clap::Args)]
@@ -36,28 +34,20 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let prepared = Loaded::from_file(&args.file)?.prepared()?;
-    let model = Interpreted::new(&prepared.model, &prepared.form);
-    let options = args.reading.options(&model)?;
-    let parameters = identified(&args.params, &model)?;
-    let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
-    let log = Log::open(&args.log, &model, &options).map_err(|error| input(&error))?;
-    let result = validate_log(&model, &log, &options, &parameters).map_err(|error| input(&error))?;
+    let model = model(&args.file)?;
+    let parameters = identified(&args.params)?;
+    let request = args.reading.request(&args.log, model.evaluated())?;
+    let result = validate(&model, request, &parameters)?;
     file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })
 }
 
-/// The values of a result, in the model's order.
-fn identified(path: &Path, model: &Interpreted) -> Result<Vec<f64>, Failure> {
-    let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
+/// The values of a result, by name; those that were not identified are left out.
+fn identified(path: &Path) -> Result<BTreeMap<String, f64>, Failure> {
     let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
     let whole = identification(path, &text)?;
-    let value = |j: usize| {
-        let name = model.parameter(j).name;
-        let entry = whole["parameters"].as_array().and_then(|list| list.iter().find(|entry| entry["name"] == name));
-        let value = entry.and_then(|entry| entry["value"].as_f64());
-        value.ok_or_else(|| at(format!("`{name}` was not identified, so there is nothing to predict with")))
-    };
-    (0..model.dims().parameters).map(value).collect()
+    let entries = whole["parameters"].as_array().into_iter().flatten();
+    let known = entries.filter_map(|entry| Some((entry["name"].as_str()?.to_owned(), entry["value"].as_f64()?)));
+    Ok(known.collect())
 }
 
 fn describe(result: &Validation) -> String {

@@ -225,7 +225,7 @@ pub struct Identified {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum IdentifiedError {
     /// Not the schema.
-    #[error("the identified values are not of the schema `{SCHEMA}`: {0}")]
+    #[error("the identified values are not of the schema `{SCHEMA}`, nor of one before it that can be read: {0}")]
     Schema(String),
     /// Another model's.
     #[error("the identified values are of the model `{found}`, not of `{expected}`")]
@@ -240,8 +240,11 @@ pub enum IdentifiedError {
     Missing(String),
 }
 
-/// The schema of identification results, which is part of the contract.
-pub const SCHEMA: &str = "tpm.identification/1";
+/// The schema of identification results.
+pub const SCHEMA: &str = "tpm.identification/2";
+
+/// The schemas of identification results that can be read: every field of the first one is in the second.
+pub const READABLE_SCHEMAS: [&str; 2] = ["tpm.identification/1", SCHEMA];
 
 impl Identified {
     /// One value per column of `estimator`, in its order.
@@ -281,7 +284,7 @@ impl Identified {
             status: String,
         }
         let file: File = serde_json::from_str(text).map_err(|error| IdentifiedError::Schema(error.to_string()))?;
-        if file.schema != SCHEMA {
+        if !READABLE_SCHEMAS.contains(&file.schema.as_str()) {
             return Err(IdentifiedError::Schema(format!("it says `{}`", file.schema)));
         }
         let parameters = file.parameters.into_iter().map(|parameter| {

@@ -29,7 +29,7 @@ pub enum ExperimentError {
         message: String,
     },
     /// An override names nothing, or its value does not fit.
-    #[error("--set {key}: {reason}{}", alternatives(.near))]
+    #[error("{key}: {reason}{}", alternatives(.near))]
     Override {
         /// The key as given.
         key: String,

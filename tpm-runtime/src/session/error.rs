@@ -131,6 +131,12 @@ pub enum SessionError {
     /// A record came although the campaign had ended.
     #[error("the campaign has ended; no log is expected")]
     Ended,
+    /// A parameter has no value.
+    #[error("`{name}` was not identified, so there is nothing to predict with")]
+    NotIdentified {
+        /// The parameter.
+        name: String,
+    },
     /// The experiment has no run to play.
     #[error("the experiment has no run to play")]
     NothingToPlay,

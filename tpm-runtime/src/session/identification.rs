@@ -14,11 +14,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 
-/// The form of a serialised [`Identification`].
-pub const SCHEMA: &str = "tpm.identification/2";
-
-/// Forms of serialised identifications whose values can be read: every field of the first one is in the second.
-pub const READABLE_SCHEMAS: [&str; 2] = ["tpm.identification/1", SCHEMA];
+pub use tpm_codegen::emit::estimator::{READABLE_SCHEMAS, SCHEMA};
 
 /// Where the data of an identification come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]

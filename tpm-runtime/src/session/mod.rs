@@ -44,5 +44,5 @@ pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use summary::of_campaign;
-pub use validate::{RowPrediction, Validation, validate_log};
+pub use validate::{RowPrediction, Validation, validate, validate_log};
 pub use warning::{Data, Warning};

@@ -5,8 +5,11 @@
 
 use crate::estimate::{MeasuredMotion, Settings};
 use crate::log::{Log, LogError, LogOptions};
-use crate::session::log::periodic_spectra;
+use crate::session::error::SessionError;
+use crate::session::log::{LogRequest, periodic_spectra};
+use crate::session::model::Identifiable;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::model::{Buffer, Model, require_len};
@@ -49,6 +52,27 @@ pub struct Validation {
     pub rows: Vec<RowPrediction>,
     /// Largest share of any row.
     pub prediction_error: f64,
+}
+
+/// Predicts the inputs of a log from its motion with given values of the parameters in which the model is linear, by name.
+///
+/// # Errors
+/// [`SessionError::NotIdentified`] where a parameter has no value; [`SessionError`] as for an identification.
+pub fn validate(
+    model: &impl Identifiable,
+    log: impl Into<LogRequest>,
+    values: &BTreeMap<String, f64>,
+) -> Result<Validation, SessionError> {
+    let request = log.into();
+    let evaluated = model.evaluated();
+    let value = |j: usize| {
+        let name = evaluated.parameter(j).name;
+        values.get(name).copied().ok_or_else(|| SessionError::NotIdentified { name: name.to_string() })
+    };
+    let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
+    let options = request.options(evaluated, &[])?;
+    let log = Log::open(&request.path, evaluated, &options)?;
+    Ok(validate_log(evaluated, &log, &options, &parameters)?)
 }
 
 /// Predicts the inputs of a log from its motion with given parameters, one value per parameter of the model.

@@ -1,0 +1,83 @@
+//! Remedies and settings of the libraries as flags of this command line.
+
+use tpm_runtime::experiment::ExperimentError;
+use tpm_runtime::log::{Adjustment, LogError};
+use tpm_runtime::report::Remedy;
+use tpm_runtime::session::{SessionError, Setting};
+
+/// The flag that is meant by a remedy, for putting in brackets behind a message.
+pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
+    Some(match remedy {
+        Remedy::MapColumn { signal } => format!("--map {signal}=COLUMN"),
+        Remedy::PeriodAndStart => "--period SECONDS, --from-sample N".to_owned(),
+        Remedy::Period => "--period SECONDS".to_owned(),
+        Remedy::FromSample => "--from-sample N".to_owned(),
+        Remedy::Hold { hold } => format!("--hold {hold}"),
+        Remedy::Harmonics { highest } => format!("--harmonics {highest} takes them in"),
+        Remedy::DrivenCoordinate { input } => format!("--motion {input}=COORDINATE"),
+        Remedy::Constants { names } => {
+            names.iter().map(|name| format!("--constant {name}=VALUE")).collect::<Vec<_>>().join(" ")
+        }
+        _ => return None,
+    })
+}
+
+/// A message with the flag that would help.
+fn with(message: &str, found: Option<Remedy>) -> String {
+    match found.as_ref().and_then(remedy) {
+        Some(flag) => format!("{message} ({flag})"),
+        None => message.to_owned(),
+    }
+}
+
+/// A fault of a log, with the flag that it was given by or that would help.
+pub(crate) fn log_error(error: &LogError) -> String {
+    let flag = |adjustment: Adjustment| match adjustment {
+        Adjustment::Column => "--map",
+        Adjustment::Scale => "--scale",
+        Adjustment::Offset => "--offset",
+    };
+    match error {
+        LogError::UnknownName { adjustment, .. } | LogError::Unusable { adjustment, .. } => {
+            format!("{}: {error}", flag(*adjustment))
+        }
+        other => with(&other.to_string(), other.remedy()),
+    }
+}
+
+/// A fault of an experiment, with the flag that it was given by.
+pub(crate) fn experiment_error(error: &ExperimentError) -> String {
+    match error {
+        ExperimentError::Override { .. } => format!("--set {error}"),
+        other => other.to_string(),
+    }
+}
+
+/// A fault of a session, with the flag that it was given by or that would help.
+pub(crate) fn error(error: &SessionError) -> String {
+    match error {
+        SessionError::Log(error) => log_error(error),
+        SessionError::Experiment(error) => experiment_error(error),
+        SessionError::UnknownName { setting, name, .. } => {
+            let flag = match setting {
+                Setting::Prior => "--prior",
+                Setting::Frozen => "--freeze",
+                Setting::Constant => "--constant",
+                Setting::Actuator => "--delay or --low-pass",
+                _ => "",
+            };
+            format!("{flag} {name}=...: {}", message_behind(&error.to_string()))
+        }
+        SessionError::NothingLumped { name } => {
+            format!("--bound {name}=...: {}", message_behind(&error.to_string()))
+        }
+        SessionError::NoExperiment { .. } => format!("{error} with --experiment FILE"),
+        SessionError::NoCampaign { path } => format!("{error}; begin one with `tpm campaign start MODEL {path}`"),
+        other => with(&other.to_string(), other.remedy()),
+    }
+}
+
+/// The message without the setting and the name that stand before it.
+fn message_behind(message: &str) -> &str {
+    message.split_once(": ").map_or(message, |(_, rest)| rest)
+}
