@@ -9,6 +9,7 @@
 //! force by one complex factor, as it does behind a hold. What is not stated is the identity.
 
 use crate::numerics::{DMatrix, DVector};
+use crate::run::spectra::Spectra;
 use num_complex::Complex;
 
 /// A second-order low pass of unit gain, 1 / (s^2/w_n^2 + s/(Q w_n) + 1).
@@ -120,6 +121,14 @@ impl Dynamics {
         } else {
             (whole as usize, rest)
         }
+    }
+}
+
+/// Puts the known dynamics of the actuators between the recorded inputs (the channels behind the coordinates) and the model,
+/// so that the spectra are those of forces, up to the hold.
+pub(crate) fn correct_actuators(spectra: &mut Spectra, coordinates: usize, actuators: &[Dynamics]) {
+    for (i, dynamics) in actuators.iter().enumerate().filter(|(_, dynamics)| !dynamics.is_ideal()) {
+        spectra.pass(coordinates + i, |frequency| dynamics.response(frequency));
     }
 }
 
