@@ -14,7 +14,7 @@ use tpm_runtime::campaign::Campaign;
 use tpm_runtime::campaign::{GainManifest, Manifest, Store};
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::log::Log;
-use tpm_runtime::machine::stability::Stability;
+use tpm_runtime::machine::stability::LoopStability;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::smoothing::Smoothing;
 use tpm_runtime::run::{Record, RunEnding, Trial, Velocity};
@@ -131,7 +131,7 @@ impl Folder {
     }
 
     /// The campaign with all finished runs, and what its loop was found to be.
-    fn campaign(&self) -> Result<(Campaign<'_>, Stability), Failure> {
+    fn campaign(&self) -> Result<(Campaign<'_>, LoopStability), Failure> {
         let Simulation { machine, experiment, .. } = &self.simulation;
         let plant = machine.plant();
         // A real machine's drive holds its input between samples as the simulated one does.

@@ -20,7 +20,7 @@ use tpm_runtime::estimate::{Estimate, Frozen, Weights};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::log::{Log, LogOptions};
-use tpm_runtime::machine::stability::Stability;
+use tpm_runtime::machine::stability::LoopStability;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::CampaignIdentification;
@@ -251,7 +251,7 @@ pub(crate) fn describe_campaign(
 }
 
 /// What was known of the loop before the first run; nothing when nothing could be known.
-fn stable(stability: &Stability) -> String {
+fn stable(stability: &LoopStability) -> String {
     let mut text = String::new();
     if let Some(slowest) = stability.poles.iter().map(|pole| pole.0).reduce(f64::max) {
         text.push_str(&format!("\nclosed loop: slowest pole {} 1/s with the prior", number(slowest)));

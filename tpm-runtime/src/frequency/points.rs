@@ -3,7 +3,7 @@
 //! Invariant: a residual is `(H - G)/std` with the standard deviation of H as a complex number, so that its real and
 //! imaginary parts have variance 1/2 each when the model is right and the errors are noise.
 
-use crate::frequency::response::{Estimator, FrequencyResponse};
+use crate::frequency::response::{FrequencyResponse, ResponseEstimator};
 use crate::numerics::singular::{Singular, unit_columns};
 use crate::numerics::{DMatrix, DVector, DVectorView};
 use num_complex::Complex;
@@ -31,7 +31,7 @@ pub(super) struct Points {
 
 impl Points {
     /// The usable lines of a band.
-    pub(super) fn new(response: &FrequencyResponse, estimator: Estimator, low: f64, high: f64) -> Self {
+    pub(super) fn new(response: &FrequencyResponse, estimator: ResponseEstimator, low: f64, high: f64) -> Self {
         let mut points = Points {
             frequency: Vec::new(),
             response: Vec::new(),
@@ -41,8 +41,8 @@ impl Points {
         };
         for line in response.band(low, high).filter(|line| line.usable) {
             let h = match estimator {
-                Estimator::H1 => line.h1,
-                Estimator::H2 => line.h2,
+                ResponseEstimator::H1 => line.h1,
+                ResponseEstimator::H2 => line.h2,
             };
             points.frequency.push(line.frequency);
             points.response.push(h);

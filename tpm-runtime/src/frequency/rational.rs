@@ -8,7 +8,7 @@
 
 use crate::frequency::basis::Basis;
 use crate::frequency::points::{Information, Points, RANK, information, least_squares};
-use crate::frequency::response::{Estimator, FrequencyResponse, Gap};
+use crate::frequency::response::{FrequencyResponse, Gap, ResponseEstimator};
 use crate::frequency::transfer::{TransferFunction, derivative, polynomial, roots};
 use crate::numerics::Owned;
 use crate::numerics::{DMatrix, DVector, Dyn};
@@ -65,14 +65,14 @@ pub struct RationalSettings {
     /// Delay.
     pub delay: Delay,
     /// Which estimate of the response.
-    pub estimator: Estimator,
+    pub estimator: ResponseEstimator,
 }
 
 impl RationalSettings {
     /// H1 without delay.
     #[must_use]
     pub const fn new(numerator: usize, denominator: usize, low: f64, high: f64) -> Self {
-        RationalSettings { numerator, denominator, low, high, delay: Delay::None, estimator: Estimator::H1 }
+        RationalSettings { numerator, denominator, low, high, delay: Delay::None, estimator: ResponseEstimator::H1 }
     }
 
     /// Real numbers that are fitted.
@@ -131,7 +131,7 @@ pub enum FitError {
 
 /// A number with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
+pub struct FittedValue {
     /// The number.
     pub value: f64,
     /// Its standard deviation; infinite when the data do not determine it.
@@ -287,7 +287,7 @@ pub struct RationalFit {
     /// Zeros, rad/s.
     pub zeros: Vec<Root>,
     /// The value at s = 0.
-    pub static_gain: Estimate,
+    pub static_gain: FittedValue,
     /// Lines that were fitted.
     pub lines: usize,
     /// Mean squared residual over that of noise alone: about 1 when the model is right.
@@ -498,7 +498,7 @@ impl<'a> Problem<'a> {
             delay_std: if size > m + 1 + n { std(size - 1) } else { 0.0 },
             poles: spread(&function.denominator, &covariance, m + 1, n, deficient),
             zeros: spread(&function.numerator, &covariance, 0, m + 1, deficient),
-            static_gain: Estimate {
+            static_gain: FittedValue {
                 value: function.static_gain(),
                 std: if deficient { f64::INFINITY } else { gain_variance.max(0.0).sqrt() },
             },

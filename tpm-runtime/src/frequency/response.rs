@@ -141,7 +141,7 @@ pub enum ResponseError {
 
 /// Which error is averaged away.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Estimator {
+pub enum ResponseEstimator {
     /// Noise on the output.
     #[default]
     H1,
@@ -151,7 +151,7 @@ pub enum Estimator {
 
 /// One frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct ResponseLine {
     /// Angular frequency, rad/s.
     pub frequency: f64,
     /// Output over input, noise on the output averaged away.
@@ -170,7 +170,7 @@ pub struct Line {
     pub usable: bool,
 }
 
-impl Line {
+impl ResponseLine {
     /// Frequency in Hz.
     #[must_use]
     pub fn hertz(&self) -> f64 {
@@ -222,7 +222,7 @@ pub struct FrequencyResponse {
     /// Number of independent segments that average as well: overlapping ones share data.
     pub averages: f64,
     /// Lines from 0 to half the sampling frequency.
-    pub lines: Vec<Line>,
+    pub lines: Vec<ResponseLine>,
 }
 
 impl FrequencyResponse {
@@ -247,7 +247,7 @@ impl FrequencyResponse {
     }
 
     /// The lines from `low` to `high` Hz, usable or not.
-    pub fn band(&self, low: f64, high: f64) -> impl Iterator<Item = &Line> {
+    pub fn band(&self, low: f64, high: f64) -> impl Iterator<Item = &ResponseLine> {
         self.lines.iter().filter(move |line| (low..=high).contains(&line.hertz()))
     }
 
@@ -263,7 +263,7 @@ impl FrequencyResponse {
     /// From the F distribution with 2 and 2 n - 2 degrees of freedom, n averages (Bendat and Piersol, Random Data,
     /// section 9.2); for two degrees of freedom its quantile has a closed form. Infinite for a line that is not usable.
     #[must_use]
-    pub fn radius(&self, line: &Line, probability: f64) -> f64 {
+    pub fn radius(&self, line: &ResponseLine, probability: f64) -> f64 {
         if !line.usable {
             return f64::INFINITY;
         }
@@ -411,7 +411,7 @@ impl Power {
         power
     }
 
-    fn lines(&self, sample_time: f64, welch: &Welch, segments: usize, averages: f64) -> Vec<Line> {
+    fn lines(&self, sample_time: f64, welch: &Welch, segments: usize, averages: f64) -> Vec<ResponseLine> {
         let density = 2.0 * sample_time / (self.window * segments as f64);
         let coherence: Vec<f64> = (0..self.input.len()).map(|k| self.coherence(k)).collect();
         let chance = Chance {
@@ -432,7 +432,7 @@ impl Power {
                 let usable = inner && self.excited(k, &coherence, &chance);
                 let variance = (1.0 - coherence[k]) * yy / uu / (averages - 1.0) / hold.norm_sqr();
                 let std = if variance.is_nan() { f64::INFINITY } else { variance.sqrt() };
-                Line {
+                ResponseLine {
                     frequency,
                     h1,
                     h2,

@@ -5,8 +5,8 @@
 //! do not determine has an infinite standard deviation, and the directions are given.
 
 use crate::frequency::points::{Points, information};
-use crate::frequency::rational::{Estimate, FitError};
-use crate::frequency::response::{Estimator, FrequencyResponse, Gap};
+use crate::frequency::rational::{FitError, FittedValue};
+use crate::frequency::response::{FrequencyResponse, Gap, ResponseEstimator};
 use crate::numerics::Owned;
 use crate::numerics::{DMatrix, DVector, Dyn};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
@@ -52,14 +52,14 @@ pub struct StructuredSettings {
     /// Highest frequency, Hz.
     pub high: f64,
     /// Which estimate of the response.
-    pub estimator: Estimator,
+    pub estimator: ResponseEstimator,
 }
 
 impl StructuredSettings {
     /// All parameters free, H1.
     #[must_use]
     pub fn new(start: &[f64], low: f64, high: f64) -> Self {
-        StructuredSettings { start: start.to_vec(), frozen: Vec::new(), low, high, estimator: Estimator::H1 }
+        StructuredSettings { start: start.to_vec(), frozen: Vec::new(), low, high, estimator: ResponseEstimator::H1 }
     }
 }
 
@@ -67,7 +67,7 @@ impl StructuredSettings {
 #[derive(Clone, Debug, PartialEq)]
 pub struct StructuredFit {
     /// One per parameter; standard deviation zero for a frozen one, infinite for one that the data do not determine.
-    pub parameters: Vec<Estimate>,
+    pub parameters: Vec<FittedValue>,
     /// Covariance in the parameters' units, without the part along unobservable directions.
     pub covariance: DMatrix<f64>,
     /// Directions in which the response does not change, in multiples of the start values.
@@ -152,7 +152,7 @@ impl Problem<'_> {
     fn finish(&self, misfit: f64, converged: bool, gaps: Vec<Gap>) -> StructuredFit {
         let size = self.parameters.len();
         let mut fit = StructuredFit {
-            parameters: self.parameters.iter().map(|&value| Estimate { value, std: 0.0 }).collect(),
+            parameters: self.parameters.iter().map(|&value| FittedValue { value, std: 0.0 }).collect(),
             covariance: DMatrix::zeros(size, size),
             unobservable: Vec::new(),
             rank: 0,

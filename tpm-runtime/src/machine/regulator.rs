@@ -18,14 +18,14 @@ use std::vec::Vec;
 
 /// Weights of the cost: the diagonals of Q and R.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Weights {
+pub struct RegulatorWeights {
     /// One per state, coordinates before their rates; not negative.
     pub state: Vec<f64>,
     /// One per input; positive.
     pub input: Vec<f64>,
 }
 
-impl Weights {
+impl RegulatorWeights {
     /// `x' Q x + u' R u`.
     #[must_use]
     pub fn cost(&self, state: &[f64], input: &[f64]) -> f64 {
@@ -58,7 +58,7 @@ impl Regulator {
         a: &DMatrix<f64>,
         b: &DMatrix<f64>,
         sample_time: f64,
-        weights: &Weights,
+        weights: &RegulatorWeights,
     ) -> Result<Self, RiccatiError> {
         let (ad, bd) = held(a, b, sample_time)?;
         let diagonal = |values: &[f64]| DMatrix::from_diagonal(&DVector::from_column_slice(values));
@@ -75,7 +75,7 @@ impl Regulator {
     pub fn of_linear(
         space: &tpm_symbolic::linear::linearize::StateSpace<f64>,
         sample_time: f64,
-        weights: &Weights,
+        weights: &RegulatorWeights,
     ) -> Result<Self, RiccatiError> {
         let columns = |matrix: &[Vec<f64>]| matrix.first().map_or(0, Vec::len);
         let ragged = |matrix: &[Vec<f64>]| matrix.iter().any(|row| row.len() != columns(matrix));
@@ -122,7 +122,7 @@ pub fn held(
 
 #[cfg(test)]
 mod tests {
-    use super::{Regulator, RiccatiError, Weights, held};
+    use super::{Regulator, RegulatorWeights, RiccatiError, held};
     use crate::numerics::{DMatrix, DVector};
     use std::vec;
 
@@ -150,7 +150,7 @@ mod tests {
             &[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.9797, -8.1420, -0.1098, 0.0, 57.626, -6.9789, -1.0584],
         );
         let b = DMatrix::from_row_slice(4, 1, &[0.0, 0.0, 28.845, 24.725]);
-        let weights = Weights { state: vec![1.0, 1.0, 0.01, 0.01], input: vec![1.0] };
+        let weights = RegulatorWeights { state: vec![1.0, 1.0, 0.01, 0.01], input: vec![1.0] };
         let regulator = Regulator::optimal(&a, &b, 1e-3, &weights).expect("can be stabilised");
         assert!(regulator.residual < 1e-10, "{:e}", regulator.residual);
         assert!(regulator.poles.iter().all(|z| z.norm() < 1.0));
@@ -179,16 +179,16 @@ mod tests {
     #[test]
     fn faults_are_named() {
         let (a, b) = (DMatrix::from_element(1, 1, 1.0), DMatrix::from_element(1, 1, 1.0));
-        let weights = |state, input| Weights { state: vec![state], input: vec![input] };
+        let weights = |state, input| RegulatorWeights { state: vec![state], input: vec![input] };
         let fault = |t, w| Regulator::optimal(&a, &b, t, &w).expect_err("faulty");
         assert_eq!(fault(0.0, weights(1.0, 1.0)), RiccatiError::SampleTime { sample_time: 0.0 });
         assert_eq!(fault(0.1, weights(1.0, 0.0)), RiccatiError::InputWeight);
         assert_eq!(fault(0.1, weights(-1.0, 1.0)), RiccatiError::StateWeight);
-        assert_eq!(fault(0.1, Weights { state: vec![1.0, 1.0], input: vec![1.0] }), RiccatiError::Shape);
+        assert_eq!(fault(0.1, RegulatorWeights { state: vec![1.0, 1.0], input: vec![1.0] }), RiccatiError::Shape);
         // An unstable mode that the input does not reach.
         let a = DMatrix::from_row_slice(2, 2, &[1.0, 0.0, 0.0, -1.0]);
         let b = DMatrix::from_row_slice(2, 1, &[0.0, 1.0]);
-        let weights = Weights { state: vec![1.0, 1.0], input: vec![1.0] };
+        let weights = RegulatorWeights { state: vec![1.0, 1.0], input: vec![1.0] };
         assert_eq!(Regulator::optimal(&a, &b, 0.1, &weights), Err(RiccatiError::NotStabilisable));
     }
 }

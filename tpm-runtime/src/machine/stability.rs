@@ -46,7 +46,7 @@ pub struct Range {
 
 /// Where a loop is to be stable.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Demand {
+pub struct StabilityDomain {
     /// The nominal parameters.
     pub nominal: Vec<f64>,
     /// Constants of the model.
@@ -76,7 +76,7 @@ pub struct BoxCheck {
 
 /// A loop that is stable wherever it was tried.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Stability {
+pub struct LoopStability {
     /// Poles (real and imaginary part, 1/s) of the continuous loop with the nominal parameters at the first position; empty
     /// when these leave a highest derivative open (a mass of zero).
     pub poles: Vec<(f64, f64)>,
@@ -137,7 +137,11 @@ fn remedy(absent: &Option<(usize, usize)>) -> String {
 ///
 /// # Errors
 /// [`StabilityError`] at the first place where it is not stable.
-pub fn check(model: &dyn Model<f64>, control: &Loop, demand: &Demand) -> Result<Stability, StabilityError> {
+pub fn check(
+    model: &dyn Model<f64>,
+    control: &Loop,
+    demand: &StabilityDomain,
+) -> Result<LoopStability, StabilityError> {
     let mut poles = Vec::new();
     for (i, position) in demand.positions.iter().enumerate() {
         match at(model, control, &demand.nominal, demand, position) {
@@ -150,7 +154,7 @@ pub fn check(model: &dyn Model<f64>, control: &Loop, demand: &Demand) -> Result<
     }
     let mut checked = BoxCheck { vertices: 0, edges: 0, interior: demand.interior, slowest: f64::NEG_INFINITY };
     if demand.ranges.is_empty() {
-        return Ok(Stability { poles, sampled: None });
+        return Ok(LoopStability { poles, sampled: None });
     }
     let sides = demand.ranges.len();
     let mut points: Vec<Vec<f64>> = Vec::new();
@@ -184,7 +188,7 @@ pub fn check(model: &dyn Model<f64>, control: &Loop, demand: &Demand) -> Result<
             }
         }
     }
-    Ok(Stability { poles, sampled: Some(checked) })
+    Ok(LoopStability { poles, sampled: Some(checked) })
 }
 
 /// Natural frequencies of the machine without its feedback, linearised at rest, of the modes that are hardly damped, rad/s.
@@ -212,7 +216,7 @@ fn at(
     model: &dyn Model<f64>,
     control: &Loop,
     parameters: &[f64],
-    wanted: &Demand,
+    wanted: &StabilityDomain,
     position: &[f64],
 ) -> Result<Vec<(f64, f64)>, StabilityError> {
     let named = || {
@@ -475,7 +479,7 @@ impl Linear {
 
 #[cfg(test)]
 mod tests {
-    use super::{Demand, Range, StabilityError, characteristic, check, natural_modes};
+    use super::{Range, StabilityDomain, StabilityError, characteristic, check, natural_modes};
     use crate::numerics::DMatrix;
     use crate::run::{HoldCompensation, Loop, Velocity};
     use crate::test_models::TwoCarts;
@@ -496,8 +500,14 @@ mod tests {
         }
     }
 
-    fn demand() -> Demand {
-        Demand { nominal: CHAIN.to_vec(), positions: vec![vec![0.0; 2]], interior: 1000, seed: 1, ..Demand::default() }
+    fn demand() -> StabilityDomain {
+        StabilityDomain {
+            nominal: CHAIN.to_vec(),
+            positions: vec![vec![0.0; 2]],
+            interior: 1000,
+            seed: 1,
+            ..StabilityDomain::default()
+        }
     }
 
     #[test]
@@ -514,7 +524,8 @@ mod tests {
             if crossing(middle) < 0.0 { low = middle } else { high = middle }
         }
         let phase = (kd * low / kp).atan();
-        let demand = Demand { nominal: vec![mass, 0.0, 0.0], positions: vec![vec![0.0]], ..Demand::default() };
+        let demand =
+            StabilityDomain { nominal: vec![mass, 0.0, 0.0], positions: vec![vec![0.0]], ..StabilityDomain::default() };
         let stable = |dynamics: Dynamics| {
             let control =
                 Loop { actuators: vec![dynamics], ..control(&[(0, kp, kd)], Velocity::Measured, sample_time) };

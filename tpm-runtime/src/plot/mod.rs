@@ -131,7 +131,7 @@ impl Curve {
 
 /// A curve with its name and colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Series {
+pub struct Trace {
     /// Name in the legend; none when empty.
     pub name: String,
     /// Number of the colour; curves that belong together share one.
@@ -140,11 +140,11 @@ pub struct Series {
     pub curve: Curve,
 }
 
-impl Series {
+impl Trace {
     /// A named curve.
     #[must_use]
     pub fn new(name: &str, colour: usize, curve: Curve) -> Self {
-        Series { name: name.into(), colour, curve }
+        Trace { name: name.into(), colour, curve }
     }
 }
 
@@ -156,7 +156,7 @@ pub struct Panel {
     /// Ordinate.
     pub y: Axis,
     /// Drawn in order, later ones above.
-    pub series: Vec<Series>,
+    pub traces: Vec<Trace>,
 }
 
 /// Panels above each other.
@@ -195,7 +195,7 @@ impl Figure {
             .enumerate()
             .map(|(i, panel)| {
                 let values = |axis: fn(&(f64, f64)) -> f64| -> Vec<f64> {
-                    panel.series.iter().flat_map(|s| s.curve.points()).map(|point| axis(&point)).collect()
+                    panel.traces.iter().flat_map(|s| s.curve.points()).map(|point| axis(&point)).collect()
                 };
                 let of = |axis: &Axis, values: Vec<f64>, name| {
                     Scaled::new(axis.spacing, axis.range, &values).ok_or(PlotError::Empty { panel: i + 1, axis: name })
@@ -254,16 +254,16 @@ const LEFT: i32 = 96;
 /// Mean width of a letter as a share of the height of text, generously.
 const LETTER: f64 = 0.62;
 
-/// Places of the named series above the curves, (x, line) of each.
-fn places(panel: &Panel, width: i32) -> Vec<(i32, i32, &Series)> {
+/// Places of the named traces above the curves, (x, line) of each.
+fn places(panel: &Panel, width: i32) -> Vec<(i32, i32, &Trace)> {
     let (mut x, mut line) = (LEFT, 0);
     let mut found = Vec::new();
-    for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
-        let wide = SYMBOL + 34 + (LETTER * TEXT * series.name.chars().count() as f64) as i32;
+    for trace in panel.traces.iter().filter(|trace| !trace.name.is_empty()) {
+        let wide = SYMBOL + 34 + (LETTER * TEXT * trace.name.chars().count() as f64) as i32;
         if x > LEFT && x + wide > width {
             (x, line) = (LEFT, line + 1);
         }
-        found.push((x, line, series));
+        found.push((x, line, trace));
         x += wide;
     }
     found
@@ -291,20 +291,20 @@ fn draw(area: &Area<'_>, panel: &Panel, (x, y): (Scaled, Scaled)) -> Drawn {
         .x_labels(12)
         .y_labels(10)
         .draw()?;
-    for series in &panel.series {
-        draw_series(&mut chart, series)?;
+    for trace in &panel.traces {
+        draw_trace(&mut chart, trace)?;
     }
-    for (x, line, series) in legend {
-        draw_name(area, series, (x, 6 + LINE * line + LINE / 2))?;
+    for (x, line, trace) in legend {
+        draw_name(area, trace, (x, 6 + LINE * line + LINE / 2))?;
     }
     Ok(())
 }
 
-/// Symbol and name of a series; `y` is the middle of the line.
-fn draw_name(area: &Area<'_>, series: &Series, (x, y): (i32, i32)) -> Drawn {
-    let colour = COLOURS[series.colour % COLOURS.len()];
+/// Symbol and name of a trace; `y` is the middle of the line.
+fn draw_name(area: &Area<'_>, trace: &Trace, (x, y): (i32, i32)) -> Drawn {
+    let colour = COLOURS[trace.colour % COLOURS.len()];
     let thick = ShapeStyle::from(&colour).stroke_width(2);
-    match &series.curve {
+    match &trace.curve {
         Curve::Line(_) => area.draw(&PathElement::new(vec![(x, y), (x + SYMBOL, y)], thick))?,
         Curve::Dashed(_) => {
             area.draw(&PathElement::new(vec![(x, y), (x + 10, y)], thick))?;
@@ -315,11 +315,11 @@ fn draw_name(area: &Area<'_>, series: &Series, (x, y): (i32, i32)) -> Drawn {
             area.draw(&Rectangle::new([(x, y - 6), (x + SYMBOL, y + 6)], colour.mix(0.22).filled()))?;
         }
     }
-    area.draw(&Text::new(series.name.as_str(), (x + SYMBOL + 8, y - TEXT as i32 / 2), (FONT, TEXT)))
+    area.draw(&Text::new(trace.name.as_str(), (x + SYMBOL + 8, y - TEXT as i32 / 2), (FONT, TEXT)))
 }
 
-fn draw_series<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, series: &Series) -> Drawn {
-    let colour = COLOURS[series.colour % COLOURS.len()];
+fn draw_trace<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, trace: &Trace) -> Drawn {
+    let colour = COLOURS[trace.colour % COLOURS.len()];
     let thick = ShapeStyle::from(&colour).stroke_width(2);
     let (x, y) = (chart.as_coord_spec().x_spec().clone(), chart.as_coord_spec().y_spec().clone());
     let shown = |points: &[(f64, f64)]| -> Vec<Vec<(f64, f64)>> {
@@ -329,7 +329,7 @@ fn draw_series<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, series: &Series) -> Drawn 
             .map(<[_]>::to_vec)
             .collect()
     };
-    match &series.curve {
+    match &trace.curve {
         Curve::Line(points) => {
             for run in shown(points) {
                 chart.draw_series(LineSeries::new(run, thick))?;
@@ -359,7 +359,7 @@ fn draw_series<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, series: &Series) -> Drawn 
 
 #[cfg(test)]
 mod tests {
-    use super::{Axis, Curve, Figure, Panel, PlotError, Series};
+    use super::{Axis, Curve, Figure, Panel, PlotError, Trace};
     use std::vec;
     use std::vec::Vec;
 
@@ -373,11 +373,11 @@ mod tests {
             vec![Panel {
                 x: Axis::logarithmic("Frequency [Hz]"),
                 y: Axis::linear("Height [m]"),
-                series: vec![
-                    Series::new("band", 0, Curve::Band(band)),
-                    Series::new("wave", 0, Curve::Line(holed)),
-                    Series::new("dashed", 1, Curve::Dashed(wave.clone())),
-                    Series::new("points", 2, Curve::Points(wave)),
+                traces: vec![
+                    Trace::new("band", 0, Curve::Band(band)),
+                    Trace::new("wave", 0, Curve::Line(holed)),
+                    Trace::new("dashed", 1, Curve::Dashed(wave.clone())),
+                    Trace::new("points", 2, Curve::Points(wave)),
                 ],
             }],
         )
@@ -401,7 +401,7 @@ mod tests {
     #[test]
     fn nothing_to_draw_is_an_error() {
         let mut empty = figure();
-        empty.panels[0].series = vec![Series::new("", 0, Curve::Line(vec![(-1.0, 2.0), (f64::NAN, 3.0)]))];
+        empty.panels[0].traces = vec![Trace::new("", 0, Curve::Line(vec![(-1.0, 2.0), (f64::NAN, 3.0)]))];
         assert_eq!(empty.svg(), Err(PlotError::Empty { panel: 1, axis: "x" }));
         empty.panels.clear();
         assert!(matches!(empty.svg(), Err(PlotError::Size { panels: 0, .. })));

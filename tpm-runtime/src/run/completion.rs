@@ -10,7 +10,7 @@
 use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::fourier::forward;
 use crate::numerics::{DMatrix, DVector};
-use crate::run::trajectory::{Line, Series, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
@@ -106,12 +106,12 @@ fn is_short(lines: &[f64]) -> bool {
 }
 
 /// Mean, then cosine and sine of every harmonic, as a series without lines of mere rounding.
-fn series(lines: &[f64]) -> Series {
+fn series(lines: &[f64]) -> HarmonicSeries {
     let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
     let kept = |x: f64| if x.abs() > f64::EPSILON * peak { x } else { 0.0 };
     let of = |(k, pair): (usize, &[f64])| Line { harmonic: k as u32 + 1, cos: kept(pair[0]), sin: kept(pair[1]) };
     let lines_of = lines[1..].chunks_exact(2).enumerate().map(of);
-    Series { mean: kept(lines[0]), lines: lines_of.filter(|line| line.cos != 0.0 || line.sin != 0.0).collect() }
+    HarmonicSeries { mean: kept(lines[0]), lines: lines_of.filter(|line| line.cos != 0.0 || line.sin != 0.0).collect() }
 }
 
 /// The rows without an input at the points of one period.
@@ -329,14 +329,14 @@ fn differentiated(unknown: usize, order: usize, frequency: f64) -> Option<(isize
 #[cfg(test)]
 mod tests {
     use super::{CompletionError, OpenReason, complete};
-    use crate::run::trajectory::{Line, Series, Trajectory};
+    use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
     use crate::test_models::TwoCarts;
     use std::vec;
 
     fn trajectory() -> Trajectory {
         let lines = [(1, 1.0), (3, -1.0 / 6.0), (5, 1.0 / 50.0)];
         let lines = lines.iter().map(|&(harmonic, a)| Line { harmonic, cos: 0.4 * a, sin: 0.0 }).collect();
-        Trajectory { frequency: 4.0, coordinates: vec![Series::default(), Series { mean: 0.1, lines }] }
+        Trajectory { frequency: 4.0, coordinates: vec![HarmonicSeries::default(), HarmonicSeries { mean: 0.1, lines }] }
     }
 
     #[test]

@@ -21,18 +21,18 @@ pub struct Line {
 
 /// A finite Fourier series.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Series {
+pub struct HarmonicSeries {
     /// The constant term.
     pub mean: f64,
     /// The harmonics.
     pub lines: Vec<Line>,
 }
 
-impl Series {
+impl HarmonicSeries {
     /// The series of one-sided phasors `a_k - j b_k`, from the mean on, with the harmonics that `keep` takes.
     pub(crate) fn from_phasors(phasors: &[Complex<f64>], keep: impl Fn(usize, &Complex<f64>) -> bool) -> Self {
         let kept = phasors.iter().enumerate().skip(1).filter(|(k, z)| keep(*k, z));
-        Series {
+        HarmonicSeries {
             mean: phasors.first().map_or(0.0, |mean| mean.re),
             lines: kept.map(|(k, z)| Line { harmonic: k as u32, cos: z.re, sin: -z.im }).collect(),
         }
@@ -69,7 +69,7 @@ pub struct Trajectory {
     /// Fundamental angular frequency w, rad/s.
     pub frequency: f64,
     /// One series per coordinate of the model.
-    pub coordinates: Vec<Series>,
+    pub coordinates: Vec<HarmonicSeries>,
 }
 
 impl Trajectory {
@@ -94,7 +94,7 @@ impl Trajectory {
     /// Highest harmonic of any coordinate.
     #[must_use]
     pub fn highest_harmonic(&self) -> u32 {
-        self.coordinates.iter().map(Series::highest_harmonic).max().unwrap_or(0)
+        self.coordinates.iter().map(HarmonicSeries::highest_harmonic).max().unwrap_or(0)
     }
 }
 
@@ -104,7 +104,7 @@ pub struct Part {
     /// Amplitudes by index into [`Pattern::amplitudes`], with their powers.
     pub powers: Vec<(usize, i32)>,
     /// What they multiply.
-    pub series: Series,
+    pub series: HarmonicSeries,
 }
 
 /// A trajectory pattern whose amplitudes and frequency are open (Feng, chapter 2).
@@ -142,7 +142,7 @@ impl Pattern {
             .coordinates
             .iter()
             .map(|parts| {
-                let mut sum = Series::default();
+                let mut sum = HarmonicSeries::default();
                 for part in parts {
                     let scale = part.powers.iter().fold(1.0, |product, &(which, power)| {
                         product * amplitudes.get(which).copied().unwrap_or(0.0).powi(power)
@@ -253,7 +253,7 @@ impl Pattern {
                     factor *=
                         value.ok_or_else(|| PatternError::NoValue { name: quantity.name.as_str().into() })?.powi(power);
                 }
-                let mut series = Series::default();
+                let mut series = HarmonicSeries::default();
                 for (harmonic, function, coefficient) in fourier.terms() {
                     let value = factor * to_f64(coefficient);
                     if harmonic == 0 {
@@ -268,7 +268,7 @@ impl Pattern {
             }
             if parts.is_empty() {
                 // Prescribed to stand at zero, which is not the same as open.
-                parts.push(Part { powers: Vec::new(), series: Series::default() });
+                parts.push(Part { powers: Vec::new(), series: HarmonicSeries::default() });
             }
             motions.push(parts);
         }
@@ -284,7 +284,7 @@ impl Pattern {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::{Line, Part, Pattern, Series};
+    use super::{HarmonicSeries, Line, Part, Pattern};
     use std::f64::consts::PI;
     use std::string::ToString;
     use std::vec;
@@ -296,7 +296,7 @@ pub(crate) mod tests {
             name: None,
             amplitudes: vec!["lambda".to_string()],
             frequency: "w".to_string(),
-            coordinates: vec![vec![Part { powers: vec![(0, 1)], series: Series { mean: 0.0, lines } }]],
+            coordinates: vec![vec![Part { powers: vec![(0, 1)], series: HarmonicSeries { mean: 0.0, lines } }]],
             others: vec![],
         }
     }

@@ -7,7 +7,7 @@ use crate::estimate::{Estimate, LARGE_RESIDUAL, Status, no_result};
 use crate::experiment::{Experiment, ExperimentError};
 use crate::machine::actuator::LimitUse;
 use crate::machine::simulated::simulate;
-use crate::machine::stability::Stability;
+use crate::machine::stability::LoopStability;
 use crate::run::trajectory::Pattern;
 use crate::run::{Record, RunEnding, Trial};
 use serde::Serialize;
@@ -57,7 +57,7 @@ pub struct CampaignIdentification {
     pub runs: Vec<RunReport>,
     /// Poles of the closed loop, and what was found over the stated box, before the first run.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub stability: Option<Stability>,
+    pub stability: Option<LoopStability>,
     /// What the user should know.
     pub warnings: Vec<String>,
     /// What the next feed-forward would use: the estimate, and the prior along directions that the runs do not show.

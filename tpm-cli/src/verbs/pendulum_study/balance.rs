@@ -10,9 +10,9 @@ use crate::verbs::pendulum_study::markdown::{percent, table};
 use crate::verbs::pendulum_study::patterns::Identified;
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
-use tpm_runtime::machine::regulator::{Regulator, Weights};
+use tpm_runtime::machine::regulator::{Regulator, RegulatorWeights};
 use tpm_runtime::machine::simulated::{Regulated, Regulation, Sensor, regulate};
-use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
+use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_runtime::run::Ending;
 
 const SAMPLE_TIME: f64 = 1e-3;
@@ -29,8 +29,8 @@ const COUNTS: f64 = 2000.0;
 const UPRIGHT: f64 = 2.0;
 
 /// 1 V costs as much as 1 rad of the arm or 18 degrees of the pendulum.
-fn weights() -> Weights {
-    Weights { state: vec![1.0, 10.0, 0.1, 0.1], input: vec![1.0] }
+fn weights() -> RegulatorWeights {
+    RegulatorWeights { state: vec![1.0, 10.0, 0.1, 0.1], input: vec![1.0] }
 }
 
 fn balances(run: &Regulated) -> bool {
@@ -131,12 +131,12 @@ fn figure(run: &Regulated) -> Figure {
             Panel {
                 x: Axis::linear("Time [s]"),
                 y: Axis::linear("Angle [deg]"),
-                series: vec![Series::new("arm", 0, angle(0)), Series::new("pendulum", 1, angle(1))],
+                traces: vec![Trace::new("arm", 0, angle(0)), Trace::new("pendulum", 1, angle(1))],
             },
             Panel {
                 x: Axis::linear("Time [s]"),
                 y: Axis::linear("Voltage before the amplifier [V]").from_to(-1.1 * LIMIT, 1.1 * LIMIT),
-                series: vec![Series::new("", 0, voltage)],
+                traces: vec![Trace::new("", 0, voltage)],
             },
         ],
     )

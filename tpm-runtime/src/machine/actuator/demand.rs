@@ -139,13 +139,13 @@ pub(crate) mod tests {
     use super::Demand;
     use crate::machine::actuator::tests::{CartPendulum, FENG};
     use crate::run::trajectory::tests::rest_to_rest_3;
-    use crate::run::trajectory::{Series, Trajectory};
+    use crate::run::trajectory::{HarmonicSeries, Trajectory};
     use std::vec;
     use std::vec::Vec;
 
     /// Feng, Eqns 6.8 (with the cosine that it lacks) and 6.9: the pendulum at four times the cart's frequency.
     pub(crate) fn feng_6_8() -> Trajectory {
-        let shape = |amplitude: f64, multiple: u32| -> Series {
+        let shape = |amplitude: f64, multiple: u32| -> HarmonicSeries {
             let mut series = rest_to_rest_3().trajectory(&[amplitude], 1.0).coordinates.remove(0);
             series.lines.iter_mut().for_each(|line| line.harmonic *= multiple);
             series

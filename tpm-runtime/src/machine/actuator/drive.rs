@@ -77,14 +77,14 @@ pub enum DriveError {
 
 /// Poles of the loop, linearised at rest somewhere on the reference.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stability {
+pub struct LoopPoles {
     /// Phase of the reference (rad) whose configuration has the pole farthest to the right.
     pub phase: f64,
     /// All poles there, rad/s, by decreasing real part.
     pub poles: Vec<Complex<f64>>,
 }
 
-impl Stability {
+impl LoopPoles {
     /// The largest magnitude of a pole.
     #[must_use]
     pub fn fastest(&self) -> f64 {
@@ -338,10 +338,10 @@ impl<'a> Drive<'a> {
     ///
     /// # Errors
     /// [`DriveError`] when the machine cannot be evaluated there.
-    pub fn stability(&self, reference: &Trajectory, configurations: usize) -> Result<Stability, DriveError> {
+    pub fn stability(&self, reference: &Trajectory, configurations: usize) -> Result<LoopPoles, DriveError> {
         let dims = self.demand.model().dims();
         let n = dims.coordinates;
-        let mut worst: Option<Stability> = None;
+        let mut worst: Option<LoopPoles> = None;
         let mut scratch = self.scratch();
         for k in 0..configurations.max(1) {
             let phase = std::f64::consts::TAU * k as f64 / configurations.max(1) as f64;
@@ -371,14 +371,14 @@ impl<'a> Drive<'a> {
             let jacobian = DMatrix::from_fn(used.len(), used.len(), |r, c| jacobian[(used[r], used[c])]);
             let mut poles = eigenvalues(&jacobian);
             poles.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
-            let right = |stability: &Stability| stability.poles.first().map_or(f64::NEG_INFINITY, |pole| pole.re);
-            let found = Stability { phase, poles };
+            let right = |stability: &LoopPoles| stability.poles.first().map_or(f64::NEG_INFINITY, |pole| pole.re);
+            let found = LoopPoles { phase, poles };
             // Poles that are not numbers come behind all others.
             if worst.as_ref().is_none_or(|worst| right(&found).total_cmp(&right(worst)).is_gt()) {
                 worst = Some(found);
             }
         }
-        Ok(worst.unwrap_or(Stability { phase: 0.0, poles: Vec::new() }))
+        Ok(worst.unwrap_or(LoopPoles { phase: 0.0, poles: Vec::new() }))
     }
 
     fn is_used(&self, state: usize) -> bool {
@@ -398,7 +398,7 @@ impl<'a> Drive<'a> {
     ///
     /// # Errors
     /// [`DriveError`].
-    pub fn track(&self, reference: &Trajectory, settle: usize, poles: &Stability) -> Result<Tracking, DriveError> {
+    pub fn track(&self, reference: &Trajectory, settle: usize, poles: &LoopPoles) -> Result<Tracking, DriveError> {
         let dims = self.demand.model().dims();
         let (n, inputs) = (dims.coordinates, dims.inputs);
         let period = std::f64::consts::TAU / reference.frequency;

@@ -6,7 +6,7 @@
 use crate::interpret::Interpreted;
 use crate::machine::actuator::demand::Demand;
 use crate::numerics::fourier;
-use crate::run::trajectory::{Line, Pattern, PatternError, Series, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Line, Pattern, PatternError, Trajectory};
 use std::collections::BTreeMap;
 use std::string::String;
 use std::vec;
@@ -25,7 +25,7 @@ const SAMPLES: usize = 1024;
 
 /// Why a model cannot be had in numbers.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MachineError {
+pub enum MotorizedMachineError {
     /// The equations have no regressor form.
     #[error(transparent)]
     Prepare(#[from] PrepareError),
@@ -42,7 +42,7 @@ pub enum MachineError {
 
 /// The model in numbers.
 #[derive(Debug)]
-pub struct Machine {
+pub struct MotorizedMachine {
     model: Interpreted,
     parameters: Vec<f64>,
     constants: Vec<f64>,
@@ -56,12 +56,16 @@ pub struct Machine {
     values: BTreeMap<Symbol, f64>,
 }
 
-impl Machine {
+impl MotorizedMachine {
     /// The model of a split under a pattern of it; `value` gives parameters and run-time constants.
     ///
     /// # Errors
-    /// [`MachineError`].
-    pub fn new(split: &Split, pattern: &Declared, value: impl Fn(Symbol) -> Option<f64>) -> Result<Self, MachineError> {
+    /// [`MotorizedMachineError`].
+    pub fn new(
+        split: &Split,
+        pattern: &Declared,
+        value: impl Fn(Symbol) -> Option<f64>,
+    ) -> Result<Self, MotorizedMachineError> {
         let mut model = split.model.clone();
         let mut values = BTreeMap::new();
         let mut names = Vec::new();
@@ -74,7 +78,7 @@ impl Machine {
             }
         }
         if !names.is_empty() {
-            return Err(MachineError::Missing { names });
+            return Err(MotorizedMachineError::Missing { names });
         }
         for (index, quantity) in (0u32..).zip(&model.symbols) {
             if let Kind::Constant { value: Some(value) } = &quantity.kind {
@@ -114,7 +118,7 @@ impl Machine {
             .collect();
         let reconstructed = solutions.into_iter().filter_map(|(c, expr)| Some((place(c)?, expr))).collect();
         let graph = prepared.model.graph;
-        Ok(Machine {
+        Ok(MotorizedMachine {
             model: interpreted,
             parameters,
             constants,
@@ -165,7 +169,7 @@ impl Machine {
         trajectory
     }
 
-    fn reconstruct(&self, motion: &Trajectory, expr: ExprId) -> Series {
+    fn reconstruct(&self, motion: &Trajectory, expr: ExprId) -> HarmonicSeries {
         let mut wave: Vec<f64> = (0..SAMPLES)
             .map(|k| {
                 let phase = std::f64::consts::TAU * k as f64 / SAMPLES as f64;
@@ -189,6 +193,6 @@ impl Machine {
             .filter(|(_, line)| line.norm() > 1e-13 * largest)
             .map(|(harmonic, line)| Line { harmonic, cos: scale * line.re, sin: -scale * line.im })
             .collect();
-        Series { mean: spectrum[0].re / SAMPLES as f64, lines }
+        HarmonicSeries { mean: spectrum[0].re / SAMPLES as f64, lines }
     }
 }

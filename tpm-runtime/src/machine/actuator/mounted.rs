@@ -175,7 +175,7 @@ mod tests {
     use crate::machine::actuator::motor::tests::feng;
     use crate::machine::actuator::motor::{Limits, Motor};
     use crate::machine::actuator::requirement::requirements;
-    use crate::run::trajectory::{Line, Series, Trajectory};
+    use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
     use crate::test_models::MassSpringDrag;
     use num_complex::Complex;
     use std::string::ToString;
@@ -185,7 +185,8 @@ mod tests {
     fn what_is_planned_is_what_is_measured() {
         let (theta, w, samples) = ([2e-3, 0.3, 0.0], 4.0, 256);
         let lines = vec![Line { harmonic: 1, cos: 0.7, sin: 0.1 }, Line { harmonic: 3, cos: -0.2, sin: 0.0 }];
-        let trajectory = Trajectory { frequency: w, coordinates: vec![Series { mean: 0.1, lines: lines.clone() }] };
+        let trajectory =
+            Trajectory { frequency: w, coordinates: vec![HarmonicSeries { mean: 0.1, lines: lines.clone() }] };
         let mut motion = vec![Complex::new(0.0, 0.0); 4];
         motion[0] = Complex::new(0.1, 0.0);
         for line in &lines {

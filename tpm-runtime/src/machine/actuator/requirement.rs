@@ -312,7 +312,7 @@ mod tests {
     use crate::machine::actuator::motor::Motor;
     use crate::machine::actuator::motor::tests::feng;
     use crate::machine::actuator::tests::{CartPendulum, FENG};
-    use crate::run::trajectory::{Line, Series, Trajectory};
+    use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
     use crate::test_models::MassSpringDrag;
     use std::vec;
     use std::vec::Vec;
@@ -352,7 +352,8 @@ mod tests {
         let motor = Motor { rotor_inertia: 0.35e-4, ..feng() };
         let (mass, lambda, multiple) = (2e-3, 0.7, 3u32);
         let w = 4.0;
-        let line = |harmonic: u32, cos: f64| Series { mean: 0.0, lines: vec![Line { harmonic, cos, sin: 0.0 }] };
+        let line =
+            |harmonic: u32, cos: f64| HarmonicSeries { mean: 0.0, lines: vec![Line { harmonic, cos, sin: 0.0 }] };
         let trajectory = Trajectory { frequency: w, coordinates: vec![line(multiple, lambda)] };
         // m x'' + k x: the spring's force is there at rest too, the inertia's is not.
         let stiffness = 0.3;

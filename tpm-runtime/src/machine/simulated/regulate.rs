@@ -3,7 +3,7 @@
 //! Invariant: the feedback sees what the sensors give, nothing else; the cost is that of the true state, which only a
 //! simulation knows.
 
-use crate::machine::regulator::{Regulator, Weights};
+use crate::machine::regulator::{Regulator, RegulatorWeights};
 use crate::machine::simulated::Rig;
 use crate::machine::simulated::plant::Plant;
 use crate::machine::simulated::sensor::{Measurement, apply};
@@ -28,7 +28,7 @@ pub struct Regulation<'a> {
     /// Largest magnitude per coordinate; beyond it the run has failed.
     pub bounds: Vec<f64>,
     /// Cost that is added up.
-    pub weights: &'a Weights,
+    pub weights: &'a RegulatorWeights,
 }
 
 /// How it went.
@@ -116,7 +116,7 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
 #[cfg(test)]
 mod tests {
     use super::{Regulation, regulate};
-    use crate::machine::regulator::{Regulator, Weights};
+    use crate::machine::regulator::{Regulator, RegulatorWeights};
     use crate::machine::simulated::Rig;
     use crate::machine::simulated::sensor::{Actuator, Sensor};
     use crate::numerics::DMatrix;
@@ -136,21 +136,26 @@ mod tests {
         }
     }
 
-    fn regulator(weights: &Weights) -> Regulator {
+    fn regulator(weights: &RegulatorWeights) -> Regulator {
         let a = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, 4.0, 0.0]);
         let b = DMatrix::from_row_slice(2, 1, &[0.0, 0.5]);
         Regulator::optimal(&a, &b, 1e-3, weights).expect("can be stabilised")
     }
 
     /// Ten seconds from rest at `start`, plain differences as rates.
-    fn regulation<'a>(regulator: &'a Regulator, weights: &'a Weights, start: f64, bound: f64) -> Regulation<'a> {
+    fn regulation<'a>(
+        regulator: &'a Regulator,
+        weights: &'a RegulatorWeights,
+        start: f64,
+        bound: f64,
+    ) -> Regulation<'a> {
         let (start, bounds) = (vec![start], vec![bound]);
         Regulation { regulator, derivative_filter: 0.0, start, samples: 10_000, bounds, weights }
     }
 
     #[test]
     fn an_unstable_mass_comes_to_rest_at_the_stated_cost() {
-        let weights = Weights { state: vec![10.0, 0.0], input: vec![0.1] };
+        let weights = RegulatorWeights { state: vec![10.0, 0.0], input: vec![0.1] };
         let regulator = regulator(&weights);
         let regulation = regulation(&regulator, &weights, 0.1, 1.0);
         let found = regulate(&MassSpringDrag, &rig(0.0), &regulation).expect("fits");
@@ -166,7 +171,7 @@ mod tests {
 
     #[test]
     fn a_drive_that_is_too_weak_is_seen() {
-        let weights = Weights { state: vec![10.0, 0.0], input: vec![0.1] };
+        let weights = RegulatorWeights { state: vec![10.0, 0.0], input: vec![0.1] };
         let regulator = regulator(&weights);
         // The spring pushes with 48 N there, the drive with 40.
         let regulation = regulation(&regulator, &weights, 6.0, 10.0);
