@@ -10,8 +10,7 @@ use crate::frequency::basis::Basis;
 use crate::frequency::points::{Information, Points, RANK, information, least_squares};
 use crate::frequency::response::{FrequencyResponse, Gap, ResponseEstimator};
 use crate::frequency::transfer::{TransferFunction, derivative, polynomial, roots};
-use crate::numerics::Owned;
-use crate::numerics::{DMatrix, DVector, Dyn};
+use crate::numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
 use crate::run::Window;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use num_complex::Complex;
@@ -281,7 +280,7 @@ pub struct RationalFit {
     /// Standard deviation of the delay, s; zero when it was not fitted.
     pub delay_std: f64,
     /// Covariance of numerator, denominator without the leading 1, and delay if fitted.
-    pub covariance: DMatrix<f64>,
+    pub covariance: Matrix,
     /// Poles, rad/s.
     pub poles: Vec<Root>,
     /// Zeros, rad/s.
@@ -502,7 +501,7 @@ impl<'a> Problem<'a> {
                 value: function.static_gain(),
                 std: if deficient { f64::INFINITY } else { gain_variance.max(0.0).sqrt() },
             },
-            covariance,
+            covariance: Matrix::of(covariance),
             lines: self.points.len(),
             misfit,
             median_error: errors.0,

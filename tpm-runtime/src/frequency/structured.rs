@@ -7,8 +7,7 @@
 use crate::frequency::points::{Points, information};
 use crate::frequency::rational::{FitError, FittedValue};
 use crate::frequency::response::{FrequencyResponse, Gap, ResponseEstimator};
-use crate::numerics::Owned;
-use crate::numerics::{DMatrix, DVector, Dyn};
+use crate::numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use num_complex::Complex;
 use std::vec;
@@ -69,7 +68,7 @@ pub struct StructuredFit {
     /// One per parameter; standard deviation zero for a frozen one, infinite for one that the data do not determine.
     pub parameters: Vec<FittedValue>,
     /// Covariance in the parameters' units, without the part along unobservable directions.
-    pub covariance: DMatrix<f64>,
+    pub covariance: Matrix,
     /// Directions in which the response does not change, in multiples of the start values.
     pub unobservable: Vec<Vec<f64>>,
     /// Free parameters that are determined, in number.
@@ -153,7 +152,7 @@ impl Problem<'_> {
         let size = self.parameters.len();
         let mut fit = StructuredFit {
             parameters: self.parameters.iter().map(|&value| FittedValue { value, std: 0.0 }).collect(),
-            covariance: DMatrix::zeros(size, size),
+            covariance: Matrix::of(DMatrix::zeros(size, size)),
             unobservable: Vec::new(),
             rank: 0,
             condition: 1.0,
@@ -167,15 +166,17 @@ impl Problem<'_> {
         (fit.median_error, fit.largest_error) = self.points.relative_errors(self.responses(&self.parameters));
         let Some(jacobian) = self.jacobian().filter(|j| j.ncols() > 0) else { return fit };
         let found = information(&jacobian, self.points.variance(misfit), DETERMINED);
+        let mut covariance = DMatrix::zeros(size, size);
         fit.rank = found.rank;
         fit.condition = found.condition;
         for (a, &i) in self.free.iter().enumerate() {
             for (b, &j) in self.free.iter().enumerate() {
-                fit.covariance[(i, j)] = found.covariance[(a, b)] * self.scale[i] * self.scale[j];
+                covariance[(i, j)] = found.covariance[(a, b)] * self.scale[i] * self.scale[j];
             }
             let lost = found.null.iter().any(|direction| direction[a].abs() > SHARE);
-            fit.parameters[i].std = if lost { f64::INFINITY } else { fit.covariance[(i, i)].max(0.0).sqrt() };
+            fit.parameters[i].std = if lost { f64::INFINITY } else { covariance[(i, i)].max(0.0).sqrt() };
         }
+        fit.covariance = Matrix::of(covariance);
         for direction in &found.null {
             let mut whole = vec![0.0; size];
             for (a, &i) in self.free.iter().enumerate() {

@@ -7,9 +7,9 @@
 //! vertices, edges and random points inside, and is reported as one.
 
 use crate::machine::regulator::held;
-use crate::numerics::DMatrix;
 use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::eigenvalues::eigenvalues;
+use crate::numerics::{DMatrix, RowDVector};
 use crate::run::{Loop, TrialError, Velocity, demand};
 use num_complex::Complex;
 use rand::{Rng as _, SeedableRng};
@@ -439,9 +439,7 @@ impl Linear {
             // The command that is n samples old, as a function of the state: the feedback itself, or one that was kept.
             let command = |age: usize| match age.checked_sub(1) {
                 None => feedback.row(input).into_owned(),
-                Some(back) => {
-                    crate::numerics::RowDVector::from_fn(size, |_, c| if c == place + back { 1.0 } else { 0.0 })
-                }
+                Some(back) => RowDVector::from_fn(size, |_, c| if c == place + back { 1.0 } else { 0.0 }),
             };
             // A delay that is not whole samples leaves the older command at work for the rest of it.
             let newer =

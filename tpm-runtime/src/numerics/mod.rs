@@ -15,4 +15,5 @@ pub(crate) use nalgebra::storage::Owned;
 pub(crate) use nalgebra::{Cholesky, Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn, RowDVector};
 #[cfg(test)]
 pub(crate) use nalgebra::{SMatrix, SVector};
-pub use riccati::{Riccati, RiccatiError, riccati};
+pub use riccati::RiccatiError;
+pub(crate) use riccati::{Riccati, riccati};

@@ -52,13 +52,13 @@ pub struct Dynamics {
 
 /// The lags without the delay as `x' = A x + b u`, the force being one of the states.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Lags {
+pub(crate) struct Lags {
     /// A.
-    pub a: DMatrix<f64>,
+    pub(crate) a: DMatrix<f64>,
     /// b.
-    pub b: DVector<f64>,
+    pub(crate) b: DVector<f64>,
     /// The state that is the force.
-    pub output: usize,
+    pub(crate) output: usize,
 }
 
 impl Dynamics {
@@ -84,7 +84,7 @@ impl Dynamics {
 
     /// The lags; nothing when there are none.
     #[must_use]
-    pub fn lags(&self) -> Option<Lags> {
+    pub(crate) fn lags(&self) -> Option<Lags> {
         let filtered = if self.filter.is_some() { 2 } else { 0 };
         let states = filtered + usize::from(self.bandwidth.is_some());
         if states == 0 {

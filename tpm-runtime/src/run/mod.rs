@@ -18,7 +18,7 @@ pub mod trajectory;
 mod trial;
 
 pub(crate) use actuator::correct_actuators;
-pub use actuator::{Dynamics, Lags, LowPass};
+pub use actuator::{Dynamics, LowPass};
 pub use bench::{Bench, BenchError};
 pub use completion::OpenReason;
 pub use error::TrialError;

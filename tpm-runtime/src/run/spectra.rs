@@ -6,7 +6,7 @@
 //! read from the same windowed transform between the lines, where a periodic signal has nothing.
 
 use crate::numerics::fourier::forward;
-use crate::numerics::{DMatrix, DVector};
+use crate::numerics::{Cholesky, DMatrix, DVector, Dyn};
 use num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec;
@@ -111,7 +111,7 @@ pub struct Spectra {
     /// Per channel, per harmonic: the one-sided phasor a_c - j a_s (the mean at 0).
     pub lines: Vec<Vec<Complex<f64>>>,
     /// Per harmonic: covariance of the noise of the channels' phasors, E[n n^H], signal units squared (of the means at 0).
-    pub noise: Vec<DMatrix<Complex<f64>>>,
+    pub(crate) noise: Vec<DMatrix<Complex<f64>>>,
     /// Bins that each noise estimate averages; 0 when the record has one period only.
     pub noise_bins: usize,
     /// Per channel: the step of the values when all of them are whole multiples of one apart (counts); zero otherwise.
@@ -264,6 +264,13 @@ impl Spectra {
         top.get(top.len() / 2).map(|median| median / std::f64::consts::LN_2)
     }
 
+    /// Covariance E[n m*] of the noise of two channels' phasors at a harmonic, in the product of their units; nothing beyond the
+    /// channels or the highest harmonic.
+    #[must_use]
+    pub fn covariance(&self, harmonic: usize, channel: usize, other: usize) -> Option<Complex<f64>> {
+        self.noise.get(harmonic)?.get((channel, other)).copied()
+    }
+
     /// Noise variance E|n|^2 of one phasor of one channel.
     #[must_use]
     pub fn variance(&self, channel: usize, harmonic: usize) -> f64 {
@@ -329,7 +336,7 @@ fn line_noise(
 
 /// Weighted least-squares fit of harmonics whose period is not a whole number of samples.
 struct LineFit {
-    factor: crate::numerics::Cholesky<Complex<f64>, crate::numerics::Dyn>,
+    factor: Cholesky<Complex<f64>, Dyn>,
     highest: usize,
     angle: f64,
 }

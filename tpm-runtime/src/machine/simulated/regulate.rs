@@ -54,9 +54,9 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
     require_len(Buffer::Motion, rig.sensors.len(), n)?;
     require_len(Buffer::Motion, regulation.start.len(), n)?;
     require_len(Buffer::Motion, regulation.bounds.len(), n)?;
-    require_len(Buffer::Motion, regulation.regulator.gain.ncols(), 2 * n)?;
+    require_len(Buffer::Motion, regulation.regulator.gain.columns(), 2 * n)?;
     require_len(Buffer::Inputs, rig.actuators.len(), dims.inputs)?;
-    require_len(Buffer::Inputs, regulation.regulator.gain.nrows(), dims.inputs)?;
+    require_len(Buffer::Inputs, regulation.regulator.gain.rows(), dims.inputs)?;
     let sample_time = regulation.regulator.sample_time;
     let mut plant = Plant::new(model, &rig.parameters, &rig.constants)?;
     let mut start = vec![0.0; dims.motion_len()];
@@ -87,7 +87,7 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
             *rate = filter.push(*value);
         }
         for (i, input) in inputs.iter_mut().enumerate() {
-            *input = -regulation.regulator.gain.row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
+            *input = -regulation.regulator.gain.dense().row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
         }
         found.record.saturated += usize::from(apply(&rig.actuators, &mut inputs, &mut found.record.inputs));
         for (column, value) in found.record.coordinates.iter_mut().zip(&state) {
@@ -119,7 +119,7 @@ mod tests {
     use crate::machine::regulator::{Regulator, RegulatorWeights};
     use crate::machine::simulated::Rig;
     use crate::machine::simulated::sensor::{Actuator, Sensor};
-    use crate::numerics::DMatrix;
+    use crate::numerics::Matrix;
     use crate::run::Ending;
     use crate::test_models::MassSpringDrag;
     use std::vec;
@@ -137,8 +137,8 @@ mod tests {
     }
 
     fn regulator(weights: &RegulatorWeights) -> Regulator {
-        let a = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, 4.0, 0.0]);
-        let b = DMatrix::from_row_slice(2, 1, &[0.0, 0.5]);
+        let a = Matrix::from_rows(&[vec![0.0, 1.0], vec![4.0, 0.0]]).expect("rows of one length");
+        let b = Matrix::from_rows(&[vec![0.0], vec![0.5]]).expect("rows of one length");
         Regulator::optimal(&a, &b, 1e-3, weights).expect("can be stabilised")
     }
 
