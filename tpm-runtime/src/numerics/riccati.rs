@@ -15,7 +15,7 @@ use crate::numerics::eigenvalues::eigenvalues;
 use num_complex::Complex;
 use std::vec::Vec;
 
-/// Rounds of doubling: 2^60 samples are longer than any machine runs.
+/// Most rounds of doubling: 2^60 samples are longer than any machine runs.
 const ROUNDS: usize = 60;
 /// Relative change at which doubling has settled.
 const SETTLED: f64 = 1e-14;
