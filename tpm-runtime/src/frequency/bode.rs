@@ -10,12 +10,12 @@ use std::f64::consts::PI;
 use std::string::String;
 use std::vec::Vec;
 
-/// Points of a model's curve.
+/// Number of points of a model's curve.
 const POINTS: usize = 600;
 /// Probability that the band around a measured response covers.
-const COVERED: f64 = 0.95;
+const CONFIDENCE: f64 = 0.95;
 
-/// What a Bode plot shows.
+/// Title, unit and band of a Bode plot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodeSettings {
     /// Title.
@@ -51,7 +51,7 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
     };
     let branch = measured.first().copied();
     let hertz = |line: &&ResponseLine| line.hertz();
-    let radius: Vec<f64> = usable.iter().map(|line| response.radius(line, COVERED)).collect();
+    let radius: Vec<f64> = usable.iter().map(|line| response.radius(line, CONFIDENCE)).collect();
     let mut magnitude = Vec::new();
     let mut phase = Vec::new();
     let band = usable.iter().zip(&radius).map(|(line, r)| {

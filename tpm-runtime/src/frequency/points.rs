@@ -9,7 +9,7 @@ use crate::numerics::{DMatrix, DVector, DVectorView};
 use num_complex::Complex;
 use std::vec::Vec;
 
-/// Least error of a line relative to H: a coherence of one to the last digit is rounding, not certainty.
+/// Least standard deviation of a line, as a share of |H|: a coherence of one to the last digit is rounding, not certainty.
 const LEAST_ERROR: f64 = 1e-7;
 /// Singular values below this share of the largest one are zero.
 pub(super) const RANK: f64 = 1e-10;
@@ -22,8 +22,8 @@ pub(super) struct Points {
     pub(super) response: Vec<Complex<f64>>,
     /// 1/std; `sqrt((n - 1) coherence/(1 - coherence))/|H|` for n averages.
     pub(super) weight: Vec<f64>,
-    /// What the squared residuals sum up to per point when nothing but noise is left, because the weights are estimates
-    /// themselves: the mean of an F distribution with 2 and 2 n - 2 degrees of freedom.
+    /// Expected sum of the squared residuals per point when only noise is left; above 1 because the weights are estimates too:
+    /// the mean of an F distribution with 2 and 2 n - 2 degrees of freedom.
     pub(super) expected: f64,
     /// Sum of the squared correlations of a line's error with those of all lines.
     pub(super) correlation: f64,
@@ -86,12 +86,12 @@ impl Points {
     }
 }
 
-/// What a Jacobian says about its parameters.
+/// Covariance and rank of parameters, from the Jacobian of their residuals.
 #[derive(Clone, Debug)]
 pub(super) struct Information {
     /// Covariance; the part along unobservable directions is left out.
     pub(super) covariance: DMatrix<f64>,
-    /// Parameters that the data determine, in number.
+    /// Number of parameters that the data determine.
     pub(super) rank: usize,
     /// Ratio of the largest to the smallest singular value of the column-scaled Jacobian; infinite when singular.
     pub(super) condition: f64,

@@ -19,7 +19,7 @@ const STEP: f64 = 6e-6;
 const TOLERANCE: f64 = 1e-10;
 /// Singular values below this share of the largest are zero; the error of the differences is below it.
 const DETERMINED: f64 = 1e-8;
-/// A parameter with a larger share in an unobservable direction is unobservable.
+/// Largest share of a parameter in an unobservable direction with which the parameter still counts as observable.
 const SHARE: f64 = 1e-4;
 
 /// A model whose response depends on parameters.
@@ -39,7 +39,7 @@ impl<F: Fn(&[f64], Complex<f64>) -> Complex<f64>> ResponseModel for F {
     }
 }
 
-/// What is fitted.
+/// Which parameters are fitted over which band.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StructuredSettings {
     /// Start values, one per parameter.
@@ -50,12 +50,12 @@ pub struct StructuredSettings {
     pub low: f64,
     /// Highest frequency, Hz.
     pub high: f64,
-    /// Which estimate of the response.
+    /// Estimate of the response that is fitted.
     pub estimator: ResponseEstimator,
 }
 
 impl StructuredSettings {
-    /// All parameters free, H1.
+    /// All parameters free, fitted to the estimate H1.
     #[must_use]
     pub fn new(start: &[f64], low: f64, high: f64) -> Self {
         StructuredSettings { start: start.to_vec(), frozen: Vec::new(), low, high, estimator: ResponseEstimator::H1 }
@@ -64,6 +64,7 @@ impl StructuredSettings {
 
 /// Fitted parameters.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct StructuredFit {
     /// One per parameter; standard deviation zero for a frozen one, infinite for one that the data do not determine.
     pub parameters: Vec<FittedValue>,

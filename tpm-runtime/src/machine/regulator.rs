@@ -36,23 +36,19 @@ impl RegulatorWeights {
 /// State feedback `u = -K x`, to be computed every `sample_time` seconds and held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Regulator {
-    /// K, inputs times states.
-    pub gain: Matrix,
-    /// `x' cost x` is what it costs to come to rest from x, on the model of the design.
-    pub cost: Matrix,
-    /// T, s.
-    pub sample_time: f64,
-    /// Poles of the closed loop in sampled time, inside the unit circle.
-    pub poles: Vec<Complex<f64>>,
-    /// What is left of the Riccati equation, as a share of its largest term.
-    pub residual: f64,
+    gain: Matrix,
+    cost: Matrix,
+    sample_time: f64,
+    poles: Vec<Complex<f64>>,
+    residual: f64,
 }
 
 impl Regulator {
     /// The regulator of least cost for `x' = A x + B u`: A states times states, B states times inputs.
     ///
     /// # Errors
-    /// [`RiccatiError`].
+    /// [`RiccatiError`] when sizes do not fit, a number is not finite, the sample time or a weight is out of range, or no
+    /// feedback stabilises.
     pub fn optimal(a: &Matrix, b: &Matrix, sample_time: f64, weights: &RegulatorWeights) -> Result<Self, RiccatiError> {
         let (ad, bd) = held(a.dense(), b.dense(), sample_time)?;
         let diagonal = |values: &[f64]| DMatrix::from_diagonal(&DVector::from_column_slice(values));
@@ -65,7 +61,7 @@ impl Regulator {
     /// The regulator of least cost for a linearised model.
     ///
     /// # Errors
-    /// [`RiccatiError`].
+    /// [`RiccatiError`] as for [`optimal`](Self::optimal).
     #[cfg(feature = "interpret")]
     pub fn of_linear(
         space: &tpm_symbolic::linear::linearize::StateSpace<f64>,
@@ -74,6 +70,36 @@ impl Regulator {
     ) -> Result<Self, RiccatiError> {
         let matrix = |rows: &[Vec<f64>]| Matrix::from_rows(rows).ok_or(RiccatiError::Shape);
         Self::optimal(&matrix(&space.a)?, &matrix(&space.b)?, sample_time, weights)
+    }
+
+    /// K, inputs times states.
+    #[must_use]
+    pub const fn gain(&self) -> &Matrix {
+        &self.gain
+    }
+
+    /// P T, states times states: `x' P x T` is the least cost of coming to rest from x, on the model of the design.
+    #[must_use]
+    pub const fn cost(&self) -> &Matrix {
+        &self.cost
+    }
+
+    /// T, s.
+    #[must_use]
+    pub const fn sample_time(&self) -> f64 {
+        self.sample_time
+    }
+
+    /// Poles of the closed loop in sampled time, inside the unit circle.
+    #[must_use]
+    pub fn poles(&self) -> &[Complex<f64>] {
+        &self.poles
+    }
+
+    /// Largest entry of the Riccati equation's residual, as a share of its largest term.
+    #[must_use]
+    pub const fn residual(&self) -> f64 {
+        self.residual
     }
 
     /// Least cost of coming to rest from a state, on the model of the design.
@@ -87,7 +113,7 @@ impl Regulator {
 /// Ad and Bd of `x' = A x + B u` under inputs that are held for `sample_time`: the exponential of `[A, B; 0, 0] T`.
 ///
 /// # Errors
-/// [`RiccatiError::Shape`], [`RiccatiError::SampleTime`], [`RiccatiError::NotFinite`].
+/// [`RiccatiError::Shape`] when A is not square or B has other rows, [`RiccatiError::SampleTime`], [`RiccatiError::NotFinite`].
 pub(crate) fn held(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,

@@ -1,10 +1,10 @@
 //! Is a control loop stable before anything moves?
 //!
-//! The rows are linearised at rest at given positions, `x' = A x + B u`, and closed by `u = -Kp e - Kd e'`. Invariant: a loop is
-//! called stable only where the poles of the continuous loop lie in the open left half plane and those of the sampled one
-//! (zero-order hold, measured, filtered or fitted rates) inside the unit circle. Known lags of the actuators are states in both, their
-//! delays are there in the sampled one. Over a box of parameters this is a sample:
-//! vertices, edges and random points inside, and is reported as one.
+//! The rows are linearised at rest at given positions, `x' = A x + B u`, and closed by `u = -Kp e - Kd e'`. Invariant: a loop
+//! is called stable only where the poles of the continuous loop lie in the open left half plane and those of the sampled one
+//! (zero-order hold, measured, filtered or fitted rates) inside the unit circle. Known lags of the actuators are states of both
+//! loops, their delays are states of the sampled loop. A box of parameters is sampled, at vertices, on edges and at random
+//! points inside, and reported as sampled.
 
 use crate::machine::regulator::held;
 use crate::numerics::differences::FIVE_POINT;
@@ -22,25 +22,25 @@ use std::vec::Vec;
 use tpm_core::control::Differentiator;
 use tpm_core::model::{EvalError, Model};
 
-/// A real part above this share of the largest pole is not damping.
+/// Least magnitude of a negative real part that counts as damping, as a share of the largest pole.
 const UNDAMPED: f64 = 1e-9;
-/// A coefficient of the scaled characteristic polynomial below this is zero.
+/// Magnitude of a coefficient of the scaled characteristic polynomial below which it is zero.
 const ABSENT: f64 = 1e-9;
-/// Points inside every edge of a box.
+/// Number of points inside every edge of a box.
 const EDGE_POINTS: usize = 3;
-/// A box of more sides has too many vertices and edges: it is sampled inside only.
+/// Most sides of a box whose vertices and edges are tried; a box of more sides is sampled inside only.
 const MOST_SIDES: usize = 10;
-/// Largest damping ratio of a mode that a harmonic must not come near.
+/// Largest damping ratio of a hardly damped mode, near which no harmonic may lie.
 const HARDLY_DAMPED: f64 = 0.1;
 /// Step of the difference quotients; five points, so exact up to the fourth degree.
-const DIFFERENCE: f64 = 1e-3;
+const DIFFERENCE_STEP: f64 = 1e-3;
 
 /// A stated range of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Range {
     /// Index of the parameter.
     pub parameter: usize,
-    /// Its least and largest value.
+    /// Least and largest value of the parameter.
     pub ends: (f64, f64),
 }
 
@@ -57,12 +57,13 @@ pub struct StabilityDomain {
     pub ranges: Vec<Range>,
     /// Random points inside the box.
     pub interior: usize,
-    /// Their seed.
+    /// Seed of the random points.
     pub seed: u64,
 }
 
-/// What was found of a box.
+/// Result of the check over a box of parameters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct BoxCheck {
     /// Vertices that were tried.
     pub vertices: usize,
@@ -76,6 +77,7 @@ pub struct BoxCheck {
 
 /// A loop that is stable wherever it was tried.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct LoopStability {
     /// Poles (real and imaginary part, 1/s) of the continuous loop with the nominal parameters at the first position; empty
     /// when these leave a highest derivative open (a mass of zero).
@@ -86,6 +88,7 @@ pub struct LoopStability {
 
 /// Why a loop must not be closed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum StabilityError {
     /// A pole is not damped.
     #[error("the closed loop is not stable with {parameters}: a pole at {} 1/s{}", complex(*.pole), remedy(.absent))]
@@ -309,7 +312,7 @@ impl Linear {
         let mut slope = |slot: Option<usize>, input: Option<usize>| -> Result<Vec<f64>, EvalError> {
             let mut sum = vec![0.0; n];
             let base = slot.map_or_else(|| input.map_or(0.0, |i| held[i]), |s| rest[s]);
-            let step = DIFFERENCE * base.abs().max(1.0);
+            let step = DIFFERENCE_STEP * base.abs().max(1.0);
             for (shift, weight) in FIVE_POINT {
                 let (mut motion, mut inputs) = (rest.clone(), held.clone());
                 if let Some(slot) = slot {

@@ -16,16 +16,16 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::{EvalError, Model};
 
-/// Fewest and most harmonics of an open coordinate.
+/// Fewest and most harmonics that an open coordinate is given.
 const HARMONICS: (usize, usize) = (8, 128);
-/// Most Newton steps.
-const STEPS: usize = 40;
-/// A step of this share of the motion is rounding.
+/// Most Newton steps before the iteration counts as not converging.
+const MOST_STEPS: usize = 40;
+/// Largest Newton step, as a share of the motion, that is rounding: the iteration has converged.
 const CONVERGED: f64 = 1e-13;
-/// The upper quarter of the harmonics is negligible below this share of the largest.
+/// Largest share of the largest line at which a line of the upper quarter of the harmonics is negligible.
 const NEGLIGIBLE: f64 = 1e-12;
 /// Step of the difference quotients as a share of a slot's size; five points, so exact up to the fourth degree.
-const DIFFERENCE: f64 = 1e-3;
+const DIFFERENCE_STEP: f64 = 1e-3;
 
 /// Fills the series of the open coordinates with their periodic motion under given parameters.
 ///
@@ -75,6 +75,7 @@ pub(super) enum CompletionError {
 
 /// Why the motion of open coordinates is not determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum OpenReason {
     /// There are more or fewer rows without an input than open coordinates.
     #[error("there are {free} rows without an input for {open} coordinates; give the others a motion in the pattern")]
@@ -90,7 +91,7 @@ pub enum OpenReason {
     /// Newton's method does not converge.
     #[error("no periodic motion was found; start smaller or slower")]
     NoConvergence,
-    /// The series does not end.
+    /// The harmonics of the motion do not fade out.
     #[error("its harmonics do not fade out up to the {most}th; start smaller or slower")]
     Harmonics {
         /// Harmonics that were tried.
@@ -98,7 +99,7 @@ pub enum OpenReason {
     },
 }
 
-/// The upper quarter of the harmonics is negligible.
+/// Whether the upper quarter of the harmonics is negligible.
 fn is_short(lines: &[f64]) -> bool {
     let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
     let harmonics = lines.len() / 2;
@@ -159,7 +160,7 @@ impl<'a> Balance<'a> {
         let size = self.open.len() * width;
         let mut now = trajectory.clone();
         let mut unknown = DVector::<f64>::zeros(size);
-        for _ in 0..STEPS {
+        for _ in 0..MOST_STEPS {
             for (&c, lines) in self.open.iter().zip(unknown.as_slice().chunks_exact(width)) {
                 now.coordinates[c] = series(lines);
             }
@@ -258,7 +259,7 @@ impl<'a> Balance<'a> {
         for (open, &c) in self.open.iter().enumerate() {
             for order in 0..=self.model.coordinate_order(c) {
                 let slot = order * dims.coordinates + c;
-                let step = DIFFERENCE * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
+                let step = DIFFERENCE_STEP * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
                 let mut samples = vec![vec![0.0; self.points]; self.rows.len()];
                 for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
                     let centre = motion[slot];

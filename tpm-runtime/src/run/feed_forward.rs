@@ -14,14 +14,14 @@ use tpm_core::harmonics::Hold;
 use tpm_core::linear;
 use tpm_core::model::Model;
 
-/// A harmonic that the actuator passes weakly is amplified so much at most.
+/// Largest factor by which a harmonic that the actuator passes weakly is amplified.
 const MOST_AMPLIFIED: f64 = 10.0;
 
 /// What is done about the zero-order hold in the feed-forward.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HoldCompensation {
-    /// Nothing: each sample is the demand at its start, so that the held force lags by half a sample.
+    /// No compensation: each sample is the demand at its start, so that the held force lags by half a sample.
     None,
     /// Each sample is the demand half a sample later; a loss of `(W T)^2 / 24` remains at the frequency W.
     Advance,

@@ -15,11 +15,11 @@ use tpm_core::harmonics::Hold;
 /// Where the rate of the tracking error comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Velocity {
-    /// It is measured, without noise where no sensor of its own is stated.
+    /// A sensor measures the rate, without noise where the simulated rig states none.
     Measured,
-    /// It is formed from the measured error by a filtered difference with this time constant, s.
+    /// A filtered difference of the measured error, with this time constant of the filter, s.
     Filtered(f64),
-    /// It is the slope of a polynomial through the last measured errors, whose value is fed back for the error itself.
+    /// The slope of a polynomial fitted to the last measured errors, whose value is fed back in place of the newest error.
     Fitted(Smoothing),
 }
 
@@ -80,7 +80,7 @@ impl Loop {
             .sum()
     }
 
-    /// The same loop with all gains times a factor.
+    /// The loop with all gains times a factor.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         let mut scaled = self.clone();

@@ -12,17 +12,17 @@ use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
 
-/// Highest harmonic of a fit whose period is not a whole number of samples; it bounds the size of the linear system.
+/// Highest harmonic that is fitted when the period is not a whole number of samples; it bounds the size of the linear system.
 const MAX_FITTED: usize = 256;
-/// Values lie on a grid when no difference is farther than this share of a step from whole steps.
-const GRID: f64 = 1e-3;
-/// Bins between the lines that one noise estimate averages, at least.
-const NOISE_BINS: usize = 16;
+/// Largest distance of a difference from whole steps, as a share of a step, of values that lie on a grid.
+const GRID_TOLERANCE: f64 = 1e-3;
+/// Least number of bins between the lines that one noise estimate averages.
+const LEAST_NOISE_BINS: usize = 16;
 
 /// Weight of the samples of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Window {
-    /// All samples alike: fewer than four periods leave no choice.
+    /// Equal weights, for records of fewer than four periods, where a Hann window would mix neighbouring lines.
     Rectangular,
     /// `1 - cos`: motion that is not periodic (noise passed round a control loop) does not leak into the lines.
     Hann,
@@ -72,6 +72,7 @@ impl std::fmt::Display for Window {
 
 /// Why a record has no harmonics.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SpectrumError {
     /// Less than one period.
     #[error("the record has {samples} samples, one period needs {period}")]
@@ -97,6 +98,7 @@ pub enum SpectrumError {
 
 /// Harmonics of several signals over the same whole periods.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Spectra {
     /// Fundamental angular frequency, rad/s.
     pub fundamental: f64,
@@ -148,7 +150,8 @@ impl Spectra {
     /// Analyses the first `periods` whole periods of every channel (equal lengths).
     ///
     /// # Errors
-    /// [`SpectrumError`].
+    /// [`SpectrumError::TooShort`] when a channel is shorter than the periods, [`SpectrumError::TooCoarse`] when a period has
+    /// fewer than three samples, [`SpectrumError::Singular`] when a broken period does not tell its harmonics apart.
     pub fn analyse(
         channels: &[&[f64]],
         sample_time: f64,
@@ -285,7 +288,7 @@ fn step(values: &[f64]) -> f64 {
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let fits = |difference: f64| {
         let steps = difference / least;
-        (steps - steps.round()).abs() < GRID
+        (steps - steps.round()).abs() < GRID_TOLERANCE
     };
     let counted = least.is_finite() && (high - low) / least < values.len() as f64 && apart().all(fits);
     if counted { least } else { 0.0 }
@@ -307,7 +310,8 @@ fn line_noise(
         })
         .collect();
     let per_line = (bins_per_line.ceil() - 2.0 * window.guard()).max(0.0);
-    let half = if per_line > 0.0 { (NOISE_BINS as f64 / per_line / 2.0).ceil().max(0.5) * bins_per_line } else { 0.0 };
+    let half =
+        if per_line > 0.0 { (LEAST_NOISE_BINS as f64 / per_line / 2.0).ceil().max(0.5) * bins_per_line } else { 0.0 };
     let mut averaged = usize::MAX;
     let mut noise = Vec::with_capacity(count);
     for k in 0..count {

@@ -1,8 +1,8 @@
 //! Trajectory patterns with numbers in them, and the motions that they prescribe.
 //!
 //! Invariant: a [`Trajectory`] is `q_c(t) = mean_c + sum_k [cos_ck cos(k w t) + sin_ck sin(k w t)]` for every coordinate of a
-//! model, in the model's units, with one fundamental w (rad/s) for all; a [`Pattern`] is the same with powers of amplitudes
-//! still open. Derivatives are taken term by term and are exact.
+//! model, in the model's units, with one fundamental w (rad/s) for all; a [`Pattern`] is such a sum whose
+//! coefficients still hold powers of amplitudes. Derivatives are taken term by term and are exact.
 
 use num_complex::Complex;
 use std::string::String;
@@ -110,7 +110,7 @@ pub struct Part {
 /// A trajectory pattern whose amplitudes and frequency are open (Feng, chapter 2).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pattern {
-    /// Its name; nothing for one without.
+    /// Name of the pattern; nothing for a pattern without a name.
     pub name: Option<String>,
     /// Names of the amplitudes.
     pub amplitudes: Vec<String>,
@@ -169,17 +169,18 @@ impl Pattern {
 /// Why a pattern of a model file cannot be played.
 #[cfg(feature = "interpret")]
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PatternError {
     /// A coordinate has no motion.
     #[error("the pattern gives the coordinate `{coordinate}` no motion")]
     NoMotion {
-        /// Which coordinate.
+        /// Name of the coordinate.
         coordinate: String,
     },
     /// A factor of the pattern has no value.
     #[error("the pattern needs a value of `{name}`")]
     NoValue {
-        /// Which constant.
+        /// Name of the constant.
         name: String,
     },
 }
@@ -191,7 +192,8 @@ impl Pattern {
     /// `constant` gives the value of a run-time constant by name.
     ///
     /// # Errors
-    /// [`PatternError`].
+    /// [`PatternError::NoMotion`] when the pattern leaves a coordinate open, [`PatternError::NoValue`] when `constant` does not
+    /// know a constant of the pattern.
     pub fn of_symbolic(
         pattern: &tpm_symbolic::mechanics::pattern::Pattern,
         model: &tpm_symbolic::mechanics::model::Model,
@@ -205,11 +207,11 @@ impl Pattern {
         }
     }
 
-    /// The same for the coordinates that the rows of a form use, in the order in which a model made of it reads them. A
-    /// coordinate without motion is left open.
+    /// The pattern of the coordinates that the rows of a regressor form use, in the order in which a model made of that form
+    /// reads them. A coordinate without motion is left open.
     ///
     /// # Errors
-    /// [`PatternError::NoValue`].
+    /// [`PatternError::NoValue`] when `constant` does not know a constant of the pattern.
     pub fn of_rows(
         pattern: &tpm_symbolic::mechanics::pattern::Pattern,
         model: &tpm_symbolic::mechanics::model::Model,

@@ -56,9 +56,9 @@ pub struct TrialSettings<'a> {
     pub trajectory: Trajectory,
     /// Coordinates whose motion follows from the rows without an input, with the estimates for the feed-forward.
     pub open: &'a [usize],
-    /// Name of its pattern, where the stage has its own.
+    /// Name of the pattern, where the stage has its own.
     pub pattern: Option<String>,
-    /// Amplitudes behind it.
+    /// Amplitudes behind the reference.
     pub amplitudes: Vec<f64>,
     /// Whole periods to play.
     pub periods: usize,
@@ -78,7 +78,8 @@ impl Trial {
     /// Works out the samples to play.
     ///
     /// # Errors
-    /// [`TrialError`].
+    /// [`TrialError`] when a period has too few samples, the rows do not determine open coordinates or inputs, or the model
+    /// cannot be evaluated along the reference.
     pub fn new(model: &dyn Model<f64>, settings: TrialSettings<'_>) -> Result<Self, TrialError> {
         let TrialSettings {
             run,

@@ -73,7 +73,7 @@ pub(super) fn chapter(
         costs.push(run.cost);
         ideal_costs.push(beside.cost);
         late = late.max(run.late[1]);
-        for (found, truth) in own.gain.to_rows().concat().iter().zip(ideal.gain.to_rows().concat()) {
+        for (found, truth) in own.gain().to_rows().concat().iter().zip(ideal.gain().to_rows().concat()) {
             largest_gain = largest_gain.max((found / truth - 1.0).abs());
         }
         first.get_or_insert((own, run));
@@ -89,7 +89,7 @@ pub(super) fn chapter(
         number(noise),
         1e3 * DERIVATIVE_FILTER
     );
-    let gains = |regulator: &Regulator| regulator.gain.to_rows().concat().into_iter().map(number).collect::<Vec<_>>();
+    let gains = |regulator: &Regulator| regulator.gain().to_rows().concat().into_iter().map(number).collect::<Vec<_>>();
     let row = |what: &str, regulator: &Regulator, costs: &[f64]| {
         let mut row = vec![what.to_owned()];
         row.extend(gains(regulator));

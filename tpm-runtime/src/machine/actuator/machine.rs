@@ -1,7 +1,8 @@
-//! A declared model with numbers, its inputs split and its pattern open, ready for motors.
+//! A declared model with numbers: rows with values of their parameters, inputs with the coordinates that they drive, and a
+//! pattern whose amplitudes and frequency are still open.
 //!
-//! Invariant: no coordinate is eliminated, since a motor turns with one that may be; what the model asks to eliminate moves as
-//! its reconstruction says, x1 = x2 + m2/k3 x2'' and the like, sampled finely enough for every harmonic of a polynomial.
+//! Invariant: no coordinate is eliminated, since a motor may turn with any of them; a coordinate that the model asks to eliminate
+//! moves as its reconstruction says, x1 = x2 + m2/k3 x2'' and the like, sampled finely enough for every harmonic of a polynomial.
 
 use crate::interpret::Interpreted;
 use crate::machine::actuator::demand::Demand;
@@ -20,11 +21,12 @@ use tpm_symbolic::plan::split::Split;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{PrepareError, prepare};
 
-/// Samples from which the series of a reconstructed coordinate is read.
+/// Samples of a period from which the Fourier series of a reconstructed coordinate is computed.
 const SAMPLES: usize = 1024;
 
-/// Why a model cannot be had in numbers.
+/// Why a model has no numeric form.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MotorizedMachineError {
     /// The equations have no regressor form.
     #[error(transparent)]
@@ -35,12 +37,12 @@ pub enum MotorizedMachineError {
     /// Quantities without a value.
     #[error("a value is missing for {}", .names.join(", "))]
     Missing {
-        /// Their names.
+        /// Names of the quantities.
         names: Vec<String>,
     },
 }
 
-/// The model in numbers.
+/// A declared model with numbers, ready for motors on its inputs.
 #[derive(Debug)]
 pub struct MotorizedMachine {
     model: Interpreted,
@@ -60,7 +62,8 @@ impl MotorizedMachine {
     /// The model of a split under a pattern of it; `value` gives parameters and run-time constants.
     ///
     /// # Errors
-    /// [`MotorizedMachineError`].
+    /// [`MotorizedMachineError`] when a value is missing, the equations have no regressor form, or the pattern leaves a
+    /// coordinate open.
     pub fn new(
         split: &Split,
         pattern: &Declared,

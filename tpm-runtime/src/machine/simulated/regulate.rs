@@ -4,8 +4,8 @@
 //! simulation knows.
 
 use crate::machine::regulator::{Regulator, RegulatorWeights};
-use crate::machine::simulated::Rig;
 use crate::machine::simulated::plant::Plant;
+use crate::machine::simulated::rig::Rig;
 use crate::machine::simulated::sensor::{Measurement, apply};
 use crate::machine::simulated::transmission::Transmission;
 use crate::run::{Ending, Record};
@@ -14,7 +14,7 @@ use std::vec::Vec;
 use tpm_core::control::Differentiator;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
 
-/// What is played.
+/// A regulator with the run that it plays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Regulation<'a> {
     /// The feedback; it holds the coordinates at zero.
@@ -31,10 +31,11 @@ pub struct Regulation<'a> {
     pub weights: &'a RegulatorWeights,
 }
 
-/// How it went.
+/// How a regulator kept the machine at rest.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Regulated {
-    /// What was measured and applied.
+    /// Samples that were measured and applied.
     pub record: Record,
     /// `sum T (x' Q x + u' R u)` of the true state.
     pub cost: f64,
@@ -54,10 +55,10 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
     require_len(Buffer::Motion, rig.sensors.len(), n)?;
     require_len(Buffer::Motion, regulation.start.len(), n)?;
     require_len(Buffer::Motion, regulation.bounds.len(), n)?;
-    require_len(Buffer::Motion, regulation.regulator.gain.columns(), 2 * n)?;
+    require_len(Buffer::Motion, regulation.regulator.gain().columns(), 2 * n)?;
     require_len(Buffer::Inputs, rig.actuators.len(), dims.inputs)?;
-    require_len(Buffer::Inputs, regulation.regulator.gain.rows(), dims.inputs)?;
-    let sample_time = regulation.regulator.sample_time;
+    require_len(Buffer::Inputs, regulation.regulator.gain().rows(), dims.inputs)?;
+    let sample_time = regulation.regulator.sample_time();
     let mut plant = Plant::new(model, &rig.parameters, &rig.constants)?;
     let mut start = vec![0.0; dims.motion_len()];
     start[..n].copy_from_slice(&regulation.start);
@@ -87,7 +88,7 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
             *rate = filter.push(*value);
         }
         for (i, input) in inputs.iter_mut().enumerate() {
-            *input = -regulation.regulator.gain.dense().row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
+            *input = -regulation.regulator.gain().dense().row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
         }
         found.record.saturated += usize::from(apply(&rig.actuators, &mut inputs, &mut found.record.inputs));
         for (column, value) in found.record.coordinates.iter_mut().zip(&state) {
@@ -117,7 +118,7 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
 mod tests {
     use super::{Regulation, regulate};
     use crate::machine::regulator::{Regulator, RegulatorWeights};
-    use crate::machine::simulated::Rig;
+    use crate::machine::simulated::rig::Rig;
     use crate::machine::simulated::sensor::{Actuator, Sensor};
     use crate::numerics::Matrix;
     use crate::run::Ending;
