@@ -126,7 +126,9 @@ fn poorly_determined_lumped_parameters_are_said_to_be() {
     for c in ["c3", "c4", "c5"] {
         let parameter = result.parameters.iter().position(|p| p.name == c).expect("lumped");
         assert_eq!(json["parameters"][parameter]["status"], "poorly_determined", "{:?}", result.parameters[parameter]);
-        assert!(result.warnings.iter().any(|warning| warning.to_string().contains(&format!("{c} is poorly determined"))));
+        assert!(
+            result.warnings.iter().any(|warning| warning.to_string().contains(&format!("{c} is poorly determined")))
+        );
     }
     assert!(!result.is_complete());
 }
@@ -151,7 +153,9 @@ fn feedback_of_the_far_cart_is_refused() {
     experiment.control.feedback[0].coordinate = "x2".to_owned();
     let refused = machine("two_carts", &experiment).identify(&experiment, &mut |_| true);
     match refused {
-        Err(SessionError::Experiment(ExperimentError::Stability(StabilityError::Unstable { absent, .. }))) => assert_eq!(absent, Some((3, 4))),
+        Err(SessionError::Experiment(ExperimentError::Stability(StabilityError::Unstable { absent, .. }))) => {
+            assert_eq!(absent, Some((3, 4)))
+        }
         other => panic!("{other:?}"),
     }
 }
@@ -173,7 +177,10 @@ fn full_state_feedback_identifies_as_well() {
     // Gains that are too large for the other two are refused: two poles are not damped.
     experiment.control.feedback = full([400.0, 40.0, 1.0, 0.2]);
     let refused = machine("two_carts", &experiment).identify(&experiment, &mut |_| true);
-    assert!(matches!(refused, Err(SessionError::Experiment(ExperimentError::Stability(StabilityError::Unstable { absent: None, .. })))));
+    assert!(matches!(
+        refused,
+        Err(SessionError::Experiment(ExperimentError::Stability(StabilityError::Unstable { absent: None, .. })))
+    ));
     experiment.control.feedback = full([100.0, 40.0, 2.0, 0.3]);
     experiment.stability.range.clear();
     for (name, truth) in truth() {

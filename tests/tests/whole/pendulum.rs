@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use tpm_runtime::estimate::physical::{PhysicalSettings, physical};
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::interpret::Interpreted;
-use tpm_runtime::machine::regulator::{Regulator, Weights};
+use tpm_runtime::machine::regulator::{Regulator, RegulatorWeights};
 use tpm_runtime::machine::simulated::{Actuator, Regulation, Rig, Sensor, regulate};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::Ending;
@@ -161,7 +161,7 @@ fn the_identified_machine_is_balanced_from_15_degrees() {
     let machine = Interpreted::new(&upright.model, &upright.form);
     let mut model = shipped("rotary_pendulum");
     let linear = linearize(&mut model, &OperatingPoint::default()).expect("an equilibrium");
-    let weights = Weights { state: vec![1.0, 10.0, 0.1, 0.1], input: vec![1.0] };
+    let weights = RegulatorWeights { state: vec![1.0, 10.0, 0.1, 0.1], input: vec![1.0] };
     let experiment = Experiment::parse(EXPERIMENT).expect("the shipped file is right");
     let truth: BTreeMap<String, f64> =
         experiment.plant.parameters.iter().chain(&experiment.constants).map(|(name, v)| (name.clone(), *v)).collect();

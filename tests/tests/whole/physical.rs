@@ -181,7 +181,11 @@ fn what_the_lumped_parameters_do_not_show_is_not_invented() {
         "{known:?}"
     );
     assert!(
-        found.parameters.iter().filter(|p| p.status == Status::Unobservable).all(|p| p.value.is_none() && p.std.is_none())
+        found
+            .parameters
+            .iter()
+            .filter(|p| p.status == Status::Unobservable)
+            .all(|p| p.value.is_none() && p.std.is_none())
     );
 }
 

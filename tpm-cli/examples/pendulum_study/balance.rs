@@ -10,9 +10,9 @@ use super::markdown::{number, percent, table};
 use super::patterns::Identified;
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
-use tpm_runtime::machine::regulator::{Regulator, Weights};
+use tpm_runtime::machine::regulator::{Regulator, RegulatorWeights};
 use tpm_runtime::machine::simulated::{Regulated, Regulation, Sensor, regulate};
-use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
+use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_runtime::run::Ending;
 
 /// Sample time, s.
@@ -30,9 +30,9 @@ const COUNTS: f64 = 2000.0;
 /// A run is balanced when the pendulum stays within this angle of the vertical over its last fifth, degrees.
 const UPRIGHT: f64 = 2.0;
 
-/// Weights by which 1 V costs as much as 1 rad of the arm or 18 degrees of the pendulum.
-fn weights() -> Weights {
-    Weights { state: vec![1.0, 10.0, 0.1, 0.1], input: vec![1.0] }
+/// RegulatorWeights by which 1 V costs as much as 1 rad of the arm or 18 degrees of the pendulum.
+fn weights() -> RegulatorWeights {
+    RegulatorWeights { state: vec![1.0, 10.0, 0.1, 0.1], input: vec![1.0] }
 }
 
 fn balances(run: &Regulated) -> bool {
@@ -75,7 +75,7 @@ pub(super) fn chapter(
         costs.push(run.cost);
         ideal_costs.push(beside.cost);
         late = late.max(run.late[1]);
-        for (found, truth) in own.gain.iter().zip(ideal.gain.iter()) {
+        for (found, truth) in own.gain().to_rows().concat().iter().zip(ideal.gain().to_rows().concat()) {
             largest_gain = largest_gain.max((found / truth - 1.0).abs());
         }
         first.get_or_insert((own, run));
@@ -91,7 +91,7 @@ pub(super) fn chapter(
         number(noise),
         1e3 * DERIVATIVE_FILTER
     );
-    let gains = |regulator: &Regulator| regulator.gain.iter().map(|k| number(*k)).collect::<Vec<_>>();
+    let gains = |regulator: &Regulator| regulator.gain().to_rows().concat().into_iter().map(number).collect::<Vec<_>>();
     let row = |what: &str, regulator: &Regulator, costs: &[f64]| {
         let mut row = vec![what.to_owned()];
         row.extend(gains(regulator));
@@ -133,12 +133,12 @@ fn figure(run: &Regulated) -> Figure {
             Panel {
                 x: Axis::linear("Time [s]"),
                 y: Axis::linear("Angle [deg]"),
-                series: vec![Series::new("arm", 0, angle(0)), Series::new("pendulum", 1, angle(1))],
+                traces: vec![Trace::new("arm", 0, angle(0)), Trace::new("pendulum", 1, angle(1))],
             },
             Panel {
                 x: Axis::linear("Time [s]"),
                 y: Axis::linear("Voltage before the amplifier [V]").from_to(-1.1 * LIMIT, 1.1 * LIMIT),
-                series: vec![Series::new("", 0, voltage)],
+                traces: vec![Trace::new("", 0, voltage)],
             },
         ],
     )

@@ -74,7 +74,7 @@ pub(super) fn chapter(upright: &Machine, down: &Machine) -> Result<Chapter, Fail
     text.push_str(&table(&[&[""], &names[..], &["e"]].concat(), &rows));
     let (own, cancelled) = down.transfer_function()?;
     let printed = eqn_29()?;
-    let formula = |g: &TransferFunction| format!("({}) / ({})", polynomial(&g.numerator), polynomial(&g.denominator));
+    let formula = |g: &TransferFunction| format!("({}) / ({})", polynomial(g.numerator()), polynomial(g.denominator()));
     let row = |what: &str, of: &dyn Fn(&TransferFunction) -> String| vec![what.to_owned(), of(&own), of(&printed)];
     text.push_str("\nThe pendulum's angle over the voltage, beside the parametric model of the paper:\n\n");
     text.push_str(&table(

@@ -192,7 +192,7 @@ impl Measured {
     fn rows(&self) -> [Vec<String>; 3] {
         let row = |what: &str, (median, largest): (f64, f64), fit: Option<&RationalFit>| {
             let formula =
-                |g: &TransferFunction| format!("({}) / ({})", polynomial(&g.numerator), polynomial(&g.denominator));
+                |g: &TransferFunction| format!("({}) / ({})", polynomial(g.numerator()), polynomial(g.denominator()));
             let lines = fit.map_or_else(|| "-".to_owned(), |fit| fit.lines.to_string());
             let formula = fit.map_or_else(|| "-".to_owned(), |fit| formula(&fit.function));
             vec![number(self.counts), what.to_owned(), lines, percent(median), percent(largest), formula]

@@ -6,7 +6,7 @@ use crate::input::log::HoldChoice;
 use crate::output::picture::{self, Picture};
 use clap::ValueEnum;
 use std::path::PathBuf;
-use tpm_runtime::frequency::{BodeSettings, Estimator, FrequencyResponse, NamedModel, Welch, bode};
+use tpm_runtime::frequency::{BodeSettings, FrequencyResponse, NamedModel, ResponseEstimator, Welch, bode};
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Log, LogOptions};
 use tpm_runtime::run::Window;
@@ -25,11 +25,11 @@ pub(crate) enum EstimatorChoice {
     H2,
 }
 
-impl From<EstimatorChoice> for Estimator {
+impl From<EstimatorChoice> for ResponseEstimator {
     fn from(choice: EstimatorChoice) -> Self {
         match choice {
-            EstimatorChoice::H1 => Estimator::H1,
-            EstimatorChoice::H2 => Estimator::H2,
+            EstimatorChoice::H1 => ResponseEstimator::H1,
+            EstimatorChoice::H2 => ResponseEstimator::H2,
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::output::{file, picture};
 use std::path::Path;
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::model::Model as _;
-use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Series};
+use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_runtime::report::{combination, number};
 use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::{Identification, Machine};
@@ -76,25 +76,25 @@ pub(crate) fn write(
     let (Some(first), Some(last)) = (first, last) else { return Ok(()) };
     let plant = machine.plant();
     let dims = plant.dims();
-    let panel = |label: String, series: Vec<Series>| Panel {
+    let panel = |label: String, traces: Vec<Trace>| Panel {
         x: Axis::linear("share of the period").from_to(0.0, 1.0),
         y: Axis::linear(&label),
-        series,
+        traces,
     };
     let errors = (0..dims.coordinates).map(|c| {
-        let series = vec![
-            Series::new(&first.name("first"), 1, Curve::Line(first.error(c))),
-            Series::new(&last.name("last"), 0, Curve::Line(last.error(c))),
+        let traces = vec![
+            Trace::new(&first.name("first"), 1, Curve::Line(first.error(c))),
+            Trace::new(&last.name("last"), 0, Curve::Line(last.error(c))),
         ];
-        panel(format!("error of {}", plant.coordinate(c)), series)
+        panel(format!("error of {}", plant.coordinate(c)), traces)
     });
     draw(folder, "error", &Figure::new("Tracking error, mean over the measured periods", errors.collect()))?;
     let inputs = (0..dims.inputs).map(|i| {
-        let series = vec![
-            Series::new("applied", 1, Curve::Line(last.input(i))),
-            Series::new("feed-forward", 0, Curve::Dashed(last.feed_forward(i))),
+        let traces = vec![
+            Trace::new("applied", 1, Curve::Line(last.input(i))),
+            Trace::new("feed-forward", 0, Curve::Dashed(last.feed_forward(i))),
         ];
-        panel(plant.input(i).to_string(), series)
+        panel(plant.input(i).to_string(), traces)
     });
     draw(folder, "input", &Figure::new(&format!("Inputs of the {}", last.name("last")), inputs.collect()))
 }

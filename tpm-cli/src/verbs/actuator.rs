@@ -11,7 +11,8 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use tpm_runtime::machine::actuator::{
-    Bound, Limit, Machine, MachineError, Motor, MotorFile, Requirement, bound, requirements, scaled, torque_speed,
+    Bound, Limit, Motor, MotorFile, MotorizedMachine, MotorizedMachineError, Requirement, bound, requirements, scaled,
+    torque_speed,
 };
 use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number};
@@ -63,7 +64,7 @@ pub(crate) struct MachineArgs {
 /// A machine with its motion.
 pub(crate) struct Moved {
     pub(crate) model: Model,
-    pub(crate) machine: Machine,
+    pub(crate) machine: MotorizedMachine,
     /// Names of the amplitudes.
     pub(crate) names: Vec<String>,
     pub(crate) amplitudes: Vec<f64>,
@@ -91,8 +92,8 @@ impl MachineArgs {
             )));
         }
         let of = |symbol: Symbol| values.get(symbol).map(rational::to_f64);
-        let machine = Machine::new(&symbolic, &pattern, of).map_err(|error| match error {
-            MachineError::Prepare(error) => loaded.at(&error),
+        let machine = MotorizedMachine::new(&symbolic, &pattern, of).map_err(|error| match error {
+            MotorizedMachineError::Prepare(error) => loaded.at(&error),
             other => Failure::Input(other.to_string()),
         })?;
         let frequency = of(pattern.frequency).unwrap_or(f64::NAN);
@@ -155,8 +156,8 @@ impl Moved {
         }
         let of =
             |symbol: Symbol| changed.get(&symbol).copied().or_else(|| self.values.get(symbol).map(rational::to_f64));
-        let machine =
-            Machine::new(&self.symbolic, &self.pattern, of).map_err(|error| (String::new(), error.to_string()))?;
+        let machine = MotorizedMachine::new(&self.symbolic, &self.pattern, of)
+            .map_err(|error| (String::new(), error.to_string()))?;
         Ok(machine.parameters().to_vec())
     }
 

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::machine::actuator::{
-    Drive, DriveError, FileFault, Limit, LoopFile, Motor, Stability, Tracking, tracking_errors,
+    Drive, DriveError, FileFault, Limit, LoopFile, LoopPoles, Motor, Tracking, tracking_errors,
 };
 use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number};
@@ -86,7 +86,7 @@ fn coordinates(moved: &Moved) -> Vec<String> {
     (0..model.dims().coordinates).map(|c| model.coordinate(c).to_string()).collect()
 }
 
-fn unstable(moved: &Moved, trajectory: &Trajectory, name: &str, found: &Stability) -> String {
+fn unstable(moved: &Moved, trajectory: &Trajectory, name: &str, found: &LoopPoles) -> String {
     let model = moved.machine.model();
     let mut motion = vec![0.0; model.dims().coordinates];
     trajectory.motion(found.phase, &mut motion);
@@ -116,7 +116,7 @@ fn unstable(moved: &Moved, trajectory: &Trajectory, name: &str, found: &Stabilit
     )
 }
 
-fn as_text(moved: &Moved, found: &[(&str, Stability, Tracking)], motors: &[Option<Motor>]) -> String {
+fn as_text(moved: &Moved, found: &[(&str, LoopPoles, Tracking)], motors: &[Option<Motor>]) -> String {
     let mut text = format!("{}: {}\n\n", moved.model.name, moved.motion());
     let mut table = TextTable::new(&[
         ("error of", Align::Left),
@@ -177,7 +177,7 @@ fn as_text(moved: &Moved, found: &[(&str, Stability, Tracking)], motors: &[Optio
     text
 }
 
-fn as_json(moved: &Moved, found: &[(&str, Stability, Tracking)], motors: &[Option<Motor>]) -> Value {
+fn as_json(moved: &Moved, found: &[(&str, LoopPoles, Tracking)], motors: &[Option<Motor>]) -> Value {
     let model = moved.machine.model();
     let schemes: serde_json::Map<String, Value> = found
         .iter()

@@ -88,7 +88,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     };
     let mut drawn = Vec::new();
     if let Some(fit) = &rational {
-        drawn.push((format!("{}/{}", fit.function.numerator.len() - 1, fit.function.denominator.len() - 1), {
+        drawn.push((format!("{}/{}", fit.function.numerator().len() - 1, fit.function.denominator().len() - 1), {
             let function = fit.function.clone();
             Box::new(move |w: f64| function.response(w)) as Box<dyn Fn(f64) -> _>
         }));
@@ -183,8 +183,8 @@ fn rational(
     };
     let fit = if args.whole {
         let chosen = RationalSettings {
-            numerator: fit.function.numerator.len() - 1,
-            denominator: fit.function.denominator.len() - 1,
+            numerator: fit.function.numerator().len() - 1,
+            denominator: fit.function.denominator().len() - 1,
             ..settings
         };
         let (input, output) = measured.signals();
@@ -241,19 +241,19 @@ fn described(fit: &RationalFit) -> String {
     let function = &fit.function;
     let mut table = TextTable::new(&[("coefficient", Align::Left), ("value", Align::Right), ("std", Align::Right)]);
     for (name, values, stds) in
-        [("b", &function.numerator, &fit.numerator_std), ("a", &function.denominator, &fit.denominator_std)]
+        [("b", function.numerator(), &fit.numerator_std), ("a", function.denominator(), &fit.denominator_std)]
     {
         for (power, (value, std)) in values.iter().zip(stds).enumerate().rev() {
             table.row(&[format!("{name}{power} s^{power}"), number(*value), number(*std)]);
         }
     }
-    if function.delay != 0.0 {
-        table.row(&["delay [s]".to_owned(), number(function.delay), number(fit.delay_std)]);
+    if function.delay() != 0.0 {
+        table.row(&["delay [s]".to_owned(), number(function.delay()), number(fit.delay_std)]);
     }
     let mut text = format!(
         "\ntransfer function of order {}/{}, b(s)/a(s)\n{}\n",
-        function.numerator.len() - 1,
-        function.denominator.len() - 1,
+        function.numerator().len() - 1,
+        function.denominator().len() - 1,
         table.finish()
     );
     let mut roots = TextTable::new(&[
@@ -310,9 +310,9 @@ fn fit_json(fit: &RationalFit) -> Value {
             .collect()
     };
     json!({
-        "numerator": fit.function.numerator, "numerator_std": list(&fit.numerator_std),
-        "denominator": fit.function.denominator, "denominator_std": list(&fit.denominator_std),
-        "delay": fit.function.delay, "delay_std": finite(fit.delay_std),
+        "numerator": fit.function.numerator(), "numerator_std": list(&fit.numerator_std),
+        "denominator": fit.function.denominator(), "denominator_std": list(&fit.denominator_std),
+        "delay": fit.function.delay(), "delay_std": finite(fit.delay_std),
         "poles": roots(&fit.poles), "zeros": roots(&fit.zeros),
         "static_gain": {"value": finite(fit.static_gain.value), "std": finite(fit.static_gain.std)},
         "misfit": fit.misfit, "median_error": fit.median_error, "largest_error": fit.largest_error,

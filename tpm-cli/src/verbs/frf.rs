@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::input::measured::{EstimatorChoice, Measured, MeasuredArgs};
 use crate::output::file;
 use clap::ValueEnum;
-use tpm_runtime::frequency::Line;
+use tpm_runtime::frequency::ResponseLine;
 use tpm_runtime::report::{Align, TextTable, number};
 
 /// Lines that the table for reading shows.
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 /// Real part, imaginary part, magnitude and phase (deg) of the estimate that was asked for.
-fn value(args: &Args, line: &Line) -> [f64; 4] {
+fn value(args: &Args, line: &ResponseLine) -> [f64; 4] {
     let h = match args.measured.estimator {
         EstimatorChoice::H1 => line.h1,
         EstimatorChoice::H2 => line.h2,
@@ -68,7 +68,8 @@ fn text(args: &Args, measured: &Measured) -> String {
         ("coherence", Align::Right),
         ("std of H", Align::Right),
     ]);
-    let usable: Vec<&Line> = measured.response.band(measured.low, measured.high).filter(|line| line.usable).collect();
+    let usable: Vec<&ResponseLine> =
+        measured.response.band(measured.low, measured.high).filter(|line| line.usable).collect();
     let (low, high) = (measured.low.max(usable.first().map_or(0.0, |line| line.hertz())), measured.high);
     let mut last = None;
     for i in 0..SHOWN {

@@ -289,10 +289,10 @@ impl Linear {
         }
         let mut table = TextTable::new(&head);
         let numbers = channel.numbers.as_ref();
-        let reduced = numbers.map_or(0, |n| exact.denominator.len().saturating_sub(n.function.denominator.len()));
+        let reduced = numbers.map_or(0, |n| exact.denominator.len().saturating_sub(n.function.denominator().len()));
         for (part, coefficients, values) in [
-            ("above", &exact.numerator, numbers.map(|n| &n.function.numerator)),
-            ("below", &exact.denominator, numbers.map(|n| &n.function.denominator)),
+            ("above", &exact.numerator, numbers.map(|n| n.function.numerator())),
+            ("below", &exact.denominator, numbers.map(|n| n.function.denominator())),
         ] {
             for (power, coefficient) in coefficients.iter().enumerate().rev() {
                 let mut row = vec![part.to_owned(), format!("s^{power}"), self.model.display(*coefficient)];
@@ -318,8 +318,8 @@ impl Linear {
             let _ = writeln!(
                 text,
                 "in numbers, more cancels: ({}) / ({})",
-                polynomial_text(&numbers.function.numerator),
-                polynomial_text(&numbers.function.denominator)
+                polynomial_text(numbers.function.numerator()),
+                polynomial_text(numbers.function.denominator())
             );
         }
         let _ = writeln!(text, "poles [rad/s]: {}", roots_text(&numbers.function.poles()));
@@ -351,7 +351,7 @@ impl Linear {
                         "cancelled_powers_of_s": channel.exact.cancelled,
                     },
                     "numbers": channel.numbers.as_ref().map(|numbers| json!({
-                        "numerator": numbers.function.numerator, "denominator": numbers.function.denominator,
+                        "numerator": numbers.function.numerator(), "denominator": numbers.function.denominator(),
                         "poles": roots_json(&numbers.function.poles()), "zeros": roots_json(&numbers.function.zeros()),
                         "cancelled": roots_json(&numbers.cancelled),
                         "nearly_cancelling": numbers.close.iter()
@@ -528,7 +528,7 @@ impl Comparison {
         let mut row = |name: &str, of: &dyn Fn(&TransferFunction) -> String| {
             table.row(&[name.to_owned(), of(&self.own), of(&self.other)]);
         };
-        row("order", &|f| format!("{}/{}", f.numerator.len() - 1, f.denominator.len() - 1));
+        row("order", &|f| format!("{}/{}", f.numerator().len() - 1, f.denominator().len() - 1));
         row("poles [rad/s]", &|f| roots_text(&f.poles()));
         row("zeros [rad/s]", &|f| roots_text(&f.zeros()));
         row("static gain", &|f| gain_text(f.static_gain()));
@@ -545,7 +545,7 @@ impl Comparison {
 
     fn json(&self) -> Value {
         json!({
-            "numerator": self.other.numerator, "denominator": self.other.denominator,
+            "numerator": self.other.numerator(), "denominator": self.other.denominator(),
             "poles": roots_json(&self.other.poles()), "zeros": roots_json(&self.other.zeros()),
             "static_gain": finite(self.other.static_gain()), "low_hz": self.low, "high_hz": self.high,
             "median_difference": finite(self.median), "largest_difference": finite(self.largest),
@@ -619,10 +619,7 @@ mod tests {
     #[test]
     fn coefficients_stand_highest_first() {
         let function = coefficients("4,2/2,0,6").expect("valid");
-        assert_eq!(
-            (function.numerator.as_slice(), function.denominator.as_slice()),
-            (&[1.0, 2.0][..], &[3.0, 0.0, 1.0][..])
-        );
+        assert_eq!((function.numerator(), function.denominator()), (&[1.0, 2.0][..], &[3.0, 0.0, 1.0][..]));
         assert_eq!(roots_text(&function.poles()), "0+-1.73205j");
         assert!(coefficients("1").is_err() && coefficients("1/0").is_err() && coefficients("x/1").is_err());
     }

@@ -20,7 +20,7 @@ use crate::estimate::numerical::Numerical;
 use crate::estimate::{Estimate, Status};
 use crate::run::Spectra;
 use crate::run::Trial;
-use crate::run::trajectory::{Series, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Trajectory};
 use num_complex::Complex;
 use std::borrow::Cow;
 use std::boxed::Box;
@@ -67,7 +67,7 @@ impl Run<'_> {
         let series = |c: usize| {
             let certain =
                 |k: usize, z: &Complex<f64>| k <= reach && z.norm_sqr() > CERTAIN * self.spectra.noise[k][(c, c)].re;
-            Series::from_phasors(&self.spectra.lines[c], certain)
+            HarmonicSeries::from_phasors(&self.spectra.lines[c], certain)
         };
         let coordinates = (0..reference.coordinates.len()).map(series).collect();
         Cow::Owned(Trajectory { frequency: self.spectra.fundamental, coordinates })

@@ -7,7 +7,7 @@ use crate::experiment::actuators::limited;
 use crate::experiment::overrides::near;
 use crate::experiment::{ArmSection, DropoutSection, Experiment, Named};
 use crate::machine::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
-use crate::machine::stability::{self, Range, Stability, StabilityError};
+use crate::machine::stability::{self, LoopStability, Range, StabilityDomain, StabilityError};
 use crate::run::smoothing::Smoothing;
 use crate::run::trajectory::Pattern;
 use crate::run::{Loop, Velocity};
@@ -336,7 +336,7 @@ impl Experiment {
     ///
     /// # Errors
     /// [`ExperimentError::Stability`] where it is not; [`ExperimentError::UnknownName`], [`ExperimentError::Invalid`].
-    pub fn check_stability(&self, model: &dyn Model<f64>, setup: &Setup) -> Result<Stability, ExperimentError> {
+    pub fn check_stability(&self, model: &dyn Model<f64>, setup: &Setup) -> Result<LoopStability, ExperimentError> {
         let parameters = parameters(model);
         let mut ranges = Vec::with_capacity(self.stability.range.len());
         for (name, &[low, high]) in &self.stability.range {
@@ -355,7 +355,7 @@ impl Experiment {
             positions.push(reference.coordinates.iter().map(|series| series.mean).collect());
             positions.push(reference.coordinates.iter().map(|series| series.derivative(0.0, 1.0, 0)).collect());
         }
-        let demand = stability::Demand {
+        let demand = StabilityDomain {
             nominal,
             constants: setup.constants.clone(),
             positions,
@@ -384,7 +384,7 @@ impl Experiment {
         &self,
         model: &dyn Model<f64>,
         pattern: &Pattern,
-    ) -> Result<(Setup, Stability), ExperimentError> {
+    ) -> Result<(Setup, LoopStability), ExperimentError> {
         let setup = self.setup(model, pattern, Hold::Zoh)?;
         let stability = self.check_stability(model, &setup)?;
         Ok((setup, stability))

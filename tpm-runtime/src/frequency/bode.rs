@@ -3,19 +3,19 @@
 //! Invariant: phases are continuous along the frequency and all curves lie on the branch of the first one; measured phases lie
 //! within half a turn of the first model's, where there is one.
 
-use crate::frequency::response::{FrequencyResponse, Line};
-use crate::plot::{Axis, Curve, Figure, Panel, Series};
+use crate::frequency::response::{FrequencyResponse, ResponseLine};
+use crate::plot::{Axis, Curve, Figure, Panel, Trace};
 use num_complex::Complex;
 use std::f64::consts::PI;
 use std::string::String;
 use std::vec::Vec;
 
-/// Points of a model's curve.
+/// Number of points of a model's curve.
 const POINTS: usize = 600;
 /// Probability that the band around a measured response covers.
-const COVERED: f64 = 0.95;
+const CONFIDENCE: f64 = 0.95;
 
-/// What a Bode plot shows.
+/// Title, unit and band of a Bode plot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodeSettings {
     /// Title.
@@ -35,7 +35,7 @@ pub type NamedModel<'a> = (&'a str, &'a dyn Fn(f64) -> Complex<f64>);
 #[must_use]
 pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &BodeSettings) -> Figure {
     let (low, high) = (settings.low, settings.high);
-    let usable: Vec<&Line> = response.band(low, high).filter(|line| line.usable).collect();
+    let usable: Vec<&ResponseLine> = response.band(low, high).filter(|line| line.usable).collect();
     let measured: Vec<f64> = match models.first() {
         // Where noise turns a phase by more than half a turn only a model tells on which branch it was.
         Some((_, model)) => {
@@ -50,8 +50,8 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         None => unwrapped(usable.iter().map(|line| line.h1)),
     };
     let branch = measured.first().copied();
-    let hertz = |line: &&Line| line.hertz();
-    let radius: Vec<f64> = usable.iter().map(|line| response.radius(line, COVERED)).collect();
+    let hertz = |line: &&ResponseLine| line.hertz();
+    let radius: Vec<f64> = usable.iter().map(|line| response.radius(line, CONFIDENCE)).collect();
     let mut magnitude = Vec::new();
     let mut phase = Vec::new();
     let band = usable.iter().zip(&radius).map(|(line, r)| {
@@ -59,16 +59,16 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         let size = line.h1.norm();
         (line.hertz(), (size - r).max(0.1 * size), size + r)
     });
-    magnitude.push(Series::new("95 % confidence", 0, Curve::Band(band.collect())));
+    magnitude.push(Trace::new("95 % confidence", 0, Curve::Band(band.collect())));
     let points = usable.iter().map(|line| (line.hertz(), line.h1.norm()));
-    magnitude.push(Series::new("measured (H1)", 0, Curve::Points(points.collect())));
+    magnitude.push(Trace::new("measured (H1)", 0, Curve::Points(points.collect())));
     let band = usable.iter().zip(&measured).zip(&radius).map(|((line, angle), r)| {
         let half = if *r < line.h1.norm() { (r / line.h1.norm()).asin() } else { PI };
         (line.hertz(), degrees(angle - half), degrees(angle + half))
     });
-    phase.push(Series::new("", 0, Curve::Band(band.collect())));
+    phase.push(Trace::new("", 0, Curve::Band(band.collect())));
     let points = usable.iter().zip(&measured).map(|(line, angle)| (hertz(line), degrees(*angle)));
-    phase.push(Series::new("", 0, Curve::Points(points.collect())));
+    phase.push(Trace::new("", 0, Curve::Points(points.collect())));
     // Even on the logarithmic axis; zero frequency has no place there.
     let first = if low > 0.0 { low } else { high * 1e-3 };
     let frequencies: Vec<f64> = (0..=POINTS).map(|i| first * (high / first).powf(i as f64 / POINTS as f64)).collect();
@@ -84,8 +84,8 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         // The first model as a line, the others dashed above it, so that models that agree can all be seen.
         let curve = |points| if at == 0 { Curve::Line(points) } else { Curve::Dashed(points) };
         let colour = [1, 6, 2, 3][at % 4];
-        magnitude.push(Series::new(name, colour, curve(sizes)));
-        phase.push(Series::new("", colour, curve(angles)));
+        magnitude.push(Trace::new(name, colour, curve(sizes)));
+        phase.push(Trace::new("", colour, curve(angles)));
     }
     let coherence = response.band(low, high).map(|line| (line.hertz(), line.coherence)).collect();
     let x = || Axis::logarithmic("Frequency [Hz]").from_to(first, high);
@@ -101,19 +101,19 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
         ordinate = ordinate.from_to((low / 45.0).floor() * 45.0 - 15.0, (high / 45.0).ceil() * 45.0 + 15.0);
     }
     let panels = std::vec![
-        Panel { x: x(), y: Axis::logarithmic(&size), series: magnitude },
-        Panel { x: x(), y: ordinate, series: phase },
+        Panel { x: x(), y: Axis::logarithmic(&size), traces: magnitude },
+        Panel { x: x(), y: ordinate, traces: phase },
         Panel {
             x: x(),
             y: Axis::linear("Coherence").from_to(0.0, 1.05),
-            series: std::vec![Series::new("", 0, Curve::Line(coherence))],
+            traces: std::vec![Trace::new("", 0, Curve::Line(coherence))],
         },
     ];
     Figure::new(&settings.title, panels)
 }
 
-fn angles_of(series: &Series) -> Vec<f64> {
-    match &series.curve {
+fn angles_of(trace: &Trace) -> Vec<f64> {
+    match &trace.curve {
         Curve::Line(points) | Curve::Dashed(points) | Curve::Points(points) => points.iter().map(|p| p.1).collect(),
         Curve::Band(_) => Vec::new(),
     }

@@ -10,18 +10,19 @@ use realfft::num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec::Vec;
 
-/// How far a duration may be from a whole number of samples, in samples.
-const WHOLE: f64 = 1e-6;
+/// Largest distance of a hold from a whole number of samples, in samples.
+const WHOLE_TOLERANCE: f64 = 1e-6;
 
 /// Why an excitation cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ExcitationError {
     /// A setting is not a positive, finite number.
     #[error("the {setting} of the excitation is {value}; it must be a positive number")]
     NotPositive {
-        /// Which setting.
+        /// Name of the setting.
         setting: &'static str,
-        /// Its value.
+        /// Value of the setting.
         value: f64,
     },
     /// The hold is no whole number of samples.
@@ -159,7 +160,7 @@ fn noise(samples: usize, sample_time: f64, std: f64, hold: f64, seed: u64) -> Re
     positive("standard deviation", std)?;
     positive("hold", hold)?;
     let held = (hold / sample_time).round();
-    if held < 1.0 || (hold / sample_time - held).abs() > WHOLE {
+    if held < 1.0 || (hold / sample_time - held).abs() > WHOLE_TOLERANCE {
         return Err(ExcitationError::Hold { hold, sample_time });
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -3,7 +3,7 @@
 use crate::frequency::excitation::Excitation;
 use crate::frequency::orders::compare_orders;
 use crate::frequency::rational::{Delay, FitError, FitWarning, RationalSettings, fit_rational};
-use crate::frequency::response::{FrequencyResponse, Line, Welch};
+use crate::frequency::response::{FrequencyResponse, ResponseLine, Welch};
 use crate::frequency::structured::{StructuredSettings, fit_structured};
 use crate::frequency::transfer::TransferFunction;
 use num_complex::Complex;
@@ -32,7 +32,7 @@ fn made(function: &TransferFunction, noise: f64, seed: u64) -> FrequencyResponse
             let error = Complex::new(random[at], random[at + 1]) * (noise / 2.0_f64.sqrt());
             let h1 = truth * (Complex::from(1.0) + error);
             let std = noise.max(1e-12) * truth.norm();
-            Line { frequency, h1, h2: h1, coherence: 0.99, input: 1.0, output: 1.0, std, usable: k > 0 }
+            ResponseLine { frequency, h1, h2: h1, coherence: 0.99, input: 1.0, output: 1.0, std, usable: k > 0 }
         })
         .collect();
     FrequencyResponse { sample_time: 0.02, welch: Welch::periodic(1000, Hold::None), segments: 9, averages, lines }

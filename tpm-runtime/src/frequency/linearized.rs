@@ -1,7 +1,7 @@
 //! The response of a linearised model, for a fit of its physical parameters.
 //!
-//! Invariant: `(M s^2 + D s + K) q = F u` with the exact matrices of [`tpm_symbolic::linear::linearize`], each entry evaluated once
-//! per set of parameters; every symbol in them is either a parameter of the fit or has a value.
+//! Invariant: `(M s^2 + D s + K) q = F u` with the exact matrices of [`tpm_symbolic::linear::linearize`], each entry evaluated
+//! once per set of parameters; every symbol in them is either a parameter of the fit or has a value.
 
 use crate::frequency::structured::ResponseModel;
 use num_complex::Complex;
@@ -15,6 +15,7 @@ use tpm_symbolic::number::rational;
 
 /// Why a linearised model has no response.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum LinearizedError {
     /// A symbol has no value.
     #[error("`{name}` has neither a start value nor a value that is known; give one")]

@@ -27,9 +27,9 @@ pub use excitation::{Excitation, ExcitationError, Phases, crest_factor};
 #[cfg(feature = "interpret")]
 pub use linearized::{LinearizedError, LinearizedResponse};
 pub use orders::{OrderComparison, OrderError, OrderTrial, compare_orders};
-pub use rational::{Delay, Estimate, FitError, FitWarning, RationalFit, RationalSettings, Root, fit_rational};
+pub use rational::{Delay, FitError, FitWarning, FittedValue, RationalFit, RationalSettings, Root, fit_rational};
 pub use record::{RecordFitError, fit_record};
-pub use response::{Estimator, FrequencyResponse, Gap, HoldEffect, Line, ResponseError, Welch};
+pub use response::{FrequencyResponse, Gap, HoldEffect, ResponseError, ResponseEstimator, ResponseLine, Welch};
 pub use structured::{ResponseModel, StructuredFit, StructuredSettings, fit_structured};
 pub use transfer::{TransferError, TransferFunction};
 

@@ -1,4 +1,4 @@
-//! Which orders the data support.
+//! Which orders of a transfer function the data support.
 //!
 //! Invariant: an order is judged on data that it was not fitted to. Each half of the record is fitted in turn and the
 //! other one predicted; the residual on the data of the fit, which falls with every coefficient, decides nothing. Among
@@ -10,11 +10,12 @@ use crate::frequency::rational::{FitError, FitWarning, RationalFit, RationalSett
 use crate::frequency::response::{FrequencyResponse, ResponseError, Welch};
 use std::vec::Vec;
 
-/// Standard errors by which a prediction must be worse to count as worse.
+/// Least difference of two predictions, in standard errors, that counts as a difference.
 const SIGNIFICANT: f64 = 2.0;
 
 /// Why orders cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum OrderError {
     /// The record has no frequency response.
     #[error(transparent)]
@@ -26,6 +27,7 @@ pub enum OrderError {
 
 /// One pair of degrees.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct OrderTrial {
     /// Degree of the numerator.
     pub numerator: usize,
@@ -35,7 +37,7 @@ pub struct OrderTrial {
     pub fit: Result<RationalFit, FitError>,
     /// Mean squared error of predicting the other half over that of noise alone; about 1 when the model is right.
     pub validation: Option<f64>,
-    /// How much worse than the best one it predicts, in standard errors of the difference.
+    /// Difference of its validation from the best one, in standard errors of the difference.
     pub worse_by: Option<f64>,
 }
 
@@ -51,6 +53,7 @@ impl OrderTrial {
 
 /// All orders that were tried.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct OrderComparison {
     /// The response of the whole record.
     pub response: FrequencyResponse,

@@ -3,13 +3,13 @@
 //! Invariant: a residual is `(H - G)/std` with the standard deviation of H as a complex number, so that its real and
 //! imaginary parts have variance 1/2 each when the model is right and the errors are noise.
 
-use crate::frequency::response::{Estimator, FrequencyResponse};
+use crate::frequency::response::{FrequencyResponse, ResponseEstimator};
 use crate::numerics::singular::{Singular, unit_columns};
 use crate::numerics::{DMatrix, DVector, DVectorView};
 use num_complex::Complex;
 use std::vec::Vec;
 
-/// Least error of a line relative to H: a coherence of one to the last digit is rounding, not certainty.
+/// Least standard deviation of a line, as a share of |H|: a coherence of one to the last digit is rounding, not certainty.
 const LEAST_ERROR: f64 = 1e-7;
 /// Singular values below this share of the largest one are zero.
 pub(super) const RANK: f64 = 1e-10;
@@ -22,8 +22,8 @@ pub(super) struct Points {
     pub(super) response: Vec<Complex<f64>>,
     /// 1/std; `sqrt((n - 1) coherence/(1 - coherence))/|H|` for n averages.
     pub(super) weight: Vec<f64>,
-    /// What the squared residuals sum up to per point when nothing but noise is left, because the weights are estimates
-    /// themselves: the mean of an F distribution with 2 and 2 n - 2 degrees of freedom.
+    /// Expected sum of the squared residuals per point when only noise is left; above 1 because the weights are estimates too:
+    /// the mean of an F distribution with 2 and 2 n - 2 degrees of freedom.
     pub(super) expected: f64,
     /// Sum of the squared correlations of a line's error with those of all lines.
     pub(super) correlation: f64,
@@ -31,7 +31,7 @@ pub(super) struct Points {
 
 impl Points {
     /// The usable lines of a band.
-    pub(super) fn new(response: &FrequencyResponse, estimator: Estimator, low: f64, high: f64) -> Self {
+    pub(super) fn new(response: &FrequencyResponse, estimator: ResponseEstimator, low: f64, high: f64) -> Self {
         let mut points = Points {
             frequency: Vec::new(),
             response: Vec::new(),
@@ -41,8 +41,8 @@ impl Points {
         };
         for line in response.band(low, high).filter(|line| line.usable) {
             let h = match estimator {
-                Estimator::H1 => line.h1,
-                Estimator::H2 => line.h2,
+                ResponseEstimator::H1 => line.h1,
+                ResponseEstimator::H2 => line.h2,
             };
             points.frequency.push(line.frequency);
             points.response.push(h);
@@ -86,12 +86,12 @@ impl Points {
     }
 }
 
-/// What a Jacobian says about its parameters.
+/// Covariance and rank of parameters, from the Jacobian of their residuals.
 #[derive(Clone, Debug)]
 pub(super) struct Information {
     /// Covariance; the part along unobservable directions is left out.
     pub(super) covariance: DMatrix<f64>,
-    /// Parameters that the data determine, in number.
+    /// Number of parameters that the data determine.
     pub(super) rank: usize,
     /// Ratio of the largest to the smallest singular value of the column-scaled Jacobian; infinite when singular.
     pub(super) condition: f64,

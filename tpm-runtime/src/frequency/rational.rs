@@ -8,50 +8,50 @@
 
 use crate::frequency::basis::Basis;
 use crate::frequency::points::{Information, Points, RANK, information, least_squares};
-use crate::frequency::response::{Estimator, FrequencyResponse, Gap};
+use crate::frequency::response::{FrequencyResponse, Gap, ResponseEstimator};
 use crate::frequency::transfer::{TransferFunction, derivative, polynomial, roots};
-use crate::numerics::Owned;
-use crate::numerics::{DMatrix, DVector, Dyn};
+use crate::numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
 use crate::run::Window;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 
-/// Rounds of the linear stage; it settles within ten where it settles at all.
-const ROUNDS: usize = 30;
-/// Change of the cost at which the linear stage has settled.
+/// Most rounds of the linear stage; where it settles, it does within ten.
+const MOST_ROUNDS: usize = 30;
+/// Relative change of the cost at which the linear stage has settled.
 const SETTLED: f64 = 1e-10;
 /// Relative change of cost or unknowns at which the minimisation has converged.
 const TOLERANCE: f64 = 1e-12;
 /// Delays that are tried before one is fitted, in steps: some below the start value, more above.
 const DELAYS: std::ops::RangeInclusive<i32> = -4..=12;
-/// Their distance as a phase at the highest frequency, rad: close enough for the minimisation to find the right turn.
+/// Distance of the delays that are tried, as a phase at the highest frequency, rad: close enough for the minimisation to find the
+/// right turn.
 const DELAY_STEP: f64 = 0.5;
 /// Rounds of the linear stage that tell good delays from bad ones.
 const TRIAL_ROUNDS: usize = 4;
-/// Time constants of a pole in a segment from which on the window widens its resonance by a few per cent at most.
-const RESOLVED: f64 = 15.0;
-/// How many standard deviations a pole and a zero may be apart to be the same.
-const SAME: f64 = 3.0;
-/// Distance of a pole and a zero, as a share of their size, at which they are the same however well known.
-const CLOSE: f64 = 1e-2;
-/// Standard deviation of a pole, as a share of it, beyond which the data do not determine it.
-const VAGUE: f64 = 0.5;
+/// Least length of a segment, in time constants of a pole, at which the window widens the resonance by a few per cent at most.
+const RESOLVED_LENGTH: f64 = 15.0;
+/// Largest distance of a pole and a zero that cancel, in standard deviations.
+const CANCELLING_DEVIATIONS: f64 = 3.0;
+/// Largest distance of a pole and a zero, as a share of their size, that cancel however well they are known.
+const CANCELLING_DISTANCE: f64 = 1e-2;
+/// Standard deviation of a pole, as a share of its magnitude, beyond which the data do not determine the pole.
+const UNDETERMINED: f64 = 0.5;
 
 /// What is known about a delay between input and output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Delay {
-    /// There is none.
+    /// No delay.
     #[default]
     None,
-    /// It is known, s.
+    /// A known delay, s.
     Fixed(f64),
-    /// It is fitted, starting from this value, s.
+    /// A delay that is fitted, from this start value, s.
     Free(f64),
 }
 
-/// What is fitted.
+/// Degrees, band and delay of the function that is fitted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RationalSettings {
     /// Degree of the numerator.
@@ -64,18 +64,18 @@ pub struct RationalSettings {
     pub high: f64,
     /// Delay.
     pub delay: Delay,
-    /// Which estimate of the response.
-    pub estimator: Estimator,
+    /// Estimate of the response that is fitted.
+    pub estimator: ResponseEstimator,
 }
 
 impl RationalSettings {
-    /// H1 without delay.
+    /// Degrees and band, fitted to the estimate H1 without a delay.
     #[must_use]
     pub const fn new(numerator: usize, denominator: usize, low: f64, high: f64) -> Self {
-        RationalSettings { numerator, denominator, low, high, delay: Delay::None, estimator: Estimator::H1 }
+        RationalSettings { numerator, denominator, low, high, delay: Delay::None, estimator: ResponseEstimator::H1 }
     }
 
-    /// Real numbers that are fitted.
+    /// Number of real unknowns.
     #[must_use]
     pub const fn unknowns(&self) -> usize {
         self.numerator + 1 + self.denominator + if matches!(self.delay, Delay::Free(_)) { 1 } else { 0 }
@@ -84,6 +84,7 @@ impl RationalSettings {
 
 /// Why nothing was fitted.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FitError {
     /// The band holds no usable line.
     #[error(
@@ -109,7 +110,7 @@ pub enum FitError {
         /// Highest frequency, Hz.
         high: f64,
     },
-    /// The computation left the numbers.
+    /// The computation did not stay finite.
     #[error("the fit of order {numerator}/{denominator} did not stay finite; lower the order or narrow the band")]
     NotFinite {
         /// Degree of the numerator.
@@ -131,17 +132,17 @@ pub enum FitError {
 
 /// A number with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
+pub struct FittedValue {
     /// The number.
     pub value: f64,
-    /// Its standard deviation; infinite when the data do not determine it.
+    /// Standard deviation of the number; infinite when the data do not determine it.
     pub std: f64,
 }
 
 /// A pole or zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Root {
-    /// Where, rad/s.
+    /// The root in the complex plane, rad/s.
     pub value: Complex<f64>,
     /// Standard deviations of real and imaginary part, rad/s.
     pub std: Complex<f64>,
@@ -167,8 +168,9 @@ impl Root {
     }
 }
 
-/// What is to be said about a fit.
+/// What a user should know about a fit.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum FitWarning {
     /// A pole lies in the right half plane.
     Unstable {
@@ -213,7 +215,7 @@ pub enum FitWarning {
 }
 
 impl FitWarning {
-    /// Whether it says that the order is higher than the data support.
+    /// Whether the warning says that the order is higher than the data support.
     #[must_use]
     pub const fn order_too_high(&self) -> bool {
         matches!(
@@ -261,7 +263,7 @@ impl std::fmt::Display for FitWarning {
             FitWarning::Unresolved { pole, segment } => write!(
                 f,
                 "segments of {segment:.3} s resolve the pole at {pole} poorly, its damping comes out too high: take segments of {:.3} s",
-                RESOLVED / pole.value.re.abs()
+                RESOLVED_LENGTH / pole.value.re.abs()
             ),
             FitWarning::NotConverged => f.write_str("the minimisation ended before it converged"),
             FitWarning::Gap(gap) => gap.fmt(f),
@@ -271,6 +273,7 @@ impl std::fmt::Display for FitWarning {
 
 /// A fitted transfer function.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RationalFit {
     /// The function.
     pub function: TransferFunction,
@@ -281,13 +284,13 @@ pub struct RationalFit {
     /// Standard deviation of the delay, s; zero when it was not fitted.
     pub delay_std: f64,
     /// Covariance of numerator, denominator without the leading 1, and delay if fitted.
-    pub covariance: DMatrix<f64>,
+    pub covariance: Matrix,
     /// Poles, rad/s.
     pub poles: Vec<Root>,
     /// Zeros, rad/s.
     pub zeros: Vec<Root>,
     /// The value at s = 0.
-    pub static_gain: Estimate,
+    pub static_gain: FittedValue,
     /// Lines that were fitted.
     pub lines: usize,
     /// Mean squared residual over that of noise alone: about 1 when the model is right.
@@ -298,7 +301,7 @@ pub struct RationalFit {
     pub largest_error: f64,
     /// Condition number of the column-scaled Jacobian.
     pub condition: f64,
-    /// What is to be said.
+    /// What a user should know.
     pub warnings: Vec<FitWarning>,
 }
 
@@ -317,7 +320,9 @@ pub fn fit_rational(response: &FrequencyResponse, settings: &RationalSettings) -
         let segment = response.welch.segment as f64 * response.sample_time;
         let narrow = |pole: &&Root| {
             let resonance = pole.value.im > pole.value.re.abs();
-            resonance && pole.value.re.abs() * segment < RESOLVED && pole.radius() < VAGUE * pole.value.norm()
+            resonance
+                && pole.value.re.abs() * segment < RESOLVED_LENGTH
+                && pole.radius() < UNDETERMINED * pole.value.norm()
         };
         fit.warnings.extend(fit.poles.iter().filter(narrow).map(|&pole| FitWarning::Unresolved { pole, segment }));
     }
@@ -373,7 +378,7 @@ impl<'a> Problem<'a> {
                 .min_by(|a, b| a.0.total_cmp(&b.0))
                 .map_or(start, |(_, delay)| delay),
         };
-        Self::linear(points, basis, settings, delay, ROUNDS).map(|(_, problem)| problem)
+        Self::linear(points, basis, settings, delay, MOST_ROUNDS).map(|(_, problem)| problem)
     }
 
     /// Rounds of linear fits at one delay; the one with the least cost. `None` when none stayed finite.
@@ -498,11 +503,11 @@ impl<'a> Problem<'a> {
             delay_std: if size > m + 1 + n { std(size - 1) } else { 0.0 },
             poles: spread(&function.denominator, &covariance, m + 1, n, deficient),
             zeros: spread(&function.numerator, &covariance, 0, m + 1, deficient),
-            static_gain: Estimate {
+            static_gain: FittedValue {
                 value: function.static_gain(),
                 std: if deficient { f64::INFINITY } else { gain_variance.max(0.0).sqrt() },
             },
-            covariance,
+            covariance: Matrix::of(covariance),
             lines: self.points.len(),
             misfit,
             median_error: errors.0,
@@ -566,7 +571,7 @@ fn warnings(fit: &RationalFit, lowest: f64, rank: usize, unknowns: usize, conver
             warnings.push(FitWarning::Unstable { pole: *pole });
         }
         // A pole near zero is known well enough when it is known against the lowest frequency that was fitted.
-        if pole.radius() > VAGUE * pole.value.norm().max(lowest) {
+        if pole.radius() > UNDETERMINED * pole.value.norm().max(lowest) {
             warnings.push(FitWarning::Undetermined { pole: *pole });
             continue;
         }
@@ -578,8 +583,9 @@ fn warnings(fit: &RationalFit, lowest: f64, rank: usize, unknowns: usize, conver
                 let distance = (zero.value - pole.value).norm();
                 let size = pole.value.norm().max(zero.value.norm());
                 // A zero that is hardly known at all lies on no pole in particular.
-                let known = zero.radius() <= VAGUE * pole.value.norm().max(lowest);
-                distance <= CLOSE * size || (known && distance <= SAME * zero.radius().hypot(pole.radius()))
+                let known = zero.radius() <= UNDETERMINED * pole.value.norm().max(lowest);
+                distance <= CANCELLING_DISTANCE * size
+                    || (known && distance <= CANCELLING_DEVIATIONS * zero.radius().hypot(pole.radius()))
             });
         if let Some(zero) = cancelled {
             warnings.push(FitWarning::Cancelling { pole: *pole, zero: *zero });

@@ -25,19 +25,20 @@ use num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec::Vec;
 
-/// Turns of the transient, the fit and the power of the noise; they settle within five.
-const TURNS: usize = 20;
-/// Median relative change of the response at which they have settled.
+/// Most rounds of transient, fit and power of the noise; they settle within five.
+const MOST_ROUNDS: usize = 20;
+/// Median relative change of the response at which the rounds have settled.
 const SETTLED: f64 = 1e-7;
-/// Share of the band over which the power of the noise is averaged, on either side.
-const SMOOTH: usize = 14;
-/// Lines on either side, at least.
+/// Number of windows, side by side across the band, over each of which the power of the noise is averaged.
+const NOISE_WINDOWS: usize = 14;
+/// Least number of lines on either side over which the power of the noise is averaged.
 const NEIGHBOURS: usize = 20;
-/// Input power as a share of the mean, below which a line says nothing.
+/// Input power of a line, as a share of the mean, below which the line is left out.
 const SILENT: f64 = 1e-12;
 
 /// Why a record was not fitted.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RecordFitError {
     /// The record has no frequency response.
     #[error(transparent)]
@@ -53,7 +54,8 @@ pub enum RecordFitError {
 /// taken to be on the output.
 ///
 /// # Errors
-/// [`RecordFitError`].
+/// [`RecordFitError::Response`] when the record has no averaged response, [`RecordFitError::Fit`] when its lines do not
+/// determine the unknowns.
 pub fn fit_record(
     input: &[f64],
     output: &[f64],
@@ -73,7 +75,7 @@ pub fn fit_record(
     let mut model = lines.model(&fit);
     let mut settled = false;
     let mut power = lines.smoothed(&lines.residual(&model, &[]));
-    for _ in 0..TURNS {
+    for _ in 0..MOST_ROUNDS {
         let transient = lines.transient(&fit, &model, &power);
         power = lines.smoothed(&lines.residual(&model, &transient));
         fit = fit_points(&lines.points(&transient, &power), settings)?;
@@ -103,10 +105,10 @@ pub fn fit_record(
 /// Lines of the transforms of a whole record.
 struct Lines {
     frequency: Vec<f64>,
-    /// As the machine felt it: with what the hold does.
+    /// Transform of the input as the machine received it, the hold included.
     input: Vec<Complex<f64>>,
     output: Vec<Complex<f64>>,
-    /// Terms of the transient.
+    /// Number of terms of the transient's numerator c.
     terms: usize,
     scale: f64,
 }
@@ -149,7 +151,7 @@ impl Lines {
         self.frequency.iter().map(|&w| fit.function.response(w)).collect()
     }
 
-    /// What input and transient do not explain.
+    /// Residual of the output after input and transient.
     fn residual(&self, model: &[Complex<f64>], transient: &[Complex<f64>]) -> Vec<Complex<f64>> {
         let explained = self.input.iter().zip(model).map(|(u, g)| u * g);
         let mut residual: Vec<Complex<f64>> = self.output.iter().zip(explained).map(|(y, gu)| y - gu).collect();
@@ -161,7 +163,7 @@ impl Lines {
 
     /// Mean power of neighbouring lines.
     fn smoothed(&self, residual: &[Complex<f64>]) -> Vec<f64> {
-        let reach = (residual.len() / (2 * SMOOTH)).max(NEIGHBOURS);
+        let reach = (residual.len() / (2 * NOISE_WINDOWS)).max(NEIGHBOURS);
         let mut sums = Vec::with_capacity(residual.len() + 1);
         let mut sum = 0.0;
         sums.push(sum);

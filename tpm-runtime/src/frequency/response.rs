@@ -24,12 +24,12 @@ use tpm_core::harmonics::Hold;
 /// Shortest segment: fewer samples leave no line that the window resolves.
 const SHORTEST: usize = 16;
 /// Standard normal quantile of the chance that lines without any relation of output to input pass: one in a thousand.
-const CHANCE: f64 = 3.09;
-/// Lines on either side that are judged together with one.
+const CHANCE_QUANTILE: f64 = 3.09;
+/// Number of lines on either side with which a line is judged together.
 const NEIGHBOURS: usize = 20;
-/// Ratio of input powers up to which lines are taken to be excited alike.
-const ALIKE: f64 = 30.0;
-/// Input power, as a share of the strongest line's, that is rounding.
+/// Largest ratio of input powers of lines that are taken to be excited alike.
+const ALIKE_RATIO: f64 = 30.0;
+/// Largest input power, as a share of the strongest line's, that is rounding.
 const ROUNDING: f64 = 1e-24;
 
 /// How the record is averaged.
@@ -41,7 +41,7 @@ pub struct Welch {
     pub overlap: f64,
     /// Weight of the samples of a segment.
     pub window: Window,
-    /// What happened to the input between samples.
+    /// Hold of the input between samples.
     pub hold: Hold,
 }
 
@@ -79,6 +79,7 @@ impl Welch {
 
 /// Why a record has no frequency response.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ResponseError {
     /// Input and output have different lengths.
     #[error("the input has {input} samples, the output {output}; cut the record to the part that has both")]
@@ -139,19 +140,20 @@ pub enum ResponseError {
     },
 }
 
-/// Which error is averaged away.
+/// Estimate of the response, by the error that it averages away.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Estimator {
-    /// Noise on the output.
+pub enum ResponseEstimator {
+    /// Averages noise on the output away.
     #[default]
     H1,
-    /// Noise on the input.
+    /// Averages noise on the input away.
     H2,
 }
 
-/// One frequency.
+/// The response at one frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+#[non_exhaustive]
+pub struct ResponseLine {
     /// Angular frequency, rad/s.
     pub frequency: f64,
     /// Output over input, noise on the output averaged away.
@@ -170,7 +172,7 @@ pub struct Line {
     pub usable: bool,
 }
 
-impl Line {
+impl ResponseLine {
     /// Frequency in Hz.
     #[must_use]
     pub fn hertz(&self) -> f64 {
@@ -180,6 +182,7 @@ impl Line {
 
 /// A run of lines without usable response.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Gap {
     /// First frequency, Hz.
     pub low: f64,
@@ -203,6 +206,7 @@ impl std::fmt::Display for Gap {
 
 /// How much the correction for the hold changes the response.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct HoldEffect {
     /// Median relative change over the band.
     pub median: f64,
@@ -212,6 +216,7 @@ pub struct HoldEffect {
 
 /// The frequency response of one output to one input.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct FrequencyResponse {
     /// Time between samples, s.
     pub sample_time: f64,
@@ -222,14 +227,15 @@ pub struct FrequencyResponse {
     /// Number of independent segments that average as well: overlapping ones share data.
     pub averages: f64,
     /// Lines from 0 to half the sampling frequency.
-    pub lines: Vec<Line>,
+    pub lines: Vec<ResponseLine>,
 }
 
 impl FrequencyResponse {
     /// Estimates the response from samples that are `sample_time` apart.
     ///
     /// # Errors
-    /// [`ResponseError`].
+    /// [`ResponseError`] when the record is too short for two segments, holds a value that is not finite or does not change, or a
+    /// setting is out of range.
     pub fn estimate(input: &[f64], output: &[f64], sample_time: f64, welch: &Welch) -> Result<Self, ResponseError> {
         let step = check(input, output, sample_time, welch)?;
         let segments = (input.len() - welch.segment) / step + 1;
@@ -247,7 +253,7 @@ impl FrequencyResponse {
     }
 
     /// The lines from `low` to `high` Hz, usable or not.
-    pub fn band(&self, low: f64, high: f64) -> impl Iterator<Item = &Line> {
+    pub fn band(&self, low: f64, high: f64) -> impl Iterator<Item = &ResponseLine> {
         self.lines.iter().filter(move |line| (low..=high).contains(&line.hertz()))
     }
 
@@ -263,7 +269,7 @@ impl FrequencyResponse {
     /// From the F distribution with 2 and 2 n - 2 degrees of freedom, n averages (Bendat and Piersol, Random Data,
     /// section 9.2); for two degrees of freedom its quantile has a closed form. Infinite for a line that is not usable.
     #[must_use]
-    pub fn radius(&self, line: &Line, probability: f64) -> f64 {
+    pub fn radius(&self, line: &ResponseLine, probability: f64) -> f64 {
         if !line.usable {
             return f64::INFINITY;
         }
@@ -272,7 +278,7 @@ impl FrequencyResponse {
         line.std * quantile.sqrt()
     }
 
-    /// Where the band has no usable response.
+    /// Runs of lines of a band without a usable response.
     #[must_use]
     pub fn gaps(&self, low: f64, high: f64) -> Vec<Gap> {
         let mut gaps: Vec<Gap> = Vec::new();
@@ -358,7 +364,7 @@ fn effective_averages(weights: &[f64], step: usize, segments: usize) -> f64 {
     count / (1.0 + 2.0 * shared)
 }
 
-/// What all lines have in common when chance is told from excitation.
+/// Numbers, common to all lines, that tell excitation from chance.
 struct Chance {
     /// Number of independent averages.
     averages: f64,
@@ -411,7 +417,7 @@ impl Power {
         power
     }
 
-    fn lines(&self, sample_time: f64, welch: &Welch, segments: usize, averages: f64) -> Vec<Line> {
+    fn lines(&self, sample_time: f64, welch: &Welch, segments: usize, averages: f64) -> Vec<ResponseLine> {
         let density = 2.0 * sample_time / (self.window * segments as f64);
         let coherence: Vec<f64> = (0..self.input.len()).map(|k| self.coherence(k)).collect();
         let chance = Chance {
@@ -432,7 +438,7 @@ impl Power {
                 let usable = inner && self.excited(k, &coherence, &chance);
                 let variance = (1.0 - coherence[k]) * yy / uu / (averages - 1.0) / hold.norm_sqr();
                 let std = if variance.is_nan() { f64::INFINITY } else { variance.sqrt() };
-                Line {
+                ResponseLine {
                     frequency,
                     h1,
                     h2,
@@ -464,7 +470,7 @@ impl Power {
         let (from, to) = (k.saturating_sub(NEIGHBOURS).max(1), (k + NEIGHBOURS + 1).min(coherence.len()));
         let (mut sum, mut count) = (0.0, 0.0);
         for (present, input) in coherence[from..to].iter().zip(&self.input[from..to]) {
-            if (power / ALIKE..=power * ALIKE).contains(input) {
+            if (power / ALIKE_RATIO..=power * ALIKE_RATIO).contains(input) {
                 sum += present;
                 count += 1.0;
             }
@@ -473,7 +479,8 @@ impl Power {
         let free = averages - 1.0;
         let deviation = (free / (free + 2.0)).sqrt() / averages;
         let skewness = 2.0 * (free - 1.0) * (free + 2.0).sqrt() / ((free + 3.0) * free.sqrt());
-        let quantile = CHANCE + (CHANCE * CHANCE - 1.0) / 6.0 * skewness.max(0.0) / independent.sqrt();
+        let quantile =
+            CHANCE_QUANTILE + (CHANCE_QUANTILE * CHANCE_QUANTILE - 1.0) / 6.0 * skewness.max(0.0) / independent.sqrt();
         sum / count > 1.0 / averages + quantile * deviation / independent.sqrt()
     }
 }

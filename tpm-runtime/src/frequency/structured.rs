@@ -5,10 +5,9 @@
 //! do not determine has an infinite standard deviation, and the directions are given.
 
 use crate::frequency::points::{Points, information};
-use crate::frequency::rational::{Estimate, FitError};
-use crate::frequency::response::{Estimator, FrequencyResponse, Gap};
-use crate::numerics::Owned;
-use crate::numerics::{DMatrix, DVector, Dyn};
+use crate::frequency::rational::{FitError, FittedValue};
+use crate::frequency::response::{FrequencyResponse, Gap, ResponseEstimator};
+use crate::numerics::{DMatrix, DVector, Dyn, Matrix, Owned};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use num_complex::Complex;
 use std::vec;
@@ -20,7 +19,7 @@ const STEP: f64 = 6e-6;
 const TOLERANCE: f64 = 1e-10;
 /// Singular values below this share of the largest are zero; the error of the differences is below it.
 const DETERMINED: f64 = 1e-8;
-/// A parameter with a larger share in an unobservable direction is unobservable.
+/// Largest share of a parameter in an unobservable direction with which the parameter still counts as observable.
 const SHARE: f64 = 1e-4;
 
 /// A model whose response depends on parameters.
@@ -40,7 +39,7 @@ impl<F: Fn(&[f64], Complex<f64>) -> Complex<f64>> ResponseModel for F {
     }
 }
 
-/// What is fitted.
+/// Which parameters are fitted over which band.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StructuredSettings {
     /// Start values, one per parameter.
@@ -51,25 +50,26 @@ pub struct StructuredSettings {
     pub low: f64,
     /// Highest frequency, Hz.
     pub high: f64,
-    /// Which estimate of the response.
-    pub estimator: Estimator,
+    /// Estimate of the response that is fitted.
+    pub estimator: ResponseEstimator,
 }
 
 impl StructuredSettings {
-    /// All parameters free, H1.
+    /// All parameters free, fitted to the estimate H1.
     #[must_use]
     pub fn new(start: &[f64], low: f64, high: f64) -> Self {
-        StructuredSettings { start: start.to_vec(), frozen: Vec::new(), low, high, estimator: Estimator::H1 }
+        StructuredSettings { start: start.to_vec(), frozen: Vec::new(), low, high, estimator: ResponseEstimator::H1 }
     }
 }
 
 /// Fitted parameters.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct StructuredFit {
     /// One per parameter; standard deviation zero for a frozen one, infinite for one that the data do not determine.
-    pub parameters: Vec<Estimate>,
+    pub parameters: Vec<FittedValue>,
     /// Covariance in the parameters' units, without the part along unobservable directions.
-    pub covariance: DMatrix<f64>,
+    pub covariance: Matrix,
     /// Directions in which the response does not change, in multiples of the start values.
     pub unobservable: Vec<Vec<f64>>,
     /// Free parameters that are determined, in number.
@@ -152,8 +152,8 @@ impl Problem<'_> {
     fn finish(&self, misfit: f64, converged: bool, gaps: Vec<Gap>) -> StructuredFit {
         let size = self.parameters.len();
         let mut fit = StructuredFit {
-            parameters: self.parameters.iter().map(|&value| Estimate { value, std: 0.0 }).collect(),
-            covariance: DMatrix::zeros(size, size),
+            parameters: self.parameters.iter().map(|&value| FittedValue { value, std: 0.0 }).collect(),
+            covariance: Matrix::of(DMatrix::zeros(size, size)),
             unobservable: Vec::new(),
             rank: 0,
             condition: 1.0,
@@ -167,15 +167,17 @@ impl Problem<'_> {
         (fit.median_error, fit.largest_error) = self.points.relative_errors(self.responses(&self.parameters));
         let Some(jacobian) = self.jacobian().filter(|j| j.ncols() > 0) else { return fit };
         let found = information(&jacobian, self.points.variance(misfit), DETERMINED);
+        let mut covariance = DMatrix::zeros(size, size);
         fit.rank = found.rank;
         fit.condition = found.condition;
         for (a, &i) in self.free.iter().enumerate() {
             for (b, &j) in self.free.iter().enumerate() {
-                fit.covariance[(i, j)] = found.covariance[(a, b)] * self.scale[i] * self.scale[j];
+                covariance[(i, j)] = found.covariance[(a, b)] * self.scale[i] * self.scale[j];
             }
             let lost = found.null.iter().any(|direction| direction[a].abs() > SHARE);
-            fit.parameters[i].std = if lost { f64::INFINITY } else { fit.covariance[(i, i)].max(0.0).sqrt() };
+            fit.parameters[i].std = if lost { f64::INFINITY } else { covariance[(i, i)].max(0.0).sqrt() };
         }
+        fit.covariance = Matrix::of(covariance);
         for direction in &found.null {
             let mut whole = vec![0.0; size];
             for (a, &i) in self.free.iter().enumerate() {

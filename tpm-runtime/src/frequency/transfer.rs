@@ -13,15 +13,16 @@ use std::vec::Vec;
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
     /// b, from s^0 upwards.
-    pub numerator: Vec<f64>,
+    pub(super) numerator: Vec<f64>,
     /// a, from s^0 upwards, monic.
-    pub denominator: Vec<f64>,
+    pub(super) denominator: Vec<f64>,
     /// Delay, s.
-    pub delay: f64,
+    pub(super) delay: f64,
 }
 
 /// Why coefficients are no transfer function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum TransferError {
     /// The denominator is zero.
     #[error("the denominator of a transfer function has no coefficient other than zero")]
@@ -32,10 +33,11 @@ pub enum TransferError {
 }
 
 impl TransferFunction {
-    /// Makes the denominator monic; leading zeros are removed.
+    /// The function of these coefficients without delay, its denominator made monic, leading zeros removed.
     ///
     /// # Errors
-    /// [`TransferError`].
+    /// [`TransferError::NotFinite`] for a coefficient that is not finite, [`TransferError::ZeroDenominator`] for a denominator
+    /// of zeros.
     pub fn new(numerator: &[f64], denominator: &[f64]) -> Result<Self, TransferError> {
         if numerator.iter().chain(denominator).any(|c| !c.is_finite()) {
             return Err(TransferError::NotFinite);
@@ -44,6 +46,24 @@ impl TransferFunction {
         let leading = *denominator.last().filter(|c| **c != 0.0).ok_or(TransferError::ZeroDenominator)?;
         let over = |coefficients: &[f64]| coefficients.iter().map(|c| c / leading).collect();
         Ok(TransferFunction { numerator: over(trimmed(numerator)), denominator: over(denominator), delay: 0.0 })
+    }
+
+    /// b, from s^0 upwards; the last coefficient is not zero unless it is the only one.
+    #[must_use]
+    pub fn numerator(&self) -> &[f64] {
+        &self.numerator
+    }
+
+    /// a, from s^0 upwards; the last coefficient is 1.
+    #[must_use]
+    pub fn denominator(&self) -> &[f64] {
+        &self.denominator
+    }
+
+    /// Delay, s.
+    #[must_use]
+    pub const fn delay(&self) -> f64 {
+        self.delay
     }
 
     /// The value at s.

@@ -1,31 +1,30 @@
 //! State feedback that keeps a machine at rest in a point: the linear-quadratic regulator in sampled time.
 //!
 //! A machine near the point moves as `x' = A x + B u` with x = (q, q'), from its linearisation there. Under inputs that are held
-//! for a sample time T it is `x[n+1] = Ad x[n] + Bd u[n]` ([`held`]); the feedback `u = -K x` minimises
+//! for a sample time T it is `x[n+1] = Ad x[n] + Bd u[n]`; the feedback `u = -K x` minimises
 //!
 //! ```text
 //! J = sum_n T (x[n]' Q x[n] + u[n]' R u[n]),    K = (R + Bd' P Bd)^-1 Bd' P Ad,
 //! P = Q + Ad' P Ad - Ad' P Bd (R + Bd' P Bd)^-1 Bd' P Ad
 //! ```
 //!
-//! with the stabilising solution P of the discrete Riccati equation ([`riccati()`]); `x0' P x0 T` is the least cost from x0.
+//! with the stabilising solution P of this discrete Riccati equation; `x0' P x0 T` is the least cost from x0.
 //! Invariant: a regulator that is handed out is stable on the model that it was designed on; this is tested, not assumed.
 
-use crate::numerics::{DMatrix, DVector};
-use crate::numerics::{Riccati, RiccatiError, riccati};
+use crate::numerics::{DMatrix, DVector, Matrix, Riccati, RiccatiError, riccati};
 use num_complex::Complex;
 use std::vec::Vec;
 
 /// Weights of the cost: the diagonals of Q and R.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Weights {
+pub struct RegulatorWeights {
     /// One per state, coordinates before their rates; not negative.
     pub state: Vec<f64>,
     /// One per input; positive.
     pub input: Vec<f64>,
 }
 
-impl Weights {
+impl RegulatorWeights {
     /// `x' Q x + u' R u`.
     #[must_use]
     pub fn cost(&self, state: &[f64], input: &[f64]) -> f64 {
@@ -37,68 +36,85 @@ impl Weights {
 /// State feedback `u = -K x`, to be computed every `sample_time` seconds and held.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Regulator {
-    /// K, inputs times states.
-    pub gain: DMatrix<f64>,
-    /// `x' cost x` is what it costs to come to rest from x, on the model of the design.
-    pub cost: DMatrix<f64>,
-    /// T, s.
-    pub sample_time: f64,
-    /// Poles of the closed loop in sampled time, inside the unit circle.
-    pub poles: Vec<Complex<f64>>,
-    /// What is left of the Riccati equation, as a share of its largest term.
-    pub residual: f64,
+    gain: Matrix,
+    cost: Matrix,
+    sample_time: f64,
+    poles: Vec<Complex<f64>>,
+    residual: f64,
 }
 
 impl Regulator {
-    /// The regulator of least cost for `x' = A x + B u`.
+    /// The regulator of least cost for `x' = A x + B u`: A states times states, B states times inputs.
     ///
     /// # Errors
-    /// [`RiccatiError`].
-    pub fn optimal(
-        a: &DMatrix<f64>,
-        b: &DMatrix<f64>,
-        sample_time: f64,
-        weights: &Weights,
-    ) -> Result<Self, RiccatiError> {
-        let (ad, bd) = held(a, b, sample_time)?;
+    /// [`RiccatiError`] when sizes do not fit, a number is not finite, the sample time or a weight is out of range, or no
+    /// feedback stabilises.
+    pub fn optimal(a: &Matrix, b: &Matrix, sample_time: f64, weights: &RegulatorWeights) -> Result<Self, RiccatiError> {
+        let (ad, bd) = held(a.dense(), b.dense(), sample_time)?;
         let diagonal = |values: &[f64]| DMatrix::from_diagonal(&DVector::from_column_slice(values));
         let (q, r) = (diagonal(&weights.state), diagonal(&weights.input));
         let Riccati { solution, gain, poles, residual } = riccati(&ad, &bd, &q, &r)?;
-        Ok(Regulator { gain, cost: solution * sample_time, sample_time, poles, residual })
+        let (gain, cost) = (Matrix::of(gain), Matrix::of(solution * sample_time));
+        Ok(Regulator { gain, cost, sample_time, poles, residual })
     }
 
     /// The regulator of least cost for a linearised model.
     ///
     /// # Errors
-    /// [`RiccatiError`].
+    /// [`RiccatiError`] as for [`optimal`](Self::optimal).
     #[cfg(feature = "interpret")]
     pub fn of_linear(
         space: &tpm_symbolic::linear::linearize::StateSpace<f64>,
         sample_time: f64,
-        weights: &Weights,
+        weights: &RegulatorWeights,
     ) -> Result<Self, RiccatiError> {
-        let columns = |matrix: &[Vec<f64>]| matrix.first().map_or(0, Vec::len);
-        let ragged = |matrix: &[Vec<f64>]| matrix.iter().any(|row| row.len() != columns(matrix));
-        if ragged(&space.a) || ragged(&space.b) {
-            return Err(RiccatiError::Shape);
-        }
-        let matrix = |rows: &[Vec<f64>]| DMatrix::from_fn(rows.len(), columns(rows), |r, c| rows[r][c]);
-        Self::optimal(&matrix(&space.a), &matrix(&space.b), sample_time, weights)
+        let matrix = |rows: &[Vec<f64>]| Matrix::from_rows(rows).ok_or(RiccatiError::Shape);
+        Self::optimal(&matrix(&space.a)?, &matrix(&space.b)?, sample_time, weights)
+    }
+
+    /// K, inputs times states.
+    #[must_use]
+    pub const fn gain(&self) -> &Matrix {
+        &self.gain
+    }
+
+    /// P T, states times states: `x' P x T` is the least cost of coming to rest from x, on the model of the design.
+    #[must_use]
+    pub const fn cost(&self) -> &Matrix {
+        &self.cost
+    }
+
+    /// T, s.
+    #[must_use]
+    pub const fn sample_time(&self) -> f64 {
+        self.sample_time
+    }
+
+    /// Poles of the closed loop in sampled time, inside the unit circle.
+    #[must_use]
+    pub fn poles(&self) -> &[Complex<f64>] {
+        &self.poles
+    }
+
+    /// Largest entry of the Riccati equation's residual, as a share of its largest term.
+    #[must_use]
+    pub const fn residual(&self) -> f64 {
+        self.residual
     }
 
     /// Least cost of coming to rest from a state, on the model of the design.
     #[must_use]
     pub fn cost_from(&self, state: &[f64]) -> f64 {
         let state = DVector::from_column_slice(state);
-        (state.transpose() * &self.cost * &state)[(0, 0)]
+        (state.transpose() * self.cost.dense() * &state)[(0, 0)]
     }
 }
 
 /// Ad and Bd of `x' = A x + B u` under inputs that are held for `sample_time`: the exponential of `[A, B; 0, 0] T`.
 ///
 /// # Errors
-/// [`RiccatiError::Shape`], [`RiccatiError::SampleTime`], [`RiccatiError::NotFinite`].
-pub fn held(
+/// [`RiccatiError::Shape`] when A is not square or B has other rows, [`RiccatiError::SampleTime`], [`RiccatiError::NotFinite`].
+pub(crate) fn held(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
     sample_time: f64,
@@ -122,8 +138,8 @@ pub fn held(
 
 #[cfg(test)]
 mod tests {
-    use super::{Regulator, RiccatiError, Weights, held};
-    use crate::numerics::{DMatrix, DVector};
+    use super::{Regulator, RegulatorWeights, RiccatiError, held};
+    use crate::numerics::{DMatrix, DVector, Matrix};
     use std::vec;
 
     #[test]
@@ -150,8 +166,9 @@ mod tests {
             &[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 5.9797, -8.1420, -0.1098, 0.0, 57.626, -6.9789, -1.0584],
         );
         let b = DMatrix::from_row_slice(4, 1, &[0.0, 0.0, 28.845, 24.725]);
-        let weights = Weights { state: vec![1.0, 1.0, 0.01, 0.01], input: vec![1.0] };
-        let regulator = Regulator::optimal(&a, &b, 1e-3, &weights).expect("can be stabilised");
+        let weights = RegulatorWeights { state: vec![1.0, 1.0, 0.01, 0.01], input: vec![1.0] };
+        let regulator = Regulator::optimal(&Matrix::of(a.clone()), &Matrix::of(b.clone()), 1e-3, &weights)
+            .expect("can be stabilised");
         assert!(regulator.residual < 1e-10, "{:e}", regulator.residual);
         assert!(regulator.poles.iter().all(|z| z.norm() < 1.0));
         let (ad, bd) = held(&a, &b, 1e-3).expect("finite");
@@ -165,11 +182,11 @@ mod tests {
             }
             sum
         };
-        let (least, stated) = (played(&regulator.gain), regulator.cost_from(&start));
+        let (least, stated) = (played(regulator.gain.dense()), regulator.cost_from(&start));
         assert!((least / stated - 1.0).abs() < 1e-9, "{least} {stated}");
         for i in 0..4 {
             for change in [0.98, 1.02] {
-                let mut gain = regulator.gain.clone();
+                let mut gain = regulator.gain.dense().clone();
                 gain[i] *= change;
                 assert!(played(&gain) > least, "{i} {change}");
             }
@@ -178,17 +195,18 @@ mod tests {
 
     #[test]
     fn faults_are_named() {
-        let (a, b) = (DMatrix::from_element(1, 1, 1.0), DMatrix::from_element(1, 1, 1.0));
-        let weights = |state, input| Weights { state: vec![state], input: vec![input] };
+        let one = || Matrix::of(DMatrix::from_element(1, 1, 1.0));
+        let (a, b) = (one(), one());
+        let weights = |state, input| RegulatorWeights { state: vec![state], input: vec![input] };
         let fault = |t, w| Regulator::optimal(&a, &b, t, &w).expect_err("faulty");
         assert_eq!(fault(0.0, weights(1.0, 1.0)), RiccatiError::SampleTime { sample_time: 0.0 });
         assert_eq!(fault(0.1, weights(1.0, 0.0)), RiccatiError::InputWeight);
         assert_eq!(fault(0.1, weights(-1.0, 1.0)), RiccatiError::StateWeight);
-        assert_eq!(fault(0.1, Weights { state: vec![1.0, 1.0], input: vec![1.0] }), RiccatiError::Shape);
+        assert_eq!(fault(0.1, RegulatorWeights { state: vec![1.0, 1.0], input: vec![1.0] }), RiccatiError::Shape);
         // An unstable mode that the input does not reach.
-        let a = DMatrix::from_row_slice(2, 2, &[1.0, 0.0, 0.0, -1.0]);
-        let b = DMatrix::from_row_slice(2, 1, &[0.0, 1.0]);
-        let weights = Weights { state: vec![1.0, 1.0], input: vec![1.0] };
+        let a = Matrix::of(DMatrix::from_row_slice(2, 2, &[1.0, 0.0, 0.0, -1.0]));
+        let b = Matrix::of(DMatrix::from_row_slice(2, 1, &[0.0, 1.0]));
+        let weights = RegulatorWeights { state: vec![1.0, 1.0], input: vec![1.0] };
         assert_eq!(Regulator::optimal(&a, &b, 0.1, &weights), Err(RiccatiError::NotStabilisable));
     }
 }

@@ -1,15 +1,15 @@
 //! Is a control loop stable before anything moves?
 //!
-//! The rows are linearised at rest at given positions, `x' = A x + B u`, and closed by `u = -Kp e - Kd e'`. Invariant: a loop is
-//! called stable only where the poles of the continuous loop lie in the open left half plane and those of the sampled one
-//! (zero-order hold, measured, filtered or fitted rates) inside the unit circle. Known lags of the actuators are states in both, their
-//! delays are there in the sampled one. Over a box of parameters this is a sample:
-//! vertices, edges and random points inside, and is reported as one.
+//! The rows are linearised at rest at given positions, `x' = A x + B u`, and closed by `u = -Kp e - Kd e'`. Invariant: a loop
+//! is called stable only where the poles of the continuous loop lie in the open left half plane and those of the sampled one
+//! (zero-order hold, measured, filtered or fitted rates) inside the unit circle. Known lags of the actuators are states of both
+//! loops, their delays are states of the sampled loop. A box of parameters is sampled, at vertices, on edges and at random
+//! points inside, and reported as sampled.
 
 use crate::machine::regulator::held;
-use crate::numerics::DMatrix;
 use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::eigenvalues::eigenvalues;
+use crate::numerics::{DMatrix, RowDVector};
 use crate::run::{Loop, TrialError, Velocity, demand};
 use num_complex::Complex;
 use rand::{Rng as _, SeedableRng};
@@ -22,31 +22,31 @@ use std::vec::Vec;
 use tpm_core::control::Differentiator;
 use tpm_core::model::{EvalError, Model};
 
-/// A real part above this share of the largest pole is not damping.
+/// Least magnitude of a negative real part that counts as damping, as a share of the largest pole.
 const UNDAMPED: f64 = 1e-9;
-/// A coefficient of the scaled characteristic polynomial below this is zero.
+/// Magnitude of a coefficient of the scaled characteristic polynomial below which it is zero.
 const ABSENT: f64 = 1e-9;
-/// Points inside every edge of a box.
+/// Number of points inside every edge of a box.
 const EDGE_POINTS: usize = 3;
-/// A box of more sides has too many vertices and edges: it is sampled inside only.
+/// Most sides of a box whose vertices and edges are tried; a box of more sides is sampled inside only.
 const MOST_SIDES: usize = 10;
-/// Largest damping ratio of a mode that a harmonic must not come near.
+/// Largest damping ratio of a hardly damped mode, near which no harmonic may lie.
 const HARDLY_DAMPED: f64 = 0.1;
 /// Step of the difference quotients; five points, so exact up to the fourth degree.
-const DIFFERENCE: f64 = 1e-3;
+const DIFFERENCE_STEP: f64 = 1e-3;
 
 /// A stated range of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Range {
     /// Index of the parameter.
     pub parameter: usize,
-    /// Its least and largest value.
+    /// Least and largest value of the parameter.
     pub ends: (f64, f64),
 }
 
 /// Where a loop is to be stable.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Demand {
+pub struct StabilityDomain {
     /// The nominal parameters.
     pub nominal: Vec<f64>,
     /// Constants of the model.
@@ -57,12 +57,13 @@ pub struct Demand {
     pub ranges: Vec<Range>,
     /// Random points inside the box.
     pub interior: usize,
-    /// Their seed.
+    /// Seed of the random points.
     pub seed: u64,
 }
 
-/// What was found of a box.
+/// Result of the check over a box of parameters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct BoxCheck {
     /// Vertices that were tried.
     pub vertices: usize,
@@ -76,7 +77,8 @@ pub struct BoxCheck {
 
 /// A loop that is stable wherever it was tried.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Stability {
+#[non_exhaustive]
+pub struct LoopStability {
     /// Poles (real and imaginary part, 1/s) of the continuous loop with the nominal parameters at the first position; empty
     /// when these leave a highest derivative open (a mass of zero).
     pub poles: Vec<(f64, f64)>,
@@ -86,6 +88,7 @@ pub struct Stability {
 
 /// Why a loop must not be closed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum StabilityError {
     /// A pole is not damped.
     #[error("the closed loop is not stable with {parameters}: a pole at {} 1/s{}", complex(*.pole), remedy(.absent))]
@@ -137,7 +140,11 @@ fn remedy(absent: &Option<(usize, usize)>) -> String {
 ///
 /// # Errors
 /// [`StabilityError`] at the first place where it is not stable.
-pub fn check(model: &dyn Model<f64>, control: &Loop, demand: &Demand) -> Result<Stability, StabilityError> {
+pub fn check(
+    model: &dyn Model<f64>,
+    control: &Loop,
+    demand: &StabilityDomain,
+) -> Result<LoopStability, StabilityError> {
     let mut poles = Vec::new();
     for (i, position) in demand.positions.iter().enumerate() {
         match at(model, control, &demand.nominal, demand, position) {
@@ -150,7 +157,7 @@ pub fn check(model: &dyn Model<f64>, control: &Loop, demand: &Demand) -> Result<
     }
     let mut checked = BoxCheck { vertices: 0, edges: 0, interior: demand.interior, slowest: f64::NEG_INFINITY };
     if demand.ranges.is_empty() {
-        return Ok(Stability { poles, sampled: None });
+        return Ok(LoopStability { poles, sampled: None });
     }
     let sides = demand.ranges.len();
     let mut points: Vec<Vec<f64>> = Vec::new();
@@ -184,7 +191,7 @@ pub fn check(model: &dyn Model<f64>, control: &Loop, demand: &Demand) -> Result<
             }
         }
     }
-    Ok(Stability { poles, sampled: Some(checked) })
+    Ok(LoopStability { poles, sampled: Some(checked) })
 }
 
 /// Natural frequencies of the machine without its feedback, linearised at rest, of the modes that are hardly damped, rad/s.
@@ -212,7 +219,7 @@ fn at(
     model: &dyn Model<f64>,
     control: &Loop,
     parameters: &[f64],
-    wanted: &Demand,
+    wanted: &StabilityDomain,
     position: &[f64],
 ) -> Result<Vec<(f64, f64)>, StabilityError> {
     let named = || {
@@ -305,7 +312,7 @@ impl Linear {
         let mut slope = |slot: Option<usize>, input: Option<usize>| -> Result<Vec<f64>, EvalError> {
             let mut sum = vec![0.0; n];
             let base = slot.map_or_else(|| input.map_or(0.0, |i| held[i]), |s| rest[s]);
-            let step = DIFFERENCE * base.abs().max(1.0);
+            let step = DIFFERENCE_STEP * base.abs().max(1.0);
             for (shift, weight) in FIVE_POINT {
                 let (mut motion, mut inputs) = (rest.clone(), held.clone());
                 if let Some(slot) = slot {
@@ -435,9 +442,7 @@ impl Linear {
             // The command that is n samples old, as a function of the state: the feedback itself, or one that was kept.
             let command = |age: usize| match age.checked_sub(1) {
                 None => feedback.row(input).into_owned(),
-                Some(back) => {
-                    crate::numerics::RowDVector::from_fn(size, |_, c| if c == place + back { 1.0 } else { 0.0 })
-                }
+                Some(back) => RowDVector::from_fn(size, |_, c| if c == place + back { 1.0 } else { 0.0 }),
             };
             // A delay that is not whole samples leaves the older command at work for the rest of it.
             let newer =
@@ -475,7 +480,7 @@ impl Linear {
 
 #[cfg(test)]
 mod tests {
-    use super::{Demand, Range, StabilityError, characteristic, check, natural_modes};
+    use super::{Range, StabilityDomain, StabilityError, characteristic, check, natural_modes};
     use crate::numerics::DMatrix;
     use crate::run::{HoldCompensation, Loop, Velocity};
     use crate::test_models::TwoCarts;
@@ -496,8 +501,14 @@ mod tests {
         }
     }
 
-    fn demand() -> Demand {
-        Demand { nominal: CHAIN.to_vec(), positions: vec![vec![0.0; 2]], interior: 1000, seed: 1, ..Demand::default() }
+    fn demand() -> StabilityDomain {
+        StabilityDomain {
+            nominal: CHAIN.to_vec(),
+            positions: vec![vec![0.0; 2]],
+            interior: 1000,
+            seed: 1,
+            ..StabilityDomain::default()
+        }
     }
 
     #[test]
@@ -514,7 +525,8 @@ mod tests {
             if crossing(middle) < 0.0 { low = middle } else { high = middle }
         }
         let phase = (kd * low / kp).atan();
-        let demand = Demand { nominal: vec![mass, 0.0, 0.0], positions: vec![vec![0.0]], ..Demand::default() };
+        let demand =
+            StabilityDomain { nominal: vec![mass, 0.0, 0.0], positions: vec![vec![0.0]], ..StabilityDomain::default() };
         let stable = |dynamics: Dynamics| {
             let control =
                 Loop { actuators: vec![dynamics], ..control(&[(0, kp, kd)], Velocity::Measured, sample_time) };

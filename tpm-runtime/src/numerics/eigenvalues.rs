@@ -1,8 +1,9 @@
 //! Eigenvalues of a real matrix, with an end.
 //!
-//! The library's double-shift QR iteration has no exceptional shifts, so that a matrix in a million makes it go round in circles for
-//! ever. Invariant: every iteration here is bounded. A matrix that one does not end on is reflected, which changes its
-//! eigenvalues by rounding only and the course of the iteration entirely (after Golub and Van Loan, Matrix Computations, 7.5).
+//! The double-shift QR iteration of the linear-algebra crate has no exceptional shifts, so that it never ends on about one
+//! matrix in a million. Invariant: every iteration here is bounded. A matrix on which the iteration does not end is reflected,
+//! which changes its eigenvalues by rounding only and the course of the iteration entirely (after Golub and Van Loan, Matrix
+//! Computations, 7.5).
 
 use crate::numerics::{DMatrix, DVector};
 use nalgebra::linalg::Schur;
@@ -10,12 +11,12 @@ use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 
-/// Sweeps for every row; a few are usual.
+/// Most QR sweeps per row; a few are usual.
 const SWEEPS: usize = 60;
-/// Reflections that are tried, the matrix as it is among them.
+/// Most attempts: the matrix as it is, then reflections of it.
 const ATTEMPTS: usize = 8;
 
-/// The eigenvalues of a square matrix; not numbers when an entry is not finite, or no iteration ends.
+/// The eigenvalues of a square matrix; NaN when an entry is not finite, or no attempt ends.
 pub(crate) fn eigenvalues(matrix: &DMatrix<f64>) -> Vec<Complex<f64>> {
     let n = matrix.nrows();
     let none = || vec![Complex::new(f64::NAN, f64::NAN); n];

@@ -1,7 +1,7 @@
 //! Fourier transforms of whole periods.
 //!
 //! Invariant: a phasor a_c - j a_s stands for `a_c cos + a_s sin`, one-sided from harmonic 1 on, and the mean is at 0. A
-//! transform of a length is planned once per thread; how often it was used before changes no result.
+//! transform of a length is planned once per thread; results do not depend on how often a plan was used before.
 
 use num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
@@ -13,12 +13,12 @@ std::thread_local! {
     static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
 }
 
-/// The transform of so many real values.
+/// The transform of `points` real values.
 pub(crate) fn forward(points: usize) -> Arc<dyn RealToComplex<f64>> {
     PLANNER.with_borrow_mut(|planner| planner.plan_fft_forward(points))
 }
 
-/// The transform back to so many real values.
+/// The inverse transform to `points` real values.
 pub(crate) fn inverse(points: usize) -> Arc<dyn ComplexToReal<f64>> {
     PLANNER.with_borrow_mut(|planner| planner.plan_fft_inverse(points))
 }
@@ -65,15 +65,14 @@ pub(crate) fn analyse(values: &[f64], offset: usize, stride: usize, harmonics: u
         .collect()
 }
 
-/// Two-sided coefficients of a period sampled evenly, from the mean on; those of a real series at negative harmonics are the
-/// conjugates.
+/// Two-sided coefficients of a period sampled evenly, from the mean on; at negative harmonics a real series has the conjugates.
 pub(crate) fn two_sided(series: &[f64]) -> Vec<Complex<f64>> {
     let mut lines = analyse(series, 0, 1, (series.len() / 2).saturating_sub(1));
     lines.iter_mut().skip(1).for_each(|line| *line *= 0.5);
     lines
 }
 
-/// The coefficient of any harmonic; nothing beyond the end of the list.
+/// The two-sided coefficient of a positive or negative harmonic; zero beyond the end of the list.
 pub(crate) fn coefficient(two_sided: &[Complex<f64>], harmonic: isize) -> Complex<f64> {
     let line = two_sided.get(harmonic.unsigned_abs()).copied().unwrap_or_default();
     if harmonic < 0 { line.conj() } else { line }

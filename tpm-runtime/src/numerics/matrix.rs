@@ -52,7 +52,7 @@ impl Matrix {
         Self(matrix)
     }
 
-    /// The same for computing with.
+    /// The matrix as the linear-algebra crate computes with it.
     pub(crate) const fn dense(&self) -> &DMatrix<f64> {
         &self.0
     }

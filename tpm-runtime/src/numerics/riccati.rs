@@ -15,7 +15,7 @@ use crate::numerics::eigenvalues::eigenvalues;
 use num_complex::Complex;
 use std::vec::Vec;
 
-/// Rounds of doubling: 2^60 samples are longer than any machine runs.
+/// Most rounds of doubling: 2^60 samples are longer than any machine runs.
 const ROUNDS: usize = 60;
 /// Relative change at which doubling has settled.
 const SETTLED: f64 = 1e-14;
@@ -26,6 +26,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// Why there is no regulator.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum RiccatiError {
     /// Sizes do not fit.
     #[error(
@@ -56,22 +57,22 @@ pub enum RiccatiError {
 
 /// The stabilising solution.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Riccati {
+pub(crate) struct Riccati {
     /// P, symmetric.
-    pub solution: DMatrix<f64>,
+    pub(crate) solution: DMatrix<f64>,
     /// K = (R + B' P B)^-1 B' P A.
-    pub gain: DMatrix<f64>,
+    pub(crate) gain: DMatrix<f64>,
     /// Eigenvalues of A - B K.
-    pub poles: Vec<Complex<f64>>,
+    pub(crate) poles: Vec<Complex<f64>>,
     /// Largest entry that is left of the equation over that of its largest term.
-    pub residual: f64,
+    pub(crate) residual: f64,
 }
 
 /// Solves `P = Q + A' P A - A' P B (R + B' P B)^-1 B' P A`.
 ///
 /// # Errors
-/// [`RiccatiError`].
-pub fn riccati(
+/// [`RiccatiError`], but for [`RiccatiError::SampleTime`].
+pub(crate) fn riccati(
     a: &DMatrix<f64>,
     b: &DMatrix<f64>,
     q: &DMatrix<f64>,

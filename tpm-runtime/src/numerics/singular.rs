@@ -1,15 +1,16 @@
 //! Singular values of a real matrix, as the eigenvalues of a symmetric one.
 //!
-//! The library's own decomposition loses digits where a singular value is small beside the largest: of random matrices with
-//! dependent columns it gives back one in fifty with errors of 1e-9 to 1 (dimforge/nalgebra, issue 1172), and estimates along the
-//! directions that the data do show come out wrong. Its symmetric eigenvalues are right to rounding. Invariant: the eigenvalues
-//! of `[0 A; A' 0]` are plus and minus the singular values of A, and zeros (Golub and Van Loan, Matrix Computations, 8.6). The
-//! square of A, which loses half of the digits, serves for condition numbers that can spare them only.
+//! The linear-algebra crate's own decomposition loses digits where a singular value is small beside the largest: of random
+//! matrices with dependent columns it gives back one in fifty with errors of 1e-9 to 1 (dimforge/nalgebra, issue 1172), and
+//! estimates along the directions that the data do show come out wrong. Its symmetric eigenvalues are right to rounding.
+//! Invariant: the eigenvalues of `[0 A; A' 0]` are plus and minus the singular values of A, and zeros (Golub and Van Loan,
+//! Matrix Computations, 8.6). The square of A, which loses half of the digits, serves for condition numbers that can spare them
+//! only.
 
 use crate::numerics::{DMatrix, DVector};
 use std::vec::Vec;
 
-/// The singular values of a matrix that count, and what belongs to them.
+/// The singular values of a matrix above a tolerance, with their vectors.
 #[derive(Clone, Debug)]
 pub(crate) struct Singular {
     /// Descending.
@@ -21,8 +22,7 @@ pub(crate) struct Singular {
 }
 
 impl Singular {
-    /// Of singular values those count that are above `tolerance` times the largest; of a matrix with an entry that is not finite,
-    /// none.
+    /// The singular values above `tolerance` times the largest; none for a matrix with an entry that is not finite.
     pub(crate) fn new(matrix: &DMatrix<f64>, tolerance: f64) -> Self {
         let (rows, columns) = matrix.shape();
         if matrix.is_empty() || matrix.iter().any(|x| !x.is_finite()) {
@@ -42,8 +42,8 @@ impl Singular {
         let mut counted: Vec<usize> =
             (0..rows + columns).filter(|&i| eigen.eigenvalues[i] > tolerance * largest).collect();
         counted.sort_by(|&i, &j| eigen.eigenvalues[j].total_cmp(&eigen.eigenvalues[i]));
-        // The parts of an eigenvector are the left and the right vector, each of half of its square; where the eigenvectors of plus and
-        // minus a value mix, the parts keep their directions.
+        // The parts of an eigenvector are the left and the right vector, each of half of its square; where the eigenvectors of
+        // plus and minus a value mix, the parts keep their directions.
         let part = |from: usize, count: usize| {
             let raw = DMatrix::from_fn(count, counted.len(), |r, c| eigen.eigenvectors[(from + r, counted[c])]);
             unit_columns(raw).0
@@ -52,12 +52,12 @@ impl Singular {
         Singular { values, left: part(0, rows), right: part(rows, columns) }
     }
 
-    /// How many count.
+    /// Number of singular values above the tolerance.
     pub(crate) fn rank(&self) -> usize {
         self.values.len()
     }
 
-    /// Ratio of the largest to the smallest that counts; infinite when none does.
+    /// Ratio of the largest singular value to the smallest above the tolerance; infinite when there is none.
     pub(crate) fn condition(&self) -> f64 {
         match (self.values.iter().next(), self.values.iter().next_back()) {
             (Some(largest), Some(smallest)) => largest / smallest,
@@ -65,14 +65,15 @@ impl Singular {
         }
     }
 
-    /// An orthonormal basis, by columns, of what the matrix takes to zero.
+    /// An orthonormal basis, by columns, of the null space: what the matrix maps to zero.
     pub(crate) fn null(&self) -> DMatrix<f64> {
         let columns = self.right.nrows();
         if self.rank() == columns { DMatrix::zeros(columns, 0) } else { complement(&self.right) }
     }
 }
 
-/// [`Singular::condition`] without the vectors.
+/// The condition number over the singular values above the tolerance, without computing vectors where the square of the matrix
+/// suffices.
 pub(crate) fn condition(matrix: &DMatrix<f64>, tolerance: f64) -> f64 {
     if matrix.is_empty() || matrix.iter().any(|x| !x.is_finite()) {
         return f64::INFINITY;
@@ -86,7 +87,7 @@ pub(crate) fn condition(matrix: &DMatrix<f64>, tolerance: f64) -> f64 {
     Singular::new(matrix, tolerance).condition()
 }
 
-/// The same with columns of length one, and what they were divided by: their lengths, and one for a column of zeros.
+/// The matrix with columns of length one, and the divisors of its columns: their lengths, and one for a column of zeros.
 pub(crate) fn unit_columns(mut matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
     let divided = matrix.column_iter_mut().map(|mut column| {
         let length = column.norm();
@@ -98,14 +99,14 @@ pub(crate) fn unit_columns(mut matrix: DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>)
     (matrix, scale)
 }
 
-/// The same direction with its largest component one.
+/// The direction scaled so that its component of largest magnitude is one.
 pub(crate) fn largest_one(direction: &[f64]) -> Vec<f64> {
     let largest =
         direction.iter().copied().fold(0.0, |largest: f64, d| if d.abs() > largest.abs() { d } else { largest });
     direction.iter().map(|d| d / largest).collect()
 }
 
-/// An orthonormal basis, by columns, of what is orthogonal to the columns given.
+/// An orthonormal basis, by columns, of the orthogonal complement of the columns given.
 pub(crate) fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
     let n = columns.nrows();
     let mut basis: Vec<DVector<f64>> = Vec::with_capacity(n);

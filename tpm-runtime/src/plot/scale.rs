@@ -1,6 +1,6 @@
 //! One type for even and logarithmic axes, so that a panel may combine them without a type for each.
 
-use crate::plot::Spacing;
+use crate::plot::figure::Spacing;
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 use std::format;
 use std::ops::Range;
@@ -120,7 +120,7 @@ impl ValueFormatter<f64> for Scaled {
 #[cfg(test)]
 mod tests {
     use super::Scaled;
-    use crate::plot::Spacing;
+    use crate::plot::figure::Spacing;
     use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 
     #[test]

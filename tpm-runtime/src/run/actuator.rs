@@ -1,14 +1,15 @@
-//! What is known to lie between a commanded input and the force on the machine: a delay, the amplifier's low pass, the
+//! The known dynamics between a commanded input and the force on the machine: a delay, the amplifier's low pass, the
 //! current loop.
 //!
 //! ```text
 //! G(s) = e^{-s d}  1/(s^2/w_n^2 + s/(Q w_n) + 1)  1/(s/w_b + 1)
 //! ```
 //!
-//! Invariant: all of it is linear and passes a constant unchanged, so that a harmonic of the command becomes a harmonic of the
-//! force by one complex factor, as it does behind a hold. What is not stated is the identity.
+//! Invariant: these dynamics are linear and pass a constant unchanged, so that a harmonic of the command becomes a harmonic of
+//! the force by one complex factor, as it does behind a hold. A part that is not stated is left out (G = 1).
 
 use crate::numerics::{DMatrix, DVector};
+use crate::run::spectra::Spectra;
 use num_complex::Complex;
 
 /// A second-order low pass of unit gain, 1 / (s^2/w_n^2 + s/(Q w_n) + 1).
@@ -51,13 +52,13 @@ pub struct Dynamics {
 
 /// The lags without the delay as `x' = A x + b u`, the force being one of the states.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Lags {
-    /// A.
-    pub a: DMatrix<f64>,
-    /// b.
-    pub b: DVector<f64>,
-    /// The state that is the force.
-    pub output: usize,
+pub(crate) struct Lags {
+    /// A, states times states.
+    pub(crate) a: DMatrix<f64>,
+    /// b, one entry per state.
+    pub(crate) b: DVector<f64>,
+    /// Index of the state that is the force.
+    pub(crate) output: usize,
 }
 
 impl Dynamics {
@@ -81,9 +82,9 @@ impl Dynamics {
         response
     }
 
-    /// The lags; nothing when there are none.
+    /// Low pass and current loop in state space; nothing when neither is stated.
     #[must_use]
-    pub fn lags(&self) -> Option<Lags> {
+    pub(crate) fn lags(&self) -> Option<Lags> {
         let filtered = if self.filter.is_some() { 2 } else { 0 };
         let states = filtered + usize::from(self.bandwidth.is_some());
         if states == 0 {
@@ -107,7 +108,7 @@ impl Dynamics {
         Some(Lags { a, b, output: if self.bandwidth.is_some() { filtered } else { 0 } })
     }
 
-    /// The delay as whole samples and what is left of it, s.
+    /// The delay as a number of whole samples and a remainder below one sample, s.
     #[must_use]
     pub fn samples(&self, sample_time: f64) -> (usize, f64) {
         let whole = (self.delay / sample_time).floor();
@@ -120,6 +121,14 @@ impl Dynamics {
         } else {
             (whole as usize, rest)
         }
+    }
+}
+
+/// Puts the known dynamics of the actuators between the recorded inputs (the channels behind the coordinates) and the model,
+/// so that the spectra are those of forces, up to the hold.
+pub(crate) fn correct_actuators(spectra: &mut Spectra, coordinates: usize, actuators: &[Dynamics]) {
+    for (i, dynamics) in actuators.iter().enumerate().filter(|(_, dynamics)| !dynamics.is_ideal()) {
+        spectra.pass(coordinates + i, |frequency| dynamics.response(frequency));
     }
 }
 

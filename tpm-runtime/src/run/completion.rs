@@ -10,22 +10,22 @@
 use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::fourier::forward;
 use crate::numerics::{DMatrix, DVector};
-use crate::run::trajectory::{Line, Series, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::model::{EvalError, Model};
 
-/// Fewest and most harmonics of an open coordinate.
+/// Fewest and most harmonics that an open coordinate is given.
 const HARMONICS: (usize, usize) = (8, 128);
-/// Most Newton steps.
-const STEPS: usize = 40;
-/// A step of this share of the motion is rounding.
+/// Most Newton steps before the iteration counts as not converging.
+const MOST_STEPS: usize = 40;
+/// Largest Newton step, as a share of the motion, that is rounding: the iteration has converged.
 const CONVERGED: f64 = 1e-13;
-/// The upper quarter of the harmonics is negligible below this share of the largest.
+/// Largest share of the largest line at which a line of the upper quarter of the harmonics is negligible.
 const NEGLIGIBLE: f64 = 1e-12;
 /// Step of the difference quotients as a share of a slot's size; five points, so exact up to the fourth degree.
-const DIFFERENCE: f64 = 1e-3;
+const DIFFERENCE_STEP: f64 = 1e-3;
 
 /// Fills the series of the open coordinates with their periodic motion under given parameters.
 ///
@@ -75,6 +75,7 @@ pub(super) enum CompletionError {
 
 /// Why the motion of open coordinates is not determined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum OpenReason {
     /// There are more or fewer rows without an input than open coordinates.
     #[error("there are {free} rows without an input for {open} coordinates; give the others a motion in the pattern")]
@@ -90,7 +91,7 @@ pub enum OpenReason {
     /// Newton's method does not converge.
     #[error("no periodic motion was found; start smaller or slower")]
     NoConvergence,
-    /// The series does not end.
+    /// The harmonics of the motion do not fade out.
     #[error("its harmonics do not fade out up to the {most}th; start smaller or slower")]
     Harmonics {
         /// Harmonics that were tried.
@@ -98,7 +99,7 @@ pub enum OpenReason {
     },
 }
 
-/// The upper quarter of the harmonics is negligible.
+/// Whether the upper quarter of the harmonics is negligible.
 fn is_short(lines: &[f64]) -> bool {
     let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
     let harmonics = lines.len() / 2;
@@ -106,12 +107,12 @@ fn is_short(lines: &[f64]) -> bool {
 }
 
 /// Mean, then cosine and sine of every harmonic, as a series without lines of mere rounding.
-fn series(lines: &[f64]) -> Series {
+fn series(lines: &[f64]) -> HarmonicSeries {
     let peak = lines.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
     let kept = |x: f64| if x.abs() > f64::EPSILON * peak { x } else { 0.0 };
     let of = |(k, pair): (usize, &[f64])| Line { harmonic: k as u32 + 1, cos: kept(pair[0]), sin: kept(pair[1]) };
     let lines_of = lines[1..].chunks_exact(2).enumerate().map(of);
-    Series { mean: kept(lines[0]), lines: lines_of.filter(|line| line.cos != 0.0 || line.sin != 0.0).collect() }
+    HarmonicSeries { mean: kept(lines[0]), lines: lines_of.filter(|line| line.cos != 0.0 || line.sin != 0.0).collect() }
 }
 
 /// The rows without an input at the points of one period.
@@ -159,7 +160,7 @@ impl<'a> Balance<'a> {
         let size = self.open.len() * width;
         let mut now = trajectory.clone();
         let mut unknown = DVector::<f64>::zeros(size);
-        for _ in 0..STEPS {
+        for _ in 0..MOST_STEPS {
             for (&c, lines) in self.open.iter().zip(unknown.as_slice().chunks_exact(width)) {
                 now.coordinates[c] = series(lines);
             }
@@ -258,7 +259,7 @@ impl<'a> Balance<'a> {
         for (open, &c) in self.open.iter().enumerate() {
             for order in 0..=self.model.coordinate_order(c) {
                 let slot = order * dims.coordinates + c;
-                let step = DIFFERENCE * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
+                let step = DIFFERENCE_STEP * if sizes[slot] > 0.0 { sizes[slot] } else { 1.0 };
                 let mut samples = vec![vec![0.0; self.points]; self.rows.len()];
                 for (n, motion) in motions.chunks_exact_mut(dims.motion_len()).enumerate() {
                     let centre = motion[slot];
@@ -329,14 +330,14 @@ fn differentiated(unknown: usize, order: usize, frequency: f64) -> Option<(isize
 #[cfg(test)]
 mod tests {
     use super::{CompletionError, OpenReason, complete};
-    use crate::run::trajectory::{Line, Series, Trajectory};
+    use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
     use crate::test_models::TwoCarts;
     use std::vec;
 
     fn trajectory() -> Trajectory {
         let lines = [(1, 1.0), (3, -1.0 / 6.0), (5, 1.0 / 50.0)];
         let lines = lines.iter().map(|&(harmonic, a)| Line { harmonic, cos: 0.4 * a, sin: 0.0 }).collect();
-        Trajectory { frequency: 4.0, coordinates: vec![Series::default(), Series { mean: 0.1, lines }] }
+        Trajectory { frequency: 4.0, coordinates: vec![HarmonicSeries::default(), HarmonicSeries { mean: 0.1, lines }] }
     }
 
     #[test]

@@ -7,6 +7,9 @@
 mod actuator;
 mod bench;
 mod completion;
+mod error;
+mod feed_forward;
+mod feedback;
 mod hold;
 mod record;
 pub mod smoothing;
@@ -14,11 +17,15 @@ mod spectra;
 pub mod trajectory;
 mod trial;
 
-pub use actuator::{Dynamics, Lags, LowPass};
+pub(crate) use actuator::correct_actuators;
+pub use actuator::{Dynamics, LowPass};
 pub use bench::{Bench, BenchError};
 pub use completion::OpenReason;
+pub use error::TrialError;
+pub use feed_forward::HoldCompensation;
+pub(crate) use feed_forward::demand;
+pub use feedback::{Loop, Velocity};
 pub(crate) use hold::held;
 pub use record::{Ending, Record, RecordError, RunEnding};
 pub use spectra::{Spectra, SpectrumError, Window};
-pub use trial::{HoldCompensation, Loop, Trial, TrialError, TrialSettings, Velocity};
-pub(crate) use trial::{correct_actuators, demand};
+pub use trial::{Trial, TrialSettings};

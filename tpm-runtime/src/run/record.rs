@@ -1,10 +1,10 @@
-//! What comes back from an experiment.
+//! What comes back from a run.
 
 use crate::run::trial::Trial;
 use serde::{Deserialize, Serialize};
 use std::vec::Vec;
 
-/// Relative difference of sample times that is rounding of a log's time column.
+/// Largest relative difference of sample times that counts as rounding of a log's time column.
 const SAME_RATE: f64 = 1e-6;
 
 /// How a run ended.
@@ -36,8 +36,7 @@ pub enum Ending {
 }
 
 impl Ending {
-    /// What the tracking error of a coordinate at a sample makes of a run: its ending, when that is no number or beyond the
-    /// bound.
+    /// The ending of a run whose tracking error at a sample is not a number, or beyond its bound; nothing when the run goes on.
     #[must_use]
     pub fn of_error(coordinate: usize, sample: usize, error: f64, bound: f64) -> Option<Self> {
         if error.is_nan() {
@@ -46,7 +45,7 @@ impl Ending {
         (error.abs() > bound).then_some(Ending::TrackingBound { coordinate, sample, error })
     }
 
-    /// The same without its numbers.
+    /// The kind of ending, without coordinate, sample and error.
     #[must_use]
     pub const fn kind(&self) -> RunEnding {
         match self {
@@ -129,8 +128,8 @@ pub struct Record {
 }
 
 impl Record {
-    /// The record of a trial from the samples that a machine gave: it ends where a tracking error passes its bound, or is no
-    /// number, and a sample in which an input stands at its limit counts as cut.
+    /// The record of a trial from the samples that a machine gave. The record ends where a tracking error passes its bound or is
+    /// not a number; a sample in which an input stands at its limit counts as saturated.
     ///
     /// # Errors
     /// [`RecordError::SampleTime`] when the samples were taken at another rate than the trial's, [`RecordError::TooShort`] when
@@ -184,7 +183,7 @@ impl Record {
         self.coordinates.iter().chain(&self.inputs).map(Vec::len).min().unwrap_or(0)
     }
 
-    /// No sample at all.
+    /// Whether there is no sample at all.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0

@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 use std::vec;
 use std::vec::Vec;
 
-/// Highest degree.
+/// Highest degree of the polynomial.
 pub const MOST_DEGREE: usize = 5;
-/// Most samples: they are states of the loop whose stability is checked.
+/// Most samples in the window: each is a state of the loop whose stability is checked.
 pub const MOST_SAMPLES: usize = 100;
 
 /// The length of the window and the degree of the polynomial.
@@ -27,18 +27,18 @@ pub const MOST_SAMPLES: usize = 100;
 pub struct Smoothing {
     /// Samples to which the polynomial is fitted.
     pub samples: usize,
-    /// Its degree.
+    /// Degree of the polynomial.
     pub degree: usize,
 }
 
 impl Smoothing {
-    /// The degree lies between 1 and [`MOST_DEGREE`].
+    /// Whether the degree lies between 1 and [`MOST_DEGREE`].
     #[must_use]
     pub const fn has_degree(self) -> bool {
         self.degree >= 1 && self.degree <= MOST_DEGREE
     }
 
-    /// There are more samples than the degree, and at most [`MOST_SAMPLES`].
+    /// Whether there are more samples than the degree, and at most [`MOST_SAMPLES`].
     #[must_use]
     pub const fn has_samples(self) -> bool {
         self.samples > self.degree && self.samples <= MOST_SAMPLES
@@ -137,7 +137,8 @@ mod tests {
 
     #[test]
     fn straight_lines_have_the_weights_of_the_textbook() {
-        // Regression on N points: slope weights 12 (m - i) / (N (N^2 - 1)) about the middle m, variances (4N-2)/(N(N+1)), 12/(N(N^2-1)).
+        // Regression on N points: slope weights 12 (m - i) / (N (N^2 - 1)) about the middle m, variances (4N-2)/(N(N+1)),
+        // 12/(N(N^2-1)).
         let n = 9.0_f64;
         let (value, slope) = Smoothing { samples: 9, degree: 1 }.weights(1.0);
         for (i, weight) in slope.iter().enumerate() {

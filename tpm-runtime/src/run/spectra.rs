@@ -6,23 +6,23 @@
 //! read from the same windowed transform between the lines, where a periodic signal has nothing.
 
 use crate::numerics::fourier::forward;
-use crate::numerics::{DMatrix, DVector};
+use crate::numerics::{Cholesky, DMatrix, DVector, Dyn};
 use num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
 
-/// Highest harmonic of a fit whose period is not a whole number of samples; it bounds the size of the linear system.
+/// Highest harmonic that is fitted when the period is not a whole number of samples; it bounds the size of the linear system.
 const MAX_FITTED: usize = 256;
-/// Values lie on a grid when no difference is farther than this share of a step from whole steps.
-const GRID: f64 = 1e-3;
-/// Bins between the lines that one noise estimate averages, at least.
-const NOISE_BINS: usize = 16;
+/// Largest distance of a difference from whole steps, as a share of a step, of values that lie on a grid.
+const GRID_TOLERANCE: f64 = 1e-3;
+/// Least number of bins between the lines that one noise estimate averages.
+const LEAST_NOISE_BINS: usize = 16;
 
 /// Weight of the samples of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Window {
-    /// All samples alike: fewer than four periods leave no choice.
+    /// Equal weights, for records of fewer than four periods, where a Hann window would mix neighbouring lines.
     Rectangular,
     /// `1 - cos`: motion that is not periodic (noise passed round a control loop) does not leak into the lines.
     Hann,
@@ -72,6 +72,7 @@ impl std::fmt::Display for Window {
 
 /// Why a record has no harmonics.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SpectrumError {
     /// Less than one period.
     #[error("the record has {samples} samples, one period needs {period}")]
@@ -97,6 +98,7 @@ pub enum SpectrumError {
 
 /// Harmonics of several signals over the same whole periods.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Spectra {
     /// Fundamental angular frequency, rad/s.
     pub fundamental: f64,
@@ -111,7 +113,7 @@ pub struct Spectra {
     /// Per channel, per harmonic: the one-sided phasor a_c - j a_s (the mean at 0).
     pub lines: Vec<Vec<Complex<f64>>>,
     /// Per harmonic: covariance of the noise of the channels' phasors, E[n n^H], signal units squared (of the means at 0).
-    pub noise: Vec<DMatrix<Complex<f64>>>,
+    pub(crate) noise: Vec<DMatrix<Complex<f64>>>,
     /// Bins that each noise estimate averages; 0 when the record has one period only.
     pub noise_bins: usize,
     /// Per channel: the step of the values when all of them are whole multiples of one apart (counts); zero otherwise.
@@ -148,7 +150,8 @@ impl Spectra {
     /// Analyses the first `periods` whole periods of every channel (equal lengths).
     ///
     /// # Errors
-    /// [`SpectrumError`].
+    /// [`SpectrumError::TooShort`] when a channel is shorter than the periods, [`SpectrumError::TooCoarse`] when a period has
+    /// fewer than three samples, [`SpectrumError::Singular`] when a broken period does not tell its harmonics apart.
     pub fn analyse(
         channels: &[&[f64]],
         sample_time: f64,
@@ -264,6 +267,13 @@ impl Spectra {
         top.get(top.len() / 2).map(|median| median / std::f64::consts::LN_2)
     }
 
+    /// Covariance E[n m*] of the noise of two channels' phasors at a harmonic, in the product of their units; nothing beyond the
+    /// channels or the highest harmonic.
+    #[must_use]
+    pub fn covariance(&self, harmonic: usize, channel: usize, other: usize) -> Option<Complex<f64>> {
+        self.noise.get(harmonic)?.get((channel, other)).copied()
+    }
+
     /// Noise variance E|n|^2 of one phasor of one channel.
     #[must_use]
     pub fn variance(&self, channel: usize, harmonic: usize) -> f64 {
@@ -278,7 +288,7 @@ fn step(values: &[f64]) -> f64 {
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let fits = |difference: f64| {
         let steps = difference / least;
-        (steps - steps.round()).abs() < GRID
+        (steps - steps.round()).abs() < GRID_TOLERANCE
     };
     let counted = least.is_finite() && (high - low) / least < values.len() as f64 && apart().all(fits);
     if counted { least } else { 0.0 }
@@ -300,7 +310,8 @@ fn line_noise(
         })
         .collect();
     let per_line = (bins_per_line.ceil() - 2.0 * window.guard()).max(0.0);
-    let half = if per_line > 0.0 { (NOISE_BINS as f64 / per_line / 2.0).ceil().max(0.5) * bins_per_line } else { 0.0 };
+    let half =
+        if per_line > 0.0 { (LEAST_NOISE_BINS as f64 / per_line / 2.0).ceil().max(0.5) * bins_per_line } else { 0.0 };
     let mut averaged = usize::MAX;
     let mut noise = Vec::with_capacity(count);
     for k in 0..count {
@@ -329,7 +340,7 @@ fn line_noise(
 
 /// Weighted least-squares fit of harmonics whose period is not a whole number of samples.
 struct LineFit {
-    factor: crate::numerics::Cholesky<Complex<f64>, crate::numerics::Dyn>,
+    factor: Cholesky<Complex<f64>, Dyn>,
     highest: usize,
     angle: f64,
 }

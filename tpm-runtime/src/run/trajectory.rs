@@ -1,8 +1,8 @@
 //! Trajectory patterns with numbers in them, and the motions that they prescribe.
 //!
 //! Invariant: a [`Trajectory`] is `q_c(t) = mean_c + sum_k [cos_ck cos(k w t) + sin_ck sin(k w t)]` for every coordinate of a
-//! model, in the model's units, with one fundamental w (rad/s) for all; a [`Pattern`] is the same with powers of amplitudes
-//! still open. Derivatives are taken term by term and are exact.
+//! model, in the model's units, with one fundamental w (rad/s) for all; a [`Pattern`] is such a sum whose
+//! coefficients still hold powers of amplitudes. Derivatives are taken term by term and are exact.
 
 use num_complex::Complex;
 use std::string::String;
@@ -21,18 +21,18 @@ pub struct Line {
 
 /// A finite Fourier series.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Series {
+pub struct HarmonicSeries {
     /// The constant term.
     pub mean: f64,
     /// The harmonics.
     pub lines: Vec<Line>,
 }
 
-impl Series {
+impl HarmonicSeries {
     /// The series of one-sided phasors `a_k - j b_k`, from the mean on, with the harmonics that `keep` takes.
     pub(crate) fn from_phasors(phasors: &[Complex<f64>], keep: impl Fn(usize, &Complex<f64>) -> bool) -> Self {
         let kept = phasors.iter().enumerate().skip(1).filter(|(k, z)| keep(*k, z));
-        Series {
+        HarmonicSeries {
             mean: phasors.first().map_or(0.0, |mean| mean.re),
             lines: kept.map(|(k, z)| Line { harmonic: k as u32, cos: z.re, sin: -z.im }).collect(),
         }
@@ -69,7 +69,7 @@ pub struct Trajectory {
     /// Fundamental angular frequency w, rad/s.
     pub frequency: f64,
     /// One series per coordinate of the model.
-    pub coordinates: Vec<Series>,
+    pub coordinates: Vec<HarmonicSeries>,
 }
 
 impl Trajectory {
@@ -94,7 +94,7 @@ impl Trajectory {
     /// Highest harmonic of any coordinate.
     #[must_use]
     pub fn highest_harmonic(&self) -> u32 {
-        self.coordinates.iter().map(Series::highest_harmonic).max().unwrap_or(0)
+        self.coordinates.iter().map(HarmonicSeries::highest_harmonic).max().unwrap_or(0)
     }
 }
 
@@ -104,13 +104,13 @@ pub struct Part {
     /// Amplitudes by index into [`Pattern::amplitudes`], with their powers.
     pub powers: Vec<(usize, i32)>,
     /// What they multiply.
-    pub series: Series,
+    pub series: HarmonicSeries,
 }
 
 /// A trajectory pattern whose amplitudes and frequency are open (Feng, chapter 2).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pattern {
-    /// Its name; nothing for one without.
+    /// Name of the pattern; nothing for a pattern without a name.
     pub name: Option<String>,
     /// Names of the amplitudes.
     pub amplitudes: Vec<String>,
@@ -142,7 +142,7 @@ impl Pattern {
             .coordinates
             .iter()
             .map(|parts| {
-                let mut sum = Series::default();
+                let mut sum = HarmonicSeries::default();
                 for part in parts {
                     let scale = part.powers.iter().fold(1.0, |product, &(which, power)| {
                         product * amplitudes.get(which).copied().unwrap_or(0.0).powi(power)
@@ -169,17 +169,18 @@ impl Pattern {
 /// Why a pattern of a model file cannot be played.
 #[cfg(feature = "interpret")]
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PatternError {
     /// A coordinate has no motion.
     #[error("the pattern gives the coordinate `{coordinate}` no motion")]
     NoMotion {
-        /// Which coordinate.
+        /// Name of the coordinate.
         coordinate: String,
     },
     /// A factor of the pattern has no value.
     #[error("the pattern needs a value of `{name}`")]
     NoValue {
-        /// Which constant.
+        /// Name of the constant.
         name: String,
     },
 }
@@ -191,7 +192,8 @@ impl Pattern {
     /// `constant` gives the value of a run-time constant by name.
     ///
     /// # Errors
-    /// [`PatternError`].
+    /// [`PatternError::NoMotion`] when the pattern leaves a coordinate open, [`PatternError::NoValue`] when `constant` does not
+    /// know a constant of the pattern.
     pub fn of_symbolic(
         pattern: &tpm_symbolic::mechanics::pattern::Pattern,
         model: &tpm_symbolic::mechanics::model::Model,
@@ -205,11 +207,11 @@ impl Pattern {
         }
     }
 
-    /// The same for the coordinates that the rows of a form use, in the order in which a model made of it reads them. A
-    /// coordinate without motion is left open.
+    /// The pattern of the coordinates that the rows of a regressor form use, in the order in which a model made of that form
+    /// reads them. A coordinate without motion is left open.
     ///
     /// # Errors
-    /// [`PatternError::NoValue`].
+    /// [`PatternError::NoValue`] when `constant` does not know a constant of the pattern.
     pub fn of_rows(
         pattern: &tpm_symbolic::mechanics::pattern::Pattern,
         model: &tpm_symbolic::mechanics::model::Model,
@@ -253,7 +255,7 @@ impl Pattern {
                     factor *=
                         value.ok_or_else(|| PatternError::NoValue { name: quantity.name.as_str().into() })?.powi(power);
                 }
-                let mut series = Series::default();
+                let mut series = HarmonicSeries::default();
                 for (harmonic, function, coefficient) in fourier.terms() {
                     let value = factor * to_f64(coefficient);
                     if harmonic == 0 {
@@ -268,7 +270,7 @@ impl Pattern {
             }
             if parts.is_empty() {
                 // Prescribed to stand at zero, which is not the same as open.
-                parts.push(Part { powers: Vec::new(), series: Series::default() });
+                parts.push(Part { powers: Vec::new(), series: HarmonicSeries::default() });
             }
             motions.push(parts);
         }
@@ -284,7 +286,7 @@ impl Pattern {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::{Line, Part, Pattern, Series};
+    use super::{HarmonicSeries, Line, Part, Pattern};
     use std::f64::consts::PI;
     use std::string::ToString;
     use std::vec;
@@ -296,7 +298,7 @@ pub(crate) mod tests {
             name: None,
             amplitudes: vec!["lambda".to_string()],
             frequency: "w".to_string(),
-            coordinates: vec![vec![Part { powers: vec![(0, 1)], series: Series { mean: 0.0, lines } }]],
+            coordinates: vec![vec![Part { powers: vec![(0, 1)], series: HarmonicSeries { mean: 0.0, lines } }]],
             others: vec![],
         }
     }

@@ -5,7 +5,7 @@ use crate::estimate::physical::PhysicalSettings;
 use crate::experiment::{Experiment, ExperimentError};
 use crate::log::fingerprint;
 use crate::machine::actuator::{FileFault, MotorFile};
-use crate::machine::stability::Stability;
+use crate::machine::stability::LoopStability;
 use crate::run::{Bench, BenchError, Record, Trial};
 use crate::session::error::SessionError;
 use crate::session::identification::{Identification, LogFingerprint, Source};
@@ -151,7 +151,7 @@ impl Session {
     ///
     /// # Errors
     /// [`SessionError::Experiment`].
-    pub fn campaign(&self) -> Result<(Campaign<'_>, Stability), SessionError> {
+    pub fn campaign(&self) -> Result<(Campaign<'_>, LoopStability), SessionError> {
         // The drive of a real machine holds its input between samples as the simulated one does.
         let (setup, stability) = self.experiment.stable_setup(self.machine.plant(), self.machine.pattern())?;
         Ok((self.machine.campaign(&self.experiment, setup)?, stability))
@@ -203,7 +203,7 @@ impl Session {
     ///
     /// # Errors
     /// [`SessionError`].
-    pub fn restored(&self, store: &Store) -> Result<(Campaign<'_>, Stability), SessionError> {
+    pub fn restored(&self, store: &Store) -> Result<(Campaign<'_>, LoopStability), SessionError> {
         let (mut campaign, stability) = self.campaign()?;
         for record in store.records(self.machine.plant())? {
             campaign.submit(&record)?;
@@ -230,7 +230,7 @@ impl Session {
     pub fn result(
         &self,
         campaign: &Campaign<'_>,
-        stability: Stability,
+        stability: LoopStability,
         source: Source,
         store: Option<&Store>,
     ) -> Result<Identification, SessionError> {

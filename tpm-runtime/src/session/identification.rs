@@ -3,7 +3,7 @@
 use crate::campaign::{Outcome, RunReport};
 use crate::estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, ParameterReport, Status, no_result};
 use crate::machine::actuator::LimitUse;
-use crate::machine::stability::Stability;
+use crate::machine::stability::LoopStability;
 use crate::session::log_report::LogReport;
 use crate::session::warning::Warning;
 use serde::ser::SerializeSeq as _;
@@ -101,7 +101,7 @@ pub struct Identification {
     /// The runs of a campaign; none for a log.
     pub runs: Vec<RunReport>,
     /// Poles of the closed loop, and what was found over the stated ranges, before the first run.
-    pub stability: Option<Stability>,
+    pub stability: Option<LoopStability>,
     /// What was found about the log; nothing for a campaign.
     pub log: Option<LogReport>,
     /// What the user should know.
@@ -185,7 +185,7 @@ struct Form<'a> {
     residual: f64,
     runs: &'a [RunReport],
     #[serde(skip_serializing_if = "Option::is_none")]
-    stability: Option<&'a Stability>,
+    stability: Option<&'a LoopStability>,
     #[serde(skip_serializing_if = "Option::is_none")]
     log: Option<&'a LogReport>,
     warnings: Vec<String>,

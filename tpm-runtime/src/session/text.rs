@@ -1,7 +1,7 @@
 //! A result as people read it.
 
 use crate::estimate::{CombinationReport, ParameterReport, Status};
-use crate::machine::stability::Stability;
+use crate::machine::stability::LoopStability;
 use crate::report::{Align, Remedy, TextTable, combination, number};
 use crate::session::identification::{Identification, Source};
 use crate::session::log_report::LogReport;
@@ -150,7 +150,7 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
 }
 
 /// What was known of the loop before the first run; nothing when nothing could be known.
-fn closed_loop(stability: &Stability) -> String {
+fn closed_loop(stability: &LoopStability) -> String {
     let mut text = String::new();
     if let Some(slowest) = stability.poles.iter().map(|pole| pole.0).reduce(f64::max) {
         // Writing to a string cannot fail.

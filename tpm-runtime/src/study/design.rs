@@ -12,7 +12,7 @@ use crate::machine::simulated::{Rig, Sensor, simulate};
 use crate::numerics::DMatrix;
 use crate::numerics::fourier::analyse;
 use crate::numerics::singular::{Singular, unit_columns};
-use crate::run::trajectory::{Pattern, Series, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Pattern, Trajectory};
 use crate::run::{Record, RunEnding, Trial, TrialError, TrialSettings};
 use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
@@ -284,7 +284,7 @@ fn motion(trial: &Trial, record: &Record) -> Trajectory {
         let last = &channel[record.len() - samples..];
         let lines = analyse(last, 0, 1, most.min(samples / 2));
         let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
-        Series::from_phasors(&lines, |_, line| line.norm() > LEAST_NOISE * largest)
+        HarmonicSeries::from_phasors(&lines, |_, line| line.norm() > LEAST_NOISE * largest)
     };
     let coordinates = record.coordinates.iter().map(series).collect();
     Trajectory { frequency: trial.trajectory.frequency, coordinates }

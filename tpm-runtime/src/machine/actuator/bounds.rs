@@ -11,33 +11,33 @@ use crate::run::TrialError;
 use crate::run::trajectory::Trajectory;
 use std::vec::Vec;
 
-/// Samples of a period while searching, and when it is found.
+/// Samples of a period: while the bound is bracketed, and while it is refined.
 const SAMPLES: (usize, usize) = (512, 2048);
 /// Ratio of neighbouring values of the grid.
-const RATIO: f64 = 1.2;
-/// How far below and above the given value the grid reaches.
-const REACH: f64 = 1e3;
+const GRID_RATIO: f64 = 1.2;
+/// Factor by which the grid reaches below and above the given value.
+const GRID_REACH: f64 = 1e3;
 
-/// The end of what is feasible.
+/// The largest feasible frequency or size of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
     /// Feasible up to this value, where one input meets one limit.
     At {
         /// Frequency (rad/s) or factor of the amplitudes.
         value: f64,
-        /// The input.
+        /// Index of the input.
         input: usize,
-        /// The limit.
+        /// The limit that the input meets.
         limit: Limit,
     },
     /// Not even slow or small motions are feasible.
     Never {
-        /// The input.
+        /// Index of the input.
         input: usize,
-        /// The limit.
+        /// The limit that the input meets.
         limit: Limit,
     },
-    /// No limit is met as far as was looked.
+    /// No limit is met up to this value, the end of the grid.
     Beyond(f64),
 }
 
@@ -65,16 +65,16 @@ pub fn bound(
         let least = 16 * (trajectory.highest_harmonic() as usize).next_power_of_two();
         Ok(share(&requirements(demand, motors, &trajectory, samples.max(least))?))
     };
-    let mut low = near / REACH;
+    let mut low = near / GRID_REACH;
     let (first, input, limit) = used(low, SAMPLES.0)?;
     if first > 1.0 {
         return Ok(Bound::Never { input, limit });
     }
-    let mut high = low * RATIO;
+    let mut high = low * GRID_RATIO;
     while used(high, SAMPLES.0)?.0 <= 1.0 {
         low = high;
-        high *= RATIO;
-        if high > near * REACH {
+        high *= GRID_RATIO;
+        if high > near * GRID_REACH {
             return Ok(Bound::Beyond(low));
         }
     }
@@ -104,7 +104,7 @@ pub fn bound(
     Ok(Bound::At { value: a, input, limit })
 }
 
-/// Trajectories with all amplitudes multiplied.
+/// All amplitudes times a factor.
 #[must_use]
 pub fn scaled(amplitudes: &[f64], factor: f64) -> Vec<f64> {
     amplitudes.iter().map(|amplitude| factor * amplitude).collect()
@@ -116,12 +116,12 @@ mod tests {
     use crate::machine::actuator::demand::Demand;
     use crate::machine::actuator::motor::tests::feng;
     use crate::machine::actuator::motor::{Limit, Limits, Motor};
-    use crate::run::trajectory::{Line, Part, Pattern, Series};
+    use crate::run::trajectory::{HarmonicSeries, Line, Part, Pattern};
     use crate::test_models::MassSpringDrag;
     use std::vec;
 
     fn cosine() -> Pattern {
-        let series = Series { mean: 0.0, lines: vec![Line { harmonic: 1, cos: 1.0, sin: 0.0 }] };
+        let series = HarmonicSeries { mean: 0.0, lines: vec![Line { harmonic: 1, cos: 1.0, sin: 0.0 }] };
         Pattern {
             name: None,
             amplitudes: vec!["lambda".into()],

@@ -1,9 +1,9 @@
 //! The two parts of every input along a motion, in numbers.
 //!
-//! Invariant: the motion-independent part of input i is what the rows ask of it at the same instant with the coordinates that
-//! it drives standing still (all their derivatives zero), the motion-dependent part is the rest (Feng, section 6.2). That needs
-//! no more than the model's rows, so that hand-written, compiled and interpreted models are split alike; the symbolic parts are
-//! those of `tpm_symbolic::plan::split`.
+//! Invariant: the motion-independent part of an input is what the rows ask of the input at the same instant with the
+//! coordinates that it drives standing still (all their derivatives zero), the motion-dependent part is the rest (Feng, section
+//! 6.2). The split needs no more than the model's rows, so that hand-written, compiled and interpreted models are split alike;
+//! the symbolic parts are those of `tpm_symbolic::plan::split`.
 
 use crate::run::trajectory::Trajectory;
 use crate::run::{TrialError, demand};
@@ -31,6 +31,7 @@ impl std::fmt::Debug for Demand<'_> {
 
 /// What one period of a motion asks for.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Parts {
     /// Number of samples.
     pub samples: usize,
@@ -89,7 +90,7 @@ impl<'m> Demand<'m> {
     /// The parts at given motions.
     ///
     /// # Errors
-    /// As [`along`](Self::along).
+    /// [`TrialError`] when the model cannot be evaluated at a motion or its inputs are not determined.
     pub fn at(&self, motions: Vec<f64>) -> Result<Parts, TrialError> {
         let dims = self.model.dims();
         let whole = demand(self.model, &motions, &self.parameters, &self.constants)?;
@@ -117,7 +118,7 @@ impl<'m> Demand<'m> {
     /// of the coordinate and s^2); `None` when it drives not exactly one coordinate or that has no acceleration.
     ///
     /// # Errors
-    /// As [`along`](Self::along).
+    /// [`TrialError`] when the model cannot be evaluated at a motion or its inputs are not determined.
     pub fn inertia(&self, input: usize, motion: &[f64]) -> Result<Option<f64>, TrialError> {
         let dims = self.model.dims();
         let [coordinate] = self.driven(input) else { return Ok(None) };
@@ -139,13 +140,13 @@ pub(crate) mod tests {
     use super::Demand;
     use crate::machine::actuator::tests::{CartPendulum, FENG};
     use crate::run::trajectory::tests::rest_to_rest_3;
-    use crate::run::trajectory::{Series, Trajectory};
+    use crate::run::trajectory::{HarmonicSeries, Trajectory};
     use std::vec;
     use std::vec::Vec;
 
     /// Feng, Eqns 6.8 (with the cosine that it lacks) and 6.9: the pendulum at four times the cart's frequency.
     pub(crate) fn feng_6_8() -> Trajectory {
-        let shape = |amplitude: f64, multiple: u32| -> Series {
+        let shape = |amplitude: f64, multiple: u32| -> HarmonicSeries {
             let mut series = rest_to_rest_3().trajectory(&[amplitude], 1.0).coordinates.remove(0);
             series.lines.iter_mut().for_each(|line| line.harmonic *= multiple);
             series

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! common (Feng, Figure 6.3)   u = F(s) [f_MI + f_MD] + C(e)            or, with the feedback filtered, F(s) [f_MI + f_MD + C(e)]
-//! split  (Feng, Figure 6.4)   u = F(s) f_MD + G(s) f_MI + C(e)         the same, with G a faster filter or none
+//! split  (Feng, Figure 6.4)   u = F(s) f_MD + G(s) f_MI + C(e)         or F(s) [f_MD + C(e)] + G(s) f_MI, with G faster or none
 //! ```
 //!
 //! and a motor makes of u the current that it wants, its voltage within the limits, its current and the force on the machine.
@@ -26,15 +26,16 @@ use tpm_core::control::Gain;
 use tpm_core::linear;
 use tpm_core::model::EvalError;
 
-/// States of one input: three filters of two states, and a current.
+/// Number of states of one input: three filters of two states, and a current.
 const PER_INPUT: usize = 7;
-/// Share of the fastest pole that one integration step may span.
-const STEP: f64 = 0.35;
-/// Fewest steps of a period, and most.
+/// Largest product of an integration step and the magnitude of the fastest pole.
+const MOST_STEP: f64 = 0.35;
+/// Fewest and most integration steps of a period.
 const STEPS: (usize, usize) = (2000, 400_000);
-/// A pole counts as unstable from this real part, as a share of the largest pole: what differences leave undecided.
+/// Least real part of a pole that counts as unstable, as a share of the largest pole: the linearisation by differences does not
+/// decide on smaller ones.
 const UNDECIDED: f64 = 1e-6;
-/// Beyond this multiple of its reference's size a coordinate has diverged.
+/// Multiple of its reference's size beyond which a coordinate has diverged.
 const DIVERGED: f64 = 1e6;
 
 /// How feed-forward and feedback reach the inputs.
@@ -42,7 +43,7 @@ const DIVERGED: f64 = 1e6;
 pub struct Scheme {
     /// Feedback paths.
     pub gains: Vec<Gain<f64>>,
-    /// Low pass of the motion-dependent part; of everything where nothing is split.
+    /// Low pass of the motion-dependent part; of both parts where the feed-forward is not split.
     pub filter: Option<LowPass>,
     /// Whether the motion-independent part goes its own way (Figure 6.4).
     pub split: bool,
@@ -54,8 +55,9 @@ pub struct Scheme {
 
 /// Why a loop cannot be run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum DriveError {
-    /// The reference or its feed-forward cannot be had.
+    /// The reference or its feed-forward cannot be worked out.
     #[error(transparent)]
     Trial(#[from] TrialError),
     /// The machine cannot be evaluated.
@@ -77,14 +79,15 @@ pub enum DriveError {
 
 /// Poles of the loop, linearised at rest somewhere on the reference.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Stability {
+#[non_exhaustive]
+pub struct LoopPoles {
     /// Phase of the reference (rad) whose configuration has the pole farthest to the right.
     pub phase: f64,
     /// All poles there, rad/s, by decreasing real part.
     pub poles: Vec<Complex<f64>>,
 }
 
-impl Stability {
+impl LoopPoles {
     /// The largest magnitude of a pole.
     #[must_use]
     pub fn fastest(&self) -> f64 {
@@ -100,6 +103,7 @@ impl Stability {
 
 /// How a reference was followed over one period.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Tracking {
     /// Times since the start of that period, s.
     pub times: Vec<f64>,
@@ -338,10 +342,10 @@ impl<'a> Drive<'a> {
     ///
     /// # Errors
     /// [`DriveError`] when the machine cannot be evaluated there.
-    pub fn stability(&self, reference: &Trajectory, configurations: usize) -> Result<Stability, DriveError> {
+    pub fn stability(&self, reference: &Trajectory, configurations: usize) -> Result<LoopPoles, DriveError> {
         let dims = self.demand.model().dims();
         let n = dims.coordinates;
-        let mut worst: Option<Stability> = None;
+        let mut worst: Option<LoopPoles> = None;
         let mut scratch = self.scratch();
         for k in 0..configurations.max(1) {
             let phase = std::f64::consts::TAU * k as f64 / configurations.max(1) as f64;
@@ -371,14 +375,14 @@ impl<'a> Drive<'a> {
             let jacobian = DMatrix::from_fn(used.len(), used.len(), |r, c| jacobian[(used[r], used[c])]);
             let mut poles = eigenvalues(&jacobian);
             poles.sort_by(|a, b| b.re.total_cmp(&a.re).then(b.im.total_cmp(&a.im)));
-            let right = |stability: &Stability| stability.poles.first().map_or(f64::NEG_INFINITY, |pole| pole.re);
-            let found = Stability { phase, poles };
+            let right = |stability: &LoopPoles| stability.poles.first().map_or(f64::NEG_INFINITY, |pole| pole.re);
+            let found = LoopPoles { phase, poles };
             // Poles that are not numbers come behind all others.
             if worst.as_ref().is_none_or(|worst| right(&found).total_cmp(&right(worst)).is_gt()) {
                 worst = Some(found);
             }
         }
-        Ok(worst.unwrap_or(Stability { phase: 0.0, poles: Vec::new() }))
+        Ok(worst.unwrap_or(LoopPoles { phase: 0.0, poles: Vec::new() }))
     }
 
     fn is_used(&self, state: usize) -> bool {
@@ -397,12 +401,13 @@ impl<'a> Drive<'a> {
     /// The classical Runge-Kutta rule takes steps that resolve the fastest of `poles`.
     ///
     /// # Errors
-    /// [`DriveError`].
-    pub fn track(&self, reference: &Trajectory, settle: usize, poles: &Stability) -> Result<Tracking, DriveError> {
+    /// [`DriveError`] when the machine cannot be evaluated, rotor and machine do not determine the accelerations, or the motion
+    /// diverges.
+    pub fn track(&self, reference: &Trajectory, settle: usize, poles: &LoopPoles) -> Result<Tracking, DriveError> {
         let dims = self.demand.model().dims();
         let (n, inputs) = (dims.coordinates, dims.inputs);
         let period = std::f64::consts::TAU / reference.frequency;
-        let asked = (period * poles.fastest() / STEP).ceil();
+        let asked = (period * poles.fastest() / MOST_STEP).ceil();
         let asked = if asked.is_finite() { asked as usize } else { STEPS.1 };
         let steps = asked.max(200 * reference.highest_harmonic() as usize).clamp(STEPS.0, STEPS.1);
         let h = period / steps as f64;

@@ -6,7 +6,7 @@
 use crate::machine::actuator::drive::Tracking;
 use crate::machine::actuator::motor::Motor;
 use crate::machine::actuator::requirement::{Requirement, Sample};
-use crate::plot::{Axis, Curve, Figure, Panel, Series};
+use crate::plot::{Axis, Curve, Figure, Panel, Trace};
 use std::format;
 use std::string::String;
 use std::vec;
@@ -36,9 +36,9 @@ fn plane(requirement: &Requirement, motor: &Motor, name: &str) -> Panel {
     };
     let fastest = requirement.samples.iter().map(|sample| sample.speed.abs()).fold(0.0, f64::max);
     let highest = requirement.samples.iter().map(|sample| k * sample.current.abs()).fold(0.0, f64::max);
-    let mut series = vec![
-        Series::new("torque along the motion", 0, Curve::Line(closed(|sample| sample.current))),
-        Series::new("motion-independent part of it", 2, Curve::Dashed(closed(|sample| sample.independent))),
+    let mut traces = vec![
+        Trace::new("torque along the motion", 0, Curve::Line(closed(|sample| sample.current))),
+        Trace::new("motion-independent part of it", 2, Curve::Dashed(closed(|sample| sample.independent))),
     ];
     let reach = 1.15 * fastest.max(1e-3);
     let speeds: Vec<f64> = (0..=POINTS).map(|i| reach * (2.0 * i as f64 / POINTS as f64 - 1.0)).collect();
@@ -48,7 +48,7 @@ fn plane(requirement: &Requirement, motor: &Motor, name: &str) -> Panel {
             // The plane is symmetric about its origin.
             let points = speeds.iter().map(|&speed| (speed, sign * torque(sign * speed)));
             let points = points.map(|(x, y)| (x, if y.abs() <= roof { y } else { f64::NAN })).collect();
-            series.push(Series::new(label, colour, Curve::Line(points)));
+            traces.push(Trace::new(label, colour, Curve::Line(points)));
         }
     };
     if motor.limits.current.is_finite() {
@@ -69,7 +69,7 @@ fn plane(requirement: &Requirement, motor: &Motor, name: &str) -> Panel {
     Panel {
         x: Axis::linear(&format!("speed of the rotor of {name} [rad/s]")).from_to(-reach, reach),
         y: Axis::linear("torque of the current [N m]").from_to(-roof, roof),
-        series,
+        traces,
     }
 }
 
@@ -77,17 +77,17 @@ fn voltage(requirement: &Requirement, motor: &Motor, name: &str) -> Panel {
     let over = |value: fn(&Sample) -> f64| -> Vec<(f64, f64)> {
         requirement.samples.iter().map(|sample| (sample.time, value(sample))).collect()
     };
-    let mut series = vec![
-        Series::new("voltage", 0, Curve::Line(over(|sample| sample.voltage))),
-        Series::new("for the motion-independent part", 2, Curve::Dashed(over(|sample| sample.independent_voltage))),
+    let mut traces = vec![
+        Trace::new("voltage", 0, Curve::Line(over(|sample| sample.voltage))),
+        Trace::new("for the motion-independent part", 2, Curve::Dashed(over(|sample| sample.independent_voltage))),
     ];
     let last = requirement.samples.last().map_or(0.0, |sample| sample.time);
     if motor.limits.voltage.is_finite() {
         for (label, value) in [("voltage limit", motor.limits.voltage), ("", -motor.limits.voltage)] {
-            series.push(Series::new(label, 3, Curve::Line(vec![(0.0, value), (last, value)])));
+            traces.push(Trace::new(label, 3, Curve::Line(vec![(0.0, value), (last, value)])));
         }
     }
-    Panel { x: Axis::linear("time [s]").from_to(0.0, last), y: Axis::linear(&format!("voltage of {name} [V]")), series }
+    Panel { x: Axis::linear("time [s]").from_to(0.0, last), y: Axis::linear(&format!("voltage of {name} [V]")), traces }
 }
 
 /// Tracking errors over one period as in Feng, Figure 6.5: one panel per coordinate, the split scheme solid, the common one
@@ -101,14 +101,14 @@ pub fn tracking_errors(title: &str, common: &Tracking, split: &Tracking, names: 
             found.times.iter().copied().zip(errors.iter().copied()).collect()
         };
         let last = split.times.last().copied().unwrap_or(1.0);
-        let series = vec![
-            Series::new("split feed-forward", 0, Curve::Line(points(split))),
-            Series::new("common feed-forward", 1, Curve::Dashed(points(common))),
+        let traces = vec![
+            Trace::new("split feed-forward", 0, Curve::Line(points(split))),
+            Trace::new("common feed-forward", 1, Curve::Dashed(points(common))),
         ];
         panels.push(Panel {
             x: Axis::linear("time [s]").from_to(0.0, last),
             y: Axis::linear(&format!("error of {name}")),
-            series,
+            traces,
         });
     }
     Figure::new(title, panels)

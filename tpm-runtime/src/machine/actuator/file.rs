@@ -33,7 +33,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// Bandwidth of a current loop of which nothing is said, rad/s.
+/// Bandwidth of a current loop for which the file gives none, rad/s.
 const BANDWIDTH: f64 = 2000.0;
 
 /// A motor file as it was read.
@@ -41,7 +41,7 @@ const BANDWIDTH: f64 = 2000.0;
 pub struct MotorFile {
     text: String,
     whole: Table,
-    /// Whether the motors are all that the file is about.
+    /// Whether the file holds motors only, so that other tables are refused.
     alone: bool,
 }
 
@@ -52,7 +52,7 @@ impl MotorFile {
     /// Reads a motor file's text.
     ///
     /// # Errors
-    /// [`FileFault`] when it is no TOML.
+    /// [`FileFault`] when the text is not TOML.
     pub fn parse(text: &str) -> Result<Self, FileFault> {
         Ok(MotorFile { text: text.to_string(), whole: placed::parse(text)?, alone: true })
     }
@@ -60,15 +60,16 @@ impl MotorFile {
     /// The motors in the text of a file that has other tables besides.
     ///
     /// # Errors
-    /// As [`parse`](Self::parse).
+    /// [`FileFault`] when the text is not TOML.
     pub fn within(text: &str) -> Result<Self, FileFault> {
         Ok(MotorFile { alone: false, ..Self::parse(text)? })
     }
 
-    /// What the file states of the dynamics of every input's amplifier; what it does not state is ideal here.
+    /// The dynamics of every input's amplifier, as far as the file states them; an amplifier of which it says nothing is ideal
+    /// here (no default bandwidth).
     ///
     /// # Errors
-    /// As [`motors`](Self::motors).
+    /// [`FileFault`] at the first unknown field, motor on no input, or value of an amplifier that is not positive.
     pub fn dynamics(&self, model: &dyn Model<f64>) -> Result<Vec<Dynamics>, FileFault> {
         let text = &self.text;
         let mut found = std::vec![Dynamics::default(); model.dims().inputs];
@@ -107,8 +108,8 @@ impl MotorFile {
         Ok(sections)
     }
 
-    /// The motors of a model's inputs. `driven` lists the coordinates that every input drives, as `tpm_symbolic::plan::split` finds
-    /// them.
+    /// The motors of a model's inputs. `driven` lists the coordinates that every input drives, as `tpm_symbolic::plan::split`
+    /// finds them.
     ///
     /// # Errors
     /// [`FileFault`] at the first fault: an unknown or missing field, a motor on no input or on one that drives several

@@ -32,10 +32,10 @@ use std::vec::Vec;
 use tpm_core::control::Gain;
 use tpm_core::model::Model;
 
-/// Periods before the one that is looked at, when nothing is said.
+/// Periods before the one that is recorded, when the file gives none.
 const SETTLE: usize = 4;
-/// Most of them.
-const MOST: f64 = 1e6;
+/// Most periods before the one that is recorded.
+const MOST_SETTLE: f64 = 1e6;
 
 /// A loop file as it was read.
 #[derive(Clone, Debug)]
@@ -56,16 +56,18 @@ impl LoopFile {
         Ok(LoopFile { text: text.to_string(), whole })
     }
 
-    /// Periods before the one that is looked at.
+    /// Periods before the one that is recorded.
     ///
     /// # Errors
     /// [`FileFault`] when it is no whole number.
     pub fn settle_periods(&self) -> Result<usize, FileFault> {
         match self.whole.number(&self.text, "settle_periods")? {
             None => Ok(SETTLE),
-            Some(Placed { value, .. }) if (0.0..=MOST).contains(&value) && value.fract() == 0.0 => Ok(value as usize),
+            Some(Placed { value, .. }) if (0.0..=MOST_SETTLE).contains(&value) && value.fract() == 0.0 => {
+                Ok(value as usize)
+            }
             Some(Placed { value, offset }) => {
-                let message = format!("settle_periods = {value}: the value must be a whole number up to {MOST}");
+                let message = format!("settle_periods = {value}: the value must be a whole number up to {MOST_SETTLE}");
                 Err(FileFault::at(&self.text, offset, message))
             }
         }

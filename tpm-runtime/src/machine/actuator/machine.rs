@@ -1,12 +1,13 @@
-//! A declared model with numbers, its inputs split and its pattern open, ready for motors.
+//! A declared model with numbers: rows with values of their parameters, inputs with the coordinates that they drive, and a
+//! pattern whose amplitudes and frequency are still open.
 //!
-//! Invariant: no coordinate is eliminated, since a motor turns with one that may be; what the model asks to eliminate moves as
-//! its reconstruction says, x1 = x2 + m2/k3 x2'' and the like, sampled finely enough for every harmonic of a polynomial.
+//! Invariant: no coordinate is eliminated, since a motor may turn with any of them; a coordinate that the model asks to eliminate
+//! moves as its reconstruction says, x1 = x2 + m2/k3 x2'' and the like, sampled finely enough for every harmonic of a polynomial.
 
 use crate::interpret::Interpreted;
 use crate::machine::actuator::demand::Demand;
 use crate::numerics::fourier;
-use crate::run::trajectory::{Line, Pattern, PatternError, Series, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Line, Pattern, PatternError, Trajectory};
 use std::collections::BTreeMap;
 use std::string::String;
 use std::vec;
@@ -20,12 +21,13 @@ use tpm_symbolic::plan::split::Split;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{PrepareError, prepare};
 
-/// Samples from which the series of a reconstructed coordinate is read.
+/// Samples of a period from which the Fourier series of a reconstructed coordinate is computed.
 const SAMPLES: usize = 1024;
 
-/// Why a model cannot be had in numbers.
+/// Why a model has no numeric form.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MachineError {
+#[non_exhaustive]
+pub enum MotorizedMachineError {
     /// The equations have no regressor form.
     #[error(transparent)]
     Prepare(#[from] PrepareError),
@@ -35,14 +37,14 @@ pub enum MachineError {
     /// Quantities without a value.
     #[error("a value is missing for {}", .names.join(", "))]
     Missing {
-        /// Their names.
+        /// Names of the quantities.
         names: Vec<String>,
     },
 }
 
-/// The model in numbers.
+/// A declared model with numbers, ready for motors on its inputs.
 #[derive(Debug)]
-pub struct Machine {
+pub struct MotorizedMachine {
     model: Interpreted,
     parameters: Vec<f64>,
     constants: Vec<f64>,
@@ -56,12 +58,17 @@ pub struct Machine {
     values: BTreeMap<Symbol, f64>,
 }
 
-impl Machine {
+impl MotorizedMachine {
     /// The model of a split under a pattern of it; `value` gives parameters and run-time constants.
     ///
     /// # Errors
-    /// [`MachineError`].
-    pub fn new(split: &Split, pattern: &Declared, value: impl Fn(Symbol) -> Option<f64>) -> Result<Self, MachineError> {
+    /// [`MotorizedMachineError`] when a value is missing, the equations have no regressor form, or the pattern leaves a
+    /// coordinate open.
+    pub fn new(
+        split: &Split,
+        pattern: &Declared,
+        value: impl Fn(Symbol) -> Option<f64>,
+    ) -> Result<Self, MotorizedMachineError> {
         let mut model = split.model.clone();
         let mut values = BTreeMap::new();
         let mut names = Vec::new();
@@ -74,7 +81,7 @@ impl Machine {
             }
         }
         if !names.is_empty() {
-            return Err(MachineError::Missing { names });
+            return Err(MotorizedMachineError::Missing { names });
         }
         for (index, quantity) in (0u32..).zip(&model.symbols) {
             if let Kind::Constant { value: Some(value) } = &quantity.kind {
@@ -114,7 +121,7 @@ impl Machine {
             .collect();
         let reconstructed = solutions.into_iter().filter_map(|(c, expr)| Some((place(c)?, expr))).collect();
         let graph = prepared.model.graph;
-        Ok(Machine {
+        Ok(MotorizedMachine {
             model: interpreted,
             parameters,
             constants,
@@ -165,7 +172,7 @@ impl Machine {
         trajectory
     }
 
-    fn reconstruct(&self, motion: &Trajectory, expr: ExprId) -> Series {
+    fn reconstruct(&self, motion: &Trajectory, expr: ExprId) -> HarmonicSeries {
         let mut wave: Vec<f64> = (0..SAMPLES)
             .map(|k| {
                 let phase = std::f64::consts::TAU * k as f64 / SAMPLES as f64;
@@ -189,6 +196,6 @@ impl Machine {
             .filter(|(_, line)| line.norm() > 1e-13 * largest)
             .map(|(harmonic, line)| Line { harmonic, cos: scale * line.re, sin: -scale * line.im })
             .collect();
-        Series { mean: spectrum[0].re / SAMPLES as f64, lines }
+        HarmonicSeries { mean: spectrum[0].re / SAMPLES as f64, lines }
     }
 }

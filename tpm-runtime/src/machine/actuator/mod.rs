@@ -23,13 +23,13 @@ mod requirement;
 
 pub use bounds::{Bound, bound, scaled};
 pub use demand::{Demand, Parts};
-pub use drive::{Drive, DriveError, Scheme, Stability, Tracking};
+pub use drive::{Drive, DriveError, LoopPoles, Scheme, Tracking};
 #[cfg(feature = "plot")]
 pub use figure::{torque_speed, tracking_errors};
 pub use file::{MotorFile, Motors};
 pub use loop_file::LoopFile;
 #[cfg(feature = "interpret")]
-pub use machine::{Machine, MachineError};
+pub use machine::{MotorizedMachine, MotorizedMachineError};
 pub use motor::{Amplifier, Amplitudes, Limit, Limits, Motor};
 pub(crate) use mounted::strongest;
 pub use mounted::{LimitUse, Mounted};

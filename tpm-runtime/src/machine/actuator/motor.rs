@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Invariant: all quantities are SI; a rotor turns `ratio` radians while the driven coordinate moves by one of its units (rad
-//! or m), so that a force f of the coordinate is f / ratio at the rotor. `rotor_inertia` is what the model of the machine does
-//! not contain already. Motoring power counts against the power limit, power that comes back does not.
+//! or m), so that a force f of the coordinate is f / ratio at the rotor. `rotor_inertia` is the inertia that the model of the
+//! machine does not contain already. Motoring power counts against the power limit, power that comes back does not.
 //!
 //! Beside the printed formulas: C.11 lost a sign (k_t I_max cos = -J' lambda w^2 cos), which changes no amplitude; C.13 and C.16
 //! have a plus where inductance and back-EMF oppose each other, because the current of an inertia is opposite to its position
@@ -63,7 +63,7 @@ pub struct Motor {
     pub amplifier: Amplifier,
 }
 
-/// The limit that is met.
+/// A kind of limit of motor and amplifier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Limit {
     /// |i| <= I_max.
@@ -75,7 +75,7 @@ pub enum Limit {
 }
 
 impl Limit {
-    /// Its name and unit.
+    /// Name and unit of the limit.
     #[must_use]
     pub const fn name_and_unit(self) -> (&'static str, &'static str) {
         match self {
@@ -101,9 +101,9 @@ impl Limits {
 /// Current and voltage amplitudes of one harmonic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Amplitudes {
-    /// A.
+    /// Amplitude of the current, A.
     pub current: f64,
-    /// V.
+    /// Amplitude of the voltage, V.
     pub voltage: f64,
 }
 
@@ -172,7 +172,7 @@ impl Motor {
         (self.torque_constant * self.limits.current / (lambda.abs() * inertia)).sqrt()
     }
 
-    /// Amplitude of the voltage at that frequency (C.13, corrected):
+    /// Amplitude of the voltage at the [cut-off frequency](Self::cut_off) (C.13, corrected):
     ///
     /// ```text
     /// |u|^2 = I_max^2 R^2 + (L I_max - k_v lambda)^2 w_c^2

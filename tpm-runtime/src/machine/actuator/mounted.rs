@@ -1,4 +1,4 @@
-//! What a run takes of the limits of its motors, by sample and by harmonic.
+//! How much of the limits of its motors a run uses, by sample and by harmonic.
 //!
 //! ```text
 //! I_k = U_k / (k_t r) ,     V_k = (R + j k w L) I_k + j k w k_v r Q_k         (Feng, Eqns C.1, C.2, harmonic by harmonic)
@@ -25,26 +25,27 @@ pub struct Mounted {
     pub coordinate: usize,
 }
 
-/// The part of one limit that a run takes where it takes the most.
+/// The limit of which a run uses the largest share, and where it does.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LimitUse {
-    /// The input.
+    /// Name of the input.
     pub input: String,
-    /// command (of the input itself), current, voltage or power.
+    /// Name of the limit: command (of the input itself), current, voltage or power.
     pub limit: &'static str,
-    /// Unit of both values, when it is known.
+    /// Unit of value and limit, when it is known.
     pub unit: Option<String>,
-    /// The largest value.
+    /// Largest value over the period.
     pub value: f64,
-    /// What there is.
+    /// Value of the limit.
     pub available: f64,
-    /// One as a share of the other.
+    /// Largest value as a share of the limit.
     pub share: f64,
-    /// Sample of the period at which it is largest.
+    /// Sample of the period with the largest value.
     pub sample: usize,
-    /// Its time since the start of the period, s.
+    /// Time of the largest value since the start of the period, s.
     pub time: f64,
-    /// The harmonic with the largest amplitude, and that; nothing of a power, whose harmonics are not those of the motion.
+    /// The harmonic with the largest amplitude, and this amplitude; nothing for a power, whose harmonics are not those of the
+    /// motion.
     pub harmonic: Option<(usize, f64)>,
 }
 
@@ -70,7 +71,7 @@ impl fmt::Display for LimitUse {
     }
 }
 
-/// The strongest of some lines.
+/// The line, harmonic and amplitude, with the largest positive amplitude.
 pub(crate) fn strongest(lines: impl Iterator<Item = (usize, f64)>) -> Option<(usize, f64)> {
     lines.filter(|(_, size)| *size > 0.0).max_by(|a, b| a.1.total_cmp(&b.1))
 }
@@ -82,7 +83,7 @@ impl Mounted {
         Motor { rotor_inertia: 0.0, ..self.motor }
     }
 
-    /// What a motion to come asks of the motor, where it asks the most.
+    /// The limit of which a planned motion uses the largest share.
     #[must_use]
     pub fn planned(&self, model: &dyn Model<f64>, requirement: &Requirement, samples: usize) -> LimitUse {
         let worst = requirement.worst();
@@ -110,7 +111,7 @@ impl Mounted {
         }
     }
 
-    /// What a run took of the motor, where it took the most: `force` and `motion` are the phasors of input and coordinate from
+    /// The limit of which a played run used the largest share: `force` and `motion` are the phasors of input and coordinate from
     /// harmonic 0 on, `fundamental` is in rad/s, and a period has `samples` samples.
     #[must_use]
     pub fn measured(
@@ -175,7 +176,7 @@ mod tests {
     use crate::machine::actuator::motor::tests::feng;
     use crate::machine::actuator::motor::{Limits, Motor};
     use crate::machine::actuator::requirement::requirements;
-    use crate::run::trajectory::{Line, Series, Trajectory};
+    use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
     use crate::test_models::MassSpringDrag;
     use num_complex::Complex;
     use std::string::ToString;
@@ -185,7 +186,8 @@ mod tests {
     fn what_is_planned_is_what_is_measured() {
         let (theta, w, samples) = ([2e-3, 0.3, 0.0], 4.0, 256);
         let lines = vec![Line { harmonic: 1, cos: 0.7, sin: 0.1 }, Line { harmonic: 3, cos: -0.2, sin: 0.0 }];
-        let trajectory = Trajectory { frequency: w, coordinates: vec![Series { mean: 0.1, lines: lines.clone() }] };
+        let trajectory =
+            Trajectory { frequency: w, coordinates: vec![HarmonicSeries { mean: 0.1, lines: lines.clone() }] };
         let mut motion = vec![Complex::new(0.0, 0.0); 4];
         motion[0] = Complex::new(0.1, 0.0);
         for line in &lines {

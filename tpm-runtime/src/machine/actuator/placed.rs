@@ -59,7 +59,7 @@ struct Entry {
 /// A table.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Table {
-    /// Its name with those of the tables around it; empty for the file.
+    /// Name of the table after the names of the tables around it, joined by dots; empty for the file.
     name: String,
     offset: usize,
     entries: Vec<Entry>,

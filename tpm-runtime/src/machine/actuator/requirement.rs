@@ -18,8 +18,9 @@ use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
 use std::vec::Vec;
 
-/// One instant.
+/// What a motion asks of a motor at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Sample {
     /// Time since the start of the period, s.
     pub time: f64,
@@ -39,8 +40,9 @@ pub struct Sample {
     pub power: f64,
 }
 
-/// One harmonic; phasors X stand for Re X e^{j k w t}.
+/// What a motion asks of a motor at one harmonic; phasors X stand for Re X e^{j k w t}.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Harmonic {
     /// Multiple k of the fundamental.
     pub harmonic: usize,
@@ -54,16 +56,17 @@ pub struct Harmonic {
     pub dependent_voltage: Complex<f64>,
 }
 
-/// The largest demand beside a limit.
+/// The largest demand over a period, with its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Peak {
-    /// Which limit.
+    /// Kind of the limit.
     pub limit: Limit,
-    /// Largest value: a magnitude, but for the power.
+    /// Largest value over the period: of the magnitude for current and voltage, of the signed value for the power.
     pub value: f64,
-    /// When, s from the start of the period.
+    /// Time of the largest value since the start of the period, s.
     pub time: f64,
-    /// The limit; infinite where there is none.
+    /// Value of the limit; infinite where there is none.
     pub available: f64,
 }
 
@@ -77,6 +80,7 @@ impl Peak {
 
 /// Frequencies at which a motor gives out, for a harmonic motion with the coordinate's amplitude and no other force.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct CutOff {
     /// Inertia J' at the rotor, kg m^2.
     pub inertia: f64,
@@ -92,16 +96,17 @@ pub struct CutOff {
 
 /// What one motion asks of one motor.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Requirement {
     /// Index of the input.
     pub input: usize,
-    /// One period.
+    /// One period of samples.
     pub samples: Vec<Sample>,
-    /// Harmonics that are more than rounding.
+    /// Harmonics whose current is above rounding.
     pub harmonics: Vec<Harmonic>,
     /// Mean power into the motor (C.8 where it stands), W.
     pub average_power: f64,
-    /// The part of it that the resistance takes, W.
+    /// Mean power that the resistance dissipates, W.
     pub resistive_power: f64,
     /// Largest current, voltage and power.
     pub peaks: [Peak; 3],
@@ -114,19 +119,19 @@ pub struct Requirement {
 }
 
 impl Requirement {
-    /// Whether the motor can follow.
+    /// Whether no limit is exceeded.
     #[must_use]
     pub fn feasible(&self) -> bool {
         self.worst().share() <= 1.0
     }
 
-    /// The limit that is used most.
+    /// The peak that takes the largest share of its limit.
     #[must_use]
     pub fn worst(&self) -> Peak {
         self.peaks.into_iter().max_by(|a, b| a.share().total_cmp(&b.share())).unwrap_or(self.peaks[0])
     }
 
-    /// Times, as shares of the period, during which a limit would be passed.
+    /// Share of the period during which a limit would be exceeded.
     #[must_use]
     pub fn share_of_time(&self, limit: Limit) -> f64 {
         let available = self.peaks.iter().find(|peak| peak.limit == limit).map_or(f64::INFINITY, |peak| peak.available);
@@ -312,7 +317,7 @@ mod tests {
     use crate::machine::actuator::motor::Motor;
     use crate::machine::actuator::motor::tests::feng;
     use crate::machine::actuator::tests::{CartPendulum, FENG};
-    use crate::run::trajectory::{Line, Series, Trajectory};
+    use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
     use crate::test_models::MassSpringDrag;
     use std::vec;
     use std::vec::Vec;
@@ -352,7 +357,8 @@ mod tests {
         let motor = Motor { rotor_inertia: 0.35e-4, ..feng() };
         let (mass, lambda, multiple) = (2e-3, 0.7, 3u32);
         let w = 4.0;
-        let line = |harmonic: u32, cos: f64| Series { mean: 0.0, lines: vec![Line { harmonic, cos, sin: 0.0 }] };
+        let line =
+            |harmonic: u32, cos: f64| HarmonicSeries { mean: 0.0, lines: vec![Line { harmonic, cos, sin: 0.0 }] };
         let trajectory = Trajectory { frequency: w, coordinates: vec![line(multiple, lambda)] };
         // m x'' + k x: the spring's force is there at rest too, the inertia's is not.
         let stiffness = 0.3;

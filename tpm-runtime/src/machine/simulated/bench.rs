@@ -1,6 +1,7 @@
 //! A simulated machine as whoever plays trials.
 
-use crate::machine::simulated::{Rig, simulate};
+use crate::machine::simulated::rig::Rig;
+use crate::machine::simulated::simulation::simulate;
 use crate::run::{Bench, BenchError, Record, Trial};
 use tpm_core::model::Model;
 

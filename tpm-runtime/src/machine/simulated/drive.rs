@@ -1,7 +1,7 @@
 //! Given inputs on a simulated machine, without feedback: an excitation for a frequency response.
 
-use crate::machine::simulated::Rig;
 use crate::machine::simulated::plant::Plant;
+use crate::machine::simulated::rig::Rig;
 use crate::machine::simulated::sensor::{Measurement, apply};
 use crate::machine::simulated::transmission::Transmission;
 use crate::run::{Ending, Record};
@@ -53,7 +53,7 @@ pub fn drive(model: &dyn Model<f64>, rig: &Rig, sample_time: f64, inputs: &[Vec<
 #[cfg(test)]
 mod tests {
     use super::drive;
-    use crate::machine::simulated::Rig;
+    use crate::machine::simulated::rig::Rig;
     use crate::machine::simulated::sensor::{Actuator, Sensor};
     use crate::run::Ending;
     use crate::test_models::MassSpringDrag;

@@ -8,11 +8,12 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
 
-/// Beyond this magnitude the terms of a model are taken to overflow.
+/// Magnitude of a state beyond which the terms of a model are taken to overflow.
 const OVERFLOWING: f64 = 1e50;
 
 /// Why a plant could not be advanced.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PlantError {
     /// The model could not be evaluated.
     #[error(transparent)]
@@ -104,7 +105,7 @@ impl<'m> Plant<'m> {
     /// Sets the state from a motion (derivatives above the state are ignored) and the time to zero.
     ///
     /// # Errors
-    /// [`EvalError::Length`].
+    /// [`EvalError::Length`] when the motion has another length than the model's.
     pub fn reset(&mut self, motion: &[f64]) -> Result<(), EvalError> {
         require_len(Buffer::Motion, motion.len(), self.motion.len())?;
         for (value, &slot) in self.state.iter_mut().zip(&self.slots) {
@@ -135,7 +136,7 @@ impl<'m> Plant<'m> {
         self.advance_by(duration, steps, &mut |plant, step| plant.step([inputs; 3], step))
     }
 
-    /// The same with steps of the caller, which knows the inputs.
+    /// Advances by `steps` calls of `one` with the length of a step; the caller knows the inputs.
     pub(super) fn advance_by(
         &mut self,
         duration: f64,

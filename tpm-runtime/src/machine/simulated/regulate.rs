@@ -3,9 +3,9 @@
 //! Invariant: the feedback sees what the sensors give, nothing else; the cost is that of the true state, which only a
 //! simulation knows.
 
-use crate::machine::regulator::{Regulator, Weights};
-use crate::machine::simulated::Rig;
+use crate::machine::regulator::{Regulator, RegulatorWeights};
 use crate::machine::simulated::plant::Plant;
+use crate::machine::simulated::rig::Rig;
 use crate::machine::simulated::sensor::{Measurement, apply};
 use crate::machine::simulated::transmission::Transmission;
 use crate::run::{Ending, Record};
@@ -14,7 +14,7 @@ use std::vec::Vec;
 use tpm_core::control::Differentiator;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
 
-/// What is played.
+/// A regulator with the run that it plays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Regulation<'a> {
     /// The feedback; it holds the coordinates at zero.
@@ -28,13 +28,14 @@ pub struct Regulation<'a> {
     /// Largest magnitude per coordinate; beyond it the run has failed.
     pub bounds: Vec<f64>,
     /// Cost that is added up.
-    pub weights: &'a Weights,
+    pub weights: &'a RegulatorWeights,
 }
 
-/// How it went.
+/// How a regulator kept the machine at rest.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Regulated {
-    /// What was measured and applied.
+    /// Samples that were measured and applied.
     pub record: Record,
     /// `sum T (x' Q x + u' R u)` of the true state.
     pub cost: f64,
@@ -54,10 +55,10 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
     require_len(Buffer::Motion, rig.sensors.len(), n)?;
     require_len(Buffer::Motion, regulation.start.len(), n)?;
     require_len(Buffer::Motion, regulation.bounds.len(), n)?;
-    require_len(Buffer::Motion, regulation.regulator.gain.ncols(), 2 * n)?;
+    require_len(Buffer::Motion, regulation.regulator.gain().columns(), 2 * n)?;
     require_len(Buffer::Inputs, rig.actuators.len(), dims.inputs)?;
-    require_len(Buffer::Inputs, regulation.regulator.gain.nrows(), dims.inputs)?;
-    let sample_time = regulation.regulator.sample_time;
+    require_len(Buffer::Inputs, regulation.regulator.gain().rows(), dims.inputs)?;
+    let sample_time = regulation.regulator.sample_time();
     let mut plant = Plant::new(model, &rig.parameters, &rig.constants)?;
     let mut start = vec![0.0; dims.motion_len()];
     start[..n].copy_from_slice(&regulation.start);
@@ -87,7 +88,7 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
             *rate = filter.push(*value);
         }
         for (i, input) in inputs.iter_mut().enumerate() {
-            *input = -regulation.regulator.gain.row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
+            *input = -regulation.regulator.gain().dense().row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
         }
         found.record.saturated += usize::from(apply(&rig.actuators, &mut inputs, &mut found.record.inputs));
         for (column, value) in found.record.coordinates.iter_mut().zip(&state) {
@@ -116,10 +117,10 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
 #[cfg(test)]
 mod tests {
     use super::{Regulation, regulate};
-    use crate::machine::regulator::{Regulator, Weights};
-    use crate::machine::simulated::Rig;
+    use crate::machine::regulator::{Regulator, RegulatorWeights};
+    use crate::machine::simulated::rig::Rig;
     use crate::machine::simulated::sensor::{Actuator, Sensor};
-    use crate::numerics::DMatrix;
+    use crate::numerics::Matrix;
     use crate::run::Ending;
     use crate::test_models::MassSpringDrag;
     use std::vec;
@@ -136,21 +137,26 @@ mod tests {
         }
     }
 
-    fn regulator(weights: &Weights) -> Regulator {
-        let a = DMatrix::from_row_slice(2, 2, &[0.0, 1.0, 4.0, 0.0]);
-        let b = DMatrix::from_row_slice(2, 1, &[0.0, 0.5]);
+    fn regulator(weights: &RegulatorWeights) -> Regulator {
+        let a = Matrix::from_rows(&[vec![0.0, 1.0], vec![4.0, 0.0]]).expect("rows of one length");
+        let b = Matrix::from_rows(&[vec![0.0], vec![0.5]]).expect("rows of one length");
         Regulator::optimal(&a, &b, 1e-3, weights).expect("can be stabilised")
     }
 
     /// Ten seconds from rest at `start`, plain differences as rates.
-    fn regulation<'a>(regulator: &'a Regulator, weights: &'a Weights, start: f64, bound: f64) -> Regulation<'a> {
+    fn regulation<'a>(
+        regulator: &'a Regulator,
+        weights: &'a RegulatorWeights,
+        start: f64,
+        bound: f64,
+    ) -> Regulation<'a> {
         let (start, bounds) = (vec![start], vec![bound]);
         Regulation { regulator, derivative_filter: 0.0, start, samples: 10_000, bounds, weights }
     }
 
     #[test]
     fn an_unstable_mass_comes_to_rest_at_the_stated_cost() {
-        let weights = Weights { state: vec![10.0, 0.0], input: vec![0.1] };
+        let weights = RegulatorWeights { state: vec![10.0, 0.0], input: vec![0.1] };
         let regulator = regulator(&weights);
         let regulation = regulation(&regulator, &weights, 0.1, 1.0);
         let found = regulate(&MassSpringDrag, &rig(0.0), &regulation).expect("fits");
@@ -166,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_drive_that_is_too_weak_is_seen() {
-        let weights = Weights { state: vec![10.0, 0.0], input: vec![0.1] };
+        let weights = RegulatorWeights { state: vec![10.0, 0.0], input: vec![0.1] };
         let regulator = regulator(&weights);
         // The spring pushes with 48 N there, the drive with 40.
         let regulation = regulation(&regulator, &weights, 6.0, 10.0);

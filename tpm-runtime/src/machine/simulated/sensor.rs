@@ -1,9 +1,8 @@
-//! What a machine's electronics make of positions and forces.
+//! What a machine's sensors and drives make of positions and forces.
 //!
 //! Invariant: a position, read at an instant that jitters, becomes `round((q + noise) / step) step`, stops at the end of the
-//! sensor's range, then waits `delay` samples; noise and jitter are white and Gaussian
-//! and comes from one seeded stream per run, drawn coordinate by coordinate, so that a run depends on its seed and number
-//! alone.
+//! sensor's range, then waits `delay` samples. Noise and jitter are white and Gaussian and come from one seeded stream per run,
+//! drawn coordinate by coordinate, so that a run depends on its seed and number alone.
 
 use crate::run::Dynamics;
 use rand::SeedableRng;

@@ -2,8 +2,8 @@
 //!
 //! Invariant: between the instants at which a delayed command changes, the lags see a constant and are advanced exactly, by
 //! their matrix exponential; the plant's Runge-Kutta rule reads them at the start, the middle and the end of its steps. Before
-//! the first sample the machine stands under the first command. Without delays and lags the plant is advanced as if all this
-//! were not there. Stepping allocates nothing.
+//! the first sample the machine stands under the first command. Without delays and lags the plant is advanced under
+//! the commands themselves. Stepping allocates nothing.
 
 use crate::machine::regulator::held;
 use crate::machine::simulated::plant::{Plant, PlantError};
@@ -13,10 +13,10 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::EvalError;
 
-/// Most states of the lags of one input.
-const STATES: usize = 3;
-/// Share of the fastest lag that one step of the plant may span: the forces are read thrice a step.
-const STEP: f64 = 0.1;
+/// Most states of the low pass and the current loop of one input.
+const MOST_STATES: usize = 3;
+/// Largest product of a step of the plant and the fastest rate of a lag: the forces are read three times a step.
+const MOST_STEP: f64 = 0.1;
 
 /// One input.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,12 +25,12 @@ struct Channel {
     past: Vec<f64>,
     /// Whole samples of the delay.
     whole: usize,
-    /// What is left of it, s.
+    /// Rest of the delay below one sample, s.
     rest: f64,
     /// Number of states, the one that is the force, and their values.
     states: usize,
     output: usize,
-    state: [f64; STATES],
+    state: [f64; MOST_STATES],
 }
 
 /// A part of the time between samples in which no delayed command changes.
@@ -41,7 +41,7 @@ struct Segment {
     /// Per input: whether the older of the two commands is still at work.
     older: Vec<bool>,
     /// Per input: the lags over half a step, matrix and vector.
-    half: Vec<([[f64; STATES]; STATES], [f64; STATES])>,
+    half: Vec<([[f64; MOST_STATES]; MOST_STATES], [f64; MOST_STATES])>,
 }
 
 /// Delays and lags of all inputs.
@@ -69,7 +69,7 @@ impl Transmission {
                     rest,
                     states: lags.as_ref().map_or(0, |lags| lags.a.nrows()),
                     output: lags.as_ref().map_or(0, |lags| lags.output),
-                    state: [0.0; STATES],
+                    state: [0.0; MOST_STATES],
                 }
             })
             .collect();
@@ -93,7 +93,7 @@ impl Transmission {
                 let duration = end - from;
                 let middle = from + 0.5 * duration;
                 from = end;
-                let resolved = (duration * fastest / STEP).ceil() as usize;
+                let resolved = (duration * fastest / MOST_STEP).ceil() as usize;
                 let steps = resolved.max((sub_steps as f64 * duration / sample_time).ceil() as usize).max(1);
                 let half =
                     actuators.iter().map(|actuator| half_step(actuator, 0.5 * duration / steps as f64)).collect();
@@ -165,8 +165,8 @@ impl Transmission {
 }
 
 /// The lags of an actuator over a time, as factors of their state and of a constant command.
-fn half_step(actuator: &Actuator, time: f64) -> ([[f64; STATES]; STATES], [f64; STATES]) {
-    let (mut matrix, mut vector) = ([[0.0; STATES]; STATES], [0.0; STATES]);
+fn half_step(actuator: &Actuator, time: f64) -> ([[f64; MOST_STATES]; MOST_STATES], [f64; MOST_STATES]) {
+    let (mut matrix, mut vector) = ([[0.0; MOST_STATES]; MOST_STATES], [0.0; MOST_STATES]);
     if let Some(lags) = actuator.dynamics.lags() {
         let states = lags.a.nrows();
         let column = DMatrix::from_column_slice(states, 1, lags.b.as_slice());
@@ -192,7 +192,7 @@ impl Channel {
         if self.states == 0 { self.command(older) } else { self.state[self.output] }
     }
 
-    fn advance(&mut self, (matrix, vector): &([[f64; STATES]; STATES], [f64; STATES]), older: bool) {
+    fn advance(&mut self, (matrix, vector): &([[f64; MOST_STATES]; MOST_STATES], [f64; MOST_STATES]), older: bool) {
         let command = self.command(older);
         let before = self.state;
         for r in 0..self.states {

@@ -1,0 +1,220 @@
+//! A trial on a simulated machine, sample by sample.
+//!
+//! Invariant: a run depends on the trial, the rig and its seed alone. All memory is reserved before the first sample; the
+//! loop itself allocates nothing.
+
+use crate::machine::simulated::plant::Plant;
+use crate::machine::simulated::rig::Rig;
+use crate::machine::simulated::sensor::{Measurement, Sensor, apply};
+use crate::machine::simulated::transmission::Transmission;
+use crate::run::smoothing::Smoother;
+use crate::run::{Ending, Record, Trial, Velocity};
+use std::vec;
+use std::vec::Vec;
+use tpm_core::control::{Differentiator, Feedback};
+use tpm_core::model::{Buffer, EvalError, Model, require_len};
+
+/// One run on a simulated machine.
+#[derive(Debug)]
+pub struct SimulatedRun<'a> {
+    trial: &'a Trial,
+    rig: &'a Rig,
+    plant: Plant<'a>,
+    measurement: Measurement,
+    transmission: Transmission,
+    filters: Vec<Differentiator<f64>>,
+    smoothers: Vec<Smoother>,
+    measured: Vec<f64>,
+    errors: Vec<f64>,
+    /// Tracking errors as they are fed back: measured, or smoothed.
+    seen: Vec<f64>,
+    rates: Vec<f64>,
+    wanted: Vec<f64>,
+    coordinates: Vec<Vec<f64>>,
+    inputs: Vec<Vec<f64>>,
+    rated: Vec<f64>,
+    rate_columns: Vec<Option<Vec<f64>>>,
+    order: usize,
+    sample: usize,
+    saturated: usize,
+}
+
+impl<'a> SimulatedRun<'a> {
+    /// Puts the plant to rest at the start of the reference and reserves all memory.
+    ///
+    /// # Errors
+    /// [`EvalError`] when rig or trial do not fit the model.
+    pub fn new(model: &'a dyn Model<f64>, rig: &'a Rig, trial: &'a Trial) -> Result<Self, EvalError> {
+        let dims = model.dims();
+        let (n, period) = (dims.coordinates, trial.samples_per_period);
+        require_len(Buffer::Motion, rig.sensors.len(), n)?;
+        require_len(Buffer::Inputs, rig.actuators.len(), dims.inputs)?;
+        require_len(Buffer::Motion, trial.reference.len(), period * dims.motion_len())?;
+        require_len(Buffer::Motion, trial.tracking_bounds.len(), n)?;
+        require_len(Buffer::Inputs, trial.feed_forward.len(), period * dims.inputs)?;
+        let mut plant = Plant::new(model, &rig.parameters, &rig.constants)?;
+        let mut start = vec![0.0; dims.motion_len()];
+        if let Some(first) = trial.reference.get(..n) {
+            start[..n].copy_from_slice(first);
+        }
+        plant.reset(&start)?;
+        let time_constant = trial.control.velocity.time_constant().unwrap_or(0.0);
+        let reserve = |count: usize| (0..count).map(|_| Vec::with_capacity(trial.samples())).collect();
+        Ok(SimulatedRun {
+            trial,
+            rig,
+            plant,
+            measurement: Measurement::new(&rig.sensors, rig.seed, trial.run),
+            transmission: Transmission::new(&rig.actuators, trial.control.sample_time, rig.sub_steps),
+            filters: vec![Differentiator::new(trial.control.sample_time, time_constant); n],
+            smoothers: trial
+                .control
+                .velocity
+                .smoothing()
+                .map_or_else(Vec::new, |smoothing| vec![Smoother::new(smoothing, trial.control.sample_time); n]),
+            measured: vec![0.0; n],
+            errors: vec![0.0; n],
+            seen: vec![0.0; n],
+            rates: vec![0.0; n],
+            wanted: vec![0.0; dims.inputs],
+            coordinates: reserve(n),
+            inputs: reserve(dims.inputs),
+            rated: vec![0.0; n],
+            rate_columns: if rig.sensors.iter().any(|sensor| sensor.rate_noise.is_some()) {
+                let column = |sensor: &Sensor| sensor.rate_noise.map(|_| Vec::with_capacity(trial.samples()));
+                rig.sensors.iter().map(column).collect()
+            } else {
+                Vec::new()
+            },
+            order: dims.order,
+            sample: 0,
+            saturated: 0,
+        })
+    }
+
+    /// Plays one sample; the ending when the run ended with it.
+    ///
+    /// # Errors
+    /// [`EvalError`] when the plant's rows cannot be evaluated although its motion is finite (a zero mass).
+    pub fn step(&mut self) -> Result<Option<Ending>, EvalError> {
+        if self.sample >= self.trial.samples() {
+            return Ok(Some(Ending::Complete));
+        }
+        let n = self.measured.len();
+        let width = n * (self.order + 1);
+        let at = self.sample % self.trial.samples_per_period;
+        let reference = &self.trial.reference[at * width..(at + 1) * width];
+        self.measurement.sample(self.plant.motion(), &mut self.measured);
+        self.measurement.rates(self.plant.motion(), &mut self.rated);
+        for (column, &value) in self.rate_columns.iter_mut().zip(&self.rated) {
+            if let Some(column) = column {
+                column.push(value);
+            }
+        }
+        for ((error, measured), wanted) in self.errors.iter_mut().zip(&self.measured).zip(reference) {
+            *error = measured - wanted;
+        }
+        self.seen.copy_from_slice(&self.errors);
+        let inputs = self.wanted.len();
+        self.wanted.copy_from_slice(&self.trial.feed_forward[at * inputs..(at + 1) * inputs]);
+        let rates = match self.trial.control.velocity {
+            Velocity::Measured => {
+                for (c, rate) in self.rates.iter_mut().enumerate() {
+                    let actual = match self.rig.sensors.get(c).and_then(|sensor| sensor.rate_noise) {
+                        Some(_) => self.rated.get(c),
+                        None => self.plant.motion().get(n + c),
+                    };
+                    *rate = match (actual, reference.get(n + c)) {
+                        (Some(actual), Some(wanted)) => actual - wanted,
+                        _ => 0.0,
+                    };
+                }
+                Some(self.rates.as_slice())
+            }
+            Velocity::Filtered(_) => None,
+            Velocity::Fitted(_) => {
+                for ((smoother, seen), rate) in self.smoothers.iter_mut().zip(&mut self.seen).zip(&mut self.rates) {
+                    (*seen, *rate) = smoother.push(*seen);
+                }
+                Some(self.rates.as_slice())
+            }
+        };
+        Feedback::new(&self.trial.control.gains, &mut self.filters).add(&self.seen, rates, &mut self.wanted)?;
+        self.saturated += usize::from(apply(&self.rig.actuators, &mut self.wanted, &mut self.inputs));
+        for (&value, column) in self.measured.iter().zip(&mut self.coordinates) {
+            column.push(value);
+        }
+        let sample = self.sample;
+        self.sample += 1;
+        for (coordinate, (&error, bound)) in self.errors.iter().zip(&self.trial.tracking_bounds).enumerate() {
+            if let Some(ending) = Ending::of_error(coordinate, sample, error, *bound) {
+                return Ok(Some(ending));
+            }
+        }
+        let diverged = self.transmission.advance(&mut self.plant, &self.wanted)?;
+        Ok(diverged.then_some(Ending::Diverged { sample }))
+    }
+
+    /// Plays the whole run.
+    ///
+    /// # Errors
+    /// [`EvalError`] when the plant's rows cannot be evaluated although its motion is finite (a zero mass).
+    pub fn play(&mut self) -> Result<Ending, EvalError> {
+        loop {
+            if let Some(ending) = self.step()? {
+                return Ok(ending);
+            }
+        }
+    }
+
+    /// What was recorded, with the ending that [`play`](Self::play) gave.
+    #[must_use]
+    pub fn record(self, ending: Ending) -> Record {
+        Record {
+            sample_time: self.trial.control.sample_time,
+            coordinates: self.coordinates,
+            inputs: self.inputs,
+            rates: self.rate_columns,
+            ending,
+            saturated: self.saturated,
+        }
+    }
+}
+
+/// Plays a trial on a simulated machine.
+///
+/// # Errors
+/// [`EvalError`] when model, rig and trial do not fit together, or the plant's rows do not determine its motion.
+pub fn simulate(model: &dyn Model<f64>, rig: &Rig, trial: &Trial) -> Result<Record, EvalError> {
+    let mut run = SimulatedRun::new(model, rig, trial)?;
+    let ending = run.play()?;
+    Ok(run.record(ending))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::SimulatedRun;
+    use crate::campaign::Campaign;
+    use crate::experiment::Experiment;
+    use crate::run::Ending;
+    use crate::run::trajectory::tests::rest_to_rest_3;
+    use crate::test_models::MassSpringDrag;
+    use tpm_core::harmonics::Hold;
+
+    #[test]
+    fn the_control_loop_allocates_nothing() {
+        let file = include_str!("../../../../models/mass_spring_drag.toml");
+        let experiment = Experiment::parse(file).expect("the shipped file is right");
+        let rig = experiment.bench(&MassSpringDrag).expect("fits");
+        let setup = experiment.setup(&MassSpringDrag, &rest_to_rest_3(), Hold::Zoh).expect("fits");
+        let campaign = Campaign::new(&MassSpringDrag, setup).expect("playable");
+        let trial = campaign.next().expect("first");
+        let mut run = SimulatedRun::new(&MassSpringDrag, &rig, trial).expect("fits");
+        let mut ending = Ok(Ending::Diverged { sample: 0 });
+        let counted = allocation_counter::measure(|| ending = run.play());
+        assert_eq!(ending, Ok(Ending::Complete));
+        assert_eq!(counted.count_total, 0);
+        let record = run.record(Ending::Complete);
+        assert_eq!(record.len(), trial.samples());
+    }
+}

@@ -1,0 +1,105 @@
+//! The feedback of a run in sampled time.
+//!
+//! Invariant: with the measured error `e = q - q_r` of a coordinate and its rate, an input receives
+//! `-(Kp e + Kd e')` from every path, formed at the sample times and held between them.
+
+use crate::run::actuator::Dynamics;
+use crate::run::feed_forward::HoldCompensation;
+use crate::run::hold::held;
+use crate::run::smoothing::Smoothing;
+use num_complex::Complex;
+use std::vec::Vec;
+use tpm_core::control::{Differentiator, Gain};
+use tpm_core::harmonics::Hold;
+
+/// Where the rate of the tracking error comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Velocity {
+    /// A sensor measures the rate, without noise where the simulated rig states none.
+    Measured,
+    /// A filtered difference of the measured error, with this time constant of the filter, s.
+    Filtered(f64),
+    /// The slope of a polynomial fitted to the last measured errors, whose value is fed back in place of the newest error.
+    Fitted(Smoothing),
+}
+
+impl Velocity {
+    /// Time constant of the filter, s; nothing where there is none.
+    #[must_use]
+    pub const fn time_constant(self) -> Option<f64> {
+        match self {
+            Velocity::Measured | Velocity::Fitted(_) => None,
+            Velocity::Filtered(time_constant) => Some(time_constant),
+        }
+    }
+
+    /// The least-squares smoothing; nothing where there is none.
+    #[must_use]
+    pub const fn smoothing(self) -> Option<Smoothing> {
+        match self {
+            Velocity::Measured | Velocity::Filtered(_) => None,
+            Velocity::Fitted(smoothing) => Some(smoothing),
+        }
+    }
+}
+
+/// Feedback in sampled time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loop {
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// The paths.
+    pub gains: Vec<Gain<f64>>,
+    /// Source of the rates.
+    pub velocity: Velocity,
+    /// What the feed-forward does about the hold.
+    pub compensation: HoldCompensation,
+    /// Known dynamics between command and force, by input; inputs beyond the last one have none.
+    pub actuators: Vec<Dynamics>,
+}
+
+impl Loop {
+    /// Response of the feedback from the phasor of a coordinate's measured error to an input's phasor, `-C(jW)`, with the
+    /// differentiator, or the smoothing of both, but without the hold: `Kp + Kd D(W)`.
+    #[must_use]
+    pub fn response(&self, input: usize, coordinate: usize, frequency: f64) -> Complex<f64> {
+        let one = Complex::new(1.0, 0.0);
+        let (value, rate) = match self.velocity {
+            Velocity::Measured => (one, Complex::new(0.0, frequency)),
+            Velocity::Filtered(time_constant) => {
+                let (re, im) =
+                    Differentiator::new(self.sample_time, time_constant).response(frequency * self.sample_time);
+                (one, Complex::new(re, im))
+            }
+            Velocity::Fitted(smoothing) => smoothing.responses(frequency, self.sample_time),
+        };
+        self.gains
+            .iter()
+            .filter(|gain| gain.input == input && gain.coordinate == coordinate)
+            .map(|gain| rate * gain.derivative + value * gain.proportional)
+            .sum()
+    }
+
+    /// The loop with all gains times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let mut scaled = self.clone();
+        for gain in &mut scaled.gains {
+            gain.proportional *= factor;
+            gain.derivative *= factor;
+        }
+        scaled
+    }
+
+    /// Known dynamics of an input's actuator.
+    #[must_use]
+    pub fn actuator(&self, input: usize) -> Dynamics {
+        self.actuators.get(input).copied().unwrap_or_default()
+    }
+
+    /// What the hold and the actuator do to an input's phasor at the frequency W (rad/s).
+    #[must_use]
+    pub fn drive(&self, input: usize, frequency: f64, hold: Hold) -> Complex<f64> {
+        held(hold, frequency * self.sample_time) * self.actuator(input).response(frequency)
+    }
+}
