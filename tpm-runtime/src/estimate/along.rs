@@ -4,8 +4,8 @@
 //! series that the grid resolves; `jacobian` holds d(row)/d(slot) at every point of that grid, column by column, so that it
 //! is linear in the parameters and need not be formed again when they change.
 
+use crate::estimate::error::EstimateError;
 use crate::estimate::information::Information;
-use crate::estimate::measured_motion::EstimateError;
 use crate::numerics::DMatrix;
 use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::fourier::{analyse, synthesise, two_sided};

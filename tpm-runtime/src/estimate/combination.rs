@@ -1,7 +1,8 @@
 //! What data show of parameters that they do not show one by one.
 
 use crate::estimate::information::reduced;
-use crate::estimate::{Estimate, Status};
+use crate::estimate::result::Estimate;
+use crate::estimate::verdict::Status;
 use crate::numerics::DVector;
 use std::vec::Vec;
 

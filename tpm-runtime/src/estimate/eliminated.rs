@@ -6,13 +6,15 @@
 //! runs, with weights that belong to c(p); the c are estimated beside them without their relations, and said to be poorly
 //! determined where they are.
 
-use crate::estimate::applied::refine_last;
-use crate::estimate::estimator::{Estimator, Run};
+use crate::estimate::error::EstimateError;
+use crate::estimate::estimator::Estimator;
 use crate::estimate::information::Information;
-use crate::estimate::measured_motion::{EstimateError, MeasuredMotion, Settings};
-use crate::estimate::measured_motion::{Fitted, Structure, estimate_structured};
+use crate::estimate::measured_motion::{Fitted, MeasuredMotion, Structure, estimate_structured, refine_last};
 use crate::estimate::physical::{Physical, PhysicalError, PhysicalFit, PhysicalSettings};
-use crate::estimate::{Estimate, Status};
+use crate::estimate::result::Estimate;
+use crate::estimate::run::Run;
+use crate::estimate::settings::Settings;
+use crate::estimate::verdict::{Evidence, POOR, Status};
 use crate::interpret::Interpreted;
 use crate::numerics::DMatrix;
 use std::string::{String, ToString};
@@ -21,9 +23,6 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Model;
 use tpm_symbolic::regressor::prepare::Prepared;
-
-/// A standard deviation above this share of the value makes a parameter poorly determined.
-const POOR: f64 = 0.25;
 
 /// Why the eliminated form of a model cannot be used with its machine.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -229,18 +228,17 @@ impl Eliminated {
         let mut std = vec![0.0; count];
         let mut status = vec![Status::Identified; count];
         for (j, &i) in order.iter().enumerate() {
-            let said = physical.parameters[i].status;
             std[j] = covariance[(j, j)].max(0.0_f64).sqrt();
-            status[j] = if said == Status::Unobservable.name() {
-                std[j] = f64::INFINITY;
-                Status::Unobservable
-            } else if said == Status::Frozen.name() {
-                Status::Frozen
-            } else if said == Status::PoorlyDetermined.name() || std[j] > POOR * values[j].abs() {
-                Status::PoorlyDetermined
-            } else {
-                Status::Identified
+            status[j] = match physical.status[i] {
+                // Wider deviations change nothing of what is already doubtful, or not estimated.
+                Status::Identified => {
+                    Status::of(Evidence::Shown { value: values[j], std: std[j], felt: f64::INFINITY }, POOR)
+                }
+                settled => settled,
             };
+            if status[j] == Status::Unobservable {
+                std[j] = f64::INFINITY;
+            }
         }
         let unobservable =
             physical.unobservable.iter().map(|direction| order.iter().map(|&i| direction[i]).collect()).collect();

@@ -1,6 +1,6 @@
 //! Harmonic equations `phi theta = right + noise`, one complex row per equation of motion and harmonic.
 
-use crate::estimate::measured_motion::Frozen;
+use crate::estimate::settings::Frozen;
 use crate::numerics::DMatrix;
 use crate::numerics::singular::unit_columns;
 use num_complex::Complex;

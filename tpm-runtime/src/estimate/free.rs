@@ -1,6 +1,7 @@
 //! The parameters that are estimated, apart from those that are held.
 
-use crate::estimate::measured_motion::{EstimateError, Settings};
+use crate::estimate::error::EstimateError;
+use crate::estimate::settings::Settings;
 use crate::numerics::DMatrix;
 use std::vec;
 use std::vec::Vec;

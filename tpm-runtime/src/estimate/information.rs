@@ -4,6 +4,7 @@
 //! so far. Pooling stacks the triangles and triangularises again (Householder), so that the condition number is never
 //! squared as it would be in the normal equations.
 
+use crate::estimate::verdict::COMPONENT;
 use crate::numerics::singular::{Singular, complement, condition, largest_one, unit_columns};
 use crate::numerics::{Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use std::borrow::Cow;
@@ -218,7 +219,7 @@ impl Scaled<'_> {
             let weighed = || direction.iter().zip(&self.scale).map(|(d, s)| (d * s).abs());
             let peak = weighed().fold(0.0, f64::max);
             for (flag, part) in touched.iter_mut().zip(weighed()) {
-                *flag |= part > 1e-6 * peak;
+                *flag |= part > COMPONENT * peak;
             }
         }
         touched

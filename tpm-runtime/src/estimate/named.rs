@@ -1,6 +1,7 @@
 //! An estimate as it is reported: names, units, and nothing where nothing can be known.
 
-use crate::estimate::{Estimate, Status};
+use crate::estimate::result::Estimate;
+use crate::estimate::verdict::Status;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::format;

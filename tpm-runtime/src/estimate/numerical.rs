@@ -7,14 +7,15 @@
 
 use crate::estimate::along::Along;
 use crate::estimate::equations::Equations;
-use crate::estimate::estimator::{Estimator, Run};
-use crate::estimate::estimator::{Pools, highest_harmonic, pool_run};
-use crate::estimate::first_order::error_lines;
-use crate::estimate::measured_motion::{EstimateError, Settings};
-use crate::estimate::{Estimate, ROUNDING};
+use crate::estimate::error::EstimateError;
+use crate::estimate::estimator::Estimator;
+use crate::estimate::noise::ROUNDING;
+use crate::estimate::pool::{Pools, pool_run};
+use crate::estimate::result::Estimate;
+use crate::estimate::run::{Run, error_lines};
+use crate::estimate::settings::{NumericalSettings, Settings};
 use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
-use serde::{Deserialize, Serialize};
 use std::vec::Vec;
 use tpm_core::model::Model;
 
@@ -22,18 +23,6 @@ use tpm_core::model::Model;
 const PERTURBATION: f64 = 0.5;
 /// An entry of the table below this share of its column's largest is zero but for rounding.
 const ZERO: f64 = 1e-9;
-
-/// How `numerical` uses its matrix.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct NumericalSettings {
-    /// Entries that are zero in the exact table are cleared.
-    pub cleared: bool,
-    /// As many equations as parameters are used, those that determine them best (Feng, Eqn 3.29).
-    pub reduced: bool,
-    /// After the first matrix every run is an update, and the matrix is corrected by what the last update did.
-    pub secant: bool,
-}
 
 /// Phasors per coordinate and harmonic.
 type Lines = Vec<Vec<Complex<f64>>>;
@@ -190,7 +179,7 @@ impl Estimator for Numerical {
                 given: run.spectra.lines.len(),
             });
         }
-        let highest = highest_harmonic(&self.settings, run);
+        let highest = run.highest_harmonic(&self.settings);
         let error = error_lines(run.trial, run.spectra, dims.coordinates, highest);
         self.harmonics = highest;
         let same = |base: &&Base| base.error[0].len() == highest + 1 && base.is_of(run);

@@ -10,7 +10,8 @@
 
 use crate::estimate::information::Information;
 use crate::estimate::named::ParameterReport;
-use crate::estimate::{Estimate, Status};
+use crate::estimate::result::Estimate;
+use crate::estimate::verdict::{COMPONENT, Evidence, POOR_PHYSICAL, Status};
 use crate::numerics::Owned;
 use crate::numerics::singular::{Singular, complement, largest_one, unit_columns};
 use crate::numerics::{DMatrix, DVector, Dyn};
@@ -35,8 +36,6 @@ const SHARPEST: f64 = 1e-12;
 const RANK_TOLERANCE: f64 = 1e-9;
 /// Deviation of the consistency test, in standard deviations of a normal variable, that is flagged (one in a thousand).
 const INCONSISTENT: f64 = 3.09;
-/// A standard deviation above this share of the value makes a parameter poorly determined.
-const POOR: f64 = 0.5;
 /// A value below minus so many standard deviations is negative beyond doubt.
 const SURELY_NEGATIVE: f64 = 2.0;
 
@@ -58,6 +57,8 @@ pub struct PhysicalSettings {
 pub struct Physical {
     /// Every physical parameter with its standard deviation.
     pub parameters: Vec<ParameterReport>,
+    /// What may be said of every physical parameter.
+    pub status: Vec<Status>,
     /// Their values, also of those that the lumped ones do not determine (the prior).
     pub values: Vec<f64>,
     /// The lumped parameters that they give.
@@ -495,7 +496,7 @@ impl Fixed {
                 for direction in singular.null().column_iter() {
                     let mut raw = vec![0.0; count];
                     for (r, &i) in free.iter().enumerate() {
-                        hidden[i] |= direction[r].abs() > 1e-6;
+                        hidden[i] |= direction[r].abs() > COMPONENT;
                         raw[i] = direction[r] / scale[r];
                     }
                     unobservable.push(largest_one(&raw));
@@ -508,35 +509,42 @@ impl Fixed {
                 hidden = vec![true; count];
             }
         }
+        let std: Vec<f64> = (0..count).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
+        let status: Vec<Status> = (0..count)
+            .map(|i| {
+                let evidence = if self.frozen[i].is_some() {
+                    Evidence::Frozen
+                } else if hidden[i] {
+                    Evidence::Hidden
+                } else if solution.held[i] {
+                    Evidence::AtBound
+                } else {
+                    Evidence::Shown { value: solution.values[i], std: std[i], felt: f64::INFINITY }
+                };
+                Status::of(evidence, POOR_PHYSICAL)
+            })
+            .collect();
         let parameters: Vec<ParameterReport> = (0..count)
             .map(|i| {
-                let symbol = map.parameters()[i];
-                let name = map.name(symbol);
-                let (value, std) = (solution.values[i], covariance[(i, i)].max(0.0).sqrt());
-                let status = if self.frozen[i].is_some() {
-                    Status::Frozen
-                } else if hidden[i] {
-                    warnings.push(format!("the lumped parameters do not determine {name}"));
-                    Status::Unobservable
-                } else if solution.held[i] {
-                    warnings.push(format!(
+                let (name, value) = (map.name(map.parameters()[i]), solution.values[i]);
+                match status[i] {
+                    Status::Identified | Status::Frozen => {}
+                    Status::Unobservable => {
+                        warnings.push(format!("the lumped parameters do not determine {name}"));
+                    }
+                    Status::PoorlyDetermined if solution.held[i] => warnings.push(format!(
                         "{name} is held at its bound {value}: the lumped parameters ask for a value beyond it, which no such machine has"
-                    ));
-                    Status::PoorlyDetermined
-                } else if std > POOR * value.abs() {
-                    warnings.push(format!("{name} is poorly determined"));
-                    Status::PoorlyDetermined
-                } else {
-                    Status::Identified
-                };
-                let seen = status != Status::Unobservable;
+                    )),
+                    Status::PoorlyDetermined => warnings.push(format!("{name} is poorly determined")),
+                }
+                let seen = status[i] != Status::Unobservable;
                 ParameterReport {
                     name: name.to_string(),
                     unit: units[i].clone(),
                     prior: self.prior[i].or(self.frozen[i]),
                     value: seen.then_some(value),
-                    std: (seen && !solution.held[i]).then_some(std),
-                    status: status.name(),
+                    std: (seen && !solution.held[i]).then_some(std[i]),
+                    status: status[i].name(),
                 }
             })
             .collect();
@@ -552,6 +560,7 @@ impl Fixed {
         }
         Physical {
             parameters,
+            status,
             values: solution.values.clone(),
             lumped: map.evaluate(self.lookup(map, &solution.values)),
             covariance,

@@ -6,7 +6,7 @@
 //! that its parts are formed once. How strong an equation's noise is was measured; F says how the equations hang
 //! together. Weighing each for itself instead loses information and states deviations that are too small.
 
-use crate::estimate::measured_motion::MeasuredMotion;
+use crate::estimate::measured_motion::path::NoisePath;
 use crate::numerics::fourier::coefficient;
 use crate::numerics::{Cholesky, DMatrix, Dyn};
 use num_complex::Complex;
@@ -48,17 +48,16 @@ impl Weighed {
 }
 
 impl Coupled {
-    /// Nothing for a record whose noise is not known to be that of its sensors alone, or that is too large.
-    pub(super) fn new(record: &MeasuredMotion) -> Option<Self> {
-        let white = record.white.as_ref()?;
-        let p = record.dims.parameters;
-        let c = record.dims.coordinates;
-        let highest = record.motion_harmonics;
+    /// Of the equations `used`, harmonics per row, where the coordinates' noise is white with these relative levels; nothing
+    /// where there is no equation, or the parts would be too large.
+    pub(super) fn new(path: &NoisePath, white: &[f64], used: &[Vec<usize>]) -> Option<Self> {
+        let (p, c) = (path.dims.parameters, path.dims.coordinates);
+        let highest = path.motion_harmonics;
         let width = 2 * highest + 1;
         let mut places = Vec::new();
         let mut count = 0;
-        for used in &record.used {
-            for &k in used {
+        for lines in used {
+            for &k in lines {
                 places.push((count, k));
                 count += if k == 0 { 1 } else { 2 };
             }
@@ -69,16 +68,16 @@ impl Coupled {
         let mut parts = vec![DMatrix::zeros(count, width * c); p + 1];
         for (j, part) in parts.iter_mut().enumerate() {
             let mut place = places.iter();
-            for (row, used) in record.used.iter().enumerate() {
+            for (row, lines) in used.iter().enumerate() {
                 let column = row * (p + 1) + j;
-                let gains = record.jacobian.lines.iter().map(|columns| columns[column].as_slice());
+                let gains = path.jacobian.lines.iter().map(|columns| columns[column].as_slice());
                 let gains: Vec<&[Complex<f64>]> = gains.collect();
-                for &k in used {
+                for &k in lines {
                     let Some(&(first, _)) = place.next() else { break };
-                    for (&(coordinate, derivative), gain) in record.jacobian.slots.iter().zip(&gains) {
+                    for (&(coordinate, derivative), gain) in path.jacobian.slots.iter().zip(&gains) {
                         let deviation = white[coordinate].sqrt();
                         let turn =
-                            |line: isize| Complex::new(0.0, line as f64 * record.fundamental).powu(derivative as u32);
+                            |line: isize| Complex::new(0.0, line as f64 * path.fundamental).powu(derivative as u32);
                         let through = |line: isize| coefficient(gain, k as isize - line) * turn(line) * deviation;
                         for line in 0..=highest {
                             let (plus, minus) = (through(line as isize), through(-(line as isize)));

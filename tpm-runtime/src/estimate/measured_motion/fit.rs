@@ -5,20 +5,18 @@
 //! noise in the regressors adds to the normal equations is taken out.
 
 use crate::estimate::equations::Equations;
+use crate::estimate::error::EstimateError;
 use crate::estimate::information::Information;
 use crate::estimate::measured_motion::coupled::Weighed;
-use crate::estimate::measured_motion::noise::excess;
-use crate::estimate::measured_motion::{EstimateError, MeasuredMotion, Settings, Weights};
-use crate::estimate::{Estimate, Status};
+use crate::estimate::measured_motion::model_error::excess;
+use crate::estimate::measured_motion::record::MeasuredMotion;
+use crate::estimate::result::Estimate;
+use crate::estimate::settings::{Settings, Weights};
+use crate::estimate::verdict::Verdict;
 use crate::numerics::DMatrix;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Dims;
-
-/// A deviation beyond this share of the value, and a visible share of the force, makes a parameter poorly determined.
-const POOR: f64 = 0.25;
-/// Smallest share of the force that counts in that judgement.
-const POOR_FORCE: f64 = 0.01;
 
 /// What is known about how the parameters hang together.
 pub(in crate::estimate) trait Structure {
@@ -209,22 +207,8 @@ fn solve_records(
     let (residual, _) = pooled_residual(records, &theta);
     let mut values = start;
     free.put(&solution.values, &mut values);
-    let mut std = vec![0.0; p];
-    let mut status = vec![Status::Frozen; p];
-    for (a, &j) in free.indices.iter().enumerate() {
-        if touched[a] {
-            std[j] = f64::INFINITY;
-            status[j] = Status::Unobservable;
-            continue;
-        }
-        std[j] = covariance[(j, j)].max(0.0).sqrt();
-        let uncertain_force = records.iter().map(|record| record.force_share(j, std[j])).fold(0.0, f64::max);
-        status[j] = if std[j] > POOR * values[j].abs() && uncertain_force > POOR_FORCE {
-            Status::PoorlyDetermined
-        } else {
-            Status::Identified
-        };
-    }
+    let felt = |j: usize, std: f64| records.iter().map(|record| record.force_share(j, std)).fold(0.0, f64::max);
+    let Verdict { std, status } = Verdict::new(&free, &touched, &values, &covariance, felt);
     let estimate = Estimate {
         values,
         std,

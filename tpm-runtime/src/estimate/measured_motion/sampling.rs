@@ -3,7 +3,7 @@
 //! Invariant: the motion is the trigonometric polynomial of the record's lines, so that its derivatives are exact, and the
 //! grid is fine enough that the harmonics of the rows no longer depend on it (up to [`MAX_GRID`]).
 
-use crate::estimate::measured_motion::EstimateError;
+use crate::estimate::error::EstimateError;
 use crate::numerics::fourier::{analyse, synthesise, two_sided};
 use crate::numerics::{DMatrix, RowDVector};
 use crate::run::Spectra;

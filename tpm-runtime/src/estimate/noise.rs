@@ -1,4 +1,4 @@
-//! Measured motion when the inputs are known exactly because they were applied, not measured.
+//! Noise of a record whose inputs are known exactly because they were applied, not measured.
 //!
 //! Between the lines of the spectrum such a record holds the sensors' noise n and the motion nu that this noise caused on
 //! its way round the loop. The motion obeys the model, so that `J q - B u = J n` whatever nu is (J is the periodic derivative
@@ -10,11 +10,9 @@
 //! since nu follows from the inputs, this shift is worked out and the mean can be used. Invariant: a record is refined at
 //! estimates that were found without all this; what is added are corrections of second order in the noise.
 
-use crate::estimate::ROUNDING;
 use crate::estimate::along::Along;
-use crate::estimate::estimator::Run;
-use crate::estimate::measured_motion::EstimateError;
-use crate::estimate::measured_motion::MeasuredMotion;
+use crate::estimate::error::EstimateError;
+use crate::estimate::run::Run;
 use crate::estimate::select::strongest;
 use crate::numerics::fourier::{coefficient, synthesise};
 use crate::numerics::{DMatrix, DVector};
@@ -26,6 +24,8 @@ use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 
+/// An error, or noise, below this share of a signal's largest harmonic is rounding, not noise that could be weighed.
+pub(super) const ROUNDING: f64 = 1e-9;
 /// Points of a period at which second derivatives are averaged.
 const POINTS: usize = 128;
 /// Step of second differences as a share of a slot's amplitude.
@@ -48,48 +48,6 @@ const NEGLIGIBLE: f64 = 1e-4;
 const TOGETHER: f64 = 1.94;
 /// Least standard deviation of a shift of a mean as a share of it.
 const SHIFT_UNCERTAINTY: f64 = 0.02;
-
-/// The estimates from all records before the last one is refined.
-pub(super) type First<'a> = dyn FnMut(&mut [MeasuredMotion]) -> Result<Vec<f64>, EstimateError> + 'a;
-
-/// Refines the last record at the estimates from all of them, which `first` gives.
-///
-/// # Errors
-/// [`EstimateError`] of a first estimate without the refinement.
-pub(super) fn refine_last(
-    records: &mut [MeasuredMotion],
-    model: &dyn Model<f64>,
-    constants: &[f64],
-    spectra: &Spectra,
-    hold: Hold,
-    first: &mut First<'_>,
-) -> Result<(), EstimateError> {
-    let dims = model.dims();
-    let Some(bins) = Bins::of(spectra, hold, dims) else { return Ok(()) };
-    let theta = first(records)?;
-    let Some(record) = records.last_mut() else { return Ok(()) };
-    let slots = record.slots().to_vec();
-    let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| record.gains(row, &theta)).collect();
-    if !bins.hold_noise(dims.coordinates) {
-        return Ok(());
-    }
-    let white: Vec<f64> = (0..dims.coordinates).map(|c| bins.white(c)).collect();
-    let counted = bins.counted(&white);
-    let maps: Vec<Vec<f64>> = (0..dims.rows).map(|row| record.input_map(row)).collect();
-    let of_row = |row: usize| {
-        let highest = record.used(row).last().copied().unwrap_or(0);
-        row_variance(&bins, (&maps[row], highest), &slots, &gains[row], &white, counted)
-    };
-    let (variance, apart) = (0..dims.rows).map(of_row).unzip();
-    record.set_variance(variance, apart, (!counted).then_some(white));
-    let motion = true_motion(&bins, &maps, &slots, &gains, dims.coordinates);
-    if let Some((motion, uncertainty)) = motion {
-        let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;
-        record.admit_means(&shift, &theta, uncertainty);
-    }
-    record.couple();
-    Ok(())
-}
 
 /// What noise does to harmonic equations along a reference.
 pub(super) struct NoiseAlong {
@@ -137,7 +95,7 @@ pub(super) fn noise_along(
 }
 
 /// The windowed transforms of a record of whole periods.
-struct Bins<'a> {
+pub(super) struct Bins<'a> {
     spectra: &'a Spectra,
     hold: Hold,
     periods: isize,
@@ -150,7 +108,7 @@ struct Bins<'a> {
 impl<'a> Bins<'a> {
     /// Nothing where the record does not have them for a machine of these sizes: broken periods have no bins between the lines
     /// in common with the shifts of the periodic derivative.
-    fn of(spectra: &'a Spectra, hold: Hold, dims: Dims) -> Option<Self> {
+    pub(super) fn of(spectra: &'a Spectra, hold: Hold, dims: Dims) -> Option<Self> {
         let whole = (spectra.samples_per_period - spectra.samples_per_period.round()).abs() < 1e-9;
         let channels = spectra.bins.len() == dims.coordinates + dims.inputs;
         let usable = whole && dims.rows == dims.coordinates && spectra.periods >= 4 && channels;
@@ -165,7 +123,7 @@ impl<'a> Bins<'a> {
     }
 
     /// Whether rounding to counts makes up so much of the sensors' noise, given in every bin, that it repeats.
-    fn counted(&self, white: &[f64]) -> bool {
+    pub(super) fn counted(&self, white: &[f64]) -> bool {
         // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
         let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
         let share = REPEATING * samples / self.spectra.window.bandwidth();
@@ -173,7 +131,7 @@ impl<'a> Bins<'a> {
     }
 
     /// Whether anything stands between the lowest lines of the coordinates.
-    fn hold_noise(&self, coordinates: usize) -> bool {
+    pub(super) fn hold_noise(&self, coordinates: usize) -> bool {
         (0..coordinates).any(|c| self.level(c, 0, self.spectra.highest().min(32)) > 0.0)
     }
 
@@ -218,7 +176,7 @@ impl<'a> Bins<'a> {
     /// Power of a channel's noise in a bin: what stands between the highest lines, where no motion is.
     ///
     /// The median is deaf to what little motion there is; a median of |n|^2 is ln 2 of its mean.
-    fn white(&self, channel: usize) -> f64 {
+    pub(super) fn white(&self, channel: usize) -> f64 {
         let highest = self.spectra.highest() as isize * self.periods;
         let free = (highest - highest / 4..highest).filter(|bin| self.free(*bin));
         let mut power: Vec<f64> = free.map(|bin| self.at(channel, bin).norm_sqr()).collect();
@@ -271,7 +229,7 @@ fn response(
 
 /// E|n|^2 of the phasors of a row with these factors of the inputs, from harmonic 0 to the highest one: the part that the sensors'
 /// white noise has, and what the nearest bins show beside it (motion that leaks where the rows hardly feel it, errors of counts).
-fn row_variance(
+pub(super) fn row_variance(
     bins: &Bins<'_>,
     (map, highest): (&[f64], usize),
     slots: &[(usize, usize)],
@@ -322,7 +280,7 @@ fn row_variance(
 /// Covariance of the motion between the lines, per pair of slots: what the inputs between the lines explain, or what was
 /// measured where that is less (near a resonance of the plant inputs say little). Beside it the standard deviation of its
 /// largest share: the mean over a record weighs this motion otherwise than the bins do, and some bins are hidden by the lines.
-fn true_motion(
+pub(super) fn true_motion(
     bins: &Bins<'_>,
     maps: &[Vec<f64>],
     slots: &[(usize, usize)],
@@ -403,7 +361,7 @@ fn true_motion(
 }
 
 /// Shift of the mean of every regressor, then of the known term, per row: half the mean second derivative times the covariance.
-fn shifts(
+pub(super) fn shifts(
     model: &dyn Model<f64>,
     constants: &[f64],
     spectra: &Spectra,

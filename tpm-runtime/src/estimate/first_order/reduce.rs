@@ -13,10 +13,11 @@
 //! `E = H B Lambda P`, P = theta' - theta), or its periodic whole (`hill`). Invariant: a fixed point of the update is the true
 //! theta for all three when the machine obeys the model, since J is multiplied by an error that then vanishes.
 
-use crate::estimate::ROUNDING;
 use crate::estimate::along::Along;
 use crate::estimate::equations::Equations;
-use crate::estimate::measured_motion::EstimateError;
+use crate::estimate::error::EstimateError;
+use crate::estimate::noise::ROUNDING;
+use crate::estimate::run::error_lines;
 use crate::numerics::DMatrix;
 use crate::numerics::fourier::analyse;
 use crate::run::Spectra;
@@ -30,7 +31,7 @@ use tpm_core::model::Dims;
 
 /// How much of the rows' dependence on the error is taken into account.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum FirstOrder {
+pub(in crate::estimate) enum FirstOrder {
     /// None: the feedback's effort alone is compared with the table.
     Effort,
     /// The linear terms, with their phase.
@@ -234,31 +235,6 @@ fn highest(
     }
     let kept = along.known.first().map_or(0, |lines| lines.len().saturating_sub(1));
     Ok(harmonics.min(spectra.highest()).min(kept))
-}
-
-/// Lines of the tracking error of every coordinate: measured minus reference.
-pub(crate) fn error_lines(
-    trial: &Trial,
-    spectra: &Spectra,
-    coordinates: usize,
-    highest: usize,
-) -> Vec<Vec<Complex<f64>>> {
-    (0..coordinates)
-        .map(|c| {
-            let mut lines: Vec<Complex<f64>> = spectra.lines[c].iter().take(highest + 1).copied().collect();
-            if let Some(series) = trial.trajectory.coordinates.get(c) {
-                if let Some(mean) = lines.first_mut() {
-                    *mean -= series.mean;
-                }
-                for line in &series.lines {
-                    if let Some(present) = lines.get_mut(line.harmonic as usize) {
-                        *present -= Complex::new(line.cos, -line.sin);
-                    }
-                }
-            }
-            lines
-        })
-        .collect()
 }
 
 /// Lines of the samples of every input's feed-forward.
