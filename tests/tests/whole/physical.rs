@@ -8,6 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
 use tpm_runtime::estimate::physical::{Physical, PhysicalError, PhysicalSettings, physical};
 use tpm_runtime::estimate::{Estimate, Status};
+use tpm_runtime::numerics::Matrix;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
@@ -41,10 +42,11 @@ fn covariance(values: &[f64]) -> DMatrix<f64> {
 
 fn estimate(values: Vec<f64>, covariance: DMatrix<f64>) -> Estimate {
     let n = values.len();
+    let rows: Vec<Vec<f64>> = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
     Estimate {
         std: (0..n).map(|j| covariance[(j, j)].sqrt()).collect(),
         values,
-        covariance,
+        covariance: Matrix::from_rows(&rows).expect("rows of one length"),
         status: vec![Status::Identified; n],
         rank: n,
         unobservable: Vec::new(),
@@ -159,13 +161,14 @@ fn what_the_lumped_parameters_do_not_show_is_not_invented() {
     let n = exact.len();
     let hidden: Vec<Vec<f64>> =
         [1, 2, 3, 4, 5].iter().map(|&j| (0..n).map(|i| if i == j { 1.0 } else { 0.0 }).collect()).collect();
-    let mut estimate = estimate(exact.clone(), covariance(&exact));
+    let mut shown = covariance(&exact);
+    for j in [1, 2, 3, 4, 5] {
+        shown.row_mut(j).fill(0.0);
+        shown.column_mut(j).fill(0.0);
+    }
+    let mut estimate = estimate(exact.clone(), shown);
     for (j, direction) in [1, 2, 3, 4, 5].iter().zip(&hidden) {
         assert_eq!(direction[*j], 1.0);
-        for i in 0..n {
-            estimate.covariance[(i, *j)] = 0.0;
-            estimate.covariance[(*j, i)] = 0.0;
-        }
         estimate.std[*j] = f64::INFINITY;
         estimate.status[*j] = Status::Unobservable;
     }

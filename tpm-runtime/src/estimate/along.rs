@@ -75,7 +75,7 @@ impl Along {
     ///
     /// # Errors
     /// As [`new`](Self::new).
-    pub fn design(
+    pub(super) fn design(
         model: &dyn Model<f64>,
         constants: &[f64],
         trajectory: &Trajectory,
@@ -110,8 +110,7 @@ impl Along {
     ///
     /// With the inputs held, the motion answers to a change of the parameters by `-J^-1 Phi`, with the periodic derivatives
     /// J as they are, harmonics coupled. `None` when there are not as many rows as coordinates, or J is singular.
-    #[must_use]
-    pub fn predicted(&self, theta: &[f64], noise: &[f64], samples: usize) -> Option<DMatrix<f64>> {
+    pub(crate) fn predicted(&self, theta: &[f64], noise: &[f64], samples: usize) -> Option<DMatrix<f64>> {
         let Dims { rows, coordinates, parameters, .. } = self.dims;
         let highest = self.phi.first()?.len().checked_sub(1)?;
         if rows != coordinates {

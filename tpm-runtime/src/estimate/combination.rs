@@ -34,7 +34,7 @@ impl Estimate {
                 weights[*own] = -direction[lead];
             }
             let value = weights.iter().zip(&self.values).map(|(weight, value)| weight * value).sum();
-            let variance = weights.dot(&(&self.covariance * &weights));
+            let variance = weights.dot(&(self.covariance.dense() * &weights));
             Combination { lead, weights: weights.as_slice().to_vec(), value, std: variance.max(0.0).sqrt() }
         };
         (0..p).filter(lead).map(of).collect()

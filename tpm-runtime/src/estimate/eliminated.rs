@@ -16,7 +16,7 @@ use crate::estimate::run::Run;
 use crate::estimate::settings::Settings;
 use crate::estimate::verdict::{Evidence, POOR, Status};
 use crate::interpret::Interpreted;
-use crate::numerics::DMatrix;
+use crate::numerics::{DMatrix, Matrix};
 use std::string::{String, ToString};
 use std::sync::Arc;
 use std::vec;
@@ -245,7 +245,7 @@ impl Eliminated {
         Estimate {
             values,
             std,
-            covariance,
+            covariance: Matrix::of(covariance),
             status,
             rank: physical.rank,
             unobservable,

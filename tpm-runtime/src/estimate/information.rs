@@ -17,7 +17,7 @@ const RANK_TOLERANCE: f64 = 1e-10;
 
 /// Square-root information of a set of parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Information {
+pub(super) struct Information {
     /// `[R z; 0 r]`, a row and a column more than there are parameters.
     triangle: DMatrix<f64>,
 }
@@ -32,29 +32,29 @@ pub(super) struct Scaled<'a> {
 
 /// Parameters solved from information.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Solution {
+pub(super) struct Solution {
     /// Values; along unobservable directions those of the prior.
-    pub values: Vec<f64>,
+    pub(super) values: Vec<f64>,
     /// Covariance over the observable directions.
-    pub covariance: DMatrix<f64>,
+    pub(super) covariance: DMatrix<f64>,
     /// Independent combinations that the equations show.
-    pub rank: usize,
+    pub(super) rank: usize,
     /// Directions that they do not show, the largest component of each being one.
-    pub unobservable: Vec<Vec<f64>>,
+    pub(super) unobservable: Vec<Vec<f64>>,
     /// Weighted sum of squares that remains at the solution.
-    pub remainder: f64,
+    pub(super) remainder: f64,
 }
 
 impl Information {
     /// No information on so many parameters.
     #[must_use]
-    pub fn empty(parameters: usize) -> Self {
+    pub(super) fn empty(parameters: usize) -> Self {
         Information { triangle: DMatrix::zeros(parameters + 1, parameters + 1) }
     }
 
     /// Condenses real equations `[A b]`, `A theta = b`, of unit variance.
     #[must_use]
-    pub fn of(rows: DMatrix<f64>) -> Self {
+    pub(super) fn of(rows: DMatrix<f64>) -> Self {
         let (equations, columns) = rows.shape();
         let rows = if equations < columns { rows.resize_vertically(columns, 0.0) } else { rows };
         Information { triangle: rows.qr().unpack_r() }
@@ -62,7 +62,7 @@ impl Information {
 
     /// Adds what other data say about the same parameters.
     #[must_use]
-    pub fn pool(&self, other: &Self) -> Self {
+    pub(super) fn pool(&self, other: &Self) -> Self {
         let columns = self.triangle.ncols();
         let mut rows = DMatrix::zeros(2 * columns, columns);
         rows.rows_mut(0, columns).copy_from(&self.triangle);
@@ -72,7 +72,7 @@ impl Information {
 
     /// The same data when their age makes them count less: every weight times `factor` in (0, 1].
     #[must_use]
-    pub fn forget(mut self, factor: f64) -> Self {
+    pub(super) fn forget(mut self, factor: f64) -> Self {
         self.triangle *= factor.sqrt();
         self
     }
@@ -84,14 +84,14 @@ impl Information {
 
     /// Upper triangular factor R.
     #[must_use]
-    pub fn factor(&self) -> DMatrixView<'_, f64> {
+    pub(super) fn factor(&self) -> DMatrixView<'_, f64> {
         let n = self.parameters();
         self.triangle.view((0, 0), (n, n))
     }
 
     /// Right-hand side z of `R theta = z`.
     #[must_use]
-    pub fn right(&self) -> DVectorView<'_, f64> {
+    pub(super) fn right(&self) -> DVectorView<'_, f64> {
         let n = self.parameters();
         self.triangle.generic_view((0, n), (Dyn(n), Const::<1>))
     }
@@ -107,7 +107,7 @@ impl Information {
     /// `prior` (one value per parameter) fills the unobservable directions; `gradient`, when given, is added to the right
     /// of the normal equations (a correction for noise in the regressors).
     #[must_use]
-    pub fn solve(&self, prior: &[f64], gradient: Option<&[f64]>) -> Solution {
+    pub(super) fn solve(&self, prior: &[f64], gradient: Option<&[f64]>) -> Solution {
         self.scaled().solve(prior, gradient, &[])
     }
 

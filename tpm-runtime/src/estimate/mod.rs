@@ -1,8 +1,8 @@
 //! Estimators: from harmonics to parameters with their uncertainty.
 //!
-//! Invariant: an estimator turns what was measured into [`Equations`], complex rows linear in theta with the variance
-//! of their noise; [`Information`] condenses them to a square-root form without squaring their condition; runs and
-//! logs are pooled there, and [`Information::solve`] gives rank first, then values. Nothing is estimated along a
+//! Invariant: an estimator turns what was measured into `Equations`, complex rows linear in theta with the variance
+//! of their noise; `Information` condenses them to a square-root form without squaring their condition; runs and
+//! logs are pooled there, and solving gives rank first, then values. Nothing is estimated along a
 //! direction that the data do not show.
 //!
 //! What estimators share stands below them, and no file imports from one that imports from it:
@@ -39,10 +39,8 @@ pub use along::Along;
 pub use combination::Combination;
 #[cfg(feature = "interpret")]
 pub use eliminated::{Eliminated, EliminatedError};
-pub use equations::Equations;
 pub use error::EstimateError;
 pub use estimator::Estimator;
-pub use information::{Information, Solution};
 pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};

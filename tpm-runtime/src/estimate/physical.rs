@@ -14,7 +14,7 @@ use crate::estimate::result::Estimate;
 use crate::estimate::verdict::{COMPONENT, Evidence, POOR_PHYSICAL, Status};
 use crate::numerics::Owned;
 use crate::numerics::singular::{Singular, complement, largest_one, unit_columns};
-use crate::numerics::{DMatrix, DVector, Dyn};
+use crate::numerics::{DMatrix, DVector, Dyn, Matrix};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use std::collections::BTreeMap;
 use std::format;
@@ -64,7 +64,7 @@ pub struct Physical {
     /// The lumped parameters that they give.
     pub lumped: Vec<f64>,
     /// Covariance, in the order of `parameters`; zero for what is frozen or at a bound.
-    pub covariance: DMatrix<f64>,
+    pub covariance: Matrix,
     /// Directions that the lumped parameters do not determine, the largest component of each being one.
     pub unobservable: Vec<Vec<f64>>,
     /// Ratio of the largest to the smallest singular value that counts of the weighted Jacobian after column scaling.
@@ -179,8 +179,12 @@ impl PhysicalFit {
 
     /// The same from the equations behind an estimate, which also hold what is too small for a covariance. `gradient` is
     /// added to the right of their normal equations; the search begins at `start` too.
-    #[must_use]
-    pub fn of_information(&self, information: &Information, gradient: Option<&[f64]>, start: &[f64]) -> Physical {
+    pub(super) fn of_information(
+        &self,
+        information: &Information,
+        gradient: Option<&[f64]>,
+        start: &[f64],
+    ) -> Physical {
         let lumped = information.solve(&self.lumped(start), gradient).values;
         self.best(&Weighted::of_information(information, gradient), &[self.closed(&lumped), start.to_vec()])
     }
@@ -563,7 +567,7 @@ impl Fixed {
             status,
             values: solution.values.clone(),
             lumped: map.evaluate(self.lookup(map, &solution.values)),
-            covariance,
+            covariance: Matrix::of(covariance),
             unobservable,
             condition,
             rank,

@@ -11,9 +11,8 @@ use crate::estimate::information::Information;
 use crate::estimate::result::Estimate;
 use crate::estimate::settings::Settings;
 use crate::estimate::verdict::Verdict;
-use crate::numerics::DMatrix;
+use crate::numerics::{DMatrix, Matrix};
 use std::vec;
-use std::vec::Vec;
 
 /// A change within so many standard deviations is noise.
 const INSIGNIFICANT: f64 = 3.0;
@@ -97,7 +96,7 @@ pub(super) fn pool_run(
     let estimate = Estimate {
         values,
         std,
-        covariance,
+        covariance: Matrix::of(covariance),
         status,
         rank: solution.rank,
         unobservable,

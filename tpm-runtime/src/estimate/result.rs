@@ -1,7 +1,7 @@
 //! The result that every estimator gives.
 
 use crate::estimate::verdict::{LARGE_RESIDUAL, Status};
-use crate::numerics::DMatrix;
+use crate::numerics::Matrix;
 use std::format;
 use std::string::String;
 use std::vec::Vec;
@@ -14,7 +14,7 @@ pub struct Estimate {
     /// Standard deviation of every parameter; infinite where unobservable, zero where frozen.
     pub std: Vec<f64>,
     /// Covariance, parameters x parameters; restricted to what is observable.
-    pub covariance: DMatrix<f64>,
+    pub covariance: Matrix,
     /// What may be said of every parameter.
     pub status: Vec<Status>,
     /// Rank of the equations: the number of independent combinations that the data show.

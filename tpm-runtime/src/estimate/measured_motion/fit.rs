@@ -13,7 +13,7 @@ use crate::estimate::measured_motion::record::MeasuredMotion;
 use crate::estimate::result::Estimate;
 use crate::estimate::settings::{Settings, Weights};
 use crate::estimate::verdict::Verdict;
-use crate::numerics::DMatrix;
+use crate::numerics::{DMatrix, Matrix};
 use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Dims;
@@ -212,7 +212,7 @@ fn solve_records(
     let estimate = Estimate {
         values,
         std,
-        covariance,
+        covariance: Matrix::of(covariance),
         status,
         rank: solution.rank,
         unobservable,
