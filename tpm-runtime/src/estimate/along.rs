@@ -6,9 +6,11 @@
 
 use crate::estimate::error::EstimateError;
 use crate::estimate::information::Information;
+use crate::estimate::table::{LineTable, RowLines};
 use crate::numerics::DMatrix;
 use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::fourier::{analyse, synthesise, two_sided};
+use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
 use std::vec;
@@ -155,15 +157,32 @@ impl Along {
         answer.iter().all(|value| value.is_finite()).then_some(answer)
     }
 
-    /// Replaces the regressors' lines by those of the exact table.
-    #[must_use]
-    pub fn with_lines(mut self, phi: Vec<Vec<Complex<f64>>>, known: Vec<Vec<Complex<f64>>>) -> Self {
-        self.phi = phi;
-        self.known = known;
-        self
+    /// The rows along a trial's reference, harmonics 0 to `harmonics`: those of the exact table where there is one for it,
+    /// sampled otherwise.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`], [`EstimateError::NotFinite`].
+    pub(super) fn of_trial(
+        model: &dyn Model<f64>,
+        trial: &Trial,
+        harmonics: usize,
+        table: Option<&dyn LineTable>,
+    ) -> Result<Self, EstimateError> {
+        let sampled = Along::new(model, &trial.constants, &trial.trajectory, harmonics)?;
+        let exact = table.and_then(|t| t.lines(&trial.trajectory, &trial.amplitudes, &trial.constants, harmonics));
+        Ok(match exact {
+            Some(RowLines { regressors, known }) => Along { phi: regressors, known, ..sampled },
+            None => sampled,
+        })
     }
 
-    /// Lines of a regressor: one-sided phasors a_c - j a_s from harmonic 0 on.
+    /// Phasors of the known term of a row: one-sided, a_c - j a_s, from harmonic 0 on.
+    #[must_use]
+    pub fn known(&self, row: usize) -> &[Complex<f64>] {
+        &self.known[row]
+    }
+
+    /// Phasors of a regressor: one-sided, a_c - j a_s, from harmonic 0 on.
     #[must_use]
     pub fn regressor(&self, row: usize, parameter: usize) -> &[Complex<f64>] {
         &self.phi[row * self.dims.parameters + parameter]

@@ -5,7 +5,9 @@ use crate::estimate::first_order::{FirstOrder, Linearised};
 use crate::estimate::measured_motion::PooledMotion;
 use crate::estimate::numerical::Numerical;
 use crate::estimate::settings::Settings;
+use crate::estimate::table::LineTable;
 use std::boxed::Box;
+use std::sync::Arc;
 
 /// Which estimator to use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
@@ -41,16 +43,23 @@ impl Method {
         }
     }
 
-    /// The estimator, with everything still to learn.
+    /// The estimator before any run. Where it needs the rows along a reference, it samples them.
     #[must_use]
     pub fn estimator(self, settings: &Settings) -> Box<dyn Estimator> {
-        let first_order = |kind| Box::new(Linearised::new(kind, settings));
+        self.estimator_with(settings, None)
+    }
+
+    /// The estimator before any run. Where it needs the rows along a reference, it takes them from the exact table, and samples
+    /// them along motions for which there is none.
+    #[must_use]
+    pub fn estimator_with(self, settings: &Settings, table: Option<Arc<dyn LineTable>>) -> Box<dyn Estimator> {
+        let first_order = |kind, table| Box::new(Linearised::new(kind, settings, table));
         match self {
             Method::MeasuredMotion => Box::new(PooledMotion::new(settings)),
-            Method::Error => first_order(FirstOrder::Error),
-            Method::Hill => first_order(FirstOrder::Hill),
-            Method::Effort => first_order(FirstOrder::Effort),
-            Method::Numerical => Box::new(Numerical::new(settings)),
+            Method::Error => first_order(FirstOrder::Error, table),
+            Method::Hill => first_order(FirstOrder::Hill, table),
+            Method::Effort => first_order(FirstOrder::Effort, table),
+            Method::Numerical => Box::new(Numerical::new(settings, table)),
         }
     }
 }

@@ -33,6 +33,9 @@ mod result;
 mod run;
 mod select;
 mod settings;
+mod table;
+#[cfg(feature = "interpret")]
+mod tabulated;
 mod verdict;
 
 pub use along::Along;
@@ -48,5 +51,8 @@ pub use result::Estimate;
 pub use run::Run;
 pub(crate) use run::error_lines;
 pub use settings::{Frozen, NumericalSettings, Settings, Weights};
+pub use table::{LineTable, RowLines};
+#[cfg(feature = "interpret")]
+pub use tabulated::PatternTables;
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

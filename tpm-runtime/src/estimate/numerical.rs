@@ -14,8 +14,10 @@ use crate::estimate::pool::{Pools, pool_run};
 use crate::estimate::result::Estimate;
 use crate::estimate::run::{Run, error_lines};
 use crate::estimate::settings::{NumericalSettings, Settings};
+use crate::estimate::table::LineTable;
 use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
+use std::sync::Arc;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
@@ -30,6 +32,7 @@ type Lines = Vec<Vec<Complex<f64>>>;
 /// The estimator.
 pub(super) struct Numerical {
     settings: Settings,
+    table: Option<Arc<dyn LineTable>>,
     pools: Pools,
     /// The equations of the last update, when the last run made one, and the parameters behind them.
     ready: Option<(Equations, Vec<f64>)>,
@@ -53,9 +56,15 @@ struct Base {
 }
 
 impl Base {
-    fn new(model: &dyn Model<f64>, run: &Run<'_>, error: Lines, highest: usize) -> Result<Self, EstimateError> {
+    fn new(
+        model: &dyn Model<f64>,
+        run: &Run<'_>,
+        error: Lines,
+        highest: usize,
+        table: Option<&dyn LineTable>,
+    ) -> Result<Self, EstimateError> {
         let dims = model.dims();
-        let along = Along::new(model, &run.trial.constants, &run.trial.trajectory, highest)?;
+        let along = Along::of_trial(model, run.trial, highest, table)?;
         let power = |lines: &[Complex<f64>]| lines.iter().map(|z| z.norm_sqr()).sum::<f64>();
         let force =
             run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
@@ -95,10 +104,11 @@ fn variances(run: &Run<'_>, coordinates: usize, highest: usize) -> Vec<Vec<f64>>
 }
 
 impl Numerical {
-    /// With everything still to learn.
-    pub(super) fn new(settings: &Settings) -> Self {
+    /// The estimator before any run.
+    pub(super) fn new(settings: &Settings, table: Option<Arc<dyn LineTable>>) -> Self {
         Numerical {
             settings: settings.clone(),
+            table,
             pools: Pools::default(),
             ready: None,
             base: None,
@@ -186,7 +196,7 @@ impl Estimator for Numerical {
         let Some(base) = self.base.as_ref().filter(same) else {
             self.columns.clear();
             self.known = false;
-            self.base = Some(Base::new(model, run, error, highest)?);
+            self.base = Some(Base::new(model, run, error, highest, self.table.as_deref())?);
             return Ok(());
         };
         if self.known {

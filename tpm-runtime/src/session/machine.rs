@@ -6,14 +6,14 @@
 use crate::campaign::Store;
 use crate::campaign::{Campaign, RunReport, Setup};
 use crate::estimate::physical::{PhysicalSettings, has_inertia};
-use crate::estimate::{Eliminated, EliminatedError, Method, Weights};
+use crate::estimate::{Eliminated, EliminatedError, Method, PatternTables, Weights};
 use crate::experiment::{Equations, Experiment, ExperimentError, StageSection};
 use crate::interpret::Interpreted;
 use crate::run::trajectory::{Pattern, PatternError};
 use crate::session::simulated::{CampaignIdentification, Watch, play_campaign};
 use std::collections::BTreeMap;
 use std::string::String;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Model as _;
@@ -39,6 +39,10 @@ pub struct Machine {
     plant: Interpreted,
     pattern: Pattern,
     eliminated: Option<Arc<Eliminated>>,
+    /// The plant's equations in exact form.
+    source: Prepared,
+    /// Exact tables of the plant under its patterns, made when an estimator first needs them.
+    tables: OnceLock<Arc<PatternTables>>,
 }
 
 impl Machine {
@@ -87,7 +91,7 @@ impl Machine {
             };
             Some(Arc::new(Eliminated::new(prepared, &plant, &settings)?))
         };
-        Ok(Machine { plant, pattern, eliminated })
+        Ok(Machine { plant, pattern, eliminated, source: whole.clone(), tables: OnceLock::new() })
     }
 
     /// The machine's own equations.
@@ -132,7 +136,14 @@ impl Machine {
                 let estimator = form.estimator(&setup.estimation);
                 Campaign::with_estimator(&self.plant, setup, estimator)
             }
-            _ => Campaign::new(&self.plant, setup),
+            // The rows are those of the measured motion, for which there is no table.
+            _ if setup.method == Method::MeasuredMotion => Campaign::new(&self.plant, setup),
+            _ => {
+                let made = || Arc::new(PatternTables::new(&self.source, &self.plant, &self.pattern));
+                let table = Arc::clone(self.tables.get_or_init(made));
+                let estimator = setup.method.estimator_with(&setup.estimation, Some(table));
+                Campaign::with_estimator(&self.plant, setup, estimator)
+            }
         };
         Ok(campaign?)
     }

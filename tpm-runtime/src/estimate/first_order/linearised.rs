@@ -9,8 +9,10 @@ use crate::estimate::pool::{Pool, Pools, pool_run};
 use crate::estimate::result::Estimate;
 use crate::estimate::run::Run;
 use crate::estimate::settings::Settings;
+use crate::estimate::table::LineTable;
 use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
+use std::sync::Arc;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
@@ -18,6 +20,7 @@ use tpm_core::model::Model;
 pub(in crate::estimate) struct Linearised {
     kind: FirstOrder,
     settings: Settings,
+    table: Option<Arc<dyn LineTable>>,
     pools: Pools,
     /// The last run, reduced.
     last: Option<Reduced>,
@@ -27,10 +30,10 @@ pub(in crate::estimate) struct Linearised {
 }
 
 impl Linearised {
-    /// With everything still to learn.
-    pub(in crate::estimate) fn new(kind: FirstOrder, settings: &Settings) -> Self {
+    /// The estimator before any run.
+    pub(in crate::estimate) fn new(kind: FirstOrder, settings: &Settings, table: Option<Arc<dyn LineTable>>) -> Self {
         let (settings, pools) = (settings.clone(), Pools::default());
-        Linearised { kind, settings, pools, last: None, reference: None, harmonics: 0 }
+        Linearised { kind, settings, table, pools, last: None, reference: None, harmonics: 0 }
     }
 }
 
@@ -43,9 +46,14 @@ struct Reference {
 }
 
 impl Reference {
-    fn new(model: &dyn Model<f64>, trial: &Trial, highest: usize) -> Result<Self, EstimateError> {
+    fn new(
+        model: &dyn Model<f64>,
+        trial: &Trial,
+        highest: usize,
+        table: Option<&dyn LineTable>,
+    ) -> Result<Self, EstimateError> {
+        let along = Along::of_trial(model, trial, highest, table)?;
         let (trajectory, constants) = (trial.trajectory.clone(), trial.constants.clone());
-        let along = Along::new(model, &constants, &trajectory, highest)?;
         Ok(Reference { trajectory, constants, highest, along })
     }
 
@@ -69,7 +77,7 @@ impl Estimator for Linearised {
         let highest = run.highest_harmonic(&self.settings);
         let reference = match self.reference.take().filter(|reference| reference.is_of(run.trial, highest)) {
             Some(reference) => reference,
-            None => Reference::new(model, run.trial, highest)?,
+            None => Reference::new(model, run.trial, highest, self.table.as_deref())?,
         };
         let along = &self.reference.insert(reference).along;
         let mut reduced = match run.rates {
