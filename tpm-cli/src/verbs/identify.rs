@@ -326,12 +326,12 @@ fn settings(
     let only = |values: &BTreeMap<String, f64>| {
         values.iter().filter(|(name, _)| own.contains(name)).map(|(name, value)| (name.clone(), *value)).collect()
     };
-    PhysicalSettings {
-        prior: only(prior),
-        frozen: only(frozen),
-        bounds: args.bound.iter().cloned().collect(),
-        constants: constants.clone(),
-    }
+    let mut settings = PhysicalSettings::default();
+    settings.prior = only(prior);
+    settings.frozen = only(frozen);
+    settings.bounds = args.bound.iter().cloned().collect();
+    settings.constants.clone_from(constants);
+    settings
 }
 
 /// The physical parameters behind lumped ones, none when nothing was lumped; what there is to say of them goes to `warnings`.

@@ -49,7 +49,7 @@ impl Equations {
         self.harmonic.push(harmonic);
     }
 
-    /// Adds the equations of others.
+    /// Adds further equations.
     pub(super) fn append(&mut self, mut others: Self) {
         self.regressors.append(&mut others.regressors);
         self.right.append(&mut others.right);
@@ -67,8 +67,9 @@ impl Equations {
         }
     }
 
-    /// Adds to the regressors of a mean what noise adds to them, one number for every parameter and, last, for the known term,
-    /// which is returned. `uncertainty` is the standard deviation of all that, as a share, at the parameters theta.
+    /// Shifts the regressors of a mean as noise does: `shift` has one number for every parameter and, last, for the known term,
+    /// whose shift is returned. `uncertainty` is the standard deviation of the whole shift at the parameters theta, as a
+    /// share of it.
     pub(super) fn shift_mean(&mut self, equation: usize, shift: &[f64], theta: &[f64], uncertainty: f64) -> f64 {
         let (own, known) = shift.split_at(self.parameters.min(shift.len()));
         let regressors = &mut self.regressors[equation * self.parameters..(equation + 1) * self.parameters];
@@ -112,15 +113,15 @@ impl Equations {
         if self.harmonic[equation] == 0 { 1.0 / variance } else { 2.0 / variance }
     }
 
-    /// As many real equations as there are parameters, those that determine them best: real or imaginary parts of rows, each
-    /// as a row of harmonic 0.
+    /// The real equations that determine the parameters best, as many as there are parameters: real or imaginary parts of rows,
+    /// each as a row of harmonic 0.
     ///
-    /// They are the first columns that pivoting picks in the weighted, scaled and transposed matrix (after Feng, Eqn 3.29).
+    /// A QR decomposition of the weighted, scaled and transposed matrix picks them by its pivots (after Feng, Eqn 3.29).
     #[must_use]
     pub(super) fn reduced(&self) -> Self {
         let all: Vec<usize> = (0..self.parameters).collect();
         let (matrix, _) = unit_columns(self.weighted(&all, &[]).remove_column(self.parameters));
-        // Where every real equation comes from: the row, and whether its imaginary part.
+        // The complex row of every real equation, and whether it is the imaginary part.
         let parts = (0..self.len()).flat_map(|e| {
             let imaginary: &[bool] = if self.harmonic[e] == 0 { &[false] } else { &[false, true] };
             imaginary.iter().map(move |part| (e, *part))

@@ -5,6 +5,7 @@ use tpm_core::model::EvalError;
 
 /// Why an estimator gave no estimate.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EstimateError {
     /// The model refused an evaluation.
     #[error("the model cannot be evaluated: {0}")]
@@ -17,7 +18,7 @@ pub enum EstimateError {
         /// Signals in the record.
         given: usize,
     },
-    /// A term is not finite along the measured motion.
+    /// A term is not finite along the motion.
     #[error(
         "row {row} is not finite on the measured motion ({what}); is a square root taken of a negative number, or a scale wrong?"
     )]

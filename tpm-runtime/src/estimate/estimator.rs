@@ -11,7 +11,7 @@ use std::string::String;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// From runs to parameters.
+/// Learns parameters from the runs of a campaign.
 pub trait Estimator: Send {
     /// The name in experiment files and reports.
     fn name(&self) -> &'static str;
@@ -24,20 +24,20 @@ pub trait Estimator: Send {
     /// Reduces a run to harmonics, with the noise in the equations that are formed of them.
     ///
     /// # Errors
-    /// [`EstimateError`]; what was learnt before is kept.
+    /// [`EstimateError`] when the run cannot be used; what was learnt before is kept.
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError>;
 
-    /// The estimate from all runs that were reduced, or nothing while further runs are needed for it. Asked again, it is the
-    /// same.
+    /// The estimate from all runs that were reduced, or nothing while further runs are needed for it. A second call without a
+    /// run in between gives the same estimate.
     ///
     /// # Errors
-    /// [`EstimateError`]; the last run is then forgotten.
+    /// [`EstimateError`] when the equations cannot be solved; the last run is then forgotten.
     fn update(&mut self) -> Result<Option<Estimate>, EstimateError>;
 
     /// Takes in a run: reduces it and updates.
     ///
     /// # Errors
-    /// As those; what was learnt before is kept.
+    /// [`EstimateError`] when the run cannot be used; what was learnt before is kept.
     fn take(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<Option<Estimate>, EstimateError> {
         self.reduce(model, run)?;
         self.update()
@@ -46,8 +46,8 @@ pub trait Estimator: Send {
     /// Highest harmonic used in the last run.
     fn harmonics(&self) -> usize;
 
-    /// What was estimated on the way, in the parameters of another form of the model (lumped ones of a model with
-    /// coordinates eliminated); nothing for most.
+    /// The lumped parameters behind the last estimate, with the form of the model that has them; nothing for estimators of models
+    /// without eliminated coordinates.
     fn lumped(&self) -> Option<(&dyn Model<f64>, &Estimate)> {
         None
     }

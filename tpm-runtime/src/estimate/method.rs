@@ -12,22 +12,23 @@ use std::sync::Arc;
 /// Which estimator to use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Method {
     /// Inverse dynamics on the measured motion; exact in one run without noise.
     #[default]
     MeasuredMotion,
     /// Harmonics of the tracking error with the exact phase (Feng, Eqns 3.22, 4.29).
     Error,
-    /// The same with harmonics coupled.
+    /// Harmonics of the tracking error, coupled by the periodic derivatives of the rows.
     Hill,
-    /// Harmonics of the feedback's effort on the table.
+    /// Harmonics of the feedback's effort, compared with B Lambda theta.
     Effort,
     /// Harmonics of the tracking error and one extra run per parameter (Feng, Eqn 3.28).
     Numerical,
 }
 
 impl Method {
-    /// All of them.
+    /// Every estimator.
     pub const ALL: [Method; 5] =
         [Method::MeasuredMotion, Method::Error, Method::Hill, Method::Effort, Method::Numerical];
 

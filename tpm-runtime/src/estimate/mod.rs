@@ -1,14 +1,13 @@
 //! Estimators: from harmonics to parameters with their uncertainty.
 //!
-//! Invariant: an estimator turns what was measured into `Equations`, complex rows linear in theta with the variance
-//! of their noise; `Information` condenses them to a square-root form without squaring their condition; runs and
-//! logs are pooled there, and solving gives rank first, then values. Nothing is estimated along a
-//! direction that the data do not show.
+//! Invariant: an estimator turns what was measured into `Equations`, complex rows linear in theta with the variance of their
+//! noise. `Information` condenses them to a square-root form without squaring their condition; runs and logs are pooled
+//! there, and solving gives rank first, then values. Nothing is estimated along a direction that the data do not show.
 //!
-//! What estimators share stands below them, and no file imports from one that imports from it:
+//! What estimators share stands below them, and imports run one way, from right to left:
 //!
 //! ```text
-//! settings, error -> verdict, result -> equations, information -> along, noise -> pool -> one estimator each -> method
+//! settings, error <- verdict, result <- equations, information <- table, along <- noise <- pool <- estimators <- method
 //! ```
 
 mod along;

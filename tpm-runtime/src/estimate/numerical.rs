@@ -1,9 +1,10 @@
 //! `numerical`: the matrix of the tracking error's harmonics from runs with one parameter changed at a time (Feng, Eqn 3.28).
 //!
 //! To first order `E = M (theta' - theta)`, theta' being the parameters of the feed-forward. A base run and one run per parameter give M
-//! by differences. On request it is used as Feng's chapters 3 and 5 do: entries that are zero in the exact table are
-//! cleared, only as many equations as parameters are kept (3.29), and once there is a matrix every run is an update, M being
-//! corrected by what the last one did (secant). Invariant: a matrix belongs to one reference; another one begins anew.
+//! by differences. On request M is used as in Feng's chapters 3 and 5: entries that are zero in the exact table are
+//! cleared, only as many equations as parameters are kept (Eqn 3.29), and once M is known every run is an update, and M is
+//! corrected by the change of the error since the run before (secant). Invariant: M belongs to one reference; another
+//! reference begins anew.
 
 use crate::estimate::along::Along;
 use crate::estimate::equations::Equations;
@@ -21,15 +22,15 @@ use std::sync::Arc;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// Change of a parameter in a perturbed run, as a share of the value, or of the whole force.
+/// Change of a parameter in a perturbed run, as a share of its value, or of the value at which it makes the whole force.
 const PERTURBATION: f64 = 0.5;
-/// An entry of the table below this share of its column's largest is zero but for rounding.
+/// An entry of B Lambda below this share of its column's largest is rounding of zero.
 const ZERO: f64 = 1e-9;
 
 /// Phasors per coordinate and harmonic.
 type Lines = Vec<Vec<Complex<f64>>>;
 
-/// The estimator.
+/// The estimator `numerical`.
 pub(super) struct Numerical {
     settings: Settings,
     table: Option<Arc<dyn LineTable>>,
@@ -39,12 +40,12 @@ pub(super) struct Numerical {
     base: Option<Base>,
     /// Per parameter so far: change of every coordinate's error lines per change of the parameter.
     columns: Vec<Lines>,
-    /// The matrix is whole, and every further run corrects it.
+    /// Whether M is whole, so that every further run corrects it.
     known: bool,
     harmonics: usize,
 }
 
-/// The run that others are compared with.
+/// The run with which perturbed runs are compared.
 struct Base {
     reference: Trajectory,
     parameters: Vec<f64>,
@@ -90,7 +91,8 @@ impl Base {
         })
     }
 
-    /// Whether a run has the same reference; that of open coordinates follows from the parameters.
+    /// Whether a run has the reference of the base run. Open coordinates are not compared: their reference follows from the
+    /// parameters.
     fn is_of(&self, run: &Run<'_>) -> bool {
         let (own, other) = (&self.reference, &run.trial.trajectory);
         own.frequency.to_bits() == other.frequency.to_bits()
@@ -118,8 +120,8 @@ impl Numerical {
         }
     }
 
-    /// Corrects the matrix by what the step from the last update's run to this one did (Broyden, every parameter in its own
-    /// measure), and makes this run the base.
+    /// Corrects M by the change of the error from the base run to this one (Broyden's update, every parameter scaled by its
+    /// step), and makes this run the base.
     fn correct(&mut self, run: &Run<'_>, error: Lines) {
         let Some(base) = self.base.as_mut() else { return };
         let step: Vec<f64> =

@@ -14,10 +14,10 @@ use crate::estimate::verdict::Verdict;
 use crate::numerics::{DMatrix, Matrix};
 use std::vec;
 
-/// A change within so many standard deviations is noise.
+/// A change of so many standard deviations or less is taken for noise.
 const INSIGNIFICANT: f64 = 3.0;
 
-/// What linearised runs have taught.
+/// The information of linearised runs.
 #[derive(Clone)]
 pub(super) struct Pool {
     information: Information,
@@ -25,7 +25,7 @@ pub(super) struct Pool {
     distance: f64,
 }
 
-/// What all runs but the last one have taught, and what all have.
+/// The information of all runs but the last one, and of all.
 #[derive(Default)]
 pub(super) struct Pools {
     pub(super) before: Option<Pool>,
@@ -33,7 +33,7 @@ pub(super) struct Pools {
 }
 
 impl Pools {
-    /// Another run follows.
+    /// Takes the last run into `before`, since another run follows.
     pub(super) fn close(&mut self) {
         if let Some(after) = self.after.take() {
             self.before = Some(after);
@@ -42,7 +42,7 @@ impl Pools {
 }
 
 /// Distance between the start of a run and its estimate relative to the values: the size of what was linearised. It is
-/// never taken below what noise alone makes of it, so that converged runs count alike.
+/// never taken below the distance that noise alone makes, so that converged runs count alike.
 fn distance(start: &[f64], found: &[f64], covariance: &DMatrix<f64>, inflation: f64) -> f64 {
     start
         .iter()
@@ -55,7 +55,10 @@ fn distance(start: &[f64], found: &[f64], covariance: &DMatrix<f64>, inflation: 
         .fold(0.0, f64::max)
 }
 
-/// Adds a run's equations to the pool and solves it.
+/// Adds a run's equations to the pool and solves it; `current` has the parameters of the run's feed-forward.
+///
+/// # Errors
+/// [`EstimateError::Frozen`] and [`EstimateError::AllFrozen`] when parameters are held that do not exist, or all.
 pub(super) fn pool_run(
     pool: Option<&Pool>,
     equations: &Equations,

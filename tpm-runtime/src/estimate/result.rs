@@ -13,7 +13,7 @@ pub struct Estimate {
     pub values: Vec<f64>,
     /// Standard deviation of every parameter; infinite where unobservable, zero where frozen.
     pub std: Vec<f64>,
-    /// Covariance, parameters x parameters; restricted to what is observable.
+    /// Covariance, parameters x parameters, in the model's units; over the observable directions.
     pub covariance: Matrix,
     /// What may be said of every parameter.
     pub status: Vec<Status>,
@@ -25,7 +25,7 @@ pub struct Estimate {
     pub condition: f64,
     /// Root-mean-square residual of the used harmonics as a share of the generalised force.
     pub residual: f64,
-    /// Weighted sum of squared residuals per degree of freedom before any inflation; about one when the noise explains it.
+    /// Weighted sum of squared residuals per degree of freedom before any inflation; about one when the noise explains them.
     pub chi_squared: f64,
     /// Standard deviation that the model's own error adds to a harmonic of each row, units of the row.
     pub model_error: Vec<f64>,
@@ -38,7 +38,7 @@ impl Estimate {
         self.residual <= LARGE_RESIDUAL
     }
 
-    /// What to warn of when it does not.
+    /// A warning when the model does not explain what was measured.
     pub(crate) fn unexplained(&self) -> Option<String> {
         (!self.is_explained()).then(|| {
             format!(

@@ -28,8 +28,8 @@ pub struct Run<'a> {
 impl Run<'_> {
     /// The motion that tells which parameters the run can show: the reference, in which errors of the tracking show nothing.
     ///
-    /// Estimates of zero leave open coordinates at rest in the reference, while the machine moves them. The motion is then
-    /// the measured one, of all coordinates: rows without an input hold on a motion as a whole, not on a mixture.
+    /// Estimates of zero leave open coordinates at rest in the reference, while the machine moves them. The measured motion of all
+    /// coordinates is then taken: rows without an input hold along a motion as a whole, not along a mixture of two.
     pub(super) fn judged_motion(&self) -> Cow<'_, Trajectory> {
         let reference = &self.trial.trajectory;
         let rests = |&c: &usize| reference.coordinates[c].highest_harmonic() == 0;
@@ -47,18 +47,18 @@ impl Run<'_> {
         Cow::Owned(Trajectory { frequency: self.spectra.fundamental, coordinates })
     }
 
-    /// Harmonics to use: as asked, or those of the experiment, as far as the record resolves them.
+    /// The highest harmonic to use: as asked, or that of the experiment, as far as the record resolves it.
     pub(super) fn highest_harmonic(&self, settings: &Settings) -> usize {
         settings.harmonics.unwrap_or(reach(&self.trial.trajectory)).min(self.spectra.highest()).max(1)
     }
 }
 
-/// The harmonics that belong to an experiment with this motion: up to four times its highest.
+/// The highest harmonic that belongs to an experiment with this motion: four times that of the motion.
 pub(super) fn reach(motion: &Trajectory) -> usize {
     4 * motion.highest_harmonic() as usize
 }
 
-/// Lines of the tracking error of every coordinate: measured minus reference.
+/// Phasors 0 to `highest` of the tracking error of every coordinate: measured minus reference.
 pub(crate) fn error_lines(
     trial: &Trial,
     spectra: &Spectra,

@@ -15,6 +15,7 @@ pub struct Frozen {
 /// How much every equation counts in a measured-motion estimate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Weights {
     /// By its noise and the model's own error: the smallest deviations.
     #[default]
@@ -27,6 +28,7 @@ pub enum Weights {
 /// How `numerical` uses its matrix.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct NumericalSettings {
     /// Entries that are zero in the exact table are cleared.
     pub cleared: bool,
@@ -38,8 +40,9 @@ pub struct NumericalSettings {
 
 /// What the caller may decide about an estimate.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Settings {
-    /// Highest harmonic that may be used; chosen from the spectrum when not given.
+    /// Highest harmonic that may be used; chosen from the record when not given.
     pub harmonics: Option<usize>,
     /// Points of a period at which the rows are evaluated; doubled until converged when not given.
     pub grid: Option<usize>,
@@ -53,7 +56,7 @@ pub struct Settings {
     /// Directions that the experiments cannot show, known beforehand: the estimate keeps its prior along them although
     /// noise and errors of the tracking seem to show them.
     pub hidden: Vec<Vec<f64>>,
-    /// How much every equation counts.
+    /// How much every equation counts in `measured-motion`.
     pub weights: Weights,
     /// How `numerical` uses its matrix.
     pub numerical: NumericalSettings,

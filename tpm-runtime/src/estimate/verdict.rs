@@ -12,7 +12,7 @@ use std::vec::Vec;
 
 /// A standard deviation above this share of the value makes a parameter poorly determined.
 pub(super) const POOR: f64 = 0.25;
-/// [`POOR`] for physical parameters behind lumped ones.
+/// A standard deviation above this share of the value makes a physical parameter behind lumped ones poorly determined.
 pub(super) const POOR_PHYSICAL: f64 = 0.5;
 /// A parameter whose standard deviation changes a row by no more than this share of its force is not poorly determined:
 /// its value is nearly nothing, and known to be.
@@ -26,10 +26,11 @@ pub const LARGE_RESIDUAL: f64 = 0.2;
 /// What may be said of one estimated parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Status {
     /// Known with the stated standard deviation.
     Identified,
-    /// Part of a combination that the data do not show; the value is the prior.
+    /// Part of a direction that the data do not show; the value is the prior.
     Unobservable,
     /// Visible, but its deviation is of the size of its value.
     PoorlyDetermined,
@@ -90,7 +91,7 @@ pub(super) struct Verdict {
 }
 
 impl Verdict {
-    /// Of values and their covariance, both of all parameters. `hidden` says of every free parameter whether it belongs to an
+    /// The verdict on values with their covariance, both of all parameters. `hidden` says of every free parameter whether it belongs to an
     /// unobservable direction; `felt` gives the largest share of a row's force that a change of a parameter makes.
     pub(super) fn new(
         free: &Free,

@@ -33,11 +33,9 @@ impl Identified {
         seeds: u32,
         progress: &dyn Fn(u32) -> bool,
     ) -> Result<Self, Failure> {
-        let settings = PhysicalSettings {
-            frozen: simulation.written.frozen.clone(),
-            constants: simulation.written.constants.clone(),
-            ..PhysicalSettings::default()
-        };
+        let mut settings = PhysicalSettings::default();
+        settings.frozen.clone_from(&simulation.written.frozen);
+        settings.constants.clone_from(&simulation.written.constants);
         let mut campaigns = Vec::new();
         for seed in 0..seeds {
             let mut experiment = simulation.experiment.clone();

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// `error`, `effort` and `hill`.
+/// One of the estimators `error`, `effort` and `hill`, over all runs.
 pub(in crate::estimate) struct Linearised {
     kind: FirstOrder,
     settings: Settings,
@@ -24,7 +24,7 @@ pub(in crate::estimate) struct Linearised {
     pools: Pools,
     /// The last run, reduced.
     last: Option<Reduced>,
-    /// The rows along the last reference, which the next run of a stage has too.
+    /// The rows along the reference of the last run, which is often that of the next run too.
     reference: Option<Reference>,
     harmonics: usize,
 }
@@ -85,13 +85,13 @@ impl Estimator for Linearised {
             Some(_) => self.kind.reduce_applied(run.trial, along, run.spectra, run.hold, (0, highest))?,
         };
         let own = reduced.equations.len();
-        // The effort is the same with either error.
+        // `effort` does not use the error, so that an error from rates adds no equation.
         if let Some(rates) = run.rates.filter(|_| self.kind != FirstOrder::Effort) {
             reduced.append(self.kind.reduce_applied(run.trial, along, rates, run.hold, (1, highest))?);
         }
         self.harmonics = highest;
-        // What noise does to the equations depends on the parameters: how much of it the rows feel, and how far the mean of a term
-        // that is even in the velocity lies above that along the reference.
+        // Noise is worked out at a first estimate: the parameters say how strongly the rows feel it, and how far it shifts the mean
+        // of a term that is even in the velocity.
         let first = reduced.update(self.pools.before.as_ref(), &self.settings)?.0.values;
         if let Some(noise) = noise_along(model, run, along, &first, highest)? {
             if self.kind != FirstOrder::Effort {

@@ -3,7 +3,7 @@
 use num_complex::Complex;
 use std::vec::Vec;
 
-/// Steps of the grid on which an addition to the noise is looked for.
+/// Steps of the grid on which the most likely addition to the noise is searched.
 const STEPS: u32 = 240;
 
 /// Power per harmonic that residuals show beyond the stated noise: the maximum of the likelihood of a flat addition.
@@ -31,8 +31,8 @@ pub(super) fn excess(residual: &[Complex<f64>], variance: &[f64], harmonics: &[u
     if top <= 0.0 {
         return 0.0;
     }
-    // The least of a grid, found by halving it: where no term's slope lets the cost fall, only the first point is looked at,
-    // where none lets it rise, only the last.
+    // The minimum over a grid, by bisection: a part on which the slope's lower bound is not negative has its minimum at the first
+    // point, and one on which its upper bound is not positive at the last.
     let (low, high) = ((bottom * 1e-3).max(top * 1e-24).ln(), (top * 2.0).ln());
     let addition = |i: u32| (low + (high - low) * f64::from(i) / f64::from(STEPS)).exp();
     let (mut best, mut least) = (0.0, cost(0.0));

@@ -13,7 +13,7 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Dims;
 
-/// How the channels' noise enters the rows along the motion of one path.
+/// How the channels' noise enters the rows along the motion of one record.
 #[derive(Clone, Debug)]
 pub(super) struct NoisePath {
     pub(super) dims: Dims,
@@ -50,7 +50,7 @@ impl NoisePath {
         self.jacobian.lines.iter().map(|columns| size(&columns[column])).collect()
     }
 
-    /// About the noise that a column carries at a harmonic: enough to tell whether its line is more than noise.
+    /// Rough variance of a column's phasor at a harmonic, from mean squares: enough to tell whether its line is more than noise.
     pub(super) fn column_variance(&self, sizes: &[f64], k: usize) -> f64 {
         let turn = k as f64 * self.fundamental;
         self.jacobian
@@ -98,7 +98,7 @@ pub(super) struct Followed<'a> {
     row: usize,
     /// Two-sided Fourier coefficients of d(row)/d(slot) along the period.
     gain: Vec<Vec<Complex<f64>>>,
-    /// Their harmonics that mix noise.
+    /// Harmonics of `gain` that mix the harmonics of noise.
     mixing: Vec<isize>,
 }
 
@@ -127,7 +127,7 @@ impl<'a> Followed<'a> {
                 continue;
             }
             let through = path.line_response(&|s| coefficient(&self.gain[s], m), line);
-            // The mean is not doubled, and a mean takes half of a line's amplitude from either side.
+            // A mean takes half of a line's amplitude from either side, and unlike a line's phasor is not doubled.
             let share = match (k, line) {
                 (0, _) => 0.25,
                 (_, 0) => 4.0,

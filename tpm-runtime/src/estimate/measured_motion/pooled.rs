@@ -15,11 +15,11 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// Measured motion over all runs.
+/// The estimator `measured-motion`, over all runs.
 pub(in crate::estimate) struct PooledMotion {
     settings: Settings,
     records: Vec<MeasuredMotion>,
-    /// What the references of the runs up to each one show, and the directions that they do not.
+    /// Per run, what the references up to it show, and the directions that they do not show.
     design: Vec<(Information, Vec<Vec<f64>>)>,
 }
 
@@ -29,7 +29,7 @@ impl PooledMotion {
         PooledMotion { settings: settings.clone(), records: Vec::new(), design: Vec::new() }
     }
 
-    /// What the references up to a run show, this one being its motion, and the directions that they do not.
+    /// What the earlier references and this motion show together, and the directions that they do not show.
     fn design(
         &self,
         model: &dyn Model<f64>,
@@ -44,7 +44,7 @@ impl PooledMotion {
         Ok((whole, hidden))
     }
 
-    /// The settings with the directions that these references do not show.
+    /// The settings with directions that the references do not show.
     fn with(&self, hidden: &[Vec<f64>]) -> Settings {
         Settings { hidden: hidden.to_vec(), ..self.settings.clone() }
     }

@@ -1,4 +1,6 @@
-//! The harmonic equations of one record.
+//! The harmonic equations of one record, and which of them are used.
+//!
+//! Invariant: an equation is used where the input, or a strong regressor, stands out of the noise of the same record.
 
 use crate::estimate::equations::Equations;
 use crate::estimate::error::EstimateError;
@@ -15,10 +17,10 @@ use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 
-/// A line of an input below this share of its neighbours is their distortion, not excitation.
+/// A line of an input below this share of the strongest of its [`NEIGHBOURS`] is distortion, not excitation.
 const DISTORTION: f64 = 1e-3;
-/// An equation far above all others counts from this share of the strongest input on: one of feedback noise passes for
-/// excitation otherwise, and what it shows is the inverse of the feedback.
+/// An equation at a harmonic far above all others is used from this share of the strongest input line on. A weaker one may be
+/// fed-back noise, which shows the inverse of the feedback.
 const SUBSTANTIAL: f64 = 0.1;
 /// Lines on either side that count as neighbours.
 const NEIGHBOURS: usize = 8;
@@ -46,11 +48,11 @@ pub struct MeasuredMotion {
     tail: Option<Tail>,
     /// Noise variance of the rows' phasors by harmonic, where more is known than the channels' covariance says.
     pub(super) refined: Option<Vec<Vec<f64>>>,
-    /// Variance of the rows' phasors by harmonic that has nothing to do with the sensors' noise.
+    /// Variance of the rows' phasors by harmonic that does not come from the sensors' noise; no two equations share it.
     pub(super) apart: Vec<Vec<f64>>,
-    /// Relative level of the white noise of every coordinate's sensor, where the noise is known to be that alone.
+    /// Relative level of the white noise of every coordinate's sensor, where the sensors are known to be the only source of noise.
     white: Option<Vec<f64>>,
-    /// The noise that the used equations have in common, where it is known.
+    /// Correlations of the used equations' noise, where they are known.
     pub(super) coupled: Option<Coupled>,
 }
 
@@ -65,7 +67,8 @@ impl MeasuredMotion {
     /// Builds the equations of a record whose channels are the coordinates and then the inputs of the model.
     ///
     /// # Errors
-    /// [`EstimateError`].
+    /// [`EstimateError::Channels`] when the record does not fit the model, [`EstimateError::NoSignal`] when nothing stands out of
+    /// the noise, [`EstimateError::Model`] and [`EstimateError::NotFinite`] when the rows cannot be evaluated on the motion.
     pub fn new(
         model: &dyn Model<f64>,
         constants: &[f64],
@@ -151,8 +154,8 @@ impl MeasuredMotion {
         self.path.jacobian.gains(row, theta)
     }
 
-    /// Sets the noise variance of the rows' phasors, from harmonic 0 on, when it is that of the coordinates' sensors alone,
-    /// whose levels relative to each other are given where it is white, and what every phasor has of its own besides.
+    /// Sets the variance of the rows' phasors, from harmonic 0 on: that of the coordinates' sensors, and `apart` what every phasor
+    /// has besides. `white` has the sensors' relative levels where their noise is white.
     pub(in crate::estimate) fn set_variance(
         &mut self,
         variance: Vec<Vec<f64>>,
@@ -164,8 +167,8 @@ impl MeasuredMotion {
         self.white = white;
     }
 
-    /// Takes the means of the driven rows in, with what noise adds to the mean of every regressor (and, last, of the known
-    /// term); `uncertainty` is the standard deviation of a shift as a share of it.
+    /// Takes the means of the driven rows in, after shifting the mean of every regressor (and, last, of the known term) as noise
+    /// does; `uncertainty` is the standard deviation of a row's whole shift at theta, as a share of it.
     pub(in crate::estimate) fn admit_means(&mut self, shifts: &[Vec<f64>], theta: &[f64], uncertainty: f64) {
         let p = self.dims.parameters;
         for (row, shift) in shifts.iter().enumerate() {
@@ -186,7 +189,7 @@ impl MeasuredMotion {
         }
     }
 
-    /// Works out what noise the used equations have in common.
+    /// Works out the correlations of the used equations' noise.
     pub(in crate::estimate) fn couple(&mut self) {
         self.coupled = self.white.as_ref().and_then(|white| Coupled::new(&self.path, white, &self.used));
     }
@@ -236,7 +239,7 @@ impl MeasuredMotion {
                 let applied = self.driven[row]
                     && (k > 0 && k <= reach
                         || substantial && visible(drive[k], self.path.drive_variance(row, k).max(floor), peak));
-                // An equation whose regressors are noise says nothing, and in strength biases.
+                // An equation whose regressors are noise says nothing, and many of them bias the estimate.
                 (0..p).any(|j| {
                     let line = self.phi[row * p + j][k];
                     // Where nothing is applied a weak line of a regressor is distortion, and a mean an offset.
@@ -258,7 +261,8 @@ impl MeasuredMotion {
         })
     }
 
-    /// Takes the mean into a row, or not: it carries the bias of terms that are even in velocity.
+    /// Leaves the means of rows with terms that are even in velocity out, since noise biases them. A mean that is not used comes
+    /// in where the rank needs it.
     fn decide_means(&mut self, even_in_velocity: &[bool]) {
         for (lines, &even) in self.used.iter_mut().zip(even_in_velocity) {
             if even {
@@ -284,7 +288,7 @@ impl MeasuredMotion {
         Information::of(self.equations(|_| 1.0).weighted(&all, &[])).solve(&vec![0.0; p], None).rank
     }
 
-    /// The used equations, those of a row with one variance.
+    /// The used equations, all equations of a row with the same variance.
     pub(super) fn equations(&self, variance: impl Fn(usize) -> f64) -> Equations {
         let p = self.dims.parameters;
         let mut equations = Equations::new(p);
@@ -319,7 +323,7 @@ impl MeasuredMotion {
 
     /// Root mean square over a period of the used lines of a row: residual, and the force it is compared with.
     ///
-    /// A free row has no input; its force is that of its terms, taken without their signs.
+    /// A row without an input has the root sum of squares of its terms as its force.
     #[must_use]
     pub fn row_power(&self, row: usize, theta: &[f64]) -> (f64, f64) {
         let p = self.dims.parameters;

@@ -1,4 +1,4 @@
-//! Refines the equations of a record whose inputs are known exactly: their noise, and the means of rows that it shifts.
+//! The equations of a record whose inputs are known exactly: their noise read bin by bin, and their means, which noise shifts.
 
 use crate::estimate::error::EstimateError;
 use crate::estimate::measured_motion::record::MeasuredMotion;
@@ -15,7 +15,7 @@ pub(in crate::estimate) type First<'a> = dyn FnMut(&mut [MeasuredMotion]) -> Res
 /// Refines the last record at the estimates from all of them, which `first` gives.
 ///
 /// # Errors
-/// [`EstimateError`] of a first estimate without the refinement.
+/// That of `first`, and [`EstimateError::Model`] when the model refuses an evaluation.
 pub(in crate::estimate) fn refine_last(
     records: &mut [MeasuredMotion],
     model: &dyn Model<f64>,

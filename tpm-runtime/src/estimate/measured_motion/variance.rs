@@ -7,7 +7,7 @@ use num_complex::Complex;
 use std::vec::Vec;
 
 impl MeasuredMotion {
-    /// Variance of an equation that none of the others has a part in.
+    /// Variance of an equation that it shares with no other equation.
     pub(super) fn error_apart(&self, row: usize, k: usize) -> f64 {
         self.apart[row].get(k).copied().unwrap_or(0.0)
     }
@@ -32,7 +32,8 @@ impl MeasuredMotion {
         (0..self.dims.rows).map(of_row).collect()
     }
 
-    /// Expectation of conj(regressor noise) times row noise at theta, per row, used equation and parameter.
+    /// Expectation of conj(regressor noise) times row noise at theta, per row, used equation and parameter; from the means of
+    /// the derivatives along the motion.
     pub(super) fn row_bias(&self, theta: &[f64]) -> Vec<Vec<Vec<f64>>> {
         let p = self.dims.parameters;
         let of_row = |row: usize| {
@@ -40,7 +41,6 @@ impl MeasuredMotion {
             let of_line = |&k: &usize| {
                 let direct = followed.direct(k);
                 let of_parameter = |j: usize| {
-                    // From mean derivatives.
                     let mean = |s: usize| coefficient(&self.path.jacobian.lines[s][row * (p + 1) + j], 0);
                     let mut response = self.path.line_response(&mean, k as isize);
                     response.resize(direct.len(), Complex::new(0.0, 0.0));
@@ -53,12 +53,12 @@ impl MeasuredMotion {
         (0..self.dims.rows).map(of_row).collect()
     }
 
-    /// Variances of the used equations that let every one count alike over the period, rows by the size of their force at theta.
+    /// Variances with which every used equation counts alike over the period, and rows by the size of their force at theta.
     pub(super) fn alike(&self, theta: &[f64]) -> Vec<f64> {
         let of_row = |(row, lines): (usize, &Vec<usize>)| {
             let (_, force) = self.row_power(row, theta);
             let line = if force > 0.0 { force * force } else { 1.0 };
-            // The square of a mean has twice the share in the mean square that an amplitude's square has.
+            // In the mean square over a period a mean's square counts twice as much as an amplitude's.
             lines.iter().map(|&k| if k == 0 { line / 4.0 } else { line }).collect::<Vec<f64>>()
         };
         self.used.iter().enumerate().flat_map(of_row).collect()
