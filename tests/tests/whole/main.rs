@@ -29,6 +29,7 @@ mod generated {
     pub mod two_carts;
 }
 mod licences;
+mod lines;
 mod numerics_room;
 mod pendulum;
 mod physical;

@@ -70,11 +70,9 @@ impl Pendulum {
     }
 
     fn physical(&self, found: &Identification) -> BTreeMap<String, f64> {
-        let settings = PhysicalSettings {
-            frozen: self.written.frozen.clone(),
-            constants: self.written.constants.clone(),
-            ..PhysicalSettings::default()
-        };
+        let mut settings = PhysicalSettings::default();
+        settings.frozen.clone_from(&self.written.frozen);
+        settings.constants.clone_from(&self.written.constants);
         let estimate = found.estimate.as_ref().expect("identified");
         let physical = physical(&self.prepared, estimate, &settings).expect("sound settings");
         assert!(physical.warnings.is_empty(), "{:?}", physical.warnings);

@@ -8,6 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use std::collections::BTreeMap;
 use tpm_runtime::estimate::physical::{Physical, PhysicalError, PhysicalSettings, physical};
 use tpm_runtime::estimate::{Estimate, Status};
+use tpm_runtime::numerics::Matrix;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
@@ -41,10 +42,11 @@ fn covariance(values: &[f64]) -> DMatrix<f64> {
 
 fn estimate(values: Vec<f64>, covariance: DMatrix<f64>) -> Estimate {
     let n = values.len();
+    let rows: Vec<Vec<f64>> = covariance.row_iter().map(|row| row.iter().copied().collect()).collect();
     Estimate {
         std: (0..n).map(|j| covariance[(j, j)].sqrt()).collect(),
         values,
-        covariance,
+        covariance: Matrix::from_rows(&rows).expect("rows of one length"),
         status: vec![Status::Identified; n],
         rank: n,
         unobservable: Vec::new(),
@@ -142,10 +144,8 @@ fn a_mass_stays_at_its_bound() {
         }
     }
     // Without the bound the mass goes below zero.
-    let open = PhysicalSettings {
-        bounds: BTreeMap::from([("m1".to_owned(), (f64::NEG_INFINITY, f64::INFINITY))]),
-        ..PhysicalSettings::default()
-    };
+    let mut open = PhysicalSettings::default();
+    open.bounds = BTreeMap::from([("m1".to_owned(), (f64::NEG_INFINITY, f64::INFINITY))]);
     let values_open = physical(&prepared, &estimate(values.clone(), covariance(&values)), &open).expect("sound");
     assert!(values_open.parameters[0].value.expect("has a value") < 0.0);
 }
@@ -159,13 +159,14 @@ fn what_the_lumped_parameters_do_not_show_is_not_invented() {
     let n = exact.len();
     let hidden: Vec<Vec<f64>> =
         [1, 2, 3, 4, 5].iter().map(|&j| (0..n).map(|i| if i == j { 1.0 } else { 0.0 }).collect()).collect();
-    let mut estimate = estimate(exact.clone(), covariance(&exact));
+    let mut shown = covariance(&exact);
+    for j in [1, 2, 3, 4, 5] {
+        shown.row_mut(j).fill(0.0);
+        shown.column_mut(j).fill(0.0);
+    }
+    let mut estimate = estimate(exact.clone(), shown);
     for (j, direction) in [1, 2, 3, 4, 5].iter().zip(&hidden) {
         assert_eq!(direction[*j], 1.0);
-        for i in 0..n {
-            estimate.covariance[(i, *j)] = 0.0;
-            estimate.covariance[(*j, i)] = 0.0;
-        }
         estimate.std[*j] = f64::INFINITY;
         estimate.status[*j] = Status::Unobservable;
     }
@@ -194,12 +195,14 @@ fn settings_are_checked() {
     let prepared = two_carts();
     let exact = lumped(&prepared, &TRUTH);
     let estimate = estimate(exact.clone(), covariance(&exact));
-    let frozen = PhysicalSettings { frozen: BTreeMap::from([("m2".to_owned(), 1.5)]), ..PhysicalSettings::default() };
+    let mut frozen = PhysicalSettings::default();
+    frozen.frozen = BTreeMap::from([("m2".to_owned(), 1.5)]);
     let found = physical(&prepared, &estimate, &frozen).expect("sound settings");
     assert_eq!((found.parameters[1].status, found.parameters[1].value, found.freedom), (Status::Frozen, Some(1.5), 3));
-    let unknown = PhysicalSettings { prior: BTreeMap::from([("mass".to_owned(), 1.0)]), ..PhysicalSettings::default() };
+    let mut unknown = PhysicalSettings::default();
+    unknown.prior = BTreeMap::from([("mass".to_owned(), 1.0)]);
     assert!(matches!(physical(&prepared, &estimate, &unknown), Err(PhysicalError::Unknown { .. })));
-    let empty =
-        PhysicalSettings { bounds: BTreeMap::from([("m2".to_owned(), (2.0, 1.0))]), ..PhysicalSettings::default() };
+    let mut empty = PhysicalSettings::default();
+    empty.bounds = BTreeMap::from([("m2".to_owned(), (2.0, 1.0))]);
     assert!(matches!(physical(&prepared, &estimate, &empty), Err(PhysicalError::EmptyBounds { .. })));
 }

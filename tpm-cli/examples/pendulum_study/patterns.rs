@@ -28,11 +28,9 @@ pub(super) struct Identified {
 impl Identified {
     /// Runs the campaigns; `ended` is called at the end of each.
     pub(super) fn run(down: &Machine, simulation: &Simulation, seeds: u32, ended: &dyn Fn()) -> Result<Self, Failure> {
-        let settings = PhysicalSettings {
-            frozen: simulation.written.frozen.clone(),
-            constants: simulation.written.constants.clone(),
-            ..PhysicalSettings::default()
-        };
+        let mut settings = PhysicalSettings::default();
+        settings.frozen.clone_from(&simulation.written.frozen);
+        settings.constants.clone_from(&simulation.written.constants);
         let mut campaigns = Vec::new();
         for seed in 0..seeds {
             let mut experiment = simulation.experiment.clone();

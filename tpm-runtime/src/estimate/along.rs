@@ -1,21 +1,24 @@
 //! A model's rows along a prescribed motion: harmonics of the regressors and derivatives with respect to the motion.
 //!
-//! Invariant: `phi` and `known` are one-sided phasors of one period, exact to rounding when the regressors are finite Fourier
-//! series that the grid resolves; `jacobian` holds d(row)/d(slot) at every point of that grid, column by column, so that it
-//! is linear in the parameters and need not be formed again when they change.
+//! Invariant: `phi` and `known` are one-sided phasors of one period, from the exact table (B Lambda) or sampled, and sampled ones
+//! are exact to rounding when the regressors are finite Fourier series that the grid resolves. `jacobian` holds d(row)/d(slot)
+//! at every point of that grid, column by column, so that it is linear in the parameters and need not be formed again when
+//! they change.
 
+use crate::estimate::error::EstimateError;
 use crate::estimate::information::Information;
-use crate::estimate::measured_motion::EstimateError;
+use crate::estimate::table::{LineTable, RowLines};
 use crate::numerics::DMatrix;
 use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::fourier::{analyse, synthesise, two_sided};
+use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::model::{Dims, Model};
 
-/// Fewest and most points of a period.
+/// Fewest and most points of a period at which the rows are evaluated.
 const GRID: (usize, usize) = (256, 8192);
 /// Harmonics that change by less than this share when the grid is doubled are taken for converged.
 const CONVERGED: f64 = 1e-12;
@@ -39,15 +42,15 @@ pub struct Along {
     points: usize,
     /// `[slot][(row * (parameters + 1) + j) * points + i]`; j = parameters is the known term.
     jacobian: Vec<Vec<f64>>,
-    /// `[slot][row * (parameters + 1) + j]`: their sums over the period.
+    /// `[slot][row * (parameters + 1) + j]`: sums of the Jacobian over the points of the period.
     sums: Vec<Vec<f64>>,
 }
 
 impl Along {
-    /// Evaluates the rows along a trajectory, harmonics 0 to `harmonics`.
+    /// Samples the rows along a trajectory, harmonics 0 to `harmonics`.
     ///
     /// # Errors
-    /// [`EstimateError::Model`], [`EstimateError::NotFinite`].
+    /// [`EstimateError::Model`] when the model refuses an evaluation, [`EstimateError::NotFinite`] when a term is not finite.
     pub fn new(
         model: &dyn Model<f64>,
         constants: &[f64],
@@ -74,8 +77,8 @@ impl Along {
     /// What the reference alone shows of the parameters in `free`: every harmonic of every row with the same weight.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
-    pub fn design(
+    /// [`EstimateError::Model`] when the model refuses an evaluation, [`EstimateError::NotFinite`] when a term is not finite.
+    pub(super) fn design(
         model: &dyn Model<f64>,
         constants: &[f64],
         trajectory: &Trajectory,
@@ -86,7 +89,7 @@ impl Along {
         let points = (8 * (harmonics + 1)).next_power_of_two().clamp(GRID.0, GRID.1);
         let sampled = Sampled::new(model, constants, trajectory, points)?;
         let (phi, _) = sampled.lines(dims, 1, harmonics);
-        // The right-hand sides do not matter.
+        // What equations show does not depend on their right-hand sides, which stay zero.
         let mut matrix = DMatrix::zeros(dims.rows * (2 * harmonics + 1), free.len() + 1);
         for row in 0..dims.rows {
             for (c, &j) in free.iter().enumerate() {
@@ -108,16 +111,15 @@ impl Along {
     /// white noise of these standard deviations, the inputs known: rows of unit variance. Its Gram matrix is the inverse of
     /// the Cramer-Rao bound of the steady state.
     ///
-    /// With the inputs held, the motion answers to a change of the parameters by `-J^-1 Phi`, with the periodic derivatives
-    /// J as they are, harmonics coupled. `None` when there are not as many rows as coordinates, or J is singular.
-    #[must_use]
-    pub fn predicted(&self, theta: &[f64], noise: &[f64], samples: usize) -> Option<DMatrix<f64>> {
+    /// With the inputs fixed, the motion answers to a change of the parameters by `-J^-1 Phi`, in which the periodic derivatives
+    /// J couple the harmonics. `None` when there are not as many rows as coordinates, or J is singular.
+    pub(crate) fn predicted(&self, theta: &[f64], noise: &[f64], samples: usize) -> Option<DMatrix<f64>> {
         let Dims { rows, coordinates, parameters, .. } = self.dims;
         let highest = self.phi.first()?.len().checked_sub(1)?;
         if rows != coordinates {
             return None;
         }
-        // Real parts of the lines, then imaginary parts but for the means', coordinate by coordinate.
+        // Coordinate by coordinate: real parts of the lines from the mean on, then imaginary parts from harmonic 1 on.
         let width = 2 * highest + 1;
         let place = |c: usize, k: usize, imaginary: bool| c * width + if imaginary { highest + k } else { k };
         let parts = |lines: &[Complex<f64>]| -> Vec<f64> {
@@ -156,15 +158,32 @@ impl Along {
         answer.iter().all(|value| value.is_finite()).then_some(answer)
     }
 
-    /// Replaces the regressors' lines by those of the exact table.
-    #[must_use]
-    pub fn with_lines(mut self, phi: Vec<Vec<Complex<f64>>>, known: Vec<Vec<Complex<f64>>>) -> Self {
-        self.phi = phi;
-        self.known = known;
-        self
+    /// The rows along a trial's reference, harmonics 0 to `harmonics`: those of the exact table where there is one for it,
+    /// sampled otherwise.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`] when the model refuses an evaluation, [`EstimateError::NotFinite`] when a term is not finite.
+    pub(super) fn of_trial(
+        model: &dyn Model<f64>,
+        trial: &Trial,
+        harmonics: usize,
+        table: Option<&dyn LineTable>,
+    ) -> Result<Self, EstimateError> {
+        let sampled = Along::new(model, &trial.constants, &trial.trajectory, harmonics)?;
+        let exact = table.and_then(|t| t.lines(&trial.trajectory, &trial.amplitudes, &trial.constants, harmonics));
+        Ok(match exact {
+            Some(RowLines { regressors, known }) => Along { phi: regressors, known, ..sampled },
+            None => sampled,
+        })
     }
 
-    /// Lines of a regressor: one-sided phasors a_c - j a_s from harmonic 0 on.
+    /// Phasors of the known term of a row: one-sided, a_c - j a_s, from harmonic 0 on.
+    #[must_use]
+    pub fn known(&self, row: usize) -> &[Complex<f64>] {
+        &self.known[row]
+    }
+
+    /// Phasors of a regressor: one-sided, a_c - j a_s, from harmonic 0 on.
     #[must_use]
     pub fn regressor(&self, row: usize, parameter: usize) -> &[Complex<f64>] {
         &self.phi[row * self.dims.parameters + parameter]
@@ -205,7 +224,8 @@ impl Along {
         response
     }
 
-    /// Line `harmonic` of what the same makes of an error for one parameter of one, or for the known term (the last column).
+    /// Phasor at a harmonic of a row's response to an error, from the mean of the derivatives, for one parameter of value one
+    /// alone; the column behind the parameters is the known term.
     pub(super) fn mean_applied(
         &self,
         row: usize,
@@ -219,9 +239,8 @@ impl Along {
         parts.map(|(&(c, d), sums)| turn.powu(d as u32) * error[c][harmonic] * (sums[at] / self.points as f64)).sum()
     }
 
-    /// Lines 0 to `harmonics` of `d(row)/d(motion) e` for an error given by its lines, with the periodic derivatives as
-    /// they are (the band matrix of harmonic balance, applied rather than formed). The columns' factors are the parameters and
-    /// that of the known term.
+    /// Lines 0 to `harmonics` of `d(row)/d(motion) e` for an error given by its lines: the product with the band matrix of
+    /// harmonic balance, without forming it. `factors` has the parameters and, last, the factor of the known term.
     pub(super) fn applied(
         &self,
         row: usize,

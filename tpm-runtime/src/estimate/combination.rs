@@ -1,7 +1,8 @@
 //! What data show of parameters that they do not show one by one.
 
 use crate::estimate::information::reduced;
-use crate::estimate::{Estimate, Status};
+use crate::estimate::result::Estimate;
+use crate::estimate::verdict::Status;
 use crate::numerics::DVector;
 use std::vec::Vec;
 
@@ -14,13 +15,14 @@ pub struct Combination {
     pub weights: Vec<f64>,
     /// Weights times parameters, in the unit of the lead.
     pub value: f64,
-    /// Its standard deviation.
+    /// Standard deviation of the value.
     pub std: f64,
 }
 
 impl Estimate {
-    /// The fewest combinations from which all others that the data show follow, of the parameters that they do not show alone
-    /// (base parameters): of every direction that they do not show the largest component's parameter goes into the others.
+    /// The base parameters among what the data do not show one by one: the fewest combinations from which all others that the
+    /// data show follow. The parameter with the largest component of an unobservable
+    /// direction leads none of them; it enters those of the others.
     #[must_use]
     pub fn combinations(&self) -> Vec<Combination> {
         let p = self.values.len();
@@ -33,7 +35,7 @@ impl Estimate {
                 weights[*own] = -direction[lead];
             }
             let value = weights.iter().zip(&self.values).map(|(weight, value)| weight * value).sum();
-            let variance = weights.dot(&(&self.covariance * &weights));
+            let variance = weights.dot(&(self.covariance.dense() * &weights));
             Combination { lead, weights: weights.as_slice().to_vec(), value, std: variance.max(0.0).sqrt() }
         };
         (0..p).filter(lead).map(of).collect()

@@ -1,20 +1,22 @@
 //! Models with eliminated coordinates: lumped parameters from the motion of what remains, physical ones from both.
 //!
 //! A chain whose free cart is the output has the one row `B(x_l) c = u` (Feng, Eqns 4.12, 4.34), linear in lumped parameters c
-//! of which there are more than physical ones p. Under noise some of the c cannot be had (two carts: c3 to c5), while all
-//! of the p can: invariant: p minimises the weighted squares of the harmonic equations of `B c(p) = u` themselves, over all
-//! runs, with weights that belong to c(p); the c are estimated beside them without their relations, and said to be poorly
+//! of which there are more than physical ones p. Under noise some of the c cannot be determined (two carts: c3 to c5), while all
+//! of the p can. Invariant: p minimises the weighted squares of the harmonic equations of `B c(p) = u` themselves, over all
+//! runs, with weights that belong to c(p). The c are also estimated without their relations, and reported as poorly
 //! determined where they are.
 
-use crate::estimate::applied::refine_last;
-use crate::estimate::estimator::{Estimator, Run};
+use crate::estimate::error::EstimateError;
+use crate::estimate::estimator::Estimator;
 use crate::estimate::information::Information;
-use crate::estimate::measured_motion::{EstimateError, MeasuredMotion, Settings};
-use crate::estimate::measured_motion::{Fitted, Structure, estimate_structured};
+use crate::estimate::measured_motion::{Fitted, MeasuredMotion, Structure, estimate_structured, refine_last};
 use crate::estimate::physical::{Physical, PhysicalError, PhysicalFit, PhysicalSettings};
-use crate::estimate::{Estimate, Status};
+use crate::estimate::result::Estimate;
+use crate::estimate::run::Run;
+use crate::estimate::settings::Settings;
+use crate::estimate::verdict::{Evidence, POOR, Status};
 use crate::interpret::Interpreted;
-use crate::numerics::DMatrix;
+use crate::numerics::{DMatrix, Matrix};
 use std::string::{String, ToString};
 use std::sync::Arc;
 use std::vec;
@@ -22,18 +24,16 @@ use std::vec::Vec;
 use tpm_core::model::Model;
 use tpm_symbolic::regressor::prepare::Prepared;
 
-/// A standard deviation above this share of the value makes a parameter poorly determined.
-const POOR: f64 = 0.25;
-
 /// Why the eliminated form of a model cannot be used with its machine.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum EliminatedError {
     /// A signal or a constant of the eliminated form is not the machine's.
     #[error("the machine has no {kind} `{name}`")]
     Missing {
         /// coordinate, input, constant or parameter.
         kind: &'static str,
-        /// Its name.
+        /// Name of the signal, constant or parameter.
         name: String,
     },
     /// The equations before the elimination are not linear in the physical parameters.
@@ -44,7 +44,7 @@ pub enum EliminatedError {
         /// The lumped parameter.
         name: String,
     },
-    /// The physical parameters do not fit.
+    /// The settings of the physical parameters have a fault.
     #[error(transparent)]
     Physical(#[from] PhysicalError),
 }
@@ -65,7 +65,8 @@ impl Eliminated {
     /// The eliminated form of a model whose own equations are `machine`.
     ///
     /// # Errors
-    /// [`EliminatedError`].
+    /// [`EliminatedError`] when a name of the eliminated form is not the machine's, the machine's own parameters are lumped, or
+    /// the settings have a fault.
     pub fn new(
         prepared: &Prepared,
         machine: &dyn Model<f64>,
@@ -124,7 +125,7 @@ impl Eliminated {
     }
 }
 
-/// Measured motion of what remains, over all runs.
+/// The estimator: measured motion of the coordinates that remain, over all runs.
 struct EliminatedMotion {
     form: Arc<Eliminated>,
     settings: Settings,
@@ -135,7 +136,7 @@ struct EliminatedMotion {
     warnings: Vec<String>,
 }
 
-/// The physical parameters on their way.
+/// The search for physical parameters.
 struct Search<'a> {
     form: &'a Eliminated,
     found: Option<Physical>,
@@ -176,7 +177,7 @@ impl Estimator for EliminatedMotion {
         let settings = &self.settings;
         let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_structured(records, settings, &mut search)?.theta);
         let refined = refine_last(&mut self.records, &form.model, &constants, &spectra, run.hold, &mut first);
-        // From where the physical parameters are looked for when noise is taken into account.
+        // The next search, with the refined noise, starts where this one ended.
         if let Some(found) = search.found {
             self.start = found.values;
         }
@@ -218,8 +219,8 @@ impl Estimator for EliminatedMotion {
 }
 
 impl Eliminated {
-    /// The physical parameters in the machine's order; what residuals show beyond the noise of the lumped ones' equations
-    /// widens their deviations too.
+    /// The physical parameters in the machine's order. Residuals beyond the noise of the lumped parameters' equations widen
+    /// their deviations too.
     fn estimate(&self, physical: &Physical, lumped: &Estimate) -> Estimate {
         let count = self.parameters.len();
         let inflation = lumped.chi_squared.max(1.0);
@@ -229,25 +230,24 @@ impl Eliminated {
         let mut std = vec![0.0; count];
         let mut status = vec![Status::Identified; count];
         for (j, &i) in order.iter().enumerate() {
-            let said = physical.parameters[i].status;
             std[j] = covariance[(j, j)].max(0.0_f64).sqrt();
-            status[j] = if said == Status::Unobservable {
-                std[j] = f64::INFINITY;
-                Status::Unobservable
-            } else if said == Status::Frozen {
-                Status::Frozen
-            } else if said == Status::PoorlyDetermined || std[j] > POOR * values[j].abs() {
-                Status::PoorlyDetermined
-            } else {
-                Status::Identified
+            status[j] = match physical.status[i] {
+                // Wider deviations change nothing of what is already doubtful, or not estimated.
+                Status::Identified => {
+                    Status::of(Evidence::Shown { value: values[j], std: std[j], felt: f64::INFINITY }, POOR)
+                }
+                settled => settled,
             };
+            if status[j] == Status::Unobservable {
+                std[j] = f64::INFINITY;
+            }
         }
         let unobservable =
             physical.unobservable.iter().map(|direction| order.iter().map(|&i| direction[i]).collect()).collect();
         Estimate {
             values,
             std,
-            covariance,
+            covariance: Matrix::of(covariance),
             status,
             rank: physical.rank,
             unobservable,

@@ -1,6 +1,6 @@
 //! Harmonic equations `phi theta = right + noise`, one complex row per equation of motion and harmonic.
 
-use crate::estimate::measured_motion::Frozen;
+use crate::estimate::settings::Frozen;
 use crate::numerics::DMatrix;
 use crate::numerics::singular::unit_columns;
 use num_complex::Complex;
@@ -11,30 +11,30 @@ use std::vec::Vec;
 /// Invariant: a row of harmonic k >= 1 stands for two real equations of noise variance `variance / 2` each, a row of
 /// harmonic 0 for one real equation of noise variance `variance`.
 #[derive(Clone, Debug, Default)]
-pub struct Equations {
+pub(super) struct Equations {
     /// Number of parameters.
-    pub parameters: usize,
+    pub(super) parameters: usize,
     /// Regressor phasors, equations x parameters, row-major.
-    pub regressors: Vec<Complex<f64>>,
+    pub(super) regressors: Vec<Complex<f64>>,
     /// Right-hand side phasors.
-    pub right: Vec<Complex<f64>>,
+    pub(super) right: Vec<Complex<f64>>,
     /// E|n|^2 of each row.
-    pub variance: Vec<f64>,
+    pub(super) variance: Vec<f64>,
     /// Row of the model that each equation belongs to.
-    pub row: Vec<usize>,
+    pub(super) row: Vec<usize>,
     /// Harmonic of each equation.
-    pub harmonic: Vec<usize>,
+    pub(super) harmonic: Vec<usize>,
 }
 
 impl Equations {
     /// No equations yet.
     #[must_use]
-    pub fn new(parameters: usize) -> Self {
+    pub(super) fn new(parameters: usize) -> Self {
         Equations { parameters, ..Equations::default() }
     }
 
     /// Adds one equation.
-    pub fn push(
+    pub(super) fn push(
         &mut self,
         row: usize,
         harmonic: usize,
@@ -49,8 +49,8 @@ impl Equations {
         self.harmonic.push(harmonic);
     }
 
-    /// Adds the equations of others.
-    pub fn append(&mut self, mut others: Self) {
+    /// Adds further equations.
+    pub(super) fn append(&mut self, mut others: Self) {
         self.regressors.append(&mut others.regressors);
         self.right.append(&mut others.right);
         self.variance.append(&mut others.variance);
@@ -59,7 +59,7 @@ impl Equations {
     }
 
     /// Sets the variance of the first `count` equations, by row and harmonic.
-    pub fn set_variance(&mut self, count: usize, variance: &[Vec<f64>]) {
+    pub(super) fn set_variance(&mut self, count: usize, variance: &[Vec<f64>]) {
         for ((slot, &row), &harmonic) in self.variance.iter_mut().zip(&self.row).zip(&self.harmonic).take(count) {
             if let Some(value) = variance.get(row).and_then(|of_row| of_row.get(harmonic)) {
                 *slot = value.max(f64::MIN_POSITIVE);
@@ -67,8 +67,9 @@ impl Equations {
         }
     }
 
-    /// Adds to the regressors of a mean what noise adds to them, one number for every parameter and, last, for the known term,
-    /// which is returned. `uncertainty` is the standard deviation of all that, as a share, at the parameters theta.
+    /// Shifts the regressors of a mean as noise does: `shift` has one number for every parameter and, last, for the known term,
+    /// whose shift is returned. `uncertainty` is the standard deviation of the whole shift at the parameters theta, as a
+    /// share of it.
     pub(super) fn shift_mean(&mut self, equation: usize, shift: &[f64], theta: &[f64], uncertainty: f64) -> f64 {
         let (own, known) = shift.split_at(self.parameters.min(shift.len()));
         let regressors = &mut self.regressors[equation * self.parameters..(equation + 1) * self.parameters];
@@ -83,50 +84,44 @@ impl Equations {
 
     /// Number of complex rows.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.right.len()
-    }
-
-    /// No equation at all.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.right.is_empty()
     }
 
     /// Number of real equations.
     #[must_use]
-    pub fn real_len(&self) -> usize {
+    pub(super) fn real_len(&self) -> usize {
         self.harmonic.iter().map(|&k| if k == 0 { 1 } else { 2 }).sum()
     }
 
     /// Regressor phasors of one equation.
     #[must_use]
-    pub fn regressor(&self, equation: usize) -> &[Complex<f64>] {
+    pub(super) fn regressor(&self, equation: usize) -> &[Complex<f64>] {
         &self.regressors[equation * self.parameters..(equation + 1) * self.parameters]
     }
 
     /// `right - phi theta` of one equation.
     #[must_use]
-    pub fn residual(&self, equation: usize, theta: &[f64]) -> Complex<f64> {
+    pub(super) fn residual(&self, equation: usize, theta: &[f64]) -> Complex<f64> {
         self.regressor(equation).iter().zip(theta).fold(self.right[equation], |sum, (phi, value)| sum - phi * *value)
     }
 
     /// Weight of the real equations that a row stands for.
     #[must_use]
-    pub fn weight(&self, equation: usize) -> f64 {
+    pub(super) fn weight(&self, equation: usize) -> f64 {
         let variance = self.variance[equation];
         if self.harmonic[equation] == 0 { 1.0 / variance } else { 2.0 / variance }
     }
 
-    /// As many real equations as there are parameters, those that determine them best: real or imaginary parts of rows, each
-    /// as a row of harmonic 0.
+    /// The real equations that determine the parameters best, as many as there are parameters: real or imaginary parts of rows,
+    /// each as a row of harmonic 0.
     ///
-    /// They are the first columns that pivoting picks in the weighted, scaled and transposed matrix (after Feng, Eqn 3.29).
+    /// A QR decomposition of the weighted, scaled and transposed matrix picks them by its pivots (after Feng, Eqn 3.29).
     #[must_use]
-    pub fn reduced(&self) -> Self {
+    pub(super) fn reduced(&self) -> Self {
         let all: Vec<usize> = (0..self.parameters).collect();
         let (matrix, _) = unit_columns(self.weighted(&all, &[]).remove_column(self.parameters));
-        // Where every real equation comes from: the row, and whether its imaginary part.
+        // The complex row of every real equation, and whether it is the imaginary part.
         let parts = (0..self.len()).flat_map(|e| {
             let imaginary: &[bool] = if self.harmonic[e] == 0 { &[false] } else { &[false, true] };
             imaginary.iter().map(move |part| (e, *part))
@@ -147,7 +142,7 @@ impl Equations {
     /// The real equations `[A b]`, each divided by its standard deviation, with the columns `free` only; those of the frozen
     /// parameters, at their values, are taken from the right.
     #[must_use]
-    pub fn weighted(&self, free: &[usize], frozen: &[Frozen]) -> DMatrix<f64> {
+    pub(super) fn weighted(&self, free: &[usize], frozen: &[Frozen]) -> DMatrix<f64> {
         let mut whole = self.right.clone();
         for frozen in frozen {
             for (right, phi) in whole.iter_mut().zip(self.column(frozen.parameter)) {

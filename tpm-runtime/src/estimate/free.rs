@@ -1,6 +1,7 @@
 //! The parameters that are estimated, apart from those that are held.
 
-use crate::estimate::measured_motion::{EstimateError, Settings};
+use crate::estimate::error::EstimateError;
+use crate::estimate::settings::Settings;
 use crate::numerics::DMatrix;
 use std::vec;
 use std::vec::Vec;
@@ -8,7 +9,7 @@ use std::vec::Vec;
 /// Which of a model's parameters are estimated.
 pub(super) struct Free {
     parameters: usize,
-    /// Their indices, ascending.
+    /// Indices of the free parameters, ascending.
     pub(super) indices: Vec<usize>,
 }
 
@@ -16,7 +17,7 @@ impl Settings {
     /// The parameters that are not held.
     ///
     /// # Errors
-    /// [`EstimateError::Frozen`] when one is held that does not exist, [`EstimateError::AllFrozen`].
+    /// [`EstimateError::Frozen`] when a parameter is held that does not exist, [`EstimateError::AllFrozen`] when all are held.
     pub(super) fn free(&self, parameters: usize) -> Result<Free, EstimateError> {
         if let Some(frozen) = self.frozen.iter().find(|frozen| frozen.parameter >= parameters) {
             return Err(EstimateError::Frozen(frozen.parameter));
@@ -30,7 +31,7 @@ impl Settings {
         }
     }
 
-    /// Puts the values at which parameters are held.
+    /// Writes the values at which parameters are held.
     pub(super) fn hold(&self, values: &mut [f64]) {
         for frozen in &self.frozen {
             values[frozen.parameter] = frozen.value;
@@ -44,14 +45,14 @@ impl Free {
         self.indices.iter().map(|&j| whole[j]).collect()
     }
 
-    /// A direction of the free parameters as one of all, in which the others do not move.
+    /// A direction of the free parameters as a direction of all, with zeros for those that are held.
     pub(super) fn spread(&self, part: &[f64]) -> Vec<f64> {
         let mut whole = vec![0.0; self.parameters];
         self.put(part, &mut whole);
         whole
     }
 
-    /// A matrix over the free parameters as one over all, with zeros for the others.
+    /// A matrix over the free parameters as a matrix over all, with zeros for those that are held.
     pub(super) fn spread_square(&self, part: &DMatrix<f64>) -> DMatrix<f64> {
         let mut whole = DMatrix::zeros(self.parameters, self.parameters);
         for (a, &i) in self.indices.iter().enumerate() {
@@ -62,7 +63,7 @@ impl Free {
         whole
     }
 
-    /// Puts the entries of the free parameters.
+    /// Writes the entries of the free parameters.
     pub(super) fn put(&self, part: &[f64], whole: &mut [f64]) {
         for (&j, &value) in self.indices.iter().zip(part) {
             whole[j] = value;

@@ -4,6 +4,7 @@
 //! so far. Pooling stacks the triangles and triangularises again (Householder), so that the condition number is never
 //! squared as it would be in the normal equations.
 
+use crate::estimate::verdict::COMPONENT;
 use crate::numerics::singular::{Singular, complement, condition, largest_one, unit_columns};
 use crate::numerics::{Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn};
 use std::borrow::Cow;
@@ -16,7 +17,7 @@ const RANK_TOLERANCE: f64 = 1e-10;
 
 /// Square-root information of a set of parameters.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Information {
+pub(super) struct Information {
     /// `[R z; 0 r]`, a row and a column more than there are parameters.
     triangle: DMatrix<f64>,
 }
@@ -31,29 +32,29 @@ pub(super) struct Scaled<'a> {
 
 /// Parameters solved from information.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Solution {
+pub(super) struct Solution {
     /// Values; along unobservable directions those of the prior.
-    pub values: Vec<f64>,
+    pub(super) values: Vec<f64>,
     /// Covariance over the observable directions.
-    pub covariance: DMatrix<f64>,
+    pub(super) covariance: DMatrix<f64>,
     /// Independent combinations that the equations show.
-    pub rank: usize,
-    /// Directions that they do not show, the largest component of each being one.
-    pub unobservable: Vec<Vec<f64>>,
+    pub(super) rank: usize,
+    /// Directions that the equations do not show, the largest component of each being one.
+    pub(super) unobservable: Vec<Vec<f64>>,
     /// Weighted sum of squares that remains at the solution.
-    pub remainder: f64,
+    pub(super) remainder: f64,
 }
 
 impl Information {
     /// No information on so many parameters.
     #[must_use]
-    pub fn empty(parameters: usize) -> Self {
+    pub(super) fn empty(parameters: usize) -> Self {
         Information { triangle: DMatrix::zeros(parameters + 1, parameters + 1) }
     }
 
     /// Condenses real equations `[A b]`, `A theta = b`, of unit variance.
     #[must_use]
-    pub fn of(rows: DMatrix<f64>) -> Self {
+    pub(super) fn of(rows: DMatrix<f64>) -> Self {
         let (equations, columns) = rows.shape();
         let rows = if equations < columns { rows.resize_vertically(columns, 0.0) } else { rows };
         Information { triangle: rows.qr().unpack_r() }
@@ -61,7 +62,7 @@ impl Information {
 
     /// Adds what other data say about the same parameters.
     #[must_use]
-    pub fn pool(&self, other: &Self) -> Self {
+    pub(super) fn pool(&self, other: &Self) -> Self {
         let columns = self.triangle.ncols();
         let mut rows = DMatrix::zeros(2 * columns, columns);
         rows.rows_mut(0, columns).copy_from(&self.triangle);
@@ -69,9 +70,9 @@ impl Information {
         Information::of(rows)
     }
 
-    /// The same data when their age makes them count less: every weight times `factor` in (0, 1].
+    /// Multiplies every weight by a factor in (0, 1], since older data count less.
     #[must_use]
-    pub fn forget(mut self, factor: f64) -> Self {
+    pub(super) fn forget(mut self, factor: f64) -> Self {
         self.triangle *= factor.sqrt();
         self
     }
@@ -83,14 +84,14 @@ impl Information {
 
     /// Upper triangular factor R.
     #[must_use]
-    pub fn factor(&self) -> DMatrixView<'_, f64> {
+    pub(super) fn factor(&self) -> DMatrixView<'_, f64> {
         let n = self.parameters();
         self.triangle.view((0, 0), (n, n))
     }
 
     /// Right-hand side z of `R theta = z`.
     #[must_use]
-    pub fn right(&self) -> DVectorView<'_, f64> {
+    pub(super) fn right(&self) -> DVectorView<'_, f64> {
         let n = self.parameters();
         self.triangle.generic_view((0, n), (Dyn(n), Const::<1>))
     }
@@ -106,11 +107,11 @@ impl Information {
     /// `prior` (one value per parameter) fills the unobservable directions; `gradient`, when given, is added to the right
     /// of the normal equations (a correction for noise in the regressors).
     #[must_use]
-    pub fn solve(&self, prior: &[f64], gradient: Option<&[f64]>) -> Solution {
+    pub(super) fn solve(&self, prior: &[f64], gradient: Option<&[f64]>) -> Solution {
         self.scaled().solve(prior, gradient, &[])
     }
 
-    /// The factor with columns of length one.
+    /// The factor R with columns of length one.
     pub(super) fn scaled(&self) -> Scaled<'_> {
         let (factor, scale) = unit_columns(self.factor().into_owned());
         Scaled { of: self, factor, scale }
@@ -195,39 +196,40 @@ impl Scaled<'_> {
         }
     }
 
-    /// Ratio of the largest to the smallest singular value that counts, beside the hidden directions; infinite when none counts.
+    /// Ratio of the largest to the smallest singular value that counts, over what is orthogonal to the hidden directions; infinite
+    /// when none counts.
     pub(super) fn condition(self, hidden: &[Vec<f64>]) -> f64 {
         condition(&self.in_terms_of(beside(hidden, &self.scale).as_ref()), RANK_TOLERANCE)
     }
 
-    /// The factor for parameters that are a basis times others; as it is without a basis.
+    /// The factor for the coordinates of a basis in place of the scaled parameters; the factor itself without a basis.
     fn in_terms_of(&self, basis: Option<&DMatrix<f64>>) -> Cow<'_, DMatrix<f64>> {
         basis.map_or(Cow::Borrowed(&self.factor), |basis| Cow::Owned(&self.factor * basis))
     }
 
-    /// A direction in the parameters themselves, its largest component one.
+    /// A direction of the scaled parameters as one of the parameters, its largest component one.
     fn raw(&self, scaled: &[f64]) -> Vec<f64> {
         let raw: Vec<f64> = scaled.iter().zip(&self.scale).map(|(d, s)| d / s).collect();
         largest_one(&raw)
     }
 
-    /// Which parameters have a part in an unobservable direction.
+    /// Which parameters belong to an unobservable direction.
     pub(super) fn touched(&self, unobservable: &[Vec<f64>]) -> Vec<bool> {
         let mut touched = vec![false; self.scale.len()];
         for direction in unobservable {
             let weighed = || direction.iter().zip(&self.scale).map(|(d, s)| (d * s).abs());
             let peak = weighed().fold(0.0, f64::max);
             for (flag, part) in touched.iter_mut().zip(weighed()) {
-                *flag |= part > 1e-6 * peak;
+                *flag |= part > COMPONENT * peak;
             }
         }
         touched
     }
 }
 
-/// The same space by directions of which each has a component that the others do not have (Gauss and Jordan, pivoting wholly), so
-/// that parameters which have nothing to do with each other stand in different ones. Each comes with that
-/// component, which is one. From independent directions about as long as one.
+/// Another basis of the space that independent directions of about unit length span, by Gauss-Jordan elimination with full
+/// pivoting. Every direction has a component of its own, which is one there and zero in the others and is returned beside
+/// it, so that unrelated parameters stand in different directions.
 pub(super) fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<(usize, Vec<f64>)> {
     let mut own = Vec::with_capacity(directions.len());
     for done in 0..directions.len() {
@@ -262,7 +264,7 @@ fn inverse_of_full_rank(triangle: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = triangle.nrows();
     let mut inverse = DMatrix::identity(n, n);
     let regular = triangle.solve_upper_triangular_mut(&mut inverse);
-    // Not a number is no proof either.
+    // A comparison with a value that is not a number is false, and proves nothing.
     (regular && inverse.norm() * triangle.norm() * RANK_TOLERANCE < 1.0).then_some(inverse)
 }
 
@@ -322,7 +324,7 @@ mod tests {
         assert!(direction[2].abs() < 1e-9);
     }
 
-    /// Each of two combinations is shown as a whole only: neither direction that is lost mixes them.
+    /// Two combinations are shown as wholes: no unobservable direction mixes the parameters of both.
     #[test]
     fn directions_that_have_nothing_in_common_are_apart() {
         // a + 2 b and 3 c - d + e, in units that differ, and f.
@@ -345,7 +347,7 @@ mod tests {
         assert!((solved.unobservable[0][1] + 0.5).abs() < 1e-12, "{solved:?}");
     }
 
-    /// The inverse of the triangle and its singular values lead to the same.
+    /// Solving by the inverse of the triangle agrees with solving by singular values.
     #[test]
     fn full_rank_needs_no_singular_values() {
         let a = DMatrix::from_fn(9, 4, |r, c| {

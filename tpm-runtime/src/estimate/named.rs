@@ -1,6 +1,7 @@
-//! An estimate as it is reported: names, units, and nothing where nothing can be known.
+//! An estimate as it is reported: with names and units, and without a number where the data show none.
 
-use crate::estimate::{Estimate, Status};
+use crate::estimate::result::Estimate;
+use crate::estimate::verdict::Status;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::format;
@@ -8,17 +9,17 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// Parts of a unit direction below this one are rounding.
-const NOTHING: f64 = 1e-9;
+/// Components of a direction below this size are rounding; its largest is one.
+const ROUNDING: f64 = 1e-9;
 
 /// One parameter of a result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterReport {
-    /// Name in the model.
+    /// Name of the parameter in the model.
     pub name: String,
-    /// Unit in the model.
+    /// Unit of the parameter in the model.
     pub unit: Option<String>,
-    /// Value before.
+    /// Value before the identification, in that unit.
     pub prior: Option<f64>,
     /// Identified value; nothing when unobservable.
     pub value: Option<f64>,
@@ -31,11 +32,11 @@ pub struct ParameterReport {
 /// A combination of parameters that do not show one by one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CombinationReport {
-    /// Parameter to weight; the one with weight one gives the unit.
+    /// Weight by parameter, nine digits each; the combination has the unit of the parameter of weight one.
     pub terms: BTreeMap<String, String>,
-    /// Its unit.
+    /// Unit of the combination.
     pub unit: Option<String>,
-    /// Value before.
+    /// Value before the identification.
     pub prior: Option<f64>,
     /// Identified value.
     pub value: f64,
@@ -49,9 +50,9 @@ pub(crate) struct EstimateReport {
     pub(crate) parameters: Vec<ParameterReport>,
     /// Directions that the data do not show: parameter to weight.
     pub(crate) unobservable: Vec<BTreeMap<String, String>>,
-    /// What they do show of the unobservable parameters.
+    /// What the data show of the unobservable parameters.
     pub(crate) combinations: Vec<CombinationReport>,
-    /// Nothing in the rows and columns of unobservable parameters.
+    /// Covariance by row and column, with nothing for unobservable parameters.
     pub(crate) covariance: Vec<Vec<Option<f64>>>,
 }
 
@@ -72,7 +73,7 @@ impl EstimateReport {
             })
             .collect();
         let named = |direction: &[f64]| -> BTreeMap<String, String> {
-            let parts = direction.iter().enumerate().filter(|(_, part)| part.abs() > NOTHING);
+            let parts = direction.iter().enumerate().filter(|(_, part)| part.abs() > ROUNDING);
             parts.map(|(j, part)| (model.parameter(j).name.to_string(), nine_digits(*part))).collect()
         };
         let unobservable = estimate.map_or_else(Vec::new, |e| e.unobservable.iter().map(|d| named(d)).collect());
@@ -89,31 +90,6 @@ impl EstimateReport {
         let covariance = (0..p).map(|r| (0..p).map(|c| entry(r, c)).collect()).collect();
         Self { parameters, unobservable, combinations, covariance }
     }
-}
-
-/// What the user should know of the parameters that an estimate does not tell well, from data called so.
-pub(crate) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: &str) -> Vec<String> {
-    let name = |j: usize| model.parameter(j).name;
-    let combinations = estimate.combinations();
-    let shared = |j: usize| combinations.iter().any(|shown| shown.weights[j].abs() > NOTHING);
-    let (mut doubts, mut together) = (Vec::new(), Vec::new());
-    for (j, status) in estimate.status.iter().enumerate() {
-        match status {
-            Status::Unobservable if shared(j) => together.push(name(j)),
-            Status::Unobservable => doubts.push(format!("{} is not visible in {data}", name(j))),
-            Status::PoorlyDetermined => doubts.push(format!(
-                "{} is poorly determined: {:.3e} with a standard deviation of {:.3e}",
-                name(j),
-                estimate.values[j],
-                estimate.std[j]
-            )),
-            Status::Identified | Status::Frozen => {}
-        }
-    }
-    if !together.is_empty() {
-        doubts.push(format!("visible in {data} only in combinations with each other: {}", together.join(", ")));
-    }
-    doubts
 }
 
 /// A weight to nine digits, so that rounding of the factorisation does not show.

@@ -1,58 +1,51 @@
 //! `numerical`: the matrix of the tracking error's harmonics from runs with one parameter changed at a time (Feng, Eqn 3.28).
 //!
 //! To first order `E = M (theta' - theta)`, theta' being the parameters of the feed-forward. A base run and one run per parameter give M
-//! by differences. On request it is used as Feng's chapters 3 and 5 do: entries that are zero in the exact table are
-//! cleared, only as many equations as parameters are kept (3.29), and once there is a matrix every run is an update, M being
-//! corrected by what the last one did (secant). Invariant: a matrix belongs to one reference; another one begins anew.
+//! by differences. On request M is used as in Feng's chapters 3 and 5: entries that are zero in the exact table are
+//! cleared, only as many equations as parameters are kept (Eqn 3.29), and once M is known every run is an update, and M is
+//! corrected by the change of the error since the run before (secant). Invariant: M belongs to one reference; another
+//! reference begins anew.
 
 use crate::estimate::along::Along;
 use crate::estimate::equations::Equations;
-use crate::estimate::estimator::{Estimator, Run};
-use crate::estimate::estimator::{Pools, highest_harmonic, pool_run};
-use crate::estimate::first_order::error_lines;
-use crate::estimate::measured_motion::{EstimateError, Settings};
-use crate::estimate::{Estimate, ROUNDING};
+use crate::estimate::error::EstimateError;
+use crate::estimate::estimator::Estimator;
+use crate::estimate::noise::ROUNDING;
+use crate::estimate::pool::{Pools, pool_run};
+use crate::estimate::result::Estimate;
+use crate::estimate::run::{Run, error_lines};
+use crate::estimate::settings::{NumericalSettings, Settings};
+use crate::estimate::table::LineTable;
 use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
-use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// Change of a parameter in a perturbed run, as a share of the value, or of the whole force.
+/// Change of a parameter in a perturbed run, as a share of its value, or of the value at which it makes the whole force.
 const PERTURBATION: f64 = 0.5;
-/// An entry of the table below this share of its column's largest is zero but for rounding.
+/// An entry of B Lambda below this share of its column's largest is rounding of zero.
 const ZERO: f64 = 1e-9;
-
-/// How `numerical` uses its matrix.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct NumericalSettings {
-    /// Entries that are zero in the exact table are cleared.
-    pub cleared: bool,
-    /// As many equations as parameters are used, those that determine them best (Feng, Eqn 3.29).
-    pub reduced: bool,
-    /// After the first matrix every run is an update, and the matrix is corrected by what the last update did.
-    pub secant: bool,
-}
 
 /// Phasors per coordinate and harmonic.
 type Lines = Vec<Vec<Complex<f64>>>;
 
-/// The estimator.
+/// The estimator `numerical`.
 pub(super) struct Numerical {
     settings: Settings,
+    table: Option<Arc<dyn LineTable>>,
     pools: Pools,
     /// The equations of the last update, when the last run made one, and the parameters behind them.
     ready: Option<(Equations, Vec<f64>)>,
     base: Option<Base>,
     /// Per parameter so far: change of every coordinate's error lines per change of the parameter.
     columns: Vec<Lines>,
-    /// The matrix is whole, and every further run corrects it.
+    /// Whether M is whole, so that every further run corrects it.
     known: bool,
     harmonics: usize,
 }
 
-/// The run that others are compared with.
+/// The run with which perturbed runs are compared.
 struct Base {
     reference: Trajectory,
     parameters: Vec<f64>,
@@ -64,9 +57,15 @@ struct Base {
 }
 
 impl Base {
-    fn new(model: &dyn Model<f64>, run: &Run<'_>, error: Lines, highest: usize) -> Result<Self, EstimateError> {
+    fn new(
+        model: &dyn Model<f64>,
+        run: &Run<'_>,
+        error: Lines,
+        highest: usize,
+        table: Option<&dyn LineTable>,
+    ) -> Result<Self, EstimateError> {
         let dims = model.dims();
-        let along = Along::new(model, &run.trial.constants, &run.trial.trajectory, highest)?;
+        let along = Along::of_trial(model, run.trial, highest, table)?;
         let power = |lines: &[Complex<f64>]| lines.iter().map(|z| z.norm_sqr()).sum::<f64>();
         let force =
             run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
@@ -92,7 +91,8 @@ impl Base {
         })
     }
 
-    /// Whether a run has the same reference; that of open coordinates follows from the parameters.
+    /// Whether a run has the reference of the base run. Open coordinates are not compared: their reference follows from the
+    /// parameters.
     fn is_of(&self, run: &Run<'_>) -> bool {
         let (own, other) = (&self.reference, &run.trial.trajectory);
         own.frequency.to_bits() == other.frequency.to_bits()
@@ -106,10 +106,11 @@ fn variances(run: &Run<'_>, coordinates: usize, highest: usize) -> Vec<Vec<f64>>
 }
 
 impl Numerical {
-    /// With everything still to learn.
-    pub(super) fn new(settings: &Settings) -> Self {
+    /// The estimator before any run.
+    pub(super) fn new(settings: &Settings, table: Option<Arc<dyn LineTable>>) -> Self {
         Numerical {
             settings: settings.clone(),
+            table,
             pools: Pools::default(),
             ready: None,
             base: None,
@@ -119,8 +120,8 @@ impl Numerical {
         }
     }
 
-    /// Corrects the matrix by what the step from the last update's run to this one did (Broyden, every parameter in its own
-    /// measure), and makes this run the base.
+    /// Corrects M by the change of the error from the base run to this one (Broyden's update, every parameter scaled by its
+    /// step), and makes this run the base.
     fn correct(&mut self, run: &Run<'_>, error: Lines) {
         let Some(base) = self.base.as_mut() else { return };
         let step: Vec<f64> =
@@ -190,14 +191,14 @@ impl Estimator for Numerical {
                 given: run.spectra.lines.len(),
             });
         }
-        let highest = highest_harmonic(&self.settings, run);
+        let highest = run.highest_harmonic(&self.settings);
         let error = error_lines(run.trial, run.spectra, dims.coordinates, highest);
         self.harmonics = highest;
         let same = |base: &&Base| base.error[0].len() == highest + 1 && base.is_of(run);
         let Some(base) = self.base.as_ref().filter(same) else {
             self.columns.clear();
             self.known = false;
-            self.base = Some(Base::new(model, run, error, highest)?);
+            self.base = Some(Base::new(model, run, error, highest, self.table.as_deref())?);
             return Ok(());
         };
         if self.known {

@@ -10,10 +10,11 @@
 
 use crate::estimate::information::Information;
 use crate::estimate::named::ParameterReport;
-use crate::estimate::{Estimate, Status};
+use crate::estimate::result::Estimate;
+use crate::estimate::verdict::{COMPONENT, Evidence, POOR_PHYSICAL, Status};
 use crate::numerics::Owned;
 use crate::numerics::singular::{Singular, complement, largest_one, unit_columns};
-use crate::numerics::{DMatrix, DVector, Dyn};
+use crate::numerics::{DMatrix, DVector, Dyn, Matrix};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use std::collections::BTreeMap;
 use std::format;
@@ -29,21 +30,20 @@ use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A combination of variance below this share of the largest, after scaling, is taken for rounding.
 const ROUNDING: f64 = 1e-14;
-/// Least relative standard deviation of a lumped parameter: nothing is known better, and frozen ones are held so tightly.
+/// Least relative standard deviation of a lumped parameter, and that of frozen ones.
 const SHARPEST: f64 = 1e-12;
 /// Singular values of the weighted, scaled Jacobian below this share of the largest show nothing.
 const RANK_TOLERANCE: f64 = 1e-9;
 /// Deviation of the consistency test, in standard deviations of a normal variable, that is flagged (one in a thousand).
 const INCONSISTENT: f64 = 3.09;
-/// A standard deviation above this share of the value makes a parameter poorly determined.
-const POOR: f64 = 0.5;
 /// A value below minus so many standard deviations is negative beyond doubt.
 const SURELY_NEGATIVE: f64 = 2.0;
 
 /// What is known about the physical parameters beforehand, by name.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct PhysicalSettings {
-    /// Where to start beside the closed inverse; unobservable parameters keep it.
+    /// A start of the search beside the closed inverse; unobservable parameters keep these values.
     pub prior: BTreeMap<String, f64>,
     /// Values that are held.
     pub frozen: BTreeMap<String, f64>,
@@ -55,15 +55,18 @@ pub struct PhysicalSettings {
 
 /// Physical parameters, and whether the lumped ones are consistent with any.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Physical {
     /// Every physical parameter with its standard deviation.
     pub parameters: Vec<ParameterReport>,
-    /// Their values, also of those that the lumped ones do not determine (the prior).
+    /// What may be said of every physical parameter.
+    pub status: Vec<Status>,
+    /// Values of the physical parameters; the prior where the lumped ones do not determine them.
     pub values: Vec<f64>,
-    /// The lumped parameters that they give.
+    /// The lumped parameters that follow from the physical ones.
     pub lumped: Vec<f64>,
     /// Covariance, in the order of `parameters`; zero for what is frozen or at a bound.
-    pub covariance: DMatrix<f64>,
+    pub covariance: Matrix,
     /// Directions that the lumped parameters do not determine, the largest component of each being one.
     pub unobservable: Vec<Vec<f64>>,
     /// Ratio of the largest to the smallest singular value that counts of the weighted Jacobian after column scaling.
@@ -72,7 +75,7 @@ pub struct Physical {
     pub rank: usize,
     /// Weighted sum of squares that the best physical parameters leave.
     pub misfit: f64,
-    /// Relations among the lumped parameters that were tested by it.
+    /// Relations among the lumped parameters that the misfit tests.
     pub freedom: usize,
     /// What the user should know.
     pub warnings: Vec<String>,
@@ -80,29 +83,30 @@ pub struct Physical {
 
 /// A fault of the settings.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum PhysicalError {
-    /// No such parameter.
+    /// A parameter does not exist.
     #[error("there is no physical parameter `{name}`; there are {known}")]
     Unknown {
-        /// What was given.
+        /// The name that was given.
         name: String,
-        /// The model's.
+        /// Names of the model's physical parameters.
         known: String,
     },
-    /// An empty interval.
+    /// The bounds of a parameter hold no value.
     #[error("the bounds of `{name}` hold no value: {low} to {high}")]
     EmptyBounds {
-        /// Whose.
+        /// The parameter.
         name: String,
         /// Lower bound.
         low: f64,
         /// Upper bound.
         high: f64,
     },
-    /// A constant without a value.
+    /// A constant in the map has no value.
     #[error("the map to the physical parameters needs a value of the constant `{name}`")]
     NoConstant {
-        /// Which.
+        /// The constant.
         name: String,
     },
 }
@@ -116,7 +120,7 @@ pub fn is_lumped(prepared: &Prepared) -> bool {
 /// The physical parameters that explain an estimate of the lumped ones best.
 ///
 /// # Errors
-/// [`PhysicalError`].
+/// [`PhysicalError`] when the settings name an unknown parameter, have empty bounds, or lack the value of a constant.
 pub fn physical(
     prepared: &Prepared,
     estimate: &Estimate,
@@ -125,7 +129,7 @@ pub fn physical(
     Ok(PhysicalFit::new(prepared, settings)?.of_estimate(estimate))
 }
 
-/// The map from physical to lumped parameters, ready to be inverted again and again.
+/// The map from physical to lumped parameters, worked out once for many estimates.
 #[derive(Clone, Debug)]
 pub struct PhysicalFit {
     map: ParameterMap,
@@ -138,7 +142,7 @@ impl PhysicalFit {
     /// Works out the map and checks the settings against it.
     ///
     /// # Errors
-    /// [`PhysicalError`].
+    /// [`PhysicalError`] when the settings name an unknown parameter, have empty bounds, or lack the value of a constant.
     pub fn new(prepared: &Prepared, settings: &PhysicalSettings) -> Result<Self, PhysicalError> {
         let map = ParameterMap::new(prepared);
         let fixed = Fixed::new(prepared, &map, settings)?;
@@ -176,10 +180,14 @@ impl PhysicalFit {
         closed
     }
 
-    /// The same from the equations behind an estimate, which also hold what is too small for a covariance. `gradient` is
-    /// added to the right of their normal equations; the search begins at `start` too.
-    #[must_use]
-    pub fn of_information(&self, information: &Information, gradient: Option<&[f64]>, start: &[f64]) -> Physical {
+    /// The physical parameters that explain equations in the lumped ones best. Equations also hold what is too small for a
+    /// covariance. `gradient` is added to the right of their normal equations; `start` is a further start of the search.
+    pub(super) fn of_information(
+        &self,
+        information: &Information,
+        gradient: Option<&[f64]>,
+        start: &[f64],
+    ) -> Physical {
         let lumped = information.solve(&self.lumped(start), gradient).values;
         self.best(&Weighted::of_information(information, gradient), &[self.closed(&lumped), start.to_vec()])
     }
@@ -259,7 +267,7 @@ impl Weighted {
                 std.max(floor)
             })
             .collect();
-        // Functionals that vanish along what is not shown, in scaled coordinates.
+        // Combinations, in scaled parameters, that vanish along the unobservable directions.
         let hidden = DMatrix::from_fn(n, estimate.unobservable.len(), |r, c| estimate.unobservable[c][r] / scale[r]);
         let shown = complement(&hidden);
         let covariance = DMatrix::from_fn(n, n, |r, c| {
@@ -282,7 +290,7 @@ impl Weighted {
     fn of_information(information: &Information, gradient: Option<&[f64]>) -> Self {
         let rows = information.factor().into_owned();
         let mut right = information.right().into_owned();
-        // R' R c = R' z + g is the same as R c = z + R'^-1 g, where R has an inverse.
+        // R' R c = R' z + g means R c = z + R'^-1 g, where R has an inverse.
         if let Some(shift) = gradient.and_then(|g| rows.transpose().lu().solve(&DVector::from_column_slice(g)))
             && shift.iter().all(|x| x.is_finite())
         {
@@ -292,7 +300,7 @@ impl Weighted {
     }
 }
 
-/// Everything that is settled before the first step.
+/// What the settings fix before the search begins.
 #[derive(Clone, Debug)]
 struct Fixed {
     constants: BTreeMap<Symbol, f64>,
@@ -359,7 +367,8 @@ impl Fixed {
         }
     }
 
-    /// The starts given, as far as they are numbers, then the prior, and ones: the best minimum of all is taken.
+    /// The starts given, with the prior (or one) for values that are not finite, then the prior itself. All lie within the
+    /// bounds, and frozen parameters have their values.
     fn starts(&self, given: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let count = self.prior.len();
         let plain: Vec<f64> = (0..count).map(|i| self.prior[i].filter(|value| *value != 0.0).unwrap_or(1.0)).collect();
@@ -371,7 +380,7 @@ impl Fixed {
         for start in &mut starts {
             for (i, value) in start.iter_mut().enumerate() {
                 let (low, high) = self.bounds[i];
-                // Strictly inside, so that nothing is divided by a mass of zero.
+                // Strictly within the bounds, so that nothing is divided by a mass of zero.
                 if *value <= low {
                     *value = if high.is_finite() { f64::midpoint(low, high) } else { low + value.abs().max(1.0) };
                 } else if *value >= high {
@@ -390,7 +399,7 @@ impl Fixed {
         let mut values = start;
         let mut held = vec![false; count];
         let mut converged = false;
-        // Every pass holds or releases one parameter; more passes than that would go round in circles.
+        // Every pass holds or releases one parameter; more passes would repeat earlier choices.
         for _ in 0..2 * count + 2 {
             let free: Vec<usize> = (0..count).filter(|&i| self.frozen[i].is_none() && !held[i]).collect();
             let before = values.clone();
@@ -408,7 +417,7 @@ impl Fixed {
             } else {
                 converged = true;
             }
-            // The parameter that leaves its bounds first on the way.
+            // The first parameter to leave its bounds on the way from the values before.
             let beyond = (0..count).filter(|&i| !held[i] && self.frozen[i].is_none()).filter_map(|i| {
                 let (low, high) = self.bounds[i];
                 let bound = if values[i] < low {
@@ -429,7 +438,7 @@ impl Fixed {
                 held[i] = true;
                 continue;
             }
-            // Releasing pays when the misfit falls on the way inside.
+            // A parameter is released when the misfit falls from its bound inwards.
             let Some(gradient) = self.gradient(map, weighted, &values) else { break };
             let inward = (0..count).find(|&i| {
                 held[i] && if values[i] <= self.bounds[i].0 { gradient[i] < 0.0 } else { gradient[i] > 0.0 }
@@ -491,7 +500,7 @@ impl Fixed {
                 for direction in singular.null().column_iter() {
                     let mut raw = vec![0.0; count];
                     for (r, &i) in free.iter().enumerate() {
-                        hidden[i] |= direction[r].abs() > 1e-6;
+                        hidden[i] |= direction[r].abs() > COMPONENT;
                         raw[i] = direction[r] / scale[r];
                     }
                     unobservable.push(largest_one(&raw));
@@ -504,35 +513,42 @@ impl Fixed {
                 hidden = vec![true; count];
             }
         }
+        let std: Vec<f64> = (0..count).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
+        let status: Vec<Status> = (0..count)
+            .map(|i| {
+                let evidence = if self.frozen[i].is_some() {
+                    Evidence::Frozen
+                } else if hidden[i] {
+                    Evidence::Hidden
+                } else if solution.held[i] {
+                    Evidence::AtBound
+                } else {
+                    Evidence::Shown { value: solution.values[i], std: std[i], felt: f64::INFINITY }
+                };
+                Status::of(evidence, POOR_PHYSICAL)
+            })
+            .collect();
         let parameters: Vec<ParameterReport> = (0..count)
             .map(|i| {
-                let symbol = map.parameters()[i];
-                let name = map.name(symbol);
-                let (value, std) = (solution.values[i], covariance[(i, i)].max(0.0).sqrt());
-                let status = if self.frozen[i].is_some() {
-                    Status::Frozen
-                } else if hidden[i] {
-                    warnings.push(format!("the lumped parameters do not determine {name}"));
-                    Status::Unobservable
-                } else if solution.held[i] {
-                    warnings.push(format!(
+                let (name, value) = (map.name(map.parameters()[i]), solution.values[i]);
+                match status[i] {
+                    Status::Identified | Status::Frozen => {}
+                    Status::Unobservable => {
+                        warnings.push(format!("the lumped parameters do not determine {name}"));
+                    }
+                    Status::PoorlyDetermined if solution.held[i] => warnings.push(format!(
                         "{name} is held at its bound {value}: the lumped parameters ask for a value beyond it, which no such machine has"
-                    ));
-                    Status::PoorlyDetermined
-                } else if std > POOR * value.abs() {
-                    warnings.push(format!("{name} is poorly determined"));
-                    Status::PoorlyDetermined
-                } else {
-                    Status::Identified
-                };
-                let seen = status != Status::Unobservable;
+                    )),
+                    Status::PoorlyDetermined => warnings.push(format!("{name} is poorly determined")),
+                }
+                let seen = status[i] != Status::Unobservable;
                 ParameterReport {
                     name: name.to_string(),
                     unit: units[i].clone(),
                     prior: self.prior[i].or(self.frozen[i]),
                     value: seen.then_some(value),
-                    std: (seen && !solution.held[i]).then_some(std),
-                    status,
+                    std: (seen && !solution.held[i]).then_some(std[i]),
+                    status: status[i],
                 }
             })
             .collect();
@@ -548,9 +564,10 @@ impl Fixed {
         }
         Physical {
             parameters,
+            status,
             values: solution.values.clone(),
             lumped: map.evaluate(self.lookup(map, &solution.values)),
-            covariance,
+            covariance: Matrix::of(covariance),
             unobservable,
             condition,
             rank,
@@ -561,8 +578,8 @@ impl Fixed {
     }
 }
 
-/// How far a sum of squares of so many normal variables lies above what chance gives, as standard deviations of a normal
-/// variable (Wilson and Hilferty's cube root).
+/// How far a sum of `freedom` squared normal variables lies above its mean, in standard deviations of a normal variable
+/// (Wilson and Hilferty's cube root).
 fn deviation(sum: f64, freedom: usize) -> f64 {
     if freedom == 0 {
         return 0.0;
@@ -571,7 +588,7 @@ fn deviation(sum: f64, freedom: usize) -> f64 {
     ((sum / freedom as f64).cbrt() - (1.0 - width)) / width.sqrt()
 }
 
-/// The free parameters as the library sees them, each as a share of its scale.
+/// The problem that the Levenberg-Marquardt library solves: the free parameters, each as a share of its scale.
 struct Problem<'a> {
     fixed: &'a Fixed,
     map: &'a ParameterMap,

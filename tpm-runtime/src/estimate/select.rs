@@ -10,8 +10,8 @@ use std::vec::Vec;
 /// once in four hundred thousand lines.
 pub(super) const VISIBLE: f64 = 20.0;
 
-/// A line far above all others counts when its power is this many times that of its noise: in the records of hundreds of
-/// campaigns one of noise alone is [`VISIBLE`], and everything below it would count as motion.
+/// A line far above all others counts when its power is this many times that of its noise. Over hundreds of campaigns one
+/// line of noise alone passes [`VISIBLE`], and everything below it would count as motion.
 pub(super) const ALONE: f64 = 400.0;
 
 /// Lines of the tail are grouped by so many before their residuals are compared.
@@ -20,10 +20,10 @@ const BLOCK: usize = 8;
 const BLOCKS: usize = 5;
 /// A block of the tail whose residual exceeds the median block so many times is not explained by the model.
 const UNEXPLAINED: f64 = 3.0;
-/// Lines that may be missing before the next one stands alone.
+/// A line stands alone when more than this many lines are missing below it.
 const GAP: usize = 16;
 
-/// Stands out of its noise, and out of rounding beside the strongest line of the same signal.
+/// Whether a line stands out of its noise, and out of the rounding of the strongest line of its signal.
 pub(super) fn visible(line: Complex<f64>, variance: f64, peak: f64) -> bool {
     let power = line.norm_sqr();
     power > VISIBLE * variance && power > (1e-13 * peak).powi(2)

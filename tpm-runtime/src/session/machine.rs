@@ -5,7 +5,7 @@
 
 use crate::campaign::{Campaign, RunReport, Setup, Store};
 use crate::estimate::physical::PhysicalSettings;
-use crate::estimate::{Eliminated, Method, Weights};
+use crate::estimate::{Eliminated, Method, PatternTables, Weights};
 use crate::experiment::{Equations, Experiment, ExperimentError, StageSection};
 use crate::interpret::Interpreted;
 use crate::run::Trial;
@@ -16,7 +16,7 @@ use crate::session::play::{Watch, play_campaign, play_simulated};
 use crate::session::summary;
 use std::collections::BTreeMap;
 use std::string::String;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::vec::Vec;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
@@ -26,6 +26,10 @@ pub struct Machine {
     plant: Interpreted,
     pattern: Pattern,
     eliminated: Option<Arc<Eliminated>>,
+    /// The plant's equations in exact form.
+    source: Prepared,
+    /// Exact tables of the plant under its patterns, made when an estimator first needs them.
+    tables: OnceLock<Arc<PatternTables>>,
 }
 
 impl Machine {
@@ -74,7 +78,7 @@ impl Machine {
             };
             Some(Arc::new(Eliminated::new(prepared, &plant, &settings)?))
         };
-        Ok(Machine { plant, pattern, eliminated })
+        Ok(Machine { plant, pattern, eliminated, source: whole.clone(), tables: OnceLock::new() })
     }
 
     /// The machine's own equations.
@@ -108,7 +112,14 @@ impl Machine {
                 let estimator = form.estimator(&setup.estimation);
                 Campaign::with_estimator(&self.plant, setup, estimator)
             }
-            _ => Campaign::new(&self.plant, setup),
+            // The rows are those of the measured motion, for which there is no table.
+            _ if setup.method == Method::MeasuredMotion => Campaign::new(&self.plant, setup),
+            _ => {
+                let made = || Arc::new(PatternTables::new(&self.source, &self.plant, &self.pattern));
+                let table = Arc::clone(self.tables.get_or_init(made));
+                let estimator = setup.method.estimator_with(&setup.estimation, Some(table));
+                Campaign::with_estimator(&self.plant, setup, estimator)
+            }
         };
         Ok(campaign?)
     }

@@ -3,20 +3,20 @@
 //! With `d(row)/d(slot) = sum_m g_m e^{j m w t}` along the motion, the equation of harmonic k holds the sensors' noise of all
 //! lines k - m, each of which stands in other equations too. Invariant: the noise of the real equations is `F(theta) n`, where
 //! n are real and imaginary parts of the coordinates' white noise, line by line and independent; F is linear in theta, so
-//! that its parts are formed once. How strong an equation's noise is was measured; F says how the equations hang
-//! together. Weighing each for itself instead loses information and states deviations that are too small.
+//! that its parts are formed once. The variance of an equation's noise was measured; F gives the correlations between
+//! equations. Weighing each equation for itself instead loses information and states deviations that are too small.
 
-use crate::estimate::measured_motion::MeasuredMotion;
+use crate::estimate::measured_motion::path::NoisePath;
 use crate::numerics::fourier::coefficient;
 use crate::numerics::{Cholesky, DMatrix, Dyn};
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
 
-/// Most numbers in the parts of one record: beyond it every equation is weighed for itself.
-const LARGEST: usize = 8_000_000;
-/// Correlations are taken for that much smaller than the model gives them, so that no combination of equations is free of noise.
-const LOOSENED: f64 = 0.9999;
+/// Most entries in the parts of one record; beyond it every equation is weighed for itself.
+const MOST_ENTRIES: usize = 8_000_000;
+/// Factor on the correlations that the model gives, so that no combination of equations is free of noise.
+const CORRELATION: f64 = 0.9999;
 
 /// The noise of one record's real equations, in the order of [`Equations::weighted`](crate::estimate::equations::Equations::weighted).
 #[derive(Clone, Debug)]
@@ -30,55 +30,55 @@ pub(super) struct Coupled {
 /// Weights of one record's equations at a parameter vector.
 pub(super) struct Weighed {
     factor: Cholesky<f64, Dyn>,
-    /// What noise in the regressors takes from the normal equations, per parameter.
+    /// Correction of the right of the normal equations for noise in the regressors, per parameter.
     pub(super) gradient: Vec<f64>,
 }
 
 impl Weighed {
-    /// Equations that were divided by their standard deviations become uncorrelated.
+    /// Makes equations that were divided by their standard deviations uncorrelated.
     pub(super) fn whiten(&self, rows: &mut DMatrix<f64>) {
         let regular = self.factor.l_dirty().solve_lower_triangular_mut(rows);
         debug_assert!(regular, "a Cholesky factor has no zero on its diagonal");
     }
 
-    /// Transposed rows of which each stands for an equation's noise of unit variance, made to stand for independent noise.
+    /// Rows `L' rows` with the Cholesky factor L of the correlations: where `rows' n` has correlated noise n of unit variance,
+    /// the result stands for independent noise.
     pub(super) fn decouple(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
         self.factor.l_dirty().lower_triangle().tr_mul(rows)
     }
 }
 
 impl Coupled {
-    /// Nothing for a record whose noise is not known to be that of its sensors alone, or that is too large.
-    pub(super) fn new(record: &MeasuredMotion) -> Option<Self> {
-        let white = record.white.as_ref()?;
-        let p = record.dims.parameters;
-        let c = record.dims.coordinates;
-        let highest = record.motion_harmonics;
+    /// Of the equations `used`, harmonics per row, where the coordinates' noise is white with these relative levels; nothing
+    /// where there is no equation, or the parts would be too large.
+    pub(super) fn new(path: &NoisePath, white: &[f64], used: &[Vec<usize>]) -> Option<Self> {
+        let (p, c) = (path.dims.parameters, path.dims.coordinates);
+        let highest = path.motion_harmonics;
         let width = 2 * highest + 1;
         let mut places = Vec::new();
         let mut count = 0;
-        for used in &record.used {
-            for &k in used {
+        for lines in used {
+            for &k in lines {
                 places.push((count, k));
                 count += if k == 0 { 1 } else { 2 };
             }
         }
-        if count * width * c * (p + 1) > LARGEST || count == 0 {
+        if count * width * c * (p + 1) > MOST_ENTRIES || count == 0 {
             return None;
         }
         let mut parts = vec![DMatrix::zeros(count, width * c); p + 1];
         for (j, part) in parts.iter_mut().enumerate() {
             let mut place = places.iter();
-            for (row, used) in record.used.iter().enumerate() {
+            for (row, lines) in used.iter().enumerate() {
                 let column = row * (p + 1) + j;
-                let gains = record.jacobian.lines.iter().map(|columns| columns[column].as_slice());
+                let gains = path.jacobian.lines.iter().map(|columns| columns[column].as_slice());
                 let gains: Vec<&[Complex<f64>]> = gains.collect();
-                for &k in used {
+                for &k in lines {
                     let Some(&(first, _)) = place.next() else { break };
-                    for (&(coordinate, derivative), gain) in record.jacobian.slots.iter().zip(&gains) {
+                    for (&(coordinate, derivative), gain) in path.jacobian.slots.iter().zip(&gains) {
                         let deviation = white[coordinate].sqrt();
                         let turn =
-                            |line: isize| Complex::new(0.0, line as f64 * record.fundamental).powu(derivative as u32);
+                            |line: isize| Complex::new(0.0, line as f64 * path.fundamental).powu(derivative as u32);
                         let through = |line: isize| coefficient(gain, k as isize - line) * turn(line) * deviation;
                         for line in 0..=highest {
                             let (plus, minus) = (through(line as isize), through(-(line as isize)));
@@ -116,7 +116,7 @@ impl Coupled {
         for (part, &value) in self.parts.iter().zip(theta) {
             factor.zip_apply(part, |sum, entry| *sum += entry * value);
         }
-        // What was measured scales every equation; both of its parts keep their ratio.
+        // An equation is scaled so that its variance is the measured one; noise and model error keep their ratio.
         let count = factor.nrows();
         let mut scale = vec![0.0; count];
         let mut apart = vec![0.0; count];
@@ -133,7 +133,7 @@ impl Coupled {
         }
         let mut covariance = &factor * factor.transpose();
         let own = covariance.diagonal();
-        covariance *= LOOSENED;
+        covariance *= CORRELATION;
         for (r, (own, apart)) in own.iter().zip(&apart).enumerate() {
             covariance[(r, r)] = own + apart;
         }

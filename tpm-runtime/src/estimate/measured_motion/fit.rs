@@ -1,33 +1,31 @@
 //! Weighted least squares over the harmonic equations of one or several records.
 //!
 //! Invariant: the noise at the present estimate and a flat error of the model are found anew until the estimate stands still.
-//! They are the weights unless all equations count alike; what is stated of the estimate follows from them either way. What
-//! noise in the regressors adds to the normal equations is taken out.
+//! They are the weights, unless all equations count alike, and deviations follow from them either way. The bias that noise in
+//! the regressors gives the normal equations is subtracted.
 
 use crate::estimate::equations::Equations;
+use crate::estimate::error::EstimateError;
 use crate::estimate::information::Information;
 use crate::estimate::measured_motion::coupled::Weighed;
-use crate::estimate::measured_motion::noise::excess;
-use crate::estimate::measured_motion::{EstimateError, MeasuredMotion, Settings, Weights};
-use crate::estimate::{Estimate, Status};
-use crate::numerics::DMatrix;
+use crate::estimate::measured_motion::model_error::excess;
+use crate::estimate::measured_motion::record::MeasuredMotion;
+use crate::estimate::result::Estimate;
+use crate::estimate::settings::{Settings, Weights};
+use crate::estimate::verdict::Verdict;
+use crate::numerics::{DMatrix, Matrix};
 use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Dims;
 
-/// A deviation beyond this share of the value, and a visible share of the force, makes a parameter poorly determined.
-const POOR: f64 = 0.25;
-/// Smallest share of the force that counts in that judgement.
-const POOR_FORCE: f64 = 0.01;
-
-/// What is known about how the parameters hang together.
+/// Relations among the parameters that are known beforehand.
 pub(in crate::estimate) trait Structure {
     /// The parameters of this structure that explain the pooled equations best, or nothing when there is none; `gradient`
     /// is added to the right of the normal equations.
     fn explain(&mut self, information: &Information, gradient: &[f64]) -> Option<Vec<f64>>;
 }
 
-/// Every parameter for itself.
+/// No relations: every parameter is free of the others.
 struct Unstructured;
 
 impl Structure for Unstructured {
@@ -36,12 +34,12 @@ impl Structure for Unstructured {
     }
 }
 
-/// An estimate with the equations behind it.
+/// An estimate, and the parameters at which its equations were weighed.
 #[derive(Clone, Debug)]
 pub(in crate::estimate) struct Fitted {
     /// The parameters without any structure.
     pub(in crate::estimate) estimate: Estimate,
-    /// Those at which weights and bias were worked out: with the structure, when there is one.
+    /// The parameters at which weights and bias were worked out: those of the structure, when there is one.
     pub(in crate::estimate) theta: Vec<f64>,
 }
 
@@ -51,7 +49,8 @@ pub(in crate::estimate) struct Fitted {
 /// of harmonics was not given).
 ///
 /// # Errors
-/// [`EstimateError`].
+/// [`EstimateError::NoSignal`] without a record, [`EstimateError::Frozen`] and [`EstimateError::AllFrozen`] when parameters are
+/// held that do not exist, or all.
 pub fn estimate_measured_motion(
     records: &mut [MeasuredMotion],
     settings: &Settings,
@@ -59,10 +58,10 @@ pub fn estimate_measured_motion(
     Ok(estimate_structured(records, settings, &mut Unstructured)?.estimate)
 }
 
-/// The same with a structure of the parameters.
+/// [`estimate_measured_motion`] with weights and bias worked out at the parameters that a structure explains.
 ///
 /// # Errors
-/// [`EstimateError`].
+/// The conditions of [`estimate_measured_motion`].
 pub(in crate::estimate) fn estimate_structured(
     records: &mut [MeasuredMotion],
     settings: &Settings,
@@ -200,7 +199,7 @@ fn solve_records(
         }
     };
     let chi_squared = if freedom > 0 { remainder / freedom as f64 } else { 0.0 };
-    // Noise read between the lines may miss errors that repeat in every period; the residuals then show them.
+    // Errors that repeat in every period do not show between the lines; the residuals show them.
     let inflation = chi_squared.max(1.0);
     let covariance = covariance * inflation;
     let unobservable = solution.unobservable.iter().map(|direction| free.spread(direction)).collect();
@@ -209,26 +208,12 @@ fn solve_records(
     let (residual, _) = pooled_residual(records, &theta);
     let mut values = start;
     free.put(&solution.values, &mut values);
-    let mut std = vec![0.0; p];
-    let mut status = vec![Status::Frozen; p];
-    for (a, &j) in free.indices.iter().enumerate() {
-        if touched[a] {
-            std[j] = f64::INFINITY;
-            status[j] = Status::Unobservable;
-            continue;
-        }
-        std[j] = covariance[(j, j)].max(0.0).sqrt();
-        let uncertain_force = records.iter().map(|record| record.force_share(j, std[j])).fold(0.0, f64::max);
-        status[j] = if std[j] > POOR * values[j].abs() && uncertain_force > POOR_FORCE {
-            Status::PoorlyDetermined
-        } else {
-            Status::Identified
-        };
-    }
+    let felt = |j: usize, std: f64| records.iter().map(|record| record.force_share(j, std)).fold(0.0, f64::max);
+    let Verdict { std, status } = Verdict::new(&free, &touched, &values, &covariance, felt);
     let estimate = Estimate {
         values,
         std,
-        covariance,
+        covariance: Matrix::of(covariance),
         status,
         rank: solution.rank,
         unobservable,
@@ -244,12 +229,12 @@ fn solve_records(
 struct Noise {
     /// E|n|^2 of every equation.
     variance: Vec<f64>,
-    /// How they hang together, where that is known.
+    /// Correlations of the equations, where they are known.
     weighed: Option<Weighed>,
 }
 
 impl Noise {
-    /// What makes equations that were divided by their standard deviations uncorrelated; nothing when all count alike.
+    /// The correlations to take out of equations that were divided by their standard deviations; nothing when all count alike.
     fn whitening(&self, settings: &Settings) -> Option<&Weighed> {
         self.weighed.as_ref().filter(|_| settings.weights == Weights::Noise)
     }

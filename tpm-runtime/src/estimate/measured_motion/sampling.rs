@@ -3,7 +3,7 @@
 //! Invariant: the motion is the trigonometric polynomial of the record's lines, so that its derivatives are exact, and the
 //! grid is fine enough that the harmonics of the rows no longer depend on it (up to [`MAX_GRID`]).
 
-use crate::estimate::measured_motion::EstimateError;
+use crate::estimate::error::EstimateError;
 use crate::numerics::fourier::{analyse, synthesise, two_sided};
 use crate::numerics::{DMatrix, RowDVector};
 use crate::run::Spectra;
@@ -22,10 +22,10 @@ const MAX_GRID: usize = 32_768;
 const GRID_TOLERANCE: f64 = 1e-9;
 /// Most points of a period at which the Jacobian is evaluated.
 const JACOBIAN_GRID: usize = 1024;
-/// How far the floor under the highest lines must stand above the noise between them to be taken for a repeated error.
+/// The floor under the highest lines is taken for an error that repeats with the period when its power is this many times
+/// that of the noise between the lines.
 const REPEATED: f64 = 4.0;
-
-/// Derivatives' harmonics below this share of the strongest one mix nothing.
+/// Harmonics of a derivative below this share of its strongest one are left out: they mix no noise that counts.
 const MIXING: f64 = 1e-9;
 
 /// d row / d slot along the period, slots being the coordinates' derivatives that the model uses.
@@ -33,7 +33,7 @@ const MIXING: f64 = 1e-9;
 pub(super) struct Jacobian {
     /// (coordinate, derivative).
     pub(super) slots: Vec<(usize, usize)>,
-    /// Two-sided Fourier coefficients along the period from the mean on, those that mix anything:
+    /// Two-sided Fourier coefficients along the period from the mean on, up to the last above [`MIXING`]:
     /// `[slot][row * (parameters + 1) + j]`; j = parameters is the known term.
     pub(super) lines: Vec<Lines>,
 }
@@ -56,7 +56,7 @@ impl Jacobian {
     }
 }
 
-/// Two-sided Fourier coefficients of a derivative along the period, as far as they mix anything.
+/// Two-sided Fourier coefficients of a derivative along the period, up to the last above [`MIXING`].
 fn mixing_lines(series: &[f64]) -> Vec<Complex<f64>> {
     let mut lines = two_sided(series);
     let strongest = lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max);
@@ -83,7 +83,7 @@ pub(super) fn hold_corrected(spectra: &Spectra, dims: Dims, hold: Hold) -> (Line
     let inputs = (0..dims.inputs)
         .map(|i| spectra.lines[dims.coordinates + i].iter().enumerate().map(|(k, line)| line * factor(k)).collect())
         .collect();
-    // An input is what was applied, counts and all; only a coordinate's floor is an error of its measurement.
+    // An input's record is what was applied, its rounding included; only a coordinate's floor is an error of measurement.
     let floors: Vec<Option<f64>> = (0..spectra.lines.len()).map(|c| spectra.floor(c)).collect();
     let noise = spectra
         .noise
@@ -92,8 +92,8 @@ pub(super) fn hold_corrected(spectra: &Spectra, dims: Dims, hold: Hold) -> (Line
         .map(|(k, covariance)| {
             let mut corrected = covariance.clone();
             for (c, floor) in floors.iter().enumerate() {
-                // A mean has a quarter of the variance of a phasor. Both numbers estimate the same noise unless it
-                // repeats; taking the larger one always would be biased.
+                // A mean has a quarter of the variance of a phasor. Floor and noise between the lines estimate one variance unless
+                // the error repeats; taking the larger one always would be biased.
                 let repeated = floor.map_or(0.0, |f| if k == 0 { f / 4.0 } else { f });
                 let judged = c < dims.coordinates || spectra.noise_bins == 0;
                 if judged && REPEATED * corrected[(c, c)].re < repeated {
@@ -309,7 +309,7 @@ impl Context<'_> {
         Ok(Jacobian { slots, lines })
     }
 
-    /// Per row: a term depends on velocities (odd derivatives) and does not change when all of them change sign.
+    /// Per row, whether a term depends on velocities (odd derivatives) and does not change when all of them change sign.
     pub(super) fn even_in_velocity(&self, sampled: &Sampled) -> Result<Vec<bool>, EstimateError> {
         let dims = self.dims;
         let p = dims.parameters;

@@ -1,20 +1,18 @@
-//! Measured motion when the inputs are known exactly because they were applied, not measured.
+//! Noise of a record whose inputs are known exactly because they were applied, not measured.
 //!
 //! Between the lines of the spectrum such a record holds the sensors' noise n and the motion nu that this noise caused on
 //! its way round the loop. The motion obeys the model, so that `J q - B u = J n` whatever nu is (J is the periodic derivative
-//! of the rows along the motion): formed bin by bin, this residual shows the noise of the equations without the motion
+//! of the rows along the motion). Formed bin by bin, this residual shows the noise of the equations without the motion
 //! that the inputs explain. Its level is smooth in frequency where the plant's response is not; a line therefore gets the
 //! level of its neighbours times its own response.
 //!
-//! The mean of a row with terms that are even in the velocity holds `mean Phi(q + nu) = mean Phi(q) + Phi'' cov(nu) / 2`, and
-//! since nu follows from the inputs, this shift is worked out and the mean can be used. Invariant: a record is refined at
-//! estimates that were found without all this; what is added are corrections of second order in the noise.
+//! The mean of a row with terms that are even in the velocity holds `mean Phi(q + nu) = mean Phi(q) + Phi'' cov(nu) / 2`. Since
+//! nu follows from the inputs, the shift is worked out and the mean can be used. Invariant: a record is refined at
+//! estimates that were found without these corrections, which are of second order in the noise.
 
-use crate::estimate::ROUNDING;
 use crate::estimate::along::Along;
-use crate::estimate::estimator::Run;
-use crate::estimate::measured_motion::EstimateError;
-use crate::estimate::measured_motion::MeasuredMotion;
+use crate::estimate::error::EstimateError;
+use crate::estimate::run::Run;
 use crate::estimate::select::strongest;
 use crate::numerics::fourier::{coefficient, synthesise};
 use crate::numerics::{DMatrix, DVector};
@@ -26,84 +24,47 @@ use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 
+/// An error, or noise, below this share of a signal's largest harmonic is rounding, not noise that could be weighed.
+pub(super) const ROUNDING: f64 = 1e-9;
 /// Points of a period at which second derivatives are averaged.
 const POINTS: usize = 128;
 /// Step of second differences as a share of a slot's amplitude.
 const STEP: f64 = 1e-2;
-/// Bins that one level of noise averages, at least.
-const BINS: usize = 96;
-/// Bins that show what a line has besides the sensors' white noise.
-const NEAREST: usize = 16;
-/// Periods in a record from which on so many bins lie beside a line, and not beside the next ones.
-const CLOSE: isize = 8;
-/// The same for counts, whose errors are not white: both at once, from the bins nearest to a line.
-const COUNTED: usize = 24;
+/// Fewest bins over which a level of white noise is averaged.
+const LEVEL_BINS: usize = 96;
+/// Fewest bins nearest to a line from which its noise besides the sensors' white noise is read.
+const NEAREST_BINS: usize = 16;
+/// Fewest periods of a record in which [`NEAREST_BINS`] bins lie beside their own line, and not beside the next ones.
+const LEAST_PERIODS: isize = 8;
+/// Fewest bins over which the noise of rounding to counts is averaged. It is not white, so that only bins near a line tell
+/// its level there.
+const COUNT_BINS: usize = 24;
 /// Rounding to counts that makes up this share of a sensor's noise repeats with the motion: the noise is not white.
 const REPEATING: f64 = 0.2;
-/// The motion between the lines is summed up to where so many lines add less than a share of it.
+/// Lines after which the sum of the motion between them is compared with what it was before.
 const BLOCK: usize = 16;
+/// The sum of the motion between the lines ends where a [`BLOCK`] adds less than this share.
 const NEGLIGIBLE: f64 = 1e-4;
-/// Neighbouring bins of a windowed spectrum hang together: the sum of their powers varies as that of so many times fewer
+/// Factor by which the correlation of neighbouring bins of a windowed spectrum raises the variance of the sum of their powers
 /// (Hann: 1 + 2 (2/3)^2 + 2 (1/6)^2).
-const TOGETHER: f64 = 1.94;
+const BIN_CORRELATION: f64 = 1.94;
 /// Least standard deviation of a shift of a mean as a share of it.
 const SHIFT_UNCERTAINTY: f64 = 0.02;
-
-/// The estimates from all records before the last one is refined.
-pub(super) type First<'a> = dyn FnMut(&mut [MeasuredMotion]) -> Result<Vec<f64>, EstimateError> + 'a;
-
-/// Refines the last record at the estimates from all of them, which `first` gives.
-///
-/// # Errors
-/// [`EstimateError`] of a first estimate without the refinement.
-pub(super) fn refine_last(
-    records: &mut [MeasuredMotion],
-    model: &dyn Model<f64>,
-    constants: &[f64],
-    spectra: &Spectra,
-    hold: Hold,
-    first: &mut First<'_>,
-) -> Result<(), EstimateError> {
-    let dims = model.dims();
-    let Some(bins) = Bins::of(spectra, hold, dims) else { return Ok(()) };
-    let theta = first(records)?;
-    let Some(record) = records.last_mut() else { return Ok(()) };
-    let slots = record.slots().to_vec();
-    let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| record.gains(row, &theta)).collect();
-    if !bins.hold_noise(dims.coordinates) {
-        return Ok(());
-    }
-    let white: Vec<f64> = (0..dims.coordinates).map(|c| bins.white(c)).collect();
-    let counted = bins.counted(&white);
-    let maps: Vec<Vec<f64>> = (0..dims.rows).map(|row| record.input_map(row)).collect();
-    let of_row = |row: usize| {
-        let highest = record.used(row).last().copied().unwrap_or(0);
-        row_variance(&bins, (&maps[row], highest), &slots, &gains[row], &white, counted)
-    };
-    let (variance, apart) = (0..dims.rows).map(of_row).unzip();
-    record.set_variance(variance, apart, (!counted).then_some(white));
-    let motion = true_motion(&bins, &maps, &slots, &gains, dims.coordinates);
-    if let Some((motion, uncertainty)) = motion {
-        let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;
-        record.admit_means(&shift, &theta, uncertainty);
-    }
-    record.couple();
-    Ok(())
-}
 
 /// What noise does to harmonic equations along a reference.
 pub(super) struct NoiseAlong {
     /// Variance of every row's phasors by harmonic.
     pub(super) variance: Vec<Vec<f64>>,
-    /// What the motion that noise causes on its way round the loop adds to the means of the regressors and, last, of the known
-    /// term, per row, with the standard deviation of it as a share; nothing where that motion is not known.
+    /// Per row, the shifts of the means of the regressors and, last, of the known term by the motion that noise causes on its
+    /// way round the loop. Beside them the standard deviation of a shift as a share of it. Nothing where that motion is not
+    /// known.
     pub(super) shifts: Option<(Vec<Vec<f64>>, f64)>,
 }
 
-/// What noise does to the equations along a reference up to a harmonic; nothing where none stands out of rounding.
+/// What noise does to the equations along a reference, harmonics 0 to `highest`; nothing where no noise stands out of rounding.
 ///
 /// # Errors
-/// [`EstimateError::Model`].
+/// [`EstimateError::Model`] when the model refuses an evaluation.
 pub(super) fn noise_along(
     model: &dyn Model<f64>,
     run: &Run<'_>,
@@ -137,20 +98,20 @@ pub(super) fn noise_along(
 }
 
 /// The windowed transforms of a record of whole periods.
-struct Bins<'a> {
+pub(super) struct Bins<'a> {
     spectra: &'a Spectra,
     hold: Hold,
     periods: isize,
     /// Bins of the transforms.
     count: isize,
-    /// Bins between the lines, where a periodic signal has nothing, among the first 0, 1, ... of a line's.
+    /// How many of the first 0, 1, ... bins from a line on lie between the lines, where a periodic signal has nothing.
     between: Vec<isize>,
 }
 
 impl<'a> Bins<'a> {
-    /// Nothing where the record does not have them for a machine of these sizes: broken periods have no bins between the lines
-    /// in common with the shifts of the periodic derivative.
-    fn of(spectra: &'a Spectra, hold: Hold, dims: Dims) -> Option<Self> {
+    /// The transforms of a record. Nothing where periods are not whole numbers of samples (a shift by a harmonic is then no
+    /// shift by bins), are fewer than four, or where channels or rows do not fit.
+    pub(super) fn of(spectra: &'a Spectra, hold: Hold, dims: Dims) -> Option<Self> {
         let whole = (spectra.samples_per_period - spectra.samples_per_period.round()).abs() < 1e-9;
         let channels = spectra.bins.len() == dims.coordinates + dims.inputs;
         let usable = whole && dims.rows == dims.coordinates && spectra.periods >= 4 && channels;
@@ -165,7 +126,7 @@ impl<'a> Bins<'a> {
     }
 
     /// Whether rounding to counts makes up so much of the sensors' noise, given in every bin, that it repeats.
-    fn counted(&self, white: &[f64]) -> bool {
+    pub(super) fn counted(&self, white: &[f64]) -> bool {
         // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
         let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
         let share = REPEATING * samples / self.spectra.window.bandwidth();
@@ -173,7 +134,7 @@ impl<'a> Bins<'a> {
     }
 
     /// Whether anything stands between the lowest lines of the coordinates.
-    fn hold_noise(&self, coordinates: usize) -> bool {
+    pub(super) fn hold_noise(&self, coordinates: usize) -> bool {
         (0..coordinates).any(|c| self.level(c, 0, self.spectra.highest().min(32)) > 0.0)
     }
 
@@ -191,19 +152,19 @@ impl<'a> Bins<'a> {
         self.at(coordinates + input, bin) * held(self.hold, self.frequency(bin) * self.spectra.sample_time)
     }
 
-    /// The bins between the lines below a bin.
+    /// Number of bins between the lines among those below a bin.
     fn free_below(&self, bin: isize) -> isize {
         let bin = bin.clamp(0, self.count);
         let of_line = |beyond: isize| self.between[beyond as usize];
         bin / self.periods * of_line(self.periods) + of_line(bin % self.periods)
     }
 
-    /// A bin between the lines, where a periodic signal has nothing.
+    /// Whether a bin lies between the lines, where a periodic signal has nothing.
     fn free(&self, bin: isize) -> bool {
         self.free_below(bin + 1) > self.free_below(bin)
     }
 
-    /// Bins between the lines around a line that hold at least so many, symmetric where the spectrum allows.
+    /// Bins between the lines around a line, at least `least` of them, symmetric where the spectrum allows.
     fn around(&self, line: usize, least: usize) -> impl Iterator<Item = isize> {
         let centre = line as isize * self.periods;
         let mut reach = self.periods / 2;
@@ -215,10 +176,10 @@ impl<'a> Bins<'a> {
         (centre - reach..=centre + reach).filter(|bin| self.free(*bin))
     }
 
-    /// Power of a channel's noise in a bin: what stands between the highest lines, where no motion is.
+    /// Power of a channel's noise in a bin, read between the highest lines, where there is hardly any motion.
     ///
-    /// The median is deaf to what little motion there is; a median of |n|^2 is ln 2 of its mean.
-    fn white(&self, channel: usize) -> f64 {
+    /// The median ignores the few bins that hold some; the median of |n|^2 is ln 2 times its mean.
+    pub(super) fn white(&self, channel: usize) -> f64 {
         let highest = self.spectra.highest() as isize * self.periods;
         let free = (highest - highest / 4..highest).filter(|bin| self.free(*bin));
         let mut power: Vec<f64> = free.map(|bin| self.at(channel, bin).norm_sqr()).collect();
@@ -236,7 +197,7 @@ impl<'a> Bins<'a> {
     }
 }
 
-/// The harmonics of a row's derivatives that mix frequencies: what rounding alone leaves of a coefficient does not.
+/// The harmonics of a row's derivatives that mix frequencies: those with a coefficient above rounding, and the mean.
 pub(super) fn mixing(gain: &[Vec<Complex<f64>>]) -> Vec<isize> {
     let strongest: Vec<f64> =
         gain.iter().map(|lines| lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max)).collect();
@@ -247,7 +208,7 @@ pub(super) fn mixing(gain: &[Vec<Complex<f64>>]) -> Vec<isize> {
     (1 - reach..reach).filter(mixes).collect()
 }
 
-/// The derivative of a phasor of this frequency.
+/// The derivative of an order of a phasor at an angular frequency.
 fn derived(mut phasor: Complex<f64>, frequency: f64, order: usize) -> Complex<f64> {
     for _ in 0..order {
         phasor = Complex::new(-frequency * phasor.im, frequency * phasor.re);
@@ -269,9 +230,9 @@ fn response(
     }
 }
 
-/// E|n|^2 of the phasors of a row with these factors of the inputs, from harmonic 0 to the highest one: the part that the sensors'
-/// white noise has, and what the nearest bins show beside it (motion that leaks where the rows hardly feel it, errors of counts).
-fn row_variance(
+/// E|n|^2 of a row's phasors, harmonics 0 to `highest`, in two parts: that of the sensors' white noise, and what the nearest
+/// bins show besides (motion that leaks where the rows hardly feel it, errors of counts). `map` has the inputs' factors.
+pub(super) fn row_variance(
     bins: &Bins<'_>,
     (map, highest): (&[f64], usize),
     slots: &[(usize, usize)],
@@ -282,7 +243,7 @@ fn row_variance(
     let coordinates = white.len();
     let mixing = mixing(gain);
     let mut through = vec![Complex::new(0.0, 0.0); coordinates];
-    // The residual's power in a bin, and what the sensors' white noise makes of it.
+    // Power of the residual in a bin, and the power that the sensors' white noise gives it.
     let mut pair = |bin: isize| -> (f64, f64) {
         let (mut residual, mut shape) = (Complex::new(0.0, 0.0), 0.0);
         for &m in &mixing {
@@ -304,11 +265,11 @@ fn row_variance(
             let pairs = bins.around(k, least).map(&mut pair);
             pairs.fold((0, 0.0, 0.0), |(count, found, expected), of| (count + 1, found + of.0, expected + of.1))
         };
-        let (_, found, expected) = sum(if counted { COUNTED } else { BINS });
+        let (_, found, expected) = sum(if counted { COUNT_BINS } else { LEVEL_BINS });
         let level = if expected > 0.0 { found / expected } else { 0.0 };
         let mut apart = 0.0;
-        if !counted && bins.periods >= CLOSE {
-            let (near, found, expected) = sum(NEAREST);
+        if !counted && bins.periods >= LEAST_PERIODS {
+            let (near, found, expected) = sum(NEAREST_BINS);
             apart = ((found - level * expected) / f64::from(near.max(1))).max(0.0);
         }
         let scale = if k == 0 { 1.0 } else { 4.0 };
@@ -319,10 +280,10 @@ fn row_variance(
     variances
 }
 
-/// Covariance of the motion between the lines, per pair of slots: what the inputs between the lines explain, or what was
-/// measured where that is less (near a resonance of the plant inputs say little). Beside it the standard deviation of its
-/// largest share: the mean over a record weighs this motion otherwise than the bins do, and some bins are hidden by the lines.
-fn true_motion(
+/// Covariance of the motion between the lines, per pair of slots: the motion that the inputs between the lines explain, or the
+/// measured one where it is less (near a resonance of the plant inputs say little). Beside it the largest relative standard
+/// deviation of a variance: the mean over a record weighs this motion otherwise than the bins do, and the lines hide some bins.
+pub(super) fn true_motion(
     bins: &Bins<'_>,
     maps: &[Vec<f64>],
     slots: &[(usize, usize)],
@@ -396,14 +357,14 @@ fn true_motion(
     }
     let share = |(square, &s): (&f64, &usize)| {
         let mean: f64 = covariance[(s, s)];
-        if mean > 0.0 { (TOGETHER * square).sqrt() / mean } else { 0.0 }
+        if mean > 0.0 { (BIN_CORRELATION * square).sqrt() / mean } else { 0.0 }
     };
     let uncertainty = squares.iter().zip(&states).map(share).fold(SHIFT_UNCERTAINTY, f64::max);
     covariance.iter().all(|x: &f64| x.is_finite()).then_some((covariance, uncertainty))
 }
 
 /// Shift of the mean of every regressor, then of the known term, per row: half the mean second derivative times the covariance.
-fn shifts(
+pub(super) fn shifts(
     model: &dyn Model<f64>,
     constants: &[f64],
     spectra: &Spectra,
@@ -434,7 +395,7 @@ fn shifts(
         for a in 0..slots.len() {
             for b in 0..=a {
                 let (at_a, at_b) = (slot_index(slots[a], dims.coordinates), slot_index(slots[b], dims.coordinates));
-                // The pair (b, a) gives the same as (a, b); half of the sum is half of the diagonal plus the upper part.
+                // The covariance is symmetric: half of the sum over all pairs is half of the diagonal plus the lower triangle.
                 let share = if a == b { 0.5 } else { 1.0 };
                 let weight = share * covariance[(a, b)] / (4.0 * steps[a] * steps[b] * POINTS as f64);
                 for (sign_a, sign_b) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {

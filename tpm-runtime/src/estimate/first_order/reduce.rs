@@ -8,15 +8,16 @@
 //! B Lambda theta = hold (f - C E) - known - J(theta') E ,
 //! ```
 //!
-//! with B Lambda from the exact table (hold is one where inputs are not held). The estimators differ in J: nothing (`effort`),
-//! its mean along the reference, which is the linear part of the rows (`error`; dividing by `H^-1 = J + hold C` gives Feng's
-//! `E = H B Lambda P`, P = theta' - theta), or its periodic whole (`hill`). Invariant: a fixed point of the update is the true
+//! with B Lambda from the exact table, where the reference has one (hold is one where inputs are not held). The estimators
+//! differ in J: they take nothing of it (`effort`), its mean along the reference, which is the linear part of the rows (`error`;
+//! dividing by `H^-1 = J + hold C` gives Feng's `E = H B Lambda P`, P = theta' - theta), or its periodic whole (`hill`). Invariant: a fixed point of the update is the true
 //! theta for all three when the machine obeys the model, since J is multiplied by an error that then vanishes.
 
-use crate::estimate::ROUNDING;
 use crate::estimate::along::Along;
 use crate::estimate::equations::Equations;
-use crate::estimate::measured_motion::EstimateError;
+use crate::estimate::error::EstimateError;
+use crate::estimate::noise::ROUNDING;
+use crate::estimate::run::error_lines;
 use crate::numerics::DMatrix;
 use crate::numerics::fourier::analyse;
 use crate::run::Spectra;
@@ -30,12 +31,12 @@ use tpm_core::model::Dims;
 
 /// How much of the rows' dependence on the error is taken into account.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum FirstOrder {
-    /// None: the feedback's effort alone is compared with the table.
+pub(in crate::estimate) enum FirstOrder {
+    /// Nothing: the feedback's effort alone is compared with B Lambda theta.
     Effort,
-    /// The linear terms, with their phase.
+    /// The mean of the rows' derivatives: the linear terms, with their phase.
     Error,
-    /// All of it to first order, harmonics coupled.
+    /// The periodic derivatives, which couple the harmonics.
     Hill,
 }
 
@@ -46,14 +47,14 @@ pub(super) struct Reduced {
     pub(super) equations: Equations,
     /// What was applied, less the known terms along the reference.
     applied: Vec<Complex<f64>>,
-    /// What the rows feel of the tracking error by a unit of every parameter and, last, by the known term, equation by equation.
+    /// Response of the rows to the tracking error, equation by equation: per parameter of value one and, last, of the known term.
     felt: Vec<Complex<f64>>,
     /// theta', the parameters of the feed-forward.
     pub(super) parameters: Vec<f64>,
 }
 
 impl Reduced {
-    /// Works out the right-hand sides.
+    /// Works out the right-hand sides with the parameters of the feed-forward.
     pub(super) fn complete(&mut self) {
         let width = self.parameters.len() + 1;
         for ((right, applied), felt) in
@@ -64,15 +65,16 @@ impl Reduced {
         }
     }
 
-    /// Adds the equations of others of the same run.
+    /// Adds further equations of the same run.
     pub(super) fn append(&mut self, mut others: Self) {
         self.equations.append(others.equations);
         self.applied.append(&mut others.applied);
         self.felt.append(&mut others.felt);
     }
 
-    /// Adds to the means of the regressors, and of the known term, what noise adds to them: per row one number for every parameter
-    /// and, last, for the known term. `uncertainty` is the standard deviation of all that, as a share, at the parameters theta.
+    /// Shifts the means of the regressors and of the known term as noise does: `shifts` has, per row, one number for every
+    /// parameter and, last, for the known term. `uncertainty` is the standard deviation of the whole shift at the parameters
+    /// theta, as a share of it.
     pub(super) fn shift_means(&mut self, shifts: &[Vec<f64>], theta: &[f64], uncertainty: f64) {
         for (e, applied) in self.applied.iter_mut().enumerate() {
             if self.equations.harmonic[e] == 0
@@ -117,7 +119,7 @@ impl FirstOrder {
                 }
             }
             *right -= gain.iter().zip(&error).map(|(g, e)| g * e[k]).sum::<Complex<f64>>();
-            // The noise passes through H^-1 whatever part of the plant an estimator leaves out of its equation.
+            // Noise passes through H^-1, whatever part of J an estimator takes into its equation; `effort` weighs by the loop alone.
             if self != FirstOrder::Effort {
                 for (gain, linear) in gain.iter_mut().zip(linear) {
                     *gain += linear;
@@ -131,7 +133,7 @@ impl FirstOrder {
     /// inputs as they were applied, since the feedback need not have seen the positions alone, from harmonic `least` on.
     ///
     /// `spectra` has the coordinates, measured or integrated from their measured rates, as its first channels, then the inputs.
-    /// The noise of a rate is none of its position's, so that both sets of equations count; means of rates show nothing.
+    /// Rate and position have sensors, and noise, of their own, so that both sets of equations count.
     ///
     /// # Errors
     /// [`EstimateError::Channels`] when spectra or trial do not fit the model.
@@ -147,13 +149,13 @@ impl FirstOrder {
         let highest = highest(trial, along, spectra, coordinates + inputs, harmonics)?;
         let mut error = error_lines(trial, spectra, coordinates, 2 * highest);
         for lines in &mut error {
-            // The mean is no part of a rate.
+            // A rate does not show the mean of its coordinate.
             for line in lines.iter_mut().take(least) {
                 *line = Complex::new(0.0, 0.0);
             }
         }
         Ok(self.assemble(trial, along, &error, (least, highest), &spectra.noise, |row, k, linear, right| {
-            // Noise of the coordinates and of the inputs, on which it comes back round the loop.
+            // Noise enters by the coordinates, and by the inputs, into which the loop feeds it back.
             let mut through: Vec<Complex<f64>> = linear.iter().map(|j| -j).collect();
             let held = held(hold, k as f64 * along.frequency * trial.control.sample_time);
             for i in 0..inputs {
@@ -165,8 +167,8 @@ impl FirstOrder {
         }))
     }
 
-    /// The equations of harmonics `least` to `highest`. `drive` adds to the right of a row and harmonic, whose linear response is
-    /// given, what the inputs do, and says through what the noise of every channel enters.
+    /// The equations of harmonics `least` to `highest`. `drive` is given a row, a harmonic, the row's linear response there, and
+    /// the right-hand side, to which it adds the inputs; it returns the factor by which every channel's noise enters.
     fn assemble(
         self,
         trial: &Trial,
@@ -234,31 +236,6 @@ fn highest(
     }
     let kept = along.known.first().map_or(0, |lines| lines.len().saturating_sub(1));
     Ok(harmonics.min(spectra.highest()).min(kept))
-}
-
-/// Lines of the tracking error of every coordinate: measured minus reference.
-pub(crate) fn error_lines(
-    trial: &Trial,
-    spectra: &Spectra,
-    coordinates: usize,
-    highest: usize,
-) -> Vec<Vec<Complex<f64>>> {
-    (0..coordinates)
-        .map(|c| {
-            let mut lines: Vec<Complex<f64>> = spectra.lines[c].iter().take(highest + 1).copied().collect();
-            if let Some(series) = trial.trajectory.coordinates.get(c) {
-                if let Some(mean) = lines.first_mut() {
-                    *mean -= series.mean;
-                }
-                for line in &series.lines {
-                    if let Some(present) = lines.get_mut(line.harmonic as usize) {
-                        *present -= Complex::new(line.cos, -line.sin);
-                    }
-                }
-            }
-            lines
-        })
-        .collect()
 }
 
 /// Lines of the samples of every input's feed-forward.

@@ -1,0 +1,7 @@
+//! Estimators that are linearised about the reference: `error`, `effort` and `hill`.
+
+mod linearised;
+mod reduce;
+
+pub(super) use linearised::Linearised;
+pub(super) use reduce::FirstOrder;

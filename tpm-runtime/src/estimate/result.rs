@@ -1,0 +1,40 @@
+//! The result that every estimator gives.
+
+use crate::estimate::verdict::{LARGE_RESIDUAL, Status};
+use crate::numerics::Matrix;
+use std::format;
+use std::string::String;
+use std::vec::Vec;
+
+/// The result that every estimator gives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Value of every parameter, in the model's units; the prior where unobservable.
+    pub values: Vec<f64>,
+    /// Standard deviation of every parameter; infinite where unobservable, zero where frozen.
+    pub std: Vec<f64>,
+    /// Covariance, parameters x parameters, in the model's units; over the observable directions.
+    pub covariance: Matrix,
+    /// What may be said of every parameter.
+    pub status: Vec<Status>,
+    /// Rank of the equations: the number of independent combinations that the data show.
+    pub rank: usize,
+    /// Directions in parameter space that the data do not show, the largest component of each being one.
+    pub unobservable: Vec<Vec<f64>>,
+    /// Condition number of the weighted equations after column scaling, over the observable directions.
+    pub condition: f64,
+    /// Root-mean-square residual of the used harmonics as a share of the generalised force.
+    pub residual: f64,
+    /// Weighted sum of squared residuals per degree of freedom before any inflation; about one when the noise explains them.
+    pub chi_squared: f64,
+    /// Standard deviation that the model's own error adds to a harmonic of each row, units of the row.
+    pub model_error: Vec<f64>,
+}
+
+impl Estimate {
+    /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
+    #[must_use]
+    pub fn is_explained(&self) -> bool {
+        self.residual <= LARGE_RESIDUAL
+    }
+}
