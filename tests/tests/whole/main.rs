@@ -29,6 +29,7 @@ mod generated {
     pub mod two_carts;
 }
 mod licences;
+mod packages;
 mod pendulum;
 mod physical;
 mod split;
