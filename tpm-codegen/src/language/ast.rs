@@ -19,7 +19,7 @@ pub struct Ident {
 
 /// `model NAME { ... }`
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Model {
+pub struct ModelDeclaration {
     /// The model's name, in the form of a type's name.
     pub name: Ident,
     /// Statements in the order in which they are written.
@@ -32,7 +32,7 @@ pub enum Item {
     /// `coordinate x [m], y [m];` and its like.
     Declaration(Declaration),
     /// `series f(q) about c order n as a, b, c;`
-    Series(Series),
+    Series(SeriesDeclaration),
     /// `let name = expr;`
     Let(Definition),
     /// `lump NAME = expr;`
@@ -48,7 +48,7 @@ pub enum Item {
     /// `taylor q about q0 order n;`
     Taylor(Taylor),
     /// `pattern NAME { ... }`
-    Pattern(Pattern),
+    Pattern(PatternDeclaration),
 }
 
 /// What a declared quantity is.
@@ -115,7 +115,7 @@ pub struct UnitExpr {
 /// `series f(q) [unit] about POINT order n as a0, a1, ...;`: an unknown function, known by its Taylor coefficients at a point.
 /// With `= expr` the function is known, and its coefficients follow from the expression.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Series {
+pub struct SeriesDeclaration {
     /// The function's name.
     pub function: Ident,
     /// The coordinate that it is a function of.
@@ -224,7 +224,7 @@ pub struct Taylor {
 
 /// `pattern NAME { ... }`
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Pattern {
+pub struct PatternDeclaration {
     /// The place of the keyword.
     pub keyword: Span,
     /// Its name; a pattern without one is the model's default.
@@ -315,6 +315,15 @@ impl Expr {
         matches!(&self.kind, ExprKind::Number(value) if num_traits::Zero::is_zero(value))
     }
 
+    /// The value of an integer literal; `None` for any other expression, and beyond 32 bits.
+    #[must_use]
+    pub fn integer(&self) -> Option<u32> {
+        match &self.kind {
+            ExprKind::Number(value) if value.is_integer() => value.to_integer().try_into().ok(),
+            _ => None,
+        }
+    }
+
     /// Calls `visit` on this expression and on everything in it, from the outside in.
     pub fn walk<'a>(&'a self, visit: &mut impl FnMut(&'a Expr)) {
         visit(self);
@@ -328,7 +337,7 @@ impl Expr {
     }
 }
 
-impl Model {
+impl ModelDeclaration {
     /// Puts the empty span everywhere, so that models can be compared by what they say.
     pub fn forget_spans(&mut self) {
         forget(&mut self.name);

@@ -9,6 +9,8 @@ mod dynamics;
 mod expression;
 mod motion;
 
+pub use expression::HIGHEST_ORDER;
+
 use std::collections::HashMap;
 
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
@@ -20,13 +22,9 @@ use tpm_symbolic::number::rational::Rational;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{self, Declaration, Item, PatternItem, Role, UnitExpr};
 use crate::language::check::{Checked, SymbolKind};
-use crate::language::lower::expression::Environment;
+use crate::language::lower::expression::{Environment, Lower};
 use crate::language::unit::Unit;
 use crate::source::Span;
-
-/// Highest order of a derivative, a series or a Taylor polynomial. Far above any use; without a bound a ten-byte text could ask
-/// for a billion derivatives.
-pub const HIGHEST_ORDER: u32 = 100;
 
 /// Places of the source terms, by their [`TermId`]s.
 #[derive(Clone, Debug, Default)]
@@ -72,7 +70,7 @@ pub(crate) struct Lowered {
 }
 
 /// Lowers a model that passed its checks; faults that only show here go to `diagnostics`.
-pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut Diagnostics) -> Lowered {
+pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagnostics: &mut Diagnostics) -> Lowered {
     let mut lowering = Lowering {
         checked,
         diagnostics,
@@ -122,9 +120,6 @@ pub(crate) fn lower_value(expr: &ast::Expr, model: &mut Model, diagnostics: &mut
     lowered.map_err(|error| diagnostics.push(error)).ok()
 }
 
-/// A fault that costs its own statement.
-type Lower<T> = Result<T, Diagnostic>;
-
 struct Lowering<'a, 'c, 'd> {
     checked: &'c Checked<'a>,
     diagnostics: &'d mut Diagnostics,
@@ -151,7 +146,7 @@ impl<'a> Lowering<'a, '_, '_> {
         Environment { model: &mut self.model, names: &self.names, sizes: &mut self.sizes }.lower(expr)
     }
 
-    fn declarations(&mut self, model: &'a ast::Model) {
+    fn declarations(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => self.declare(declaration),
@@ -192,7 +187,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     /// The coefficients of an unknown function are parameters; their units follow from the function's and the coordinate's.
-    fn declare_coefficients(&mut self, series: &'a ast::Series) {
+    fn declare_coefficients(&mut self, series: &'a ast::SeriesDeclaration) {
         let argument =
             self.checked.symbols.model.get(series.coordinate.name.as_str()).and_then(|symbol| symbol.unit.clone());
         let index = match self.checked.symbols.model.get(series.function.name.as_str()).map(|symbol| symbol.kind) {
@@ -215,7 +210,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     /// Statements that define names or orders, in their order.
-    fn statements(&mut self, model: &'a ast::Model) {
+    fn statements(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             match item {
                 Item::Series(series) => {
@@ -254,7 +249,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     /// f(q) = sum_k a_k (q - q0)^k, with the a_k as new parameters (Feng, Eqns 5.5-5.7) or from the derivatives of what f is.
-    fn series(&mut self, series: &'a ast::Series) -> Lower<()> {
+    fn series(&mut self, series: &'a ast::SeriesDeclaration) -> Lower<()> {
         let order = bounded(series.order)?;
         let point = self.expression(&series.point)?;
         let Some(&coordinate) = self.names.get(series.coordinate.name.as_str()) else { return Ok(()) };
@@ -311,7 +306,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    fn patterns(&mut self, model: &'a ast::Model) {
+    fn patterns(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             if let Item::Pattern(pattern) = item {
                 self.pattern(pattern);
@@ -319,7 +314,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    fn pattern(&mut self, pattern: &'a ast::Pattern) {
+    fn pattern(&mut self, pattern: &'a ast::PatternDeclaration) {
         let mut scope = motion::Scope { symbols: HashMap::new(), values: self.values.clone(), frequency: None };
         for constant in self.model.symbols_where(|kind| *kind == Kind::Constant { value: None }) {
             scope.symbols.insert(self.model.quantity(constant).name.to_string(), constant);

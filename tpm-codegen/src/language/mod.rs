@@ -35,7 +35,7 @@ use crate::source::{Source, Span};
 ///
 /// # Errors
 /// Every fault of the text, in the order of their places.
-pub fn parse(source: &Source) -> Result<ast::Model, Diagnostics> {
+pub fn parse(source: &Source) -> Result<ast::ModelDeclaration, Diagnostics> {
     let mut diagnostics = Diagnostics::new();
     let syntax = parse::parse(source, &mut diagnostics);
     diagnostics.sort();
@@ -51,7 +51,7 @@ pub struct Parsed {
     /// The exact model.
     pub model: Model,
     /// The model as it was written.
-    pub ast: ast::Model,
+    pub ast: ast::ModelDeclaration,
     /// The energies and forces that the equations were derived from, when the model gives those.
     pub lagrangian: Option<Lagrangian>,
     /// Declared Taylor orders, for tables.

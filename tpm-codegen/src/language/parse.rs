@@ -10,8 +10,8 @@ use std::collections::HashSet;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
-    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, Force, Ident, Item, Model, Motion,
-    Pattern, PatternItem, Quantity, Role, Series, Taylor, UnitExpr,
+    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, Force, Ident, Item,
+    ModelDeclaration, Motion, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration, Taylor, UnitExpr,
 };
 use crate::language::lex::{lex, shorten};
 use crate::language::suggest::nearest;
@@ -24,7 +24,7 @@ pub const DEEPEST: usize = 128;
 /// What parsing found.
 pub(crate) struct Syntax {
     /// The model, without the statements that could not be read.
-    pub(crate) model: Option<Model>,
+    pub(crate) model: Option<ModelDeclaration>,
     /// Whether statements are missing from it, so that nothing can be said about what a model lacks.
     pub(crate) incomplete: bool,
     /// Names in what was dropped.
@@ -261,7 +261,7 @@ impl<'a, 'd> Parser<'a, 'd> {
 
     // The file.
 
-    fn file(&mut self) -> Option<Model> {
+    fn file(&mut self) -> Option<ModelDeclaration> {
         if !(self.is_word(0, "model") && self.nth(1).kind == TokenKind::Ident) {
             let span = self.peek().span;
             self.report(
@@ -294,7 +294,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             );
             self.incomplete = true;
         }
-        Some(Model { name, items })
+        Some(ModelDeclaration { name, items })
     }
 
     fn items(&mut self, open: Span) -> Vec<Item> {
@@ -458,7 +458,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             }
         }
         self.end_of_statement()?;
-        Ok(Item::Series(Series { function, coordinate, unit, definition, point, order, coefficients }))
+        Ok(Item::Series(SeriesDeclaration { function, coordinate, unit, definition, point, order, coefficients }))
     }
 
     fn definition(&mut self) -> Parse<Definition> {
@@ -560,7 +560,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 }
             }
         }
-        Ok(Item::Pattern(Pattern { keyword, name, items }))
+        Ok(Item::Pattern(PatternDeclaration { keyword, name, items }))
     }
 
     fn pattern_item(&mut self) -> Parse<PatternItem> {

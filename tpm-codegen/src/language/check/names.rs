@@ -6,8 +6,9 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::language::ast::{Declaration, Expr, ExprKind, Ident, Item, Model, Pattern, PatternItem, Role};
-use crate::language::check::integer;
+use crate::language::ast::{
+    Declaration, Expr, ExprKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role,
+};
 use crate::language::check::symbols::{Scope, SymbolKind, Symbols};
 use crate::language::function::Function;
 use crate::language::lex::shorten;
@@ -75,7 +76,12 @@ enum User<'a> {
     Nobody,
 }
 
-pub(super) fn check<'a>(model: &'a Model, symbols: &Symbols<'a>, syntax: &Syntax, diagnostics: &mut Diagnostics) {
+pub(super) fn check<'a>(
+    model: &'a ModelDeclaration,
+    symbols: &Symbols<'a>,
+    syntax: &Syntax,
+    diagnostics: &mut Diagnostics,
+) {
     let mut names =
         Names { symbols, syntax, diagnostics, known: HashSet::new(), uses: HashMap::new(), pattern_uses: Vec::new() };
     names.visit_model(model);
@@ -95,7 +101,7 @@ struct Names<'a, 's, 'd> {
 }
 
 impl<'a> Names<'a, '_, '_> {
-    fn visit_model(&mut self, model: &'a Model) {
+    fn visit_model(&mut self, model: &'a ModelDeclaration) {
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => self.values(declaration),
@@ -139,7 +145,7 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    fn visit_pattern(&mut self, pattern: &'a Pattern) {
+    fn visit_pattern(&mut self, pattern: &'a PatternDeclaration) {
         let index = self.pattern_uses.len();
         self.pattern_uses.push(HashSet::new());
         for item in &pattern.items {
@@ -265,7 +271,7 @@ impl<'a> Names<'a, '_, '_> {
         self.place_of(function, name.span, place);
         match (function, arguments) {
             (Function::Der, [moving, order]) => {
-                if integer(order).is_none() {
+                if order.integer().is_none() {
                     self.diagnostics.push(
                         Diagnostic::error(order.span, "the order of a derivative is a non-negative integer")
                             .help("write, for example, `der(x, 4)`"),
@@ -291,7 +297,7 @@ impl<'a> Names<'a, '_, '_> {
                 }
             }
             (Function::RestToRest | Function::PointToPoint, [rest @ .., order]) => {
-                if integer(order).is_none_or(|order| order % 2 != 1) {
+                if order.integer().is_none_or(|order| order % 2 != 1) {
                     self.diagnostics.push(
                         Diagnostic::error(
                             order.span,
@@ -401,7 +407,7 @@ impl<'a> Names<'a, '_, '_> {
         reached
     }
 
-    fn unused(&mut self, model: &'a Model) {
+    fn unused(&mut self, model: &'a ModelDeclaration) {
         let used = self.reachable();
         let inputs: Vec<_> = quantities(model, Role::Input).collect();
         let driven = inputs.iter().any(|(name, _)| used.contains(name));
@@ -492,7 +498,7 @@ fn counted(arguments: usize) -> String {
     }
 }
 
-fn quantities(model: &Model, role: Role) -> impl Iterator<Item = (&str, Span)> {
+fn quantities(model: &ModelDeclaration, role: Role) -> impl Iterator<Item = (&str, Span)> {
     model
         .items
         .iter()

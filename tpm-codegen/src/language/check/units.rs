@@ -10,8 +10,7 @@ use num_rational::Ratio;
 use num_traits::{CheckedAdd, CheckedMul, Zero};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, Model, Operation, PatternItem};
-use crate::language::check::integer;
+use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, ModelDeclaration, Operation, PatternItem};
 use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols};
 use crate::language::function::Function;
 use crate::language::lex::shorten;
@@ -19,7 +18,7 @@ use crate::language::unit::{Exponent, Unit};
 use crate::source::{Source, Span};
 
 pub(super) fn check(
-    model: &Model,
+    model: &ModelDeclaration,
     symbols: &Symbols<'_>,
     source: &Source,
     diagnostics: &mut Diagnostics,
@@ -111,7 +110,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         Self { symbols, source, arguments, bound, lets: HashMap::new(), local: None, diagnostics }
     }
 
-    fn visit(&mut self, model: &'a Model) {
+    fn visit(&mut self, model: &'a ModelDeclaration) {
         let mut series_index = 0;
         let mut pattern_index = 0;
         let kinetic = model.items.iter().find_map(|item| match item {
@@ -367,7 +366,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
             (Some(Function::Dot), _, [moving]) => self.combine(moving, &second, -1, span),
             (Some(Function::Ddot), _, [moving]) => self.combine(moving, &second, -2, span),
             (Some(Function::Der), [_, order], [moving, _]) => {
-                self.combine(moving, &second, -i64::from(integer(order).unwrap_or_default()), span)
+                self.combine(moving, &second, -i64::from(order.integer().unwrap_or_default()), span)
             }
             (Some(Function::Diff), _, [of, by]) => self.combine(of, by, -1, span),
             (

@@ -7,12 +7,13 @@ use tpm_symbolic::expr::graph::Node;
 use tpm_symbolic::mechanics::lagrange::{self, Lagrangian};
 use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm};
 
-use super::{Lower, Lowering};
+use super::Lowering;
+use super::expression::Lower;
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{self, EnergyKind, Expr, ExprKind, Item, Sign};
 
 impl<'a> Lowering<'a, '_, '_> {
-    pub(super) fn dynamics(&mut self, model: &'a ast::Model) {
+    pub(super) fn dynamics(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             if let Item::Equation(equation) = item {
                 let left = self.terms_of(&equation.left, Sign::Plus);
@@ -54,7 +55,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     /// The equations of motion of the energies. They are kept as well, because linearisation wants the matrices.
-    fn euler_lagrange(&mut self, model: &'a ast::Model) {
+    fn euler_lagrange(&mut self, model: &'a ast::ModelDeclaration) {
         let mut lagrangian = Lagrangian::default();
         for item in &model.items {
             match item {

@@ -7,12 +7,14 @@ use tpm_symbolic::expr::graph::{self, ExprId, Graph, Node};
 use tpm_symbolic::mechanics::model::{Kind, Model};
 use tpm_symbolic::number::rational::Rational;
 
-use super::{HIGHEST_ORDER, Lower};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{Expr, ExprKind, Ident, Operation, Sign};
-use crate::language::check::integer;
 use crate::language::function::Function;
 use crate::source::Span;
+
+/// Highest order of a derivative, a series or a Taylor polynomial. Far above any use; without a bound a ten-byte text could ask
+/// for a billion derivatives.
+pub const HIGHEST_ORDER: u32 = 100;
 
 /// Longest number, in bits, that an expression may make: far beyond any float, and short enough that `10^1000000000` is refused
 /// before it is computed.
@@ -23,6 +25,9 @@ const HIGHEST_EXPONENT: i32 = 1000;
 
 /// Most terms that an expression may have when it is multiplied out, as every later stage does.
 const MOST_TERMS: f64 = 100_000.0;
+
+/// What lowering a part of the text gives; the fault costs the statement that the part stands in.
+pub(super) type Lower<T> = Result<T, Diagnostic>;
 
 /// How many terms expressions have when they are multiplied out: upper bounds, infinite beyond what can be meant.
 #[derive(Debug, Default)]
@@ -140,7 +145,7 @@ impl Environment<'_, '_> {
             (Some(Function::Dot), [moving]) => return self.time_derivative(moving, 1, span),
             (Some(Function::Ddot), [moving]) => return self.time_derivative(moving, 2, span),
             (Some(Function::Der), [moving, order]) => {
-                let order = integer(order).filter(|&order| order <= HIGHEST_ORDER).ok_or_else(|| {
+                let order = order.integer().filter(|&order| order <= HIGHEST_ORDER).ok_or_else(|| {
                     Diagnostic::error(order.span, format!("a derivative has an order of at most {HIGHEST_ORDER}"))
                         .help("lower it")
                 })?;

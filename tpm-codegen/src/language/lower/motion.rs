@@ -12,10 +12,9 @@ use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::pattern::{self, Motion};
 use tpm_symbolic::number::rational::Rational;
 
-use super::{Lower, expression};
+use super::expression::{self, Lower};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{Expr, ExprKind, Operation, Sign};
-use crate::language::check::integer;
 use crate::language::function::Function;
 use crate::source::Span;
 
@@ -211,7 +210,7 @@ impl Scope<'_> {
                 )
                 .help(format!("write `{w}` or, for example, `3*{w}`"))
             })?;
-        let order_value = integer(order).unwrap_or_default();
+        let order_value = order.integer().unwrap_or_default();
         let shape = pattern::rest_to_rest(order_value).map_err(|error| {
             Diagnostic::error(order.span, error.to_string()).help("choose an odd order, 3, 5, 7, ...")
         })?;
