@@ -1,4 +1,4 @@
-//! A model as it is written.
+//! A model as it is written: declarations, equations and patterns, before anything is checked.
 //!
 //! Invariant: an [`Expr`] is as deep as its text is nested, never deeper: sums and products are lists, so that a sum of a
 //! million terms is one node. The first member of a sum is added and the first of a product multiplied (a leading minus is
@@ -28,6 +28,7 @@ pub struct ModelDeclaration {
 
 /// A statement of a model.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Item {
     /// `coordinate x [m], y [m];` and its like.
     Declaration(Declaration),
@@ -53,6 +54,7 @@ pub enum Item {
 
 /// What a declared quantity is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Role {
     /// A generalised coordinate, a function of time.
     Coordinate,
@@ -97,7 +99,7 @@ pub struct Declaration {
 pub struct Quantity {
     /// Its name.
     pub name: Ident,
-    /// Its value, of constants only.
+    /// The value of a constant; `None` for every other role.
     pub value: Option<Expr>,
     /// Its unit; a quantity without one is not checked.
     pub unit: Option<UnitExpr>,
@@ -122,7 +124,7 @@ pub struct SeriesDeclaration {
     pub coordinate: Ident,
     /// Its unit; found from the equations when not given.
     pub unit: Option<UnitExpr>,
-    /// What it is, when it is known.
+    /// The expression of a known function.
     pub definition: Option<Expr>,
     /// The point of expansion.
     pub point: Expr,
@@ -185,7 +187,7 @@ impl EnergyKind {
 /// `kinetic = expr;`, `potential = expr;` or `dissipation = expr;`
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Energy {
-    /// Which of them.
+    /// Kinetic, potential or dissipation.
     pub kind: EnergyKind,
     /// The place of the keyword.
     pub keyword: Span,
@@ -235,6 +237,7 @@ pub struct PatternDeclaration {
 
 /// A statement of a pattern.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum PatternItem {
     /// `amplitude lambda [m];` or `frequency w [rad/s];`
     Declaration(Declaration),
@@ -264,6 +267,7 @@ pub struct Expr {
 
 /// The forms of an expression.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum ExprKind {
     /// A non-negative decimal number, exact.
     Number(Rational),
@@ -338,7 +342,7 @@ impl Expr {
 }
 
 impl ModelDeclaration {
-    /// Puts the empty span everywhere, so that models can be compared by what they say.
+    /// Replaces every span by the empty one, so that models can be compared by what they say.
     pub fn forget_spans(&mut self) {
         forget(&mut self.name);
         for item in &mut self.items {

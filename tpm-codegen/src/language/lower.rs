@@ -1,4 +1,4 @@
-//! A checked model to the exact model.
+//! Lowers a checked model to the exact model.
 //!
 //! Invariant: every source term of the exact model has a [`TermId`] by which [`Terms`] finds the place that it came from, and
 //! every statement of the text is in the result: an equation as its terms, a `let` where it is used, a series as its Taylor
@@ -14,7 +14,6 @@ pub use expression::HIGHEST_ORDER;
 use std::collections::HashMap;
 
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
-use tpm_symbolic::mechanics::lagrange::Lagrangian;
 use tpm_symbolic::mechanics::model::{Elimination, Kind, Lump, Model, TermId};
 use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
 use tpm_symbolic::number::rational::Rational;
@@ -31,7 +30,7 @@ use crate::source::Span;
 pub struct Terms(Vec<Span>);
 
 impl Terms {
-    /// Remembers a place.
+    /// Adds a place and returns the identifier of its term.
     fn add(&mut self, span: Span) -> TermId {
         // A text has fewer terms than bytes, and its bytes are counted in 32 bits.
         let id = TermId(self.0.len() as u32);
@@ -48,6 +47,7 @@ impl Terms {
 
 /// A declared Taylor order: terms that do not expand finitely in the coordinate become Taylor polynomials in tables.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Taylor {
     /// The coordinate.
     pub coordinate: Coordinate,
@@ -63,7 +63,6 @@ pub struct Taylor {
 pub(crate) struct Lowered {
     pub(crate) model: Model,
     pub(crate) terms: Terms,
-    pub(crate) lagrangian: Option<Lagrangian>,
     pub(crate) taylor: Vec<Taylor>,
     /// How many harmonics each pattern keeps of terms with infinitely many.
     pub(crate) harmonics: Vec<Option<u32>>,
@@ -79,7 +78,6 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
         names: HashMap::new(),
         sizes: expression::Sizes::default(),
         values: HashMap::new(),
-        lagrangian: None,
         taylor: Vec::new(),
         harmonics: Vec::new(),
     };
@@ -87,8 +85,8 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
     lowering.statements(model);
     lowering.dynamics(model);
     lowering.patterns(model);
-    let Lowering { model, terms, lagrangian, taylor, harmonics, .. } = lowering;
-    Lowered { model, terms, lagrangian, taylor, harmonics }
+    let Lowering { model, terms, taylor, harmonics, .. } = lowering;
+    Lowered { model, terms, taylor, harmonics }
 }
 
 /// Lowers an expression of a model's parameters and constants; faults go to `diagnostics`.
@@ -131,13 +129,12 @@ struct Lowering<'a, 'c, 'd> {
     sizes: expression::Sizes,
     /// The constants that are known exactly.
     values: HashMap<&'a str, Rational>,
-    lagrangian: Option<Lagrangian>,
     taylor: Vec<Taylor>,
     harmonics: Vec<Option<u32>>,
 }
 
 impl<'a> Lowering<'a, '_, '_> {
-    /// Puts an error where it belongs and goes on.
+    /// The value, or `None` after the fault was added to the diagnostics.
     fn keep<T>(&mut self, result: Lower<T>) -> Option<T> {
         result.map_err(|error| self.diagnostics.push(error)).ok()
     }
@@ -209,7 +206,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    /// Statements that define names or orders, in their order.
+    /// Statements that define names or orders of expansion, in the order of the text.
     fn statements(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             match item {
@@ -365,7 +362,7 @@ fn formal(unit: &UnitExpr) -> FormalUnit {
         .fold(FormalUnit::one(), |product, (name, exponent)| product.mul(&FormalUnit::named(&name.name).pow(*exponent)))
 }
 
-/// A unit that was found, in base units; none when it has a scale or a root, for which there is no name.
+/// A derived unit as a product of base units; `None` when it has a scale or a root, for which there is no name.
 fn written(unit: &Unit) -> Option<FormalUnit> {
     unit.base_powers()?.try_fold(FormalUnit::one(), |product, (name, exponent)| {
         i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))

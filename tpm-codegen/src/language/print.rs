@@ -1,6 +1,6 @@
-//! A model back to its text.
+//! Writes a model as text.
 //!
-//! Invariant: the text that is written parses to the same model, and it has no parentheses that this does not need.
+//! Invariant: the text parses to the same model, and has no parentheses but those that the model's structure needs.
 
 use std::fmt::{self, Display, Formatter, Write as _};
 
@@ -103,7 +103,7 @@ fn number(f: &mut Formatter<'_>, value: &Rational) -> fmt::Result {
     while !denominator.is_one() {
         let shared = denominator.gcd(&ten);
         if shared.is_one() {
-            // No literal has such a value: only a program can build it, and a quotient of integers says the same.
+            // No literal has such a value, so that only a program can build it; a quotient of integers stands for it.
             return write!(f, "({}/{})", value.numer(), value.denom());
         }
         denominator /= shared;

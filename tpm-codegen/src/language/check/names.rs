@@ -1,4 +1,4 @@
-//! Every name is known, stands where its kind may stand, and every quantity that is declared is used.
+//! Checks that every name is known and stands where its kind may stand, and that every declared quantity is used.
 //!
 //! Invariant: uses are edges from the statement that uses to what is used, with the equations of motion and the patterns as
 //! roots; a parameter that only an unused `let` mentions is therefore unused.
@@ -68,7 +68,7 @@ impl Place<'_> {
     }
 }
 
-/// What uses: the model itself, or a name that is of use only if it is used.
+/// Where a use stands: in the model itself, or in the definition of a name, where it counts only if that name is used.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum User<'a> {
     Root,
@@ -94,7 +94,7 @@ struct Names<'a, 's, 'd> {
     symbols: &'s Symbols<'a>,
     syntax: &'s Syntax,
     diagnostics: &'d mut Diagnostics,
-    /// `let`s and constants with a value whose definition is behind us.
+    /// `let`s and constants with a value that are defined above the present statement.
     known: HashSet<&'a str>,
     uses: HashMap<User<'a>, HashSet<&'a str>>,
     pattern_uses: Vec<HashSet<&'a str>>,
@@ -312,7 +312,7 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    /// Derivatives belong into equations, patterns into patterns.
+    /// Reports derivatives outside equations, and functions that make a motion outside patterns.
     fn place_of(&mut self, function: Function, span: Span, place: Place<'a>) {
         let name = function.name();
         let help = match place {
@@ -328,7 +328,7 @@ impl<'a> Names<'a, '_, '_> {
         self.diagnostics.push(Diagnostic::error(span, format!("`{name}` cannot stand here")).help(help));
     }
 
-    /// The argument of a time derivative must depend on time through a coordinate.
+    /// Reports the argument of a time derivative that does not depend on time through a coordinate.
     fn moving(&mut self, expr: &'a Expr, span: Span) {
         let mut moves = false;
         let mut input = None;
@@ -373,7 +373,7 @@ impl<'a> Names<'a, '_, '_> {
                 .help(format!("a product is written with `*`: `{text}*(...)`")),
             None => {
                 let error = Diagnostic::error(name.span, format!("unknown function `{}`", shorten(text)));
-                let names = Function::ALL.map(Function::name);
+                let names: Vec<&str> = Function::ALL.iter().map(|function| function.name()).collect();
                 match text {
                     "ln" | "log" | "exp" | "pow" | "sinh" | "cosh" | "tanh" => {
                         error.help(format!("the functions are {}; a power is written `^`", names.join(", ")))
@@ -382,7 +382,7 @@ impl<'a> Names<'a, '_, '_> {
                     "arcsin" => error.help("write `asin`"),
                     "arccos" => error.help("write `acos`"),
                     "sgn" | "signum" => error.help("write `sign`"),
-                    _ => match nearest(text, names) {
+                    _ => match nearest(text, names.iter().copied()) {
                         Some(near) => error.help(format!("did you mean `{near}`?")),
                         None => error.help(format!("the functions are {}", names.join(", "))),
                     },
@@ -432,7 +432,7 @@ impl<'a> Names<'a, '_, '_> {
                 Item::Declaration(declaration) => {
                     for quantity in &declaration.quantities {
                         let name = quantity.name.name.as_str();
-                        // A second or a reserved name is reported as that, and defines nothing.
+                        // A reserved name, and a name's second definition, define nothing and have a report already.
                         if !defines(&self.symbols.model, &quantity.name) {
                             continue;
                         }
@@ -486,7 +486,7 @@ impl<'a> Names<'a, '_, '_> {
     }
 }
 
-/// Whether a name's definition is this one.
+/// Whether the name is defined here, and not by an earlier statement.
 fn defines(scope: &Scope<'_>, name: &Ident) -> bool {
     scope.get(name.name.as_str()).is_some_and(|symbol| symbol.span == name.span)
 }

@@ -1,4 +1,4 @@
-//! What statements must agree on: one energy of a kind, one force a coordinate, patterns that give motions to coordinates.
+//! Checks statements against each other: one energy of each kind, one force on each coordinate, motions of coordinates only.
 
 use std::collections::HashMap;
 
@@ -35,7 +35,7 @@ impl<'a> Checker<'a, '_> {
         );
     }
 
-    /// Equations or energies, not both and not neither.
+    /// A model has either equations or energies.
     fn dynamics(&mut self, model: &'a ModelDeclaration) {
         let mut energies: HashMap<&str, Span> = HashMap::new();
         let mut lagrangian = None;
@@ -78,7 +78,7 @@ impl<'a> Checker<'a, '_> {
         }
     }
 
-    /// Statements that name coordinates.
+    /// Statements that name coordinates name declared ones, each once.
     fn coordinates(&mut self, model: &'a ModelDeclaration) {
         let mut forces = HashMap::new();
         let mut taylors = HashMap::new();

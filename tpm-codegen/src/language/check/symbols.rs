@@ -31,7 +31,7 @@ pub(crate) enum SymbolKind {
 }
 
 impl SymbolKind {
-    /// With its article, for messages.
+    /// The kind with its article, for messages.
     pub(crate) fn describe(self) -> &'static str {
         match self {
             Self::Quantity(Role::Coordinate) => "a coordinate",
@@ -103,7 +103,7 @@ pub(super) fn collect<'a>(model: &'a ModelDeclaration, diagnostics: &mut Diagnos
             | Item::Pattern(_) => {}
         }
     }
-    // Patterns last: a name that the model defines behind the pattern is defined twice all the same.
+    // Patterns come last, so that a name of theirs that the model defines further down is found to be defined twice.
     for item in &model.items {
         if let Item::Pattern(pattern) = item {
             symbols.patterns.push(collect_pattern(pattern, &symbols.model, diagnostics));

@@ -1,4 +1,4 @@
-//! Every term has the unit of its equation's right-hand side.
+//! Checks that every term has the unit of its equation's right-hand side.
 //!
 //! Invariant: a [`Dimension`] is exact or unknown; a quantity declared without a unit is unknown, and what contains it is not
 //! checked. The unit of a series function that gives none is an unknown that the equations determine: silent rounds bind these
@@ -79,11 +79,11 @@ impl Dimension {
     }
 }
 
-/// What terms are compared with.
+/// The unit that terms are compared with, and where it comes from.
 struct Reference {
     dimension: Dimension,
     span: Span,
-    /// What it is, for messages.
+    /// What has this unit, for messages.
     what: String,
 }
 
@@ -226,7 +226,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// All terms of an expression must have a known unit.
+    /// Requires every term of an expression to have this unit, when it is known.
     fn expect(&mut self, expr: &Expr, dimension: Dimension, span: Span, what: &str) {
         let reference = match dimension {
             Dimension::Unknown => None,
@@ -278,7 +278,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// Puts in what is known by now of the unknown units.
+    /// The dimension with the units of series functions that are bound by now in the place of their unknowns.
     fn settle(&self, dimension: &Dimension) -> Dimension {
         let Dimension::Known(unit, unknowns) = dimension else { return Dimension::Unknown };
         let mut settled = Some(Dimension::of(unit.clone()));
@@ -326,7 +326,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// `left * right^exponent`, with a report when it is beyond all measure.
+    /// `left * right^exponent`, with a report when an exponent leaves 64 bits.
     fn combine(&mut self, left: &Dimension, right: &Dimension, exponent: i64, span: Span) -> Dimension {
         left.times_power(right, Ratio::from_integer(exponent)).unwrap_or_else(|| {
             self.diagnostics.push(

@@ -1,4 +1,4 @@
-//! Equations, and energies by the Euler-Lagrange equations.
+//! Lowers equations, and energies by way of the Euler-Lagrange equations.
 //!
 //! Invariant: every term of an equation has the place of the term of the text that it came from, also when it was derived from
 //! an energy ([`tpm_symbolic::mechanics::lagrange`]).
@@ -30,7 +30,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    /// The name of the input that drives the equation, `eq1`, `eq2`, ... otherwise.
+    /// The name of the one input that drives the equation; `eq1`, `eq2`, ... when there is none, or several.
     fn name(&self, left: &[SourceTerm], right: &[SourceTerm]) -> String {
         let position = self.model.equations.len() + 1;
         let (right, left) = (inputs(&self.model, right), inputs(&self.model, left));
@@ -54,7 +54,7 @@ impl<'a> Lowering<'a, '_, '_> {
         Ok(terms)
     }
 
-    /// The equations of motion of the energies. They are kept as well, because linearisation wants the matrices.
+    /// The equations of motion that follow from the energies and forces.
     fn euler_lagrange(&mut self, model: &'a ast::ModelDeclaration) {
         let mut lagrangian = Lagrangian::default();
         for item in &model.items {
@@ -89,7 +89,6 @@ impl<'a> Lowering<'a, '_, '_> {
                 self.diagnostics.push(Diagnostic::error(span, error.to_string()));
             }
         }
-        self.lagrangian = Some(lagrangian);
     }
 }
 
