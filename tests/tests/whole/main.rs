@@ -9,6 +9,7 @@ mod built {
 mod campaign;
 mod chain;
 mod emitted;
+mod examples;
 mod filtered;
 mod foundation;
 mod frequency;
