@@ -17,7 +17,7 @@ model_file!("silverbox.tpm");
 model_file!("three_carts.tpm");
 model_file!("two_carts.tpm");
 
-/// A model declared in place: the macro's other form.
+/// A model that is declared in place, with `model!`.
 pub mod inline {
     tpm_runtime::model! {
         // Feng, Eqn 3.24: m x'' + k1 x + k2 x'^2 = u

@@ -1,5 +1,22 @@
-//! Holds the integration tests of the workspace; has no code of its own but the README's Rust examples.
+//! Holds the integration tests of the workspace; has no code of its own but the Rust examples of the READMEs.
 
 #[cfg(doctest)]
-#[doc = include_str!("../../README.md")]
-pub struct Readme;
+mod readme {
+    #[doc = include_str!("../../README.md")]
+    struct Workspace;
+
+    #[doc = include_str!("../../tpm-codegen/README.md")]
+    struct Codegen;
+
+    #[doc = include_str!("../../tpm-core/README.md")]
+    struct Core;
+
+    #[doc = include_str!("../../tpm-macros/README.md")]
+    struct Macros;
+
+    #[doc = include_str!("../../tpm-runtime/README.md")]
+    struct Runtime;
+
+    #[doc = include_str!("../../tpm-symbolic/README.md")]
+    struct Symbolic;
+}

@@ -1,4 +1,4 @@
-//! Source files made by a build script: what [`generate`] gives, written into the folder that cargo sets aside.
+//! Source files for a build script: the result of [`generate`], written into the folder that cargo sets aside.
 //!
 //! ```no_run
 //! // build.rs, with `tpm-codegen` under [build-dependencies]
@@ -16,7 +16,7 @@
 //! include!(concat!(env!("OUT_DIR"), "/slider.rs"));
 //! ```
 //!
-//! With [`Language::C`] the header and the source go there, for the crate `cc` to compile.
+//! With [`Language::C`] a header and a source go to the same folder, for the crate `cc` to compile.
 
 use crate::diagnostic::Diagnostics;
 use crate::emit::estimator::{EmitError, Estimator};
@@ -30,6 +30,7 @@ use thiserror::Error;
 
 /// Why a build script got no source.
 #[derive(Error)]
+#[non_exhaustive]
 pub enum BuildError {
     /// There is no folder to write to.
     #[error("OUT_DIR is not set: call this from a build script that cargo runs, or `write` with a folder of your own")]
@@ -45,7 +46,7 @@ pub enum BuildError {
     /// Faults of the model, rendered with their places.
     #[error("{0}")]
     Model(String),
-    /// The language cannot hold it.
+    /// The target language cannot express the model.
     #[error(transparent)]
     Emit(#[from] EmitError),
     /// A file could not be written.
@@ -58,7 +59,7 @@ pub enum BuildError {
     },
 }
 
-/// What a build script shows that returns it from `main`.
+/// The message itself: cargo shows the debug form of an error that a build script returns from `main`.
 impl fmt::Debug for BuildError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)
@@ -77,7 +78,8 @@ pub fn model(path: impl AsRef<Path>, language: Language) -> Result<Vec<PathBuf>,
     write(path.as_ref(), &Options::new(language, "tpm_codegen::build"), Path::new(&folder))
 }
 
-/// The same with all options, into a folder that exists. Rust is wrapped into its module, so that it can be included.
+/// Writes the source of a model file, generated with these options, into a folder that exists, and returns the paths of what was
+/// written. A Rust file holds one module, so that `include!` can take it in.
 ///
 /// # Errors
 /// [`BuildError`] when the model cannot be read or has faults, or a file cannot be written.
@@ -96,7 +98,7 @@ pub fn write(path: &Path, options: &Options<'_>, folder: &Path) -> Result<Vec<Pa
     files.iter().map(|file| place(file, folder)).collect()
 }
 
-/// By way of a file beside it, so that no build sees half of one.
+/// Writes a file under another name and renames it, so that no build reads half of one.
 fn place(file: &File, folder: &Path) -> Result<PathBuf, BuildError> {
     let (path, beside) = (folder.join(&file.name), folder.join(format!(".{}.new", file.name)));
     std::fs::write(&beside, &file.text)

@@ -30,6 +30,7 @@ impl fmt::Display for Severity {
 
 /// A second place that explains a diagnostic.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct Label {
     /// Where.
     pub span: Span,
@@ -39,6 +40,7 @@ pub struct Label {
 
 /// One fault or remark at one place.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub struct Diagnostic {
     /// Error or warning.
     pub severity: Severity,
@@ -46,7 +48,7 @@ pub struct Diagnostic {
     pub message: String,
     /// The place.
     pub span: Span,
-    /// What stands at the place, shown beside the caret; may be empty.
+    /// Text beside the caret, about what stands at the place; may be empty.
     pub note: String,
     /// Other places that matter.
     pub labels: Vec<Label>,
@@ -109,8 +111,8 @@ impl Diagnostic {
     }
 }
 
-/// At most this many errors, and as many warnings, are kept; the rest is counted.
-pub const LIMIT: usize = 50;
+/// Most errors, and most warnings, that [`Diagnostics`] keeps; the rest is counted.
+pub const MOST_KEPT: usize = 50;
 
 /// The diagnostics of one source, in the order of their places once [`Diagnostics::sort`] was called.
 #[derive(Clone, Default, PartialEq, Eq, Debug)]
@@ -121,19 +123,19 @@ pub struct Diagnostics {
 }
 
 impl Diagnostics {
-    /// None yet.
+    /// An empty list.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Adds one; beyond [`LIMIT`] it is only counted, and an exact repetition is dropped.
+    /// Adds a diagnostic; beyond [`MOST_KEPT`] it is only counted, and an exact repetition is dropped.
     pub fn push(&mut self, diagnostic: Diagnostic) {
         let count = match diagnostic.severity {
             Severity::Error => &mut self.errors,
             Severity::Warning => &mut self.warnings,
         };
-        if *count >= LIMIT {
+        if *count >= MOST_KEPT {
             *count += 1;
         } else if !self.list.contains(&diagnostic) {
             *count += 1;
@@ -153,7 +155,7 @@ impl Diagnostics {
         self.list.is_empty()
     }
 
-    /// Those that were kept.
+    /// The diagnostics that were kept.
     pub fn iter(&self) -> impl Iterator<Item = &Diagnostic> {
         self.list.iter()
     }
@@ -164,7 +166,7 @@ impl Diagnostics {
         self.errors + self.warnings - self.list.len()
     }
 
-    /// Puts them into the order of their places; equal places keep the order in which they were found.
+    /// Sorts the diagnostics by their places; equal places keep the order in which they were found.
     pub fn sort(&mut self) {
         self.list.sort_by_key(|diagnostic| diagnostic.span);
     }
@@ -230,8 +232,8 @@ pub fn render(source: &Source, diagnostic: &Diagnostic) -> String {
     text
 }
 
-/// Longest line that is shown whole; a longer one is clipped around the caret.
-const WIDEST: usize = 400;
+/// Longest line, in bytes, that is shown whole; a longer one is clipped around the caret.
+const WIDEST_LINE: usize = 400;
 
 /// The source as ariadne wants it, built once for all diagnostics and only when it is used.
 struct Excerpts<'a> {
@@ -252,8 +254,10 @@ impl<'a> Excerpts<'a> {
     fn render(&mut self, diagnostic: &Diagnostic, text: &mut String) {
         let spans = std::iter::once(diagnostic.span).chain(diagnostic.labels.iter().map(|label| label.span));
         let wide = self.odd_lines
-            || spans.flat_map(|span| [span.start, span.end]).any(|offset| self.source.line_at(offset).len() > WIDEST)
-            || self.source.slice(diagnostic.span).len() > 8 * WIDEST;
+            || spans
+                .flat_map(|span| [span.start, span.end])
+                .any(|offset| self.source.line_at(offset).len() > WIDEST_LINE)
+            || self.source.slice(diagnostic.span).len() > 8 * WIDEST_LINE;
         let drawn = if wide { None } else { self.draw(diagnostic) };
         match drawn {
             Some(drawn) => text.push_str(&drawn),

@@ -1,4 +1,4 @@
-//! `tpm generate` as a function: a model's source files in a target language.
+//! A model's source files in a target language.
 //!
 //! Invariant: equal models and options give equal bytes; nothing is written to disk here.
 
@@ -10,6 +10,7 @@ use crate::emit::{c, rust};
 
 /// A target language.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Language {
     /// A `no_std` Rust module over `core` and the crate `libm` alone.
     Rust,
@@ -18,7 +19,7 @@ pub enum Language {
 }
 
 impl Language {
-    /// The language of a name as the command line takes it.
+    /// The language that `rust` or `c` names.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         match name {
@@ -47,7 +48,7 @@ pub struct Options<'a> {
 }
 
 impl<'a> Options<'a> {
-    /// What every generation needs: no identified values, the model's own prefix, double precision.
+    /// Options without identified values and filters, with the model's own prefix and double precision.
     #[must_use]
     pub fn new(language: Language, command: &'a str) -> Self {
         Self { language, command, identified: None, filters: None, prefix: None, scalar: Scalar::default() }
@@ -56,6 +57,7 @@ impl<'a> Options<'a> {
 
 /// A generated file.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct File {
     /// Its name, without a folder.
     pub name: String,
@@ -66,7 +68,8 @@ pub struct File {
 /// The source files of an estimator.
 ///
 /// # Errors
-/// When the identified values do not belong to the model, or what the language cannot hold stands in the way.
+/// [`EmitError`] when the identified values are of another model, a filter is out of range or has no feed-forward to pass, or the
+/// target language cannot express the model.
 pub fn generate(estimator: &Estimator, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
     if let Some(identified) = options.identified {
         identified.in_order(estimator)?;

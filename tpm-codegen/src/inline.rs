@@ -100,7 +100,7 @@ pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
     }
 }
 
-/// Diagnostics of a file, each with file, line and column in its text.
+/// The errors of a model file, each with file, line and column, all on the macro's token at `span`.
 fn at_places(source: &Source, diagnostics: &Diagnostics, span: Span) -> Vec<Fault> {
     let errors = diagnostics.iter().filter(|diagnostic| diagnostic.severity == Severity::Error);
     let mut faults: Vec<Fault> = errors
@@ -123,7 +123,7 @@ fn is_punct(token: &TokenTree, mark: char) -> bool {
     matches!(token, TokenTree::Punct(punct) if punct.as_char() == mark)
 }
 
-/// The path behind `crate`: `= a::b`.
+/// The path in `= a::b`, the tokens behind `crate`, whose span is `at`.
 fn crate_path(at: Span, tokens: TokenStream) -> Result<String, Fault> {
     let mut tokens = tokens.into_iter();
     let sign = tokens.next();
@@ -140,7 +140,7 @@ fn crate_path(at: Span, tokens: TokenStream) -> Result<String, Fault> {
     Ok(rest.to_string().replace(' ', ""))
 }
 
-/// The span of the path's literal, the path, and the runtime's path.
+/// The arguments of `model_file!`: the span of the path's literal, the path, and the runtime's path.
 fn file_arguments(input: TokenStream) -> Result<(Span, String, String), Fault> {
     let usage = "write model_file!(\"path/to/model.tpm\"), the path relative to the folder of the package's Cargo.toml";
     let mut tokens = input.into_iter();
@@ -167,7 +167,7 @@ fn file_arguments(input: TokenStream) -> Result<(Span, String, String), Fault> {
     Ok((span, path, runtime))
 }
 
-/// The text of a string literal, also one that a `macro_rules` fragment handed over.
+/// The text of a string literal, or of the invisible group in which a `macro_rules` fragment hands one over.
 fn string_of(token: &TokenTree) -> Option<String> {
     match token {
         TokenTree::Group(group) => {

@@ -1,23 +1,44 @@
-//! The model language of the Trajectory Pattern Method, and what is made of a model.
+//! Turns a dynamics model, which is written down once, into source code for a controller.
 //!
-//! # The problem
+//! A model is a text of equations with units; here a mass with a spring and quadratic drag (Feng, Eqn 3.24). Its source in Rust or C
+//! holds the reference motion, the feed-forward, and the estimator that finds the parameters from measured harmonics:
 //!
-//! A dynamics model is written down once, as equations with units,
+//! ```
+//! # #[cfg(feature = "generate")]
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use tpm_codegen::emit::estimator::Estimator;
+//! use tpm_codegen::generate::{Language, Options, generate};
+//! use tpm_codegen::{Source, parse_model};
 //!
-//! ```text
-//! m*ddot(x) + k1*x + k2*dot(x)^2 = u;          (Feng, Eqn 3.24)
+//! let source = Source::new(
+//!     "mass_spring_drag.tpm",
+//!     "model MassSpringDrag {
+//!          coordinate x [m];
+//!          input u [N];
+//!          parameter m [kg], k1 [N/m], k2 [N*s^2/m^2];
+//!          m*ddot(x) + k1*x + k2*dot(x)^2 = u;
+//!          pattern { amplitude lambda [m]; frequency w [rad/s]; x = rest_to_rest(lambda, w, 3); }
+//!      }",
+//! );
+//! let parsed = parse_model(&source)?;
+//! let files = generate(&Estimator::new(parsed.model)?, &Options::new(Language::C, "an example"))?;
+//! assert_eq!([&files[0].name, &files[1].name], ["mass_spring_drag.h", "mass_spring_drag.c"]);
+//! # Ok(())
+//! # }
+//! # #[cfg(not(feature = "generate"))]
+//! # fn main() {}
 //! ```
 //!
-//! and everything else follows from it: the harmonic coefficient table, the estimator, its source in Rust or C. This crate is an
-//! ordinary library between the text and the exact algebra of `tpm-symbolic`:
+//! A build script does this in one call ([`build::model`], and the example `build_script`). The macros of `tpm-macros` and the
+//! command line `tpm` call this crate too, which stands between the text and the exact algebra of `tpm-symbolic`:
 //!
 //! ```text
-//! Source --lex, parse--> ast::Model --check--> (names, structure, units) --lower--> tpm_symbolic::mechanics::model::Model
+//! Source --lex, parse--> ast::ModelDeclaration --check--> names, structure, units --lower--> tpm_symbolic::mechanics::model::Model
 //! Model --> emit::estimator::Estimator --emit--> tables, Rust, C
 //! ```
 //!
-//! The macro and the command line both call it. Its stages collect every independent fault and report them together as
-//! [`diagnostic::Diagnostics`], each at its place in the text or on the user's tokens.
+//! Every stage collects all independent faults and reports them together as [`Diagnostics`], each at its place in the text or on
+//! the user's tokens.
 //!
 //! # The language
 //!

@@ -84,7 +84,7 @@ pub struct Feedback<'m, T> {
 }
 
 impl<'m, T: Real> Feedback<'m, T> {
-    /// Feedback with one differentiator per coordinate; none when the rates are measured.
+    /// Feedback with one differentiator per coordinate, or with none when the rates are measured.
     #[must_use]
     pub fn new(gains: &'m [Gain<T>], filters: &'m mut [Differentiator<T>]) -> Self {
         Feedback { gains, filters }
@@ -93,7 +93,8 @@ impl<'m, T: Real> Feedback<'m, T> {
     /// Adds C(e) to `inputs`. `rates` are the measured rates of the errors; without them the differentiators form them.
     ///
     /// # Errors
-    /// [`EvalError::Length`] when `rates`, or the differentiators, are not as many as the errors.
+    /// [`EvalError::Length`] when `rates`, or the differentiators, are not as many as the errors, or a gain names a coordinate or
+    /// an input that is not there.
     pub fn add(&mut self, errors: &[T], rates: Option<&[T]>, inputs: &mut [T]) -> Result<(), EvalError> {
         match rates {
             Some(rates) => require_len(Buffer::Motion, rates.len(), errors.len())?,
@@ -105,9 +106,10 @@ impl<'m, T: Real> Feedback<'m, T> {
             }
         }
         for gain in self.gains {
-            let (Some(&error), Some(input)) = (errors.get(gain.coordinate), inputs.get_mut(gain.input)) else {
-                return Err(EvalError::Length { buffer: Buffer::Inputs, needed: gain.input + 1, given: inputs.len() });
-            };
+            let lacking = |buffer, index: usize, given| EvalError::Length { buffer, needed: index + 1, given };
+            let given = inputs.len();
+            let error = *errors.get(gain.coordinate).ok_or(lacking(Buffer::Motion, gain.coordinate, errors.len()))?;
+            let input = inputs.get_mut(gain.input).ok_or(lacking(Buffer::Inputs, gain.input, given))?;
             let rate = match rates {
                 Some(rates) => rates[gain.coordinate],
                 None => self.filters[gain.coordinate].rate,
@@ -120,7 +122,7 @@ impl<'m, T: Real> Feedback<'m, T> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Differentiator, Feedback, Gain};
+    use super::{Buffer, Differentiator, EvalError, Feedback, Gain};
 
     #[test]
     fn the_response_is_that_of_the_filter() {
@@ -158,5 +160,14 @@ mod tests {
         input[0] = 0.0;
         feedback.add(&[0.1], None, &mut input).expect("one of each");
         assert!((input[0] + 200.0 + 24.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_gain_of_what_is_not_there_is_named() {
+        let gain = Gain { input: 0, coordinate: 0, proportional: 1.0, derivative: 0.0 };
+        let add = |gain, inputs: &mut [f64]| Feedback::new(&[gain], &mut []).add(&[1e-3], Some(&[0.1]), inputs);
+        let lacking = |buffer, needed, given| Err(EvalError::Length { buffer, needed, given });
+        assert_eq!(add(Gain { coordinate: 2, ..gain }, &mut [0.0]), lacking(Buffer::Motion, 3, 1));
+        assert_eq!(add(Gain { input: 1, ..gain }, &mut [0.0]), lacking(Buffer::Inputs, 2, 1));
     }
 }

@@ -57,7 +57,7 @@ impl<T: Real> SecondOrder<T> {
         output
     }
 
-    /// Settles in a constant.
+    /// Puts the filter into the state of one that a constant `value` has passed through for ever.
     pub fn settle(&mut self, value: T) {
         self.inputs = [value; 2];
         self.outputs = [value; 2];

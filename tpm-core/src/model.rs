@@ -53,8 +53,9 @@ impl Dims {
     }
 }
 
-/// The slices that a caller hands to a model.
+/// The slices that a caller hands to a model, as errors name them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Buffer {
     /// Coordinates and their derivatives.
     Motion,
@@ -85,6 +86,7 @@ impl fmt::Display for Buffer {
 
 /// Why a model could not be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum EvalError {
     /// A slice has the wrong length (a workspace may be longer than needed).
     Length {
@@ -162,7 +164,7 @@ pub fn store<T: Copy>(results: &[T], out: &mut [T]) -> Result<(), EvalError> {
 /// The first `needed` entries of a workspace and the rest.
 ///
 /// # Errors
-/// [`EvalError::Length`] when it is shorter.
+/// [`EvalError::Length`] when the workspace is shorter.
 pub fn split_workspace<T>(workspace: &mut [T], needed: usize) -> Result<(&mut [T], &mut [T]), EvalError> {
     let given = workspace.len();
     workspace.split_at_mut_checked(needed).ok_or(EvalError::Length { buffer: Buffer::Workspace, needed, given })
@@ -175,7 +177,7 @@ pub fn split_workspace<T>(workspace: &mut [T], needed: usize) -> Result<(&mut [T
 pub trait Model<T: Real>: Send + Sync {
     /// Name of the model.
     fn name(&self) -> &str;
-    /// Sizes; the same for the lifetime of the model.
+    /// Sizes, which never change during the lifetime of the model.
     fn dims(&self) -> Dims;
 
     /// The text in which the model was declared, from which its exact form, its patterns and its physical parameters can be had
@@ -210,19 +212,19 @@ pub trait Model<T: Real>: Send + Sync {
     /// Phi: rows x parameters, row-major, into `out`.
     ///
     /// # Errors
-    /// [`EvalError::Length`].
+    /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
     fn regressor(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
 
     /// The terms without an unknown parameter, on the left-hand side: one number per row into `out`.
     ///
     /// # Errors
-    /// [`EvalError::Length`].
+    /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
     fn known(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
 
     /// B: rows x inputs, row-major, into `out`.
     ///
     /// # Errors
-    /// [`EvalError::Length`].
+    /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
     fn input_map(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
 
     /// Entries of workspace that [`inverse_dynamics`](Model::inverse_dynamics) needs.
@@ -233,7 +235,7 @@ pub trait Model<T: Real>: Send + Sync {
     /// Phi theta + known: the generalised force B u that the motion needs, one number per row into `out`.
     ///
     /// # Errors
-    /// [`EvalError::Length`].
+    /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
     fn inverse_dynamics(
         &self,
         motion: &[T],
@@ -268,10 +270,12 @@ pub trait Model<T: Real>: Send + Sync {
     ///
     /// `motion` holds the lower derivatives on entry; the slots of the highest ones may hold anything. The rows must be
     /// affine in them, as equations of motion are, and the input map and `known`'s other factors must not depend on them.
-    /// Unless a model has the matrix of the highest derivatives at hand, it is read off regressors at zero and unit values.
+    /// A model that does not have the matrix of the highest derivatives at hand finds it with [`forward_by_differences`].
     ///
     /// # Errors
-    /// [`EvalError::NotSquare`], [`EvalError::Singular`], [`EvalError::Length`].
+    /// [`EvalError::NotSquare`] unless there are as many rows as coordinates, [`EvalError::Singular`] when the rows do not
+    /// determine a highest derivative, [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the
+    /// workspace is too short.
     fn forward_dynamics(
         &self,
         motion: &mut [T],
@@ -290,11 +294,16 @@ pub fn difference_workspace_len<T: Real, M: Model<T> + ?Sized>(model: &M) -> usi
     model.workspace_len() + 2 * dims.regressor_len() + dims.input_map_len() + dims.rows * (dims.coordinates + 2)
 }
 
-/// [`Model::forward_dynamics`] of a model of which only regressor, known terms and input map are at hand: differences are
-/// taken per column, before the parameters enter, so that a small mass beside a large spring force loses no digits.
+/// [`Model::forward_dynamics`] by regressor, known terms and input map alone: the matrix of the highest derivatives is the
+/// difference of the rows at unit and at zero values of each.
+///
+/// Differences are taken per column, before the parameters enter, so that a small mass beside a large spring force loses no
+/// digits.
 ///
 /// # Errors
-/// As there.
+/// [`EvalError::NotSquare`] unless there are as many rows as coordinates, [`EvalError::Singular`] when the rows do not
+/// determine a highest derivative, [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace
+/// is shorter than [`difference_workspace_len`].
 pub fn forward_by_differences<T: Real, M: Model<T> + ?Sized>(
     model: &M,
     motion: &mut [T],
@@ -352,7 +361,10 @@ pub fn forward_by_differences<T: Real, M: Model<T> + ?Sized>(
     Ok(())
 }
 
-/// Requires slices that fit a model whose rows determine the highest derivatives.
+/// Requires as many rows as coordinates, and slices that fit the model's sizes.
+///
+/// # Errors
+/// [`EvalError::NotSquare`], or [`EvalError::Length`] that names the slice.
 pub fn require_forward<T>(dims: Dims, motion: &[T], parameters: &[T], inputs: &[T]) -> Result<(), EvalError> {
     if dims.rows != dims.coordinates {
         return Err(EvalError::NotSquare { rows: dims.rows, coordinates: dims.coordinates });

@@ -1,7 +1,8 @@
 //! The text of [`support`](crate::support), for writers of files that stand alone.
 
-/// Module name and source text of every file of [`support`](crate::support), in alphabetical order. Each takes what it needs
-/// from the module that it stands in, which must re-export the names that `support` re-exports.
+/// Module name and source text of every file of [`support`](crate::support), in alphabetical order.
+///
+/// Each file takes what it needs from its parent module, which must re-export the names that `support` re-exports.
 pub const SUPPORT: [(&str, &str); 4] = [
     ("error", include_str!("support/error.rs")),
     ("label", include_str!("support/label.rs")),

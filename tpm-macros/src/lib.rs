@@ -1,7 +1,31 @@
-//! The macros `model!` and `model_file!`, which declare a dynamics model and emit its estimator.
+//! Declares a dynamics model inside a Rust program: [`model!`] in place, [`model_file!`] in a file that other tools read too.
 //!
-//! Both are re-exported by `tpm-runtime`, whose documentation shows them at work. Everything they do is in `tpm-codegen`, an
-//! ordinary library; a crate of macros can export nothing else.
+//! A model is written down once, as equations with units, and becomes a module of plain functions over named fields: where the
+//! reference is, which input it needs, and which parameters the measured harmonics give. Its faults are compile errors at the very
+//! term.
+//!
+//! ```
+//! tpm_macros::model! {
+//!     crate = tpm_core; // left out by users of `tpm-runtime`, which re-exports the macros
+//!     model Slider {
+//!         coordinate x [m];
+//!         input u [N];
+//!         parameter m [kg], d [N*s/m];
+//!         m*ddot(x) + d*dot(x) = u;
+//!         pattern { amplitude lambda [m]; frequency w [rad/s]; x = rest_to_rest(lambda, w, 3); }
+//!     }
+//! }
+//! use slider::{Parameters, Pattern, feed_forward};
+//!
+//! # fn main() {
+//! let motion = Pattern { lambda: 0.3, w: 3.0 }.reference(0.25); // after 0.25 s
+//! let force = feed_forward(&motion, &Parameters { m: 2.0, d: 5.0 }).u;
+//! assert_eq!(force, 2.0 * motion.x.ddot + 5.0 * motion.x.dot);
+//! # }
+//! ```
+//!
+//! The crate documentation of `tpm-codegen` describes the language. Everything that the macros do is in that ordinary library,
+//! because a crate of macros can export nothing else.
 
 use std::path::Path;
 
@@ -12,16 +36,17 @@ use std::path::Path;
 /// the reference motion, the regressor, the feed-forward, the estimator matrix and the solution. The code is generic over `f32`
 /// and `f64`, needs neither the standard library nor an allocator, and cannot panic.
 ///
-/// After `eliminate ... as c` the module is that of what remains: `Parameters` are c1, c2, ..., `Physical::lump` gives them
-/// from the declared parameters, and motions reach to the derivatives that the elimination brought in.
+/// After `eliminate ... as c` the module holds the equations that remain: `Parameters` are c1, c2, ..., `Physical::lump` computes
+/// them from the declared parameters, and motions reach to the derivatives that the elimination brought in.
 ///
-/// Dynamics are always exact. The estimator matrix is exact too, but for what the model declares: `taylor q about q0 order n`
-/// replaces functions that do not expand finitely by their Taylor polynomials, and `harmonics n` says how many harmonics are
-/// kept of terms with infinitely many (signs, absolute values; 31 when nothing is declared). The module's documentation
-/// names each replacement and bounds the harmonics left out. A pattern without a table, because a coordinate has no motion or a
-/// function neither expands nor has a declared order, gives a module without estimator matrix and harmonics, which says why.
+/// Dynamics are always exact. The estimator matrix is exact too, but for two declarations: `taylor q about q0 order n` replaces
+/// functions that do not expand finitely by their Taylor polynomials, and `harmonics n` bounds the harmonics that are kept of terms
+/// with infinitely many (signs, absolute values; 31 when nothing is declared). The module's documentation names each replacement
+/// and bounds the harmonics left out. A pattern whose table does not exist, because a coordinate has no motion or a function neither
+/// expands nor has a declared order, gives a module without estimator matrix and harmonics, and its documentation says why.
 ///
-/// `model! { crate = path::to::runtime; model Name { ... } }` says where the runtime is when it is not `::tpm_runtime`.
+/// `model! { crate = path::to::runtime; model Name { ... } }` names the crate that the code uses, when it is not `::tpm_runtime`;
+/// `crate = tpm_core;` is enough for a controller.
 #[proc_macro]
 pub fn model(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
     tpm_codegen::inline::model(input.into()).into()
@@ -30,7 +55,7 @@ pub fn model(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
 /// Declares the dynamics model of a `.tpm` file: `model_file!("path/to/model.tpm")`, relative to the package's folder.
 ///
 /// It expands to what `model!` expands to, and a change of the file rebuilds the crate.
-/// `model_file!("path/to/model.tpm", crate = path::to::runtime)` says where the runtime is when it is not `::tpm_runtime`.
+/// `model_file!("path/to/model.tpm", crate = path::to::runtime)` names the crate that the code uses, when it is not `::tpm_runtime`.
 #[proc_macro]
 pub fn model_file(input: proc_macro::TokenStream) -> proc_macro::TokenStream {
     let folder = std::env::var_os("CARGO_MANIFEST_DIR");

@@ -9,6 +9,7 @@ mod built {
 mod campaign;
 mod chain;
 mod emitted;
+mod examples;
 mod filtered;
 mod foundation;
 mod frequency;
@@ -31,6 +32,7 @@ mod generated {
 mod licences;
 mod lines;
 mod numerics_room;
+mod packages;
 mod pendulum;
 mod physical;
 mod split;

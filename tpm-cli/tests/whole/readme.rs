@@ -1,4 +1,5 @@
-//! The README is executed: its commands run, and their output is the text that the README shows after them.
+//! The READMEs of the workspace and of this crate are executed: their commands run, and what they print after them is what the
+//! commands print.
 //!
 //! A `sh` block is a list of commands; a `text` block right after it is their standard output, where a line `...` stands
 //! for any number of lines; a command may say that it ends with another exit code than 0. A `tpm` block is a model file
@@ -8,19 +9,24 @@ use crate::support::{root, skipped, tpm};
 
 #[derive(Debug)]
 struct Block {
+    readme: &'static str,
     language: String,
     line: usize,
     text: String,
 }
 
 fn blocks() -> Vec<Block> {
-    let readme = std::fs::read_to_string(root().join("README.md")).expect("the README");
+    ["README.md", "tpm-cli/README.md"].into_iter().flat_map(blocks_of).collect()
+}
+
+fn blocks_of(readme: &'static str) -> Vec<Block> {
+    let text = std::fs::read_to_string(root().join(readme)).expect("the README");
     let mut blocks = Vec::new();
     let mut open: Option<Block> = None;
-    for (i, line) in readme.lines().enumerate() {
+    for (i, line) in text.lines().enumerate() {
         match (&mut open, line.strip_prefix("```")) {
             (None, Some(language)) => {
-                open = Some(Block { language: language.to_owned(), line: i + 1, text: String::new() });
+                open = Some(Block { readme, language: language.to_owned(), line: i + 1, text: String::new() });
             }
             (Some(_), Some(_)) => blocks.extend(open.take()),
             (Some(block), None) => {
@@ -59,7 +65,8 @@ fn commands_print_what_the_readme_says() {
             let arguments = command
                 .strip_prefix("cargo run --release -q -- ")
                 .or_else(|| command.strip_prefix("cargo run --release -- "))
-                .unwrap_or_else(|| panic!("README line {}: `{line}` is not a command of the tool", block.line));
+                .or_else(|| command.strip_prefix("tpm "))
+                .unwrap_or_else(|| panic!("{} line {}: `{line}` is no command of the tool", block.readme, block.line));
             if arguments.contains("$TPM_DATA") && std::env::var_os("TPM_DATA").is_none() {
                 not_run += 1;
                 continue;
@@ -69,7 +76,8 @@ fn commands_print_what_the_readme_says() {
             let output = tpm(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
             assert!(
                 output.status.code().is_some_and(|ended| ended.to_string() == code.trim()),
-                "README line {}: `{line}` ended otherwise:\n{}",
+                "{} line {}: `{line}` ended otherwise:\n{}",
+                block.readme,
                 block.line,
                 String::from_utf8_lossy(&output.stderr)
             );
@@ -81,7 +89,8 @@ fn commands_print_what_the_readme_says() {
         {
             let (expected_lines, actual): (Vec<&str>, Vec<&str>) =
                 (expected.text.lines().collect(), printed.lines().collect());
-            assert!(matches(&expected_lines, &actual), "README line {}: the output is now\n{printed}", expected.line);
+            let (readme, line) = (expected.readme, expected.line);
+            assert!(matches(&expected_lines, &actual), "{readme} line {line}: the output is now\n{printed}");
         }
     }
     assert!(commands > 0, "the README has commands");
@@ -97,6 +106,7 @@ fn models_pass_the_check() {
         let path = folder.path().join("model.tpm");
         std::fs::write(&path, &block.text).expect("writable");
         let output = tpm(&["check", path.to_str().expect("a readable path")]);
-        assert!(output.status.success(), "README line {}:\n{}", block.line, String::from_utf8_lossy(&output.stderr));
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{} line {}:\n{said}", block.readme, block.line);
     }
 }

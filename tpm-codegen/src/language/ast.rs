@@ -1,4 +1,4 @@
-//! A model as it is written.
+//! A model as it is written: declarations, equations and patterns, before anything is checked.
 //!
 //! Invariant: an [`Expr`] is as deep as its text is nested, never deeper: sums and products are lists, so that a sum of a
 //! million terms is one node. The first member of a sum is added and the first of a product multiplied (a leading minus is
@@ -19,7 +19,7 @@ pub struct Ident {
 
 /// `model NAME { ... }`
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Model {
+pub struct ModelDeclaration {
     /// The model's name, in the form of a type's name.
     pub name: Ident,
     /// Statements in the order in which they are written.
@@ -28,11 +28,12 @@ pub struct Model {
 
 /// A statement of a model.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Item {
     /// `coordinate x [m], y [m];` and its like.
     Declaration(Declaration),
     /// `series f(q) about c order n as a, b, c;`
-    Series(Series),
+    Series(SeriesDeclaration),
     /// `let name = expr;`
     Let(Definition),
     /// `lump NAME = expr;`
@@ -48,11 +49,12 @@ pub enum Item {
     /// `taylor q about q0 order n;`
     Taylor(Taylor),
     /// `pattern NAME { ... }`
-    Pattern(Pattern),
+    Pattern(PatternDeclaration),
 }
 
 /// What a declared quantity is.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Role {
     /// A generalised coordinate, a function of time.
     Coordinate,
@@ -97,7 +99,7 @@ pub struct Declaration {
 pub struct Quantity {
     /// Its name.
     pub name: Ident,
-    /// Its value, of constants only.
+    /// The value of a constant; `None` for every other role.
     pub value: Option<Expr>,
     /// Its unit; a quantity without one is not checked.
     pub unit: Option<UnitExpr>,
@@ -115,14 +117,14 @@ pub struct UnitExpr {
 /// `series f(q) [unit] about POINT order n as a0, a1, ...;`: an unknown function, known by its Taylor coefficients at a point.
 /// With `= expr` the function is known, and its coefficients follow from the expression.
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Series {
+pub struct SeriesDeclaration {
     /// The function's name.
     pub function: Ident,
     /// The coordinate that it is a function of.
     pub coordinate: Ident,
     /// Its unit; found from the equations when not given.
     pub unit: Option<UnitExpr>,
-    /// What it is, when it is known.
+    /// The expression of a known function.
     pub definition: Option<Expr>,
     /// The point of expansion.
     pub point: Expr,
@@ -185,7 +187,7 @@ impl EnergyKind {
 /// `kinetic = expr;`, `potential = expr;` or `dissipation = expr;`
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Energy {
-    /// Which of them.
+    /// Kinetic, potential or dissipation.
     pub kind: EnergyKind,
     /// The place of the keyword.
     pub keyword: Span,
@@ -224,7 +226,7 @@ pub struct Taylor {
 
 /// `pattern NAME { ... }`
 #[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Pattern {
+pub struct PatternDeclaration {
     /// The place of the keyword.
     pub keyword: Span,
     /// Its name; a pattern without one is the model's default.
@@ -235,6 +237,7 @@ pub struct Pattern {
 
 /// A statement of a pattern.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum PatternItem {
     /// `amplitude lambda [m];` or `frequency w [rad/s];`
     Declaration(Declaration),
@@ -264,6 +267,7 @@ pub struct Expr {
 
 /// The forms of an expression.
 #[derive(Clone, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum ExprKind {
     /// A non-negative decimal number, exact.
     Number(Rational),
@@ -315,6 +319,15 @@ impl Expr {
         matches!(&self.kind, ExprKind::Number(value) if num_traits::Zero::is_zero(value))
     }
 
+    /// The value of an integer literal; `None` for any other expression, and beyond 32 bits.
+    #[must_use]
+    pub fn integer(&self) -> Option<u32> {
+        match &self.kind {
+            ExprKind::Number(value) if value.is_integer() => value.to_integer().try_into().ok(),
+            _ => None,
+        }
+    }
+
     /// Calls `visit` on this expression and on everything in it, from the outside in.
     pub fn walk<'a>(&'a self, visit: &mut impl FnMut(&'a Expr)) {
         visit(self);
@@ -328,8 +341,8 @@ impl Expr {
     }
 }
 
-impl Model {
-    /// Puts the empty span everywhere, so that models can be compared by what they say.
+impl ModelDeclaration {
+    /// Replaces every span by the empty one, so that models can be compared by what they say.
     pub fn forget_spans(&mut self) {
         forget(&mut self.name);
         for item in &mut self.items {

@@ -11,7 +11,7 @@ mod units;
 pub(crate) use symbols::{SymbolKind, Symbols};
 
 use crate::diagnostic::Diagnostics;
-use crate::language::ast::{Expr, ExprKind, Model};
+use crate::language::ast::ModelDeclaration;
 use crate::language::parse::Syntax;
 use crate::language::unit::Unit;
 use crate::source::Source;
@@ -25,7 +25,7 @@ pub(crate) struct Checked<'a> {
 
 /// Checks names, uses, structure and units of a model.
 pub(crate) fn check<'a>(
-    model: &'a Model,
+    model: &'a ModelDeclaration,
     syntax: &Syntax,
     source: &Source,
     diagnostics: &mut Diagnostics,
@@ -35,12 +35,4 @@ pub(crate) fn check<'a>(
     names::check(model, &symbols, syntax, diagnostics);
     let series_units = units::check(model, &symbols, source, diagnostics);
     Checked { symbols, series_units }
-}
-
-/// The value of an integer literal.
-pub(crate) fn integer(expr: &Expr) -> Option<u32> {
-    match &expr.kind {
-        ExprKind::Number(value) if value.is_integer() => value.to_integer().try_into().ok(),
-        _ => None,
-    }
 }

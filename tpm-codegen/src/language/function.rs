@@ -4,6 +4,7 @@
 
 /// A function that an expression may call.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
 pub enum Function {
     /// `dot(e)`: first time derivative.
     Dot,
@@ -33,13 +34,13 @@ pub enum Function {
     Sign,
     /// `rest_to_rest(lambda, w, n)`: the pattern with derivatives 1 to n zero at both ends (Feng, Eqns 4.13, 4.42).
     RestToRest,
-    /// `point_to_point(x0, x1, w, n)`: the same between two points (Feng, Eqn 2.20).
+    /// `point_to_point(x0, x1, w, n)`: the shape of `rest_to_rest` between two points (Feng, Eqn 2.20).
     PointToPoint,
 }
 
 impl Function {
-    /// All of them.
-    pub const ALL: [Self; 15] = [
+    /// Every function, in the order in which messages list them.
+    pub const ALL: &'static [Self] = &[
         Self::Dot,
         Self::Ddot,
         Self::Der,
@@ -110,7 +111,7 @@ impl Function {
     /// The function of a name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|function| function.name() == name)
+        Self::ALL.iter().copied().find(|function| function.name() == name)
     }
 
     /// Whether it is a time derivative or a partial one.
@@ -119,7 +120,7 @@ impl Function {
         matches!(self, Self::Dot | Self::Ddot | Self::Der | Self::Diff)
     }
 
-    /// Whether it makes a pattern, and nothing else.
+    /// Whether it makes a motion, so that it stands in patterns only.
     #[must_use]
     pub fn is_pattern(self) -> bool {
         matches!(self, Self::RestToRest | Self::PointToPoint)

@@ -8,7 +8,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::token::{Token, TokenKind};
 use crate::source::{Fault, Source, Span};
 
-/// Splits a source into tokens. A source that is no text gives its fault and no tokens.
+/// Splits a source into tokens. A source whose bytes are no text gives its fault and no tokens.
 pub(crate) fn lex(source: &Source, diagnostics: &mut Diagnostics) -> Vec<Token> {
     if let Some(fault) = source.fault() {
         diagnostics.push(describe(fault));
@@ -376,6 +376,6 @@ mod tests {
         let mut diagnostics = Diagnostics::new();
         let _ = lex(&Source::new("t", text), &mut diagnostics);
         assert!(diagnostics.omitted() > 0);
-        assert_eq!(diagnostics.iter().count(), crate::diagnostic::LIMIT);
+        assert_eq!(diagnostics.iter().count(), crate::diagnostic::MOST_KEPT);
     }
 }

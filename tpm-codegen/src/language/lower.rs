@@ -1,4 +1,4 @@
-//! A checked model to the exact model.
+//! Lowers a checked model to the exact model.
 //!
 //! Invariant: every source term of the exact model has a [`TermId`] by which [`Terms`] finds the place that it came from, and
 //! every statement of the text is in the result: an equation as its terms, a `let` where it is used, a series as its Taylor
@@ -9,10 +9,11 @@ mod dynamics;
 mod expression;
 mod motion;
 
+pub use expression::HIGHEST_ORDER;
+
 use std::collections::HashMap;
 
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
-use tpm_symbolic::mechanics::lagrange::Lagrangian;
 use tpm_symbolic::mechanics::model::{Elimination, Kind, Lump, Model, TermId};
 use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
 use tpm_symbolic::number::rational::Rational;
@@ -20,20 +21,16 @@ use tpm_symbolic::number::rational::Rational;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{self, Declaration, Item, PatternItem, Role, UnitExpr};
 use crate::language::check::{Checked, SymbolKind};
-use crate::language::lower::expression::Environment;
+use crate::language::lower::expression::{Environment, Lower};
 use crate::language::unit::Unit;
 use crate::source::Span;
-
-/// Highest order of a derivative, a series or a Taylor polynomial. Far above any use; without a bound a ten-byte text could ask
-/// for a billion derivatives.
-pub const HIGHEST_ORDER: u32 = 100;
 
 /// Places of the source terms, by their [`TermId`]s.
 #[derive(Clone, Debug, Default)]
 pub struct Terms(Vec<Span>);
 
 impl Terms {
-    /// Remembers a place.
+    /// Adds a place and returns the identifier of its term.
     fn add(&mut self, span: Span) -> TermId {
         // A text has fewer terms than bytes, and its bytes are counted in 32 bits.
         let id = TermId(self.0.len() as u32);
@@ -50,6 +47,7 @@ impl Terms {
 
 /// A declared Taylor order: terms that do not expand finitely in the coordinate become Taylor polynomials in tables.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Taylor {
     /// The coordinate.
     pub coordinate: Coordinate,
@@ -65,14 +63,13 @@ pub struct Taylor {
 pub(crate) struct Lowered {
     pub(crate) model: Model,
     pub(crate) terms: Terms,
-    pub(crate) lagrangian: Option<Lagrangian>,
     pub(crate) taylor: Vec<Taylor>,
     /// How many harmonics each pattern keeps of terms with infinitely many.
     pub(crate) harmonics: Vec<Option<u32>>,
 }
 
 /// Lowers a model that passed its checks; faults that only show here go to `diagnostics`.
-pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut Diagnostics) -> Lowered {
+pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagnostics: &mut Diagnostics) -> Lowered {
     let mut lowering = Lowering {
         checked,
         diagnostics,
@@ -81,7 +78,6 @@ pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut
         names: HashMap::new(),
         sizes: expression::Sizes::default(),
         values: HashMap::new(),
-        lagrangian: None,
         taylor: Vec::new(),
         harmonics: Vec::new(),
     };
@@ -89,8 +85,8 @@ pub(crate) fn lower(model: &ast::Model, checked: &Checked<'_>, diagnostics: &mut
     lowering.statements(model);
     lowering.dynamics(model);
     lowering.patterns(model);
-    let Lowering { model, terms, lagrangian, taylor, harmonics, .. } = lowering;
-    Lowered { model, terms, lagrangian, taylor, harmonics }
+    let Lowering { model, terms, taylor, harmonics, .. } = lowering;
+    Lowered { model, terms, taylor, harmonics }
 }
 
 /// Lowers an expression of a model's parameters and constants; faults go to `diagnostics`.
@@ -122,9 +118,6 @@ pub(crate) fn lower_value(expr: &ast::Expr, model: &mut Model, diagnostics: &mut
     lowered.map_err(|error| diagnostics.push(error)).ok()
 }
 
-/// A fault that costs its own statement.
-type Lower<T> = Result<T, Diagnostic>;
-
 struct Lowering<'a, 'c, 'd> {
     checked: &'c Checked<'a>,
     diagnostics: &'d mut Diagnostics,
@@ -136,13 +129,12 @@ struct Lowering<'a, 'c, 'd> {
     sizes: expression::Sizes,
     /// The constants that are known exactly.
     values: HashMap<&'a str, Rational>,
-    lagrangian: Option<Lagrangian>,
     taylor: Vec<Taylor>,
     harmonics: Vec<Option<u32>>,
 }
 
 impl<'a> Lowering<'a, '_, '_> {
-    /// Puts an error where it belongs and goes on.
+    /// The value, or `None` after the fault was added to the diagnostics.
     fn keep<T>(&mut self, result: Lower<T>) -> Option<T> {
         result.map_err(|error| self.diagnostics.push(error)).ok()
     }
@@ -151,7 +143,7 @@ impl<'a> Lowering<'a, '_, '_> {
         Environment { model: &mut self.model, names: &self.names, sizes: &mut self.sizes }.lower(expr)
     }
 
-    fn declarations(&mut self, model: &'a ast::Model) {
+    fn declarations(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => self.declare(declaration),
@@ -192,7 +184,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     /// The coefficients of an unknown function are parameters; their units follow from the function's and the coordinate's.
-    fn declare_coefficients(&mut self, series: &'a ast::Series) {
+    fn declare_coefficients(&mut self, series: &'a ast::SeriesDeclaration) {
         let argument =
             self.checked.symbols.model.get(series.coordinate.name.as_str()).and_then(|symbol| symbol.unit.clone());
         let index = match self.checked.symbols.model.get(series.function.name.as_str()).map(|symbol| symbol.kind) {
@@ -214,8 +206,8 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    /// Statements that define names or orders, in their order.
-    fn statements(&mut self, model: &'a ast::Model) {
+    /// Statements that define names or orders of expansion, in the order of the text.
+    fn statements(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             match item {
                 Item::Series(series) => {
@@ -254,7 +246,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     /// f(q) = sum_k a_k (q - q0)^k, with the a_k as new parameters (Feng, Eqns 5.5-5.7) or from the derivatives of what f is.
-    fn series(&mut self, series: &'a ast::Series) -> Lower<()> {
+    fn series(&mut self, series: &'a ast::SeriesDeclaration) -> Lower<()> {
         let order = bounded(series.order)?;
         let point = self.expression(&series.point)?;
         let Some(&coordinate) = self.names.get(series.coordinate.name.as_str()) else { return Ok(()) };
@@ -311,7 +303,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    fn patterns(&mut self, model: &'a ast::Model) {
+    fn patterns(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             if let Item::Pattern(pattern) = item {
                 self.pattern(pattern);
@@ -319,7 +311,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    fn pattern(&mut self, pattern: &'a ast::Pattern) {
+    fn pattern(&mut self, pattern: &'a ast::PatternDeclaration) {
         let mut scope = motion::Scope { symbols: HashMap::new(), values: self.values.clone(), frequency: None };
         for constant in self.model.symbols_where(|kind| *kind == Kind::Constant { value: None }) {
             scope.symbols.insert(self.model.quantity(constant).name.to_string(), constant);
@@ -370,7 +362,7 @@ fn formal(unit: &UnitExpr) -> FormalUnit {
         .fold(FormalUnit::one(), |product, (name, exponent)| product.mul(&FormalUnit::named(&name.name).pow(*exponent)))
 }
 
-/// A unit that was found, in base units; none when it has a scale or a root, for which there is no name.
+/// A derived unit as a product of base units; `None` when it has a scale or a root, for which there is no name.
 fn written(unit: &Unit) -> Option<FormalUnit> {
     unit.base_powers()?.try_fold(FormalUnit::one(), |product, (name, exponent)| {
         i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))

@@ -1,4 +1,4 @@
-//! The model language: source to tokens to a model as it is written, and its checks.
+//! The model language: a text is split into tokens, parsed into declarations, checked, and lowered to the exact model.
 
 pub mod ast;
 mod check;
@@ -13,7 +13,7 @@ mod token;
 pub mod unit;
 
 pub use lower::{HIGHEST_ORDER, Taylor, Terms};
-pub use parse::DEEPEST;
+pub use parse::DEEPEST_NESTING;
 
 use std::borrow::Cow;
 
@@ -21,7 +21,7 @@ use tpm_symbolic::expr::graph::ExprId;
 use tpm_symbolic::harmonic::bessel::BesselError;
 use tpm_symbolic::harmonic::expand::ExpandError;
 use tpm_symbolic::linear::taylor::{self, Expansion, SeriesError, Truncation};
-use tpm_symbolic::mechanics::lagrange::{LagrangeError, Lagrangian};
+use tpm_symbolic::mechanics::lagrange::LagrangeError;
 use tpm_symbolic::mechanics::model::{Model, TermId};
 use tpm_symbolic::plan::split::SplitError;
 use tpm_symbolic::regressor::form::RegressorError;
@@ -31,11 +31,11 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::stream::TokenSource;
 use crate::source::{Source, Span};
 
-/// The syntax of a source, unchecked: what it says, not whether it makes sense.
+/// Parses a source without checking its names, structure and units.
 ///
 /// # Errors
 /// Every fault of the text, in the order of their places.
-pub fn parse(source: &Source) -> Result<ast::Model, Diagnostics> {
+pub fn parse(source: &Source) -> Result<ast::ModelDeclaration, Diagnostics> {
     let mut diagnostics = Diagnostics::new();
     let syntax = parse::parse(source, &mut diagnostics);
     diagnostics.sort();
@@ -51,19 +51,17 @@ pub struct Parsed {
     /// The exact model.
     pub model: Model,
     /// The model as it was written.
-    pub ast: ast::Model,
-    /// The energies and forces that the equations were derived from, when the model gives those.
-    pub lagrangian: Option<Lagrangian>,
+    pub ast: ast::ModelDeclaration,
     /// Declared Taylor orders, for tables.
     pub taylor: Vec<Taylor>,
-    /// For each of the model's patterns, how many harmonics it keeps of terms with infinitely many.
-    pub harmonics: Vec<Option<u32>>,
-    /// Remarks; the model can be used.
+    /// Warnings, in spite of which the model can be used.
     pub warnings: Diagnostics,
+    /// For each of the model's patterns, how many harmonics it keeps of terms with infinitely many.
+    harmonics: Vec<Option<u32>>,
     terms: Terms,
 }
 
-/// An error of a later stage that knows the source term at fault.
+/// An error of a later stage that knows the term of the text at fault.
 pub trait AtTerm: std::error::Error {
     /// The term, when there is one.
     fn at_term(&self) -> Option<TermId>;
@@ -121,12 +119,11 @@ impl Parsed {
         self.terms.span(term)
     }
 
-    /// The model that tables are made of: what does not expand finitely in a coordinate with a declared Taylor order is
-    /// replaced by its Taylor polynomial. The second list says what was replaced; it is empty, and the model the same,
-    /// when no order is declared.
+    /// The model that tables are made of, and what was replaced in it: a function that does not expand finitely in a coordinate
+    /// with a declared Taylor order becomes its Taylor polynomial. Without a declared order this is the model as it is.
     ///
     /// # Errors
-    /// When a term is singular at the declared point.
+    /// [`SeriesError`] when a function is singular at the declared point.
     pub fn for_tables(&self) -> Result<(Cow<'_, Model>, Vec<Truncation>), SeriesError> {
         if self.taylor.is_empty() {
             return Ok((Cow::Borrowed(&self.model), Vec::new()));
@@ -141,7 +138,7 @@ impl Parsed {
         Ok((Cow::Owned(model), truncations))
     }
 
-    /// What [`Self::for_tables`] replaced, in whole sentences, each function once.
+    /// Sentences that say what [`Self::for_tables`] replaced, one for each function.
     #[must_use]
     pub fn replacements(model: &Model, truncations: &[Truncation]) -> Vec<String> {
         let mut said: Vec<ExprId> = Vec::new();
@@ -162,13 +159,13 @@ impl Parsed {
         sentences
     }
 
-    /// How many harmonics the pattern of an index keeps of terms with infinitely many, when it says so.
+    /// How many harmonics the pattern of this index keeps of terms with infinitely many; `None` when it declares no number.
     #[must_use]
     pub fn harmonics_of(&self, pattern: usize) -> Option<usize> {
         self.harmonics.get(pattern).copied().flatten().and_then(|count| usize::try_from(count).ok())
     }
 
-    /// An error of a later stage, at its place in the text: at its term, or at the model's name when it is about the whole.
+    /// An error of a later stage at its place in the text: at its term, or at the model's name when it concerns the whole model.
     #[must_use]
     pub fn locate(&self, error: &impl AtTerm) -> Diagnostic {
         let span = error.at_term().map_or(self.ast.name.span, |term| self.span(term));
@@ -192,14 +189,14 @@ pub fn parse_model(source: &Source) -> Result<Parsed, Diagnostics> {
     if diagnostics.has_errors() {
         return Err(sorted(diagnostics));
     }
-    let lower::Lowered { model, terms, lagrangian, taylor, harmonics } = lowered;
-    Ok(Parsed { model, ast, lagrangian, taylor, harmonics, warnings: sorted(diagnostics), terms })
+    let lower::Lowered { model, terms, taylor, harmonics } = lowered;
+    Ok(Parsed { model, ast, taylor, harmonics, warnings: sorted(diagnostics), terms })
 }
 
 /// Reads an expression of a model's parameters and constants, such as a value on a command line, into the model's graph.
 ///
 /// # Errors
-/// Every fault of the text, and names of anything else.
+/// Every fault of the text, and every name that is neither a parameter nor a constant of the model.
 pub fn parse_value(source: &Source, model: &mut Model) -> Result<ExprId, Diagnostics> {
     let mut diagnostics = Diagnostics::new();
     let expr = parse::parse_expression(source, &mut diagnostics);
@@ -213,7 +210,7 @@ pub fn parse_value(source: &Source, model: &mut Model) -> Result<ExprId, Diagnos
     }
 }
 
-/// [`parse_model`] for the tokens of a macro call: the same model from the same text, with the way back to the user's tokens.
+/// Reads a model from the tokens of a macro call, and keeps the way back from its text to the user's tokens.
 ///
 /// # Errors
 /// Every fault as a `compile_error!` on the tokens that it is about.

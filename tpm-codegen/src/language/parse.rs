@@ -1,7 +1,7 @@
-//! Tokens to a model.
+//! Parses tokens into the declarations of a model.
 //!
 //! Invariant: a fault is reported where it is found and costs at most its own statement: the parser goes on behind the next
-//! semicolon, at the closing brace, or at a line that begins a new statement. Recursion is bounded by [`DEEPEST`], loops by the
+//! semicolon, at the closing brace, or at a line that begins a new statement. Recursion is bounded by [`DEEPEST_NESTING`], loops by the
 //! number of tokens. Names that a dropped statement mentions are remembered, so that later checks do not report them unknown.
 
 mod expr;
@@ -10,8 +10,8 @@ use std::collections::HashSet;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
-    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, Force, Ident, Item, Model, Motion,
-    Pattern, PatternItem, Quantity, Role, Series, Taylor, UnitExpr,
+    Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, Force, Ident, Item,
+    ModelDeclaration, Motion, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration, Taylor, UnitExpr,
 };
 use crate::language::lex::{lex, shorten};
 use crate::language::suggest::nearest;
@@ -19,15 +19,15 @@ use crate::language::token::{Token, TokenKind};
 use crate::source::{Source, Span};
 
 /// Deepest nesting of parentheses, calls and minus signs; a stack of this depth fits the smallest usual thread.
-pub const DEEPEST: usize = 128;
+pub const DEEPEST_NESTING: usize = 128;
 
 /// What parsing found.
 pub(crate) struct Syntax {
     /// The model, without the statements that could not be read.
-    pub(crate) model: Option<Model>,
+    pub(crate) model: Option<ModelDeclaration>,
     /// Whether statements are missing from it, so that nothing can be said about what a model lacks.
     pub(crate) incomplete: bool,
-    /// Names in what was dropped.
+    /// Names that dropped statements mention.
     pub(crate) mentioned: HashSet<String>,
 }
 
@@ -145,7 +145,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         token.kind == TokenKind::Ident && self.text(token) == word
     }
 
-    /// The token before the next one; its span is where something that is missing should have been.
+    /// The span of the token before the next one, behind which something that is missing should stand.
     fn last(&self) -> Span {
         self.at.checked_sub(1).and_then(|at| self.tokens.get(at)).map_or_else(Span::default, |token| token.span)
     }
@@ -261,7 +261,7 @@ impl<'a, 'd> Parser<'a, 'd> {
 
     // The file.
 
-    fn file(&mut self) -> Option<Model> {
+    fn file(&mut self) -> Option<ModelDeclaration> {
         if !(self.is_word(0, "model") && self.nth(1).kind == TokenKind::Ident) {
             let span = self.peek().span;
             self.report(
@@ -294,7 +294,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             );
             self.incomplete = true;
         }
-        Some(Model { name, items })
+        Some(ModelDeclaration { name, items })
     }
 
     fn items(&mut self, open: Span) -> Vec<Item> {
@@ -458,7 +458,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             }
         }
         self.end_of_statement()?;
-        Ok(Item::Series(Series { function, coordinate, unit, definition, point, order, coefficients }))
+        Ok(Item::Series(SeriesDeclaration { function, coordinate, unit, definition, point, order, coefficients }))
     }
 
     fn definition(&mut self) -> Parse<Definition> {
@@ -560,7 +560,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 }
             }
         }
-        Ok(Item::Pattern(Pattern { keyword, name, items }))
+        Ok(Item::Pattern(PatternDeclaration { keyword, name, items }))
     }
 
     fn pattern_item(&mut self) -> Parse<PatternItem> {
@@ -685,7 +685,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                 Diagnostic::error(token.span, "a unit has no numbers but 1")
                     .help("use a prefixed unit such as `mm`, or put the factor into the equation"),
             )),
-            TokenKind::OpenParen if depth < DEEPEST => {
+            TokenKind::OpenParen if depth < DEEPEST_NESTING => {
                 self.bump();
                 self.unit_product(outer * sign, factors, depth + 1)?;
                 self.expect(TokenKind::CloseParen)?;

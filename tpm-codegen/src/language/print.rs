@@ -1,6 +1,6 @@
-//! A model back to its text.
+//! Writes a model as text.
 //!
-//! Invariant: the text that is written parses to the same model, and it has no parentheses that this does not need.
+//! Invariant: the text parses to the same model, and has no parentheses but those that the model's structure needs.
 
 use std::fmt::{self, Display, Formatter, Write as _};
 
@@ -10,8 +10,8 @@ use num_traits::One;
 use tpm_symbolic::number::rational::Rational;
 
 use crate::language::ast::{
-    Declaration, Definition, Eliminate, Energy, Equation, Expr, ExprKind, Force, Item, Model, Motion, Operation,
-    Pattern, PatternItem, Quantity, Series, Sign, Taylor, UnitExpr,
+    Declaration, Definition, Eliminate, Energy, Equation, Expr, ExprKind, Force, Item, ModelDeclaration, Motion,
+    Operation, PatternDeclaration, PatternItem, Quantity, SeriesDeclaration, Sign, Taylor, UnitExpr,
 };
 
 /// How tightly an expression binds; one that binds less tightly than its place wants is put in parentheses.
@@ -103,7 +103,7 @@ fn number(f: &mut Formatter<'_>, value: &Rational) -> fmt::Result {
     while !denominator.is_one() {
         let shared = denominator.gcd(&ten);
         if shared.is_one() {
-            // No literal has such a value: only a program can build it, and a quotient of integers says the same.
+            // No literal has such a value, so that only a program can build it; a quotient of integers stands for it.
             return write!(f, "({}/{})", value.numer(), value.denom());
         }
         denominator /= shared;
@@ -161,7 +161,7 @@ impl Display for Declaration {
     }
 }
 
-impl Display for Series {
+impl Display for SeriesDeclaration {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "series {}({})", self.function.name, self.coordinate.name)?;
         if let Some(unit) = &self.unit {
@@ -212,7 +212,7 @@ impl Display for PatternItem {
     }
 }
 
-impl Display for Pattern {
+impl Display for PatternDeclaration {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         f.write_str("pattern ")?;
         if let Some(name) = &self.name {
@@ -226,7 +226,7 @@ impl Display for Pattern {
     }
 }
 
-impl Display for Model {
+impl Display for ModelDeclaration {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         writeln!(f, "model {} {{", self.name.name)?;
         for item in &self.items {

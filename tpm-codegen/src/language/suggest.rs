@@ -8,7 +8,7 @@ pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a s
     if name.len() > LONGEST {
         return None;
     }
-    // One letter that is another letter is another name.
+    // A name of one letter has no neighbour: another letter is another name.
     let allowed = if name.len() == 1 { 0 } else { name.len().div_ceil(3) };
     candidates
         .into_iter()

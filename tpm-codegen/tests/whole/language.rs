@@ -130,7 +130,8 @@ mod built {
     use proptest::prelude::*;
     use tpm_codegen::language::ast::{
         Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, ExprKind, Force, Ident, Item,
-        Model, Motion, Operation, Pattern, PatternItem, Quantity, Role, Series, Sign, Taylor, UnitExpr,
+        ModelDeclaration, Motion, Operation, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration, Sign,
+        Taylor, UnitExpr,
     };
     use tpm_codegen::source::Span;
     use tpm_symbolic::number::rational::Rational;
@@ -222,7 +223,15 @@ mod built {
                 prop::collection::vec(ident(), 0..3)
             )
                 .prop_map(|(function, coordinate, unit, definition, point, order, coefficients)| {
-                    Item::Series(Series { function, coordinate, unit, definition, point, order, coefficients })
+                    Item::Series(SeriesDeclaration {
+                        function,
+                        coordinate,
+                        unit,
+                        definition,
+                        point,
+                        order,
+                        coefficients,
+                    })
                 }),
             definition().prop_map(Item::Let),
             definition().prop_map(Item::Lump),
@@ -241,7 +250,7 @@ mod built {
                 order
             })),
             (prop::option::of(ident()), prop::collection::vec(pattern_item(), 0..5))
-                .prop_map(|(name, items)| Item::Pattern(Pattern { keyword: NOWHERE, name, items })),
+                .prop_map(|(name, items)| Item::Pattern(PatternDeclaration { keyword: NOWHERE, name, items })),
         ]
     }
 
@@ -255,8 +264,8 @@ mod built {
         ]
     }
 
-    pub(super) fn model() -> impl Strategy<Value = Model> {
-        (ident(), prop::collection::vec(item(), 0..8)).prop_map(|(name, items)| Model { name, items })
+    pub(super) fn model() -> impl Strategy<Value = ModelDeclaration> {
+        (ident(), prop::collection::vec(item(), 0..8)).prop_map(|(name, items)| ModelDeclaration { name, items })
     }
 }
 

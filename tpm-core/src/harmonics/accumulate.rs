@@ -8,7 +8,7 @@
 use crate::support::AccumulatorError;
 use crate::support::Real;
 
-/// Samples between two exact settings of the phasors.
+/// Samples after which the phasors are set exactly again.
 const RESET: usize = 64;
 
 /// Harmonics 0 to H of several signals over whole periods of N samples, in memory of the caller.
@@ -24,12 +24,12 @@ pub struct Accumulator<'m, T: Real> {
     phasor: &'m mut [T],
     /// Per channel: sum of x, then sums of x cos and x sin per harmonic, over the present period.
     period: &'m mut [T],
-    /// The same over all whole periods so far.
+    /// The sums over all whole periods so far, in the layout of `period`.
     total: &'m mut [T],
 }
 
 impl<'m, T: Real> Accumulator<'m, T> {
-    /// Entries of memory for so many channels and harmonics.
+    /// Entries of memory that an accumulator of so many channels and harmonics needs.
     #[must_use]
     pub const fn memory_len(channels: usize, harmonics: usize) -> usize {
         4 * harmonics + 2 * channels * (2 * harmonics + 1)
@@ -38,7 +38,8 @@ impl<'m, T: Real> Accumulator<'m, T> {
     /// An empty accumulator for `channels` signals, harmonics 0 to `harmonics`, periods of `samples_per_period` samples.
     ///
     /// # Errors
-    /// [`AccumulatorError::Memory`], [`AccumulatorError::TooFewSamples`].
+    /// [`AccumulatorError::TooFewSamples`] when a period does not resolve the highest harmonic, [`AccumulatorError::Memory`]
+    /// when `memory` is shorter than [`memory_len`](Self::memory_len).
     pub fn new(
         samples_per_period: usize,
         channels: usize,
@@ -82,7 +83,7 @@ impl<'m, T: Real> Accumulator<'m, T> {
     /// Takes in one sample of every channel.
     ///
     /// # Errors
-    /// [`AccumulatorError::Channels`].
+    /// [`AccumulatorError::Channels`] when the sample has another number of channels; nothing is taken in then.
     pub fn push(&mut self, sample: &[T]) -> Result<(), AccumulatorError> {
         if sample.len() != self.channels {
             return Err(AccumulatorError::Channels { needed: self.channels, given: sample.len() });
@@ -122,8 +123,8 @@ impl<'m, T: Real> Accumulator<'m, T> {
     /// `(a_c, a_s)` of one harmonic of one channel; `(a_0, 0)` for harmonic 0.
     ///
     /// # Errors
-    /// [`AccumulatorError::NotWhole`] unless whole periods were taken in, [`AccumulatorError::Channels`],
-    /// [`AccumulatorError::TooFewSamples`] for a harmonic that was not accumulated.
+    /// [`AccumulatorError::NotWhole`] unless whole periods were taken in, [`AccumulatorError::Channels`] for a channel that does
+    /// not exist, [`AccumulatorError::TooFewSamples`] for a harmonic that was not accumulated.
     pub fn coefficients(&self, channel: usize, harmonic: usize) -> Result<(T, T), AccumulatorError> {
         if channel >= self.channels {
             return Err(AccumulatorError::Channels { needed: self.channels, given: channel });

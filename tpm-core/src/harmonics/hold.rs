@@ -14,7 +14,7 @@ pub enum Hold {
 }
 
 impl Hold {
-    /// The other one.
+    /// The other hold: a log whose hold is not known is read with both, and compared.
     #[must_use]
     pub const fn other(self) -> Self {
         match self {
@@ -23,7 +23,8 @@ impl Hold {
         }
     }
 
-    /// What the hold does to a harmonic at the angle `W T` (rad), as (real, imaginary) part: [`hold_factor`], or nothing.
+    /// The factor by which the hold multiplies a harmonic at the angle `W T` (rad), as (real, imaginary) part: [`hold_factor`]
+    /// of a zero-order hold, otherwise 1.
     #[must_use]
     pub fn factor<T: Real>(self, angle: T) -> (T, T) {
         match self {
@@ -42,8 +43,8 @@ impl fmt::Display for Hold {
     }
 }
 
-/// `(1 - e^{-j W T})/(j W T)` at the angle `W T` (rad), as (real, imaginary) part: what a hold of T seconds does to a
-/// harmonic of angular frequency W. One at angle zero.
+/// `(1 - e^{-j W T})/(j W T)` at the angle `W T` (rad), as (real, imaginary) part: the factor by which a hold of T
+/// seconds multiplies a harmonic of angular frequency W. It is 1 at the angle zero.
 ///
 /// Computed as `sinc(W T / 2) e^{-j W T / 2}`, which does not cancel at small angles.
 #[must_use]

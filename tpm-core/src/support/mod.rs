@@ -1,7 +1,7 @@
 //! What every generated estimator needs beside `core` and the crate `libm`.
 //!
-//! Invariant: each file here takes what it needs from this module (`super`) and from nowhere else in the crate, and holds no tests, so
-//! that its text may stand, unchanged, inside a generated file.
+//! Invariant: each file here takes what it needs from this module (`super`) and from nowhere else in the crate, and holds no
+//! tests, so that its text may stand, unchanged, inside a generated file.
 
 mod error;
 mod label;

@@ -2,8 +2,6 @@
 
 use crate::estimate::verdict::{LARGE_RESIDUAL, Status};
 use crate::numerics::Matrix;
-use std::format;
-use std::string::String;
 use std::vec::Vec;
 
 /// The result that every estimator gives.

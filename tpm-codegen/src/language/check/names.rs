@@ -1,4 +1,4 @@
-//! Every name is known, stands where its kind may stand, and every quantity that is declared is used.
+//! Checks that every name is known and stands where its kind may stand, and that every declared quantity is used.
 //!
 //! Invariant: uses are edges from the statement that uses to what is used, with the equations of motion and the patterns as
 //! roots; a parameter that only an unused `let` mentions is therefore unused.
@@ -6,8 +6,9 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::language::ast::{Declaration, Expr, ExprKind, Ident, Item, Model, Pattern, PatternItem, Role};
-use crate::language::check::integer;
+use crate::language::ast::{
+    Declaration, Expr, ExprKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role,
+};
 use crate::language::check::symbols::{Scope, SymbolKind, Symbols};
 use crate::language::function::Function;
 use crate::language::lex::shorten;
@@ -67,7 +68,7 @@ impl Place<'_> {
     }
 }
 
-/// What uses: the model itself, or a name that is of use only if it is used.
+/// Where a use stands: in the model itself, or in the definition of a name, where it counts only if that name is used.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum User<'a> {
     Root,
@@ -75,7 +76,12 @@ enum User<'a> {
     Nobody,
 }
 
-pub(super) fn check<'a>(model: &'a Model, symbols: &Symbols<'a>, syntax: &Syntax, diagnostics: &mut Diagnostics) {
+pub(super) fn check<'a>(
+    model: &'a ModelDeclaration,
+    symbols: &Symbols<'a>,
+    syntax: &Syntax,
+    diagnostics: &mut Diagnostics,
+) {
     let mut names =
         Names { symbols, syntax, diagnostics, known: HashSet::new(), uses: HashMap::new(), pattern_uses: Vec::new() };
     names.visit_model(model);
@@ -88,14 +94,14 @@ struct Names<'a, 's, 'd> {
     symbols: &'s Symbols<'a>,
     syntax: &'s Syntax,
     diagnostics: &'d mut Diagnostics,
-    /// `let`s and constants with a value whose definition is behind us.
+    /// `let`s and constants with a value that are defined above the present statement.
     known: HashSet<&'a str>,
     uses: HashMap<User<'a>, HashSet<&'a str>>,
     pattern_uses: Vec<HashSet<&'a str>>,
 }
 
 impl<'a> Names<'a, '_, '_> {
-    fn visit_model(&mut self, model: &'a Model) {
+    fn visit_model(&mut self, model: &'a ModelDeclaration) {
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => self.values(declaration),
@@ -139,7 +145,7 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    fn visit_pattern(&mut self, pattern: &'a Pattern) {
+    fn visit_pattern(&mut self, pattern: &'a PatternDeclaration) {
         let index = self.pattern_uses.len();
         self.pattern_uses.push(HashSet::new());
         for item in &pattern.items {
@@ -265,7 +271,7 @@ impl<'a> Names<'a, '_, '_> {
         self.place_of(function, name.span, place);
         match (function, arguments) {
             (Function::Der, [moving, order]) => {
-                if integer(order).is_none() {
+                if order.integer().is_none() {
                     self.diagnostics.push(
                         Diagnostic::error(order.span, "the order of a derivative is a non-negative integer")
                             .help("write, for example, `der(x, 4)`"),
@@ -291,7 +297,7 @@ impl<'a> Names<'a, '_, '_> {
                 }
             }
             (Function::RestToRest | Function::PointToPoint, [rest @ .., order]) => {
-                if integer(order).is_none_or(|order| order % 2 != 1) {
+                if order.integer().is_none_or(|order| order % 2 != 1) {
                     self.diagnostics.push(
                         Diagnostic::error(
                             order.span,
@@ -306,7 +312,7 @@ impl<'a> Names<'a, '_, '_> {
         }
     }
 
-    /// Derivatives belong into equations, patterns into patterns.
+    /// Reports derivatives outside equations, and functions that make a motion outside patterns.
     fn place_of(&mut self, function: Function, span: Span, place: Place<'a>) {
         let name = function.name();
         let help = match place {
@@ -322,7 +328,7 @@ impl<'a> Names<'a, '_, '_> {
         self.diagnostics.push(Diagnostic::error(span, format!("`{name}` cannot stand here")).help(help));
     }
 
-    /// The argument of a time derivative must depend on time through a coordinate.
+    /// Reports the argument of a time derivative that does not depend on time through a coordinate.
     fn moving(&mut self, expr: &'a Expr, span: Span) {
         let mut moves = false;
         let mut input = None;
@@ -367,7 +373,7 @@ impl<'a> Names<'a, '_, '_> {
                 .help(format!("a product is written with `*`: `{text}*(...)`")),
             None => {
                 let error = Diagnostic::error(name.span, format!("unknown function `{}`", shorten(text)));
-                let names = Function::ALL.map(Function::name);
+                let names: Vec<&str> = Function::ALL.iter().map(|function| function.name()).collect();
                 match text {
                     "ln" | "log" | "exp" | "pow" | "sinh" | "cosh" | "tanh" => {
                         error.help(format!("the functions are {}; a power is written `^`", names.join(", ")))
@@ -376,7 +382,7 @@ impl<'a> Names<'a, '_, '_> {
                     "arcsin" => error.help("write `asin`"),
                     "arccos" => error.help("write `acos`"),
                     "sgn" | "signum" => error.help("write `sign`"),
-                    _ => match nearest(text, names) {
+                    _ => match nearest(text, names.iter().copied()) {
                         Some(near) => error.help(format!("did you mean `{near}`?")),
                         None => error.help(format!("the functions are {}", names.join(", "))),
                     },
@@ -401,7 +407,7 @@ impl<'a> Names<'a, '_, '_> {
         reached
     }
 
-    fn unused(&mut self, model: &'a Model) {
+    fn unused(&mut self, model: &'a ModelDeclaration) {
         let used = self.reachable();
         let inputs: Vec<_> = quantities(model, Role::Input).collect();
         let driven = inputs.iter().any(|(name, _)| used.contains(name));
@@ -426,7 +432,7 @@ impl<'a> Names<'a, '_, '_> {
                 Item::Declaration(declaration) => {
                     for quantity in &declaration.quantities {
                         let name = quantity.name.name.as_str();
-                        // A second or a reserved name is reported as that, and defines nothing.
+                        // A reserved name, and a name's second definition, define nothing and have a report already.
                         if !defines(&self.symbols.model, &quantity.name) {
                             continue;
                         }
@@ -480,7 +486,7 @@ impl<'a> Names<'a, '_, '_> {
     }
 }
 
-/// Whether a name's definition is this one.
+/// Whether the name is defined here, and not by an earlier statement.
 fn defines(scope: &Scope<'_>, name: &Ident) -> bool {
     scope.get(name.name.as_str()).is_some_and(|symbol| symbol.span == name.span)
 }
@@ -492,7 +498,7 @@ fn counted(arguments: usize) -> String {
     }
 }
 
-fn quantities(model: &Model, role: Role) -> impl Iterator<Item = (&str, Span)> {
+fn quantities(model: &ModelDeclaration, role: Role) -> impl Iterator<Item = (&str, Span)> {
     model
         .items
         .iter()

@@ -1,15 +1,15 @@
-//! What statements must agree on: one energy of a kind, one force a coordinate, patterns that give motions to coordinates.
+//! Checks statements against each other: one energy of each kind, one force on each coordinate, motions of coordinates only.
 
 use std::collections::HashMap;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::language::ast::{EnergyKind, Ident, Item, Model, Pattern, PatternItem, Role};
+use crate::language::ast::{EnergyKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role};
 use crate::language::check::symbols::{Scope, SymbolKind, Symbols};
 use crate::language::parse::Syntax;
 use crate::language::suggest::nearest;
 use crate::source::Span;
 
-pub(super) fn check(model: &Model, symbols: &Symbols<'_>, syntax: &Syntax, diagnostics: &mut Diagnostics) {
+pub(super) fn check(model: &ModelDeclaration, symbols: &Symbols<'_>, syntax: &Syntax, diagnostics: &mut Diagnostics) {
     let mut checker = Checker { symbols, syntax, diagnostics };
     checker.dynamics(model);
     checker.coordinates(model);
@@ -35,8 +35,8 @@ impl<'a> Checker<'a, '_> {
         );
     }
 
-    /// Equations or energies, not both and not neither.
-    fn dynamics(&mut self, model: &'a Model) {
+    /// A model has either equations or energies.
+    fn dynamics(&mut self, model: &'a ModelDeclaration) {
         let mut energies: HashMap<&str, Span> = HashMap::new();
         let mut lagrangian = None;
         let mut equation = None;
@@ -78,8 +78,8 @@ impl<'a> Checker<'a, '_> {
         }
     }
 
-    /// Statements that name coordinates.
-    fn coordinates(&mut self, model: &'a Model) {
+    /// Statements that name coordinates name declared ones, each once.
+    fn coordinates(&mut self, model: &'a ModelDeclaration) {
         let mut forces = HashMap::new();
         let mut taylors = HashMap::new();
         let mut elimination = None;
@@ -172,7 +172,7 @@ impl<'a> Checker<'a, '_> {
         }
     }
 
-    fn patterns(&mut self, model: &'a Model) {
+    fn patterns(&mut self, model: &'a ModelDeclaration) {
         let eliminated: HashMap<&str, Span> = model
             .items
             .iter()
@@ -199,7 +199,7 @@ impl<'a> Checker<'a, '_> {
         }
     }
 
-    fn pattern(&mut self, pattern: &'a Pattern, eliminated: &HashMap<&str, Span>) {
+    fn pattern(&mut self, pattern: &'a PatternDeclaration, eliminated: &HashMap<&str, Span>) {
         let mut motions = HashMap::new();
         let mut frequency: Option<Span> = None;
         let mut harmonics: Option<Span> = None;

@@ -7,7 +7,9 @@ use std::collections::HashMap;
 use num_rational::Ratio;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::language::ast::{Declaration, Ident, Item, Model, Pattern, PatternItem, Role, UnitExpr};
+use crate::language::ast::{
+    Declaration, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role, UnitExpr,
+};
 use crate::language::function::Function;
 use crate::language::suggest::nearest;
 use crate::language::unit::{self, Unit};
@@ -29,7 +31,7 @@ pub(crate) enum SymbolKind {
 }
 
 impl SymbolKind {
-    /// With its article, for messages.
+    /// The kind with its article, for messages.
     pub(crate) fn describe(self) -> &'static str {
         match self {
             Self::Quantity(Role::Coordinate) => "a coordinate",
@@ -65,7 +67,7 @@ pub(crate) struct Symbols<'a> {
     pub(crate) patterns: Vec<Scope<'a>>,
 }
 
-pub(super) fn collect<'a>(model: &'a Model, diagnostics: &mut Diagnostics) -> Symbols<'a> {
+pub(super) fn collect<'a>(model: &'a ModelDeclaration, diagnostics: &mut Diagnostics) -> Symbols<'a> {
     let mut symbols = Symbols { model: HashMap::new(), patterns: Vec::new() };
     let mut series_count = 0;
     for item in &model.items {
@@ -101,7 +103,7 @@ pub(super) fn collect<'a>(model: &'a Model, diagnostics: &mut Diagnostics) -> Sy
             | Item::Pattern(_) => {}
         }
     }
-    // Patterns last: a name that the model defines behind the pattern is defined twice all the same.
+    // Patterns come last, so that a name of theirs that the model defines further down is found to be defined twice.
     for item in &model.items {
         if let Item::Pattern(pattern) = item {
             symbols.patterns.push(collect_pattern(pattern, &symbols.model, diagnostics));
@@ -110,7 +112,7 @@ pub(super) fn collect<'a>(model: &'a Model, diagnostics: &mut Diagnostics) -> Sy
     symbols
 }
 
-fn collect_pattern<'a>(pattern: &'a Pattern, outer: &Scope<'a>, diagnostics: &mut Diagnostics) -> Scope<'a> {
+fn collect_pattern<'a>(pattern: &'a PatternDeclaration, outer: &Scope<'a>, diagnostics: &mut Diagnostics) -> Scope<'a> {
     let mut scope = HashMap::new();
     for item in &pattern.items {
         if let PatternItem::Declaration(declaration) = item {

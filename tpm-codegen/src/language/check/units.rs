@@ -1,4 +1,4 @@
-//! Every term has the unit of its equation's right-hand side.
+//! Checks that every term has the unit of its equation's right-hand side.
 //!
 //! Invariant: a [`Dimension`] is exact or unknown; a quantity declared without a unit is unknown, and what contains it is not
 //! checked. The unit of a series function that gives none is an unknown that the equations determine: silent rounds bind these
@@ -10,8 +10,7 @@ use num_rational::Ratio;
 use num_traits::{CheckedAdd, CheckedMul, Zero};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, Model, Operation, PatternItem};
-use crate::language::check::integer;
+use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, ModelDeclaration, Operation, PatternItem};
 use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols};
 use crate::language::function::Function;
 use crate::language::lex::shorten;
@@ -19,7 +18,7 @@ use crate::language::unit::{Exponent, Unit};
 use crate::source::{Source, Span};
 
 pub(super) fn check(
-    model: &Model,
+    model: &ModelDeclaration,
     symbols: &Symbols<'_>,
     source: &Source,
     diagnostics: &mut Diagnostics,
@@ -80,11 +79,11 @@ impl Dimension {
     }
 }
 
-/// What terms are compared with.
+/// The unit that terms are compared with, and where it comes from.
 struct Reference {
     dimension: Dimension,
     span: Span,
-    /// What it is, for messages.
+    /// What has this unit, for messages.
     what: String,
 }
 
@@ -111,7 +110,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         Self { symbols, source, arguments, bound, lets: HashMap::new(), local: None, diagnostics }
     }
 
-    fn visit(&mut self, model: &'a Model) {
+    fn visit(&mut self, model: &'a ModelDeclaration) {
         let mut series_index = 0;
         let mut pattern_index = 0;
         let kinetic = model.items.iter().find_map(|item| match item {
@@ -227,7 +226,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// All terms of an expression must have a known unit.
+    /// Requires every term of an expression to have this unit, when it is known.
     fn expect(&mut self, expr: &Expr, dimension: Dimension, span: Span, what: &str) {
         let reference = match dimension {
             Dimension::Unknown => None,
@@ -279,7 +278,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// Puts in what is known by now of the unknown units.
+    /// The dimension with the units of series functions that are bound by now in the place of their unknowns.
     fn settle(&self, dimension: &Dimension) -> Dimension {
         let Dimension::Known(unit, unknowns) = dimension else { return Dimension::Unknown };
         let mut settled = Some(Dimension::of(unit.clone()));
@@ -327,7 +326,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         }
     }
 
-    /// `left * right^exponent`, with a report when it is beyond all measure.
+    /// `left * right^exponent`, with a report when an exponent leaves 64 bits.
     fn combine(&mut self, left: &Dimension, right: &Dimension, exponent: i64, span: Span) -> Dimension {
         left.times_power(right, Ratio::from_integer(exponent)).unwrap_or_else(|| {
             self.diagnostics.push(
@@ -367,7 +366,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
             (Some(Function::Dot), _, [moving]) => self.combine(moving, &second, -1, span),
             (Some(Function::Ddot), _, [moving]) => self.combine(moving, &second, -2, span),
             (Some(Function::Der), [_, order], [moving, _]) => {
-                self.combine(moving, &second, -i64::from(integer(order).unwrap_or_default()), span)
+                self.combine(moving, &second, -i64::from(order.integer().unwrap_or_default()), span)
             }
             (Some(Function::Diff), _, [of, by]) => self.combine(of, by, -1, span),
             (

@@ -1,4 +1,4 @@
-//! Equations, and energies by the Euler-Lagrange equations.
+//! Lowers equations, and energies by way of the Euler-Lagrange equations.
 //!
 //! Invariant: every term of an equation has the place of the term of the text that it came from, also when it was derived from
 //! an energy ([`tpm_symbolic::mechanics::lagrange`]).
@@ -7,12 +7,13 @@ use tpm_symbolic::expr::graph::Node;
 use tpm_symbolic::mechanics::lagrange::{self, Lagrangian};
 use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm};
 
-use super::{Lower, Lowering};
+use super::Lowering;
+use super::expression::Lower;
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{self, EnergyKind, Expr, ExprKind, Item, Sign};
 
 impl<'a> Lowering<'a, '_, '_> {
-    pub(super) fn dynamics(&mut self, model: &'a ast::Model) {
+    pub(super) fn dynamics(&mut self, model: &'a ast::ModelDeclaration) {
         for item in &model.items {
             if let Item::Equation(equation) = item {
                 let left = self.terms_of(&equation.left, Sign::Plus);
@@ -29,7 +30,7 @@ impl<'a> Lowering<'a, '_, '_> {
         }
     }
 
-    /// The name of the input that drives the equation, `eq1`, `eq2`, ... otherwise.
+    /// The name of the one input that drives the equation; `eq1`, `eq2`, ... when there is none, or several.
     fn name(&self, left: &[SourceTerm], right: &[SourceTerm]) -> String {
         let position = self.model.equations.len() + 1;
         let (right, left) = (inputs(&self.model, right), inputs(&self.model, left));
@@ -53,8 +54,8 @@ impl<'a> Lowering<'a, '_, '_> {
         Ok(terms)
     }
 
-    /// The equations of motion of the energies. They are kept as well, because linearisation wants the matrices.
-    fn euler_lagrange(&mut self, model: &'a ast::Model) {
+    /// The equations of motion that follow from the energies and forces.
+    fn euler_lagrange(&mut self, model: &'a ast::ModelDeclaration) {
         let mut lagrangian = Lagrangian::default();
         for item in &model.items {
             match item {
@@ -88,7 +89,6 @@ impl<'a> Lowering<'a, '_, '_> {
                 self.diagnostics.push(Diagnostic::error(span, error.to_string()));
             }
         }
-        self.lagrangian = Some(lagrangian);
     }
 }
 

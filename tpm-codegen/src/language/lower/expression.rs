@@ -1,4 +1,4 @@
-//! Expressions to nodes of the graph.
+//! Lowers expressions to nodes of the graph.
 
 use std::collections::HashMap;
 
@@ -7,16 +7,18 @@ use tpm_symbolic::expr::graph::{self, ExprId, Graph, Node};
 use tpm_symbolic::mechanics::model::{Kind, Model};
 use tpm_symbolic::number::rational::Rational;
 
-use super::{HIGHEST_ORDER, Lower};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{Expr, ExprKind, Ident, Operation, Sign};
-use crate::language::check::integer;
 use crate::language::function::Function;
 use crate::source::Span;
 
-/// Longest number, in bits, that an expression may make: far beyond any float, and short enough that `10^1000000000` is refused
-/// before it is computed.
-const LONGEST: u64 = 1 << 17;
+/// Highest order of a derivative, a series or a Taylor polynomial. Far above any use; without a bound a ten-byte text could ask
+/// for a billion derivatives.
+pub const HIGHEST_ORDER: u32 = 100;
+
+/// Longest number, in bits, that an expression may have as its value: far beyond any float, and short enough that
+/// `10^1000000000` is refused before it is computed.
+const LONGEST_NUMBER: u64 = 1 << 17;
 
 /// The highest exponent of anything but a number.
 const HIGHEST_EXPONENT: i32 = 1000;
@@ -24,7 +26,11 @@ const HIGHEST_EXPONENT: i32 = 1000;
 /// Most terms that an expression may have when it is multiplied out, as every later stage does.
 const MOST_TERMS: f64 = 100_000.0;
 
-/// How many terms expressions have when they are multiplied out: upper bounds, infinite beyond what can be meant.
+/// What lowering a part of the text gives; the fault costs the statement that the part stands in.
+pub(super) type Lower<T> = Result<T, Diagnostic>;
+
+/// Upper bounds of the numbers of terms that expressions have when they are multiplied out; infinite for exponents above
+/// [`HIGHEST_EXPONENT`].
 #[derive(Debug, Default)]
 pub(super) struct Sizes(HashMap<ExprId, f64>);
 
@@ -60,7 +66,7 @@ impl Sizes {
     }
 }
 
-/// Monomials of degree `exponent` in so many terms: C(terms + exponent - 1, exponent).
+/// The number of monomials of degree `exponent` in so many terms: C(terms + exponent - 1, exponent).
 fn multiset(terms: f64, exponent: i32) -> f64 {
     (1..=exponent).fold(1.0, |count, i| count * (terms - 1.0 + f64::from(i)) / f64::from(i))
 }
@@ -123,7 +129,7 @@ impl Environment<'_, '_> {
         Ok(id)
     }
 
-    /// The length of a number; other nodes have none.
+    /// The length of a node that is a number, in bits; 0 for every other node.
     fn bits(&self, id: ExprId) -> u64 {
         self.model.graph.as_number(id).map_or(0, length)
     }
@@ -140,7 +146,7 @@ impl Environment<'_, '_> {
             (Some(Function::Dot), [moving]) => return self.time_derivative(moving, 1, span),
             (Some(Function::Ddot), [moving]) => return self.time_derivative(moving, 2, span),
             (Some(Function::Der), [moving, order]) => {
-                let order = integer(order).filter(|&order| order <= HIGHEST_ORDER).ok_or_else(|| {
+                let order = order.integer().filter(|&order| order <= HIGHEST_ORDER).ok_or_else(|| {
                     Diagnostic::error(order.span, format!("a derivative has an order of at most {HIGHEST_ORDER}"))
                         .help("lower it")
                 })?;
@@ -225,7 +231,7 @@ impl Environment<'_, '_> {
     }
 }
 
-/// An expression has a value where it was put in: no division by zero, no root of a negative number.
+/// Requires an expression to have a value: no division by zero, no root of a negative number, no angle of the origin.
 pub(super) fn regular(model: &Model, id: ExprId, span: Span) -> Lower<()> {
     let graph = &model.graph;
     let mut open = vec![id];
@@ -260,7 +266,7 @@ fn length(value: &Rational) -> u64 {
 }
 
 fn within(bits: u64, span: Span) -> Lower<()> {
-    if bits > LONGEST { Err(too_large(span)) } else { Ok(()) }
+    if bits > LONGEST_NUMBER { Err(too_large(span)) } else { Ok(()) }
 }
 
 fn too_large(span: Span) -> Diagnostic {

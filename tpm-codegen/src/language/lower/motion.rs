@@ -1,4 +1,4 @@
-//! Reference motions to Fourier polynomials.
+//! Lowers reference motions to Fourier polynomials.
 //!
 //! Invariant: a motion is a finite Fourier series in w t with rational coefficients times products of amplitudes and constants.
 //! What is not one is an error at its place, never an approximation.
@@ -12,17 +12,16 @@ use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::pattern::{self, Motion};
 use tpm_symbolic::number::rational::Rational;
 
-use super::{Lower, expression};
+use super::expression::{self, Lower};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{Expr, ExprKind, Operation, Sign};
-use crate::language::check::integer;
 use crate::language::function::Function;
 use crate::source::Span;
 
 /// Highest harmonic of a motion: no controller plays more, and a series is stored densely.
 pub(super) const HIGHEST_HARMONIC: usize = 4096;
 
-/// What a pattern's motions may use.
+/// The names that a pattern's motions may use.
 pub(super) struct Scope<'a> {
     /// Amplitudes, the frequency, and constants that are known at run time.
     pub(super) symbols: HashMap<String, Symbol>,
@@ -32,7 +31,7 @@ pub(super) struct Scope<'a> {
     pub(super) frequency: Option<String>,
 }
 
-/// c w^a t^b
+/// The product `factor * w^frequency * t^time`.
 struct Phase {
     factor: Rational,
     frequency: i64,
@@ -145,7 +144,7 @@ impl Scope<'_> {
         Ok(Motion::term(Monomial::one(), series))
     }
 
-    /// The value of an expression as c w^a t^b; none when it is not of this form.
+    /// An expression as a number times powers of w and t; `None` when it is not of this form.
     fn phase(&self, expr: &Expr) -> Lower<Option<Phase>> {
         let pure = |factor: Rational| Phase { factor, frequency: 0, time: 0 };
         Ok(match &expr.kind {
@@ -211,7 +210,7 @@ impl Scope<'_> {
                 )
                 .help(format!("write `{w}` or, for example, `3*{w}`"))
             })?;
-        let order_value = integer(order).unwrap_or_default();
+        let order_value = order.integer().unwrap_or_default();
         let shape = pattern::rest_to_rest(order_value).map_err(|error| {
             Diagnostic::error(order.span, error.to_string()).help("choose an odd order, 3, 5, 7, ...")
         })?;
@@ -221,7 +220,7 @@ impl Scope<'_> {
         Ok(shape.with_multiple(multiple))
     }
 
-    /// A motion that does not move.
+    /// A motion that is constant in time, such as an amplitude.
     fn steady(&self, expr: &Expr) -> Lower<Motion> {
         let motion = self.motion(expr)?;
         if motion.highest_harmonic() > 0 {

@@ -1,18 +1,20 @@
-//! Expressions: `^` binds tighter than unary minus, that tighter than `*` and `/`, those tighter than `+` and `-`.
+//! Parses expressions: `^` binds tighter than unary minus, that tighter than `*` and `/`, those tighter than `+` and `-`.
 
 use num_bigint::BigInt;
 use tpm_symbolic::number::rational::Rational;
 
-use super::{DEEPEST, Parse, Parser, Reported};
+use super::{DEEPEST_NESTING, Parse, Parser, Reported};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{Expr, ExprKind, Ident, Operation, Sign};
 use crate::language::lex::shorten;
 use crate::language::token::TokenKind;
 use crate::source::Span;
 
-/// Longest mantissa and largest decimal exponent of a literal. Both are far beyond any number of a model; they keep a
-/// ten-byte text from asking for a gigabyte of zeros, and reading a number from taking quadratic time in a file of digits.
+/// Most digits of a literal's mantissa: far more than any number of a model has, few enough that reading one, which takes
+/// quadratic time, is quick.
 const MOST_DIGITS: usize = 20_000;
+
+/// Largest decimal exponent of a literal. Without a bound a ten-byte text could ask for a gigabyte of zeros.
 const LARGEST_EXPONENT: u32 = 1_000;
 
 impl Parser<'_, '_> {
@@ -73,9 +75,9 @@ impl Parser<'_, '_> {
 
     /// Runs a part of the parser one level deeper.
     fn deeper<T>(&mut self, opening: Span, part: impl FnOnce(&mut Self) -> Parse<T>) -> Parse<T> {
-        if self.depth >= DEEPEST {
+        if self.depth >= DEEPEST_NESTING {
             return Err(self.report(
-                Diagnostic::error(opening, format!("nested more than {DEEPEST} levels deep"))
+                Diagnostic::error(opening, format!("nested more than {DEEPEST_NESTING} levels deep"))
                     .help("give parts of the expression names with `let name = ...;`"),
             ));
         }
