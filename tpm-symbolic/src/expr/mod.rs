@@ -2,5 +2,6 @@
 
 pub mod graph;
 pub mod interval;
+pub mod normal_form;
 pub mod singularity;
 pub mod trigonometric;

@@ -2,8 +2,12 @@
 
 pub mod bessel;
 pub mod content;
+mod error;
 pub mod expand;
 pub mod identifiability;
 pub mod motion;
 pub mod nonsmooth;
+mod options;
+mod sign;
 pub mod table;
+mod tail;
