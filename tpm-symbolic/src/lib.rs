@@ -30,7 +30,8 @@
 //! ([`linear::linearize`]).
 //!
 //! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
-//! ([`number::rational::to_f64`]), for error bounds ([`expr::interval`]) and for Bessel functions, which are not rational ([`harmonic::bessel`]).
+//! ([`number::rational::to_f64`]), the bounds of what a table leaves out of an infinite series, and Bessel functions, which are
+//! not rational ([`harmonic::bessel`]).
 
 pub mod algebra;
 pub mod expr;

@@ -6,9 +6,6 @@
 //!
 //! Invariant: matrices are square lists of rows, of the same size.
 
-use crate::algebra::polynomial::Polynomial;
-use crate::expr::graph::{ExprId, Graph};
-use crate::expr::trigonometric;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Zero};
 
@@ -49,29 +46,6 @@ impl Ring for Rationals {
 
     fn scale(&mut self, a: &Rational, factor: &Rational) -> Rational {
         a * factor
-    }
-}
-
-/// Normal forms of expressions ([`trig`]).
-pub struct NormalForms<'a>(pub &'a mut Graph);
-
-impl Ring for NormalForms<'_> {
-    type Element = Polynomial<ExprId>;
-
-    fn number(&mut self, value: &Rational) -> Polynomial<ExprId> {
-        Polynomial::constant(value.clone())
-    }
-
-    fn add(&mut self, a: &Polynomial<ExprId>, b: &Polynomial<ExprId>) -> Polynomial<ExprId> {
-        a.add(b)
-    }
-
-    fn mul(&mut self, a: &Polynomial<ExprId>, b: &Polynomial<ExprId>) -> Polynomial<ExprId> {
-        trigonometric::multiply(self.0, a, b)
-    }
-
-    fn scale(&mut self, a: &Polynomial<ExprId>, factor: &Rational) -> Polynomial<ExprId> {
-        a.scale(factor)
     }
 }
 

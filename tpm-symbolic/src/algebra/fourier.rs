@@ -3,7 +3,6 @@
 //! Invariant of [`Fourier`]: the coefficient lists end with a non-zero entry, and the sine of harmonic 0 is not stored
 //! (`sin[0]` is the coefficient of sin theta). Equal functions are therefore equal as data.
 
-use crate::algebra::spectrum;
 use crate::number::rational::{self, Rational};
 use num_traits::Zero;
 use serde::{Deserialize, Serialize};
@@ -103,18 +102,6 @@ impl Fourier {
     pub fn scale(&self, factor: &Rational) -> Self {
         let scale = |list: &[Rational]| list.iter().map(|c| c * factor).collect();
         Self::from_parts(scale(&self.cos), scale(&self.sin))
-    }
-
-    /// The product.
-    #[must_use]
-    pub fn mul(&self, other: &Self) -> Self {
-        spectrum::product(self, other)
-    }
-
-    /// A non-negative power.
-    #[must_use]
-    pub fn pow(&self, exponent: u32) -> Self {
-        spectrum::power_product(&[(self, exponent)])
     }
 
     /// The n-th derivative with respect to the phase theta; a time derivative is w^n times it.

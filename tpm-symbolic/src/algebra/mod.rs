@@ -4,9 +4,11 @@
 
 pub mod characteristic;
 pub mod fourier;
+mod fourier_product;
 pub mod fraction;
 pub mod generic_point;
 pub mod linear;
+pub(crate) mod monomial;
 pub(crate) mod packed;
 pub mod polynomial;
 pub(crate) mod product;

@@ -5,8 +5,8 @@
 //! magnitudes, fits into 128 bits, and rationals beyond. Terms are sorted once, at the end, as the words that compare like
 //! their monomials.
 
+use crate::algebra::monomial::{Factorisation, Monomial};
 use crate::algebra::packed::{Key, Layout, ShortKey};
-use crate::algebra::polynomial::{Factorisation, Monomial};
 use crate::number::rational::Rational;
 use num_integer::gcd;
 use num_traits::{FromPrimitive, One, Zero};

@@ -20,7 +20,7 @@ use crate::number::numerator::{Numerator, Rooms, Scalar, Values, for_width};
 use crate::number::rational::Rational;
 use num_bigint::{BigInt, BigUint};
 use num_integer::Integer;
-use num_traits::{CheckedMul, CheckedSub, One, Signed, Zero};
+use num_traits::{CheckedMul, CheckedSub, Signed, Zero};
 use smallvec::SmallVec;
 
 /// A factor, by its few non-zero harmonics.
@@ -677,33 +677,4 @@ fn add_list<T: Numerator, F: Signed + Clone>(
             accumulate(&mut into[start..start + from.len()], from.iter().cloned(), factor, &times);
         }
     }
-}
-
-/// The product of two Fourier polynomials.
-pub(crate) fn product(a: &Fourier, b: &Fourier) -> Fourier {
-    power_product(&[(a, 1), (b, 1)])
-}
-
-/// The product of powers of Fourier polynomials.
-pub(crate) fn power_product(factors: &[(&Fourier, u32)]) -> Fourier {
-    let mut result = Spectrum::one();
-    let mut denominator = BigInt::one();
-    let mut rooms = Rooms::default();
-    for (fourier, exponent) in factors {
-        if *exponent == 0 {
-            continue;
-        }
-        if fourier.is_zero() {
-            return Fourier::zero();
-        }
-        let mut known = Factors::default();
-        let base = Whole::new(fourier, &mut known).base(0, u64::from(*exponent), &mut known);
-        let below = known.quotient(base.denominator(), &Denominator::default()).to_big();
-        for _ in 0..*exponent {
-            let next = result.multiply(&base, &mut rooms);
-            rooms.recycle(std::mem::replace(&mut result, next).into_values());
-        }
-        denominator *= below.pow(*exponent);
-    }
-    result.to_fourier(&denominator)
 }

@@ -6,7 +6,8 @@
 //!
 //! The graph is an arena of plain data, so that it is `Send + Sync` and can be serialised.
 
-use crate::algebra::polynomial::{Factorisation, Monomial, Polynomial, Terms};
+use crate::algebra::monomial::{Factorisation, Monomial};
+use crate::algebra::polynomial::{Polynomial, Terms};
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Signed, Zero};
 use rustc_hash::FxHashMap;

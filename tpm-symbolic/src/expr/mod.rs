@@ -1,6 +1,6 @@
 //! Expressions: a graph of shared nodes in canonical form, its calculus and its trigonometric identities.
 
 pub mod graph;
-pub mod interval;
+pub mod normal_form;
 pub mod singularity;
 pub mod trigonometric;

@@ -1,9 +1,12 @@
 //! Regressors under a pattern: their exact harmonic coefficients, and what these show of the parameters.
 
 pub mod bessel;
-pub mod content;
+mod error;
 pub mod expand;
 pub mod identifiability;
 pub mod motion;
 pub mod nonsmooth;
+mod options;
+mod sign;
 pub mod table;
+mod tail;

@@ -4,8 +4,7 @@
 //! polynomials; a function of a jet u = u0 + h is sum_k f^(k)(u0)/k! h^k, where h has no constant part, so that the sum
 //! is finite. The Taylor coefficients f^(k)(u0)/k! follow from short recurrences. No derivative is ever written out.
 //!
-//! The coefficients are from any [`Analytic`] domain: expressions (exact series) or intervals (bounds of all derivatives
-//! over a box).
+//! The coefficients are from any [`Analytic`] domain, such as the expressions of a graph.
 //!
 //! Invariant of [`Jet`]: no multi-index exceeds the degree of its [`Jets`], and indices have one entry per variable.
 

@@ -11,9 +11,10 @@
 //! (Fong, Eqns 15, 23 and 27). The mass matrix is inverted as its adjugate over its determinant, so that every entry of
 //! A and B is a polynomial over one common denominator.
 
-use crate::algebra::characteristic::{self, Matrix, NormalForms, Rationals};
+use crate::algebra::characteristic::{self, Matrix, Rationals};
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{Coordinate, ExprId, Node, Symbol};
+use crate::expr::normal_form::NormalForms;
 use crate::expr::singularity::first_singularity;
 use crate::expr::trigonometric;
 use crate::mechanics::model::{Kind, Model, TermId};

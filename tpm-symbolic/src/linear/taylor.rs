@@ -1,19 +1,15 @@
-//! Taylor series of expressions about a symbolic point, with remainder bounds (Feng, Eqns 5.5-5.7).
+//! Taylor series of expressions about a symbolic point (Feng, Eqns 5.5-5.7).
 //!
 //! ```text
 //! f(q0 + d) = sum_{|a| <= N} c_a d^a + R_N(d) ,      c_a = D^a f(q0) / a!
-//! |R_N| <= sum_{|a| = N+1} max |D^a f| / a! * |d|^a      (Lagrange; the maximum over the box that contains q0 and q)
 //! ```
 //!
-//! The coefficients are exact expressions of parameters and constants. The bound takes the (N+1)-st derivatives from an
-//! interval enclosure of the whole series over the box, so it holds with all rounding; it needs a range for every
-//! coordinate of the series and a number or range for every other quantity in the expression.
+//! The coefficients are exact expressions of parameters and constants.
 //!
 //! Where no series exists (a quotient at a zero of its denominator, a root at 0) the error names the term.
 
 use crate::algebra::characteristic::Ring;
 use crate::expr::graph::{Coordinate, ExprId, Function, Graph, Node};
-use crate::expr::interval::Interval;
 use crate::expr::trigonometric;
 use crate::linear::jet::{Analytic, Index, Jets, Singular, nodes_of};
 use crate::mechanics::model::{Kind, Model, TermId};
@@ -70,18 +66,6 @@ pub enum SeriesError {
     Twice {
         /// The coordinate.
         coordinate: String,
-    },
-    /// A quantity has no range.
-    #[error("the remainder bound needs a number or a range for `{name}`")]
-    Range {
-        /// The quantity.
-        name: String,
-    },
-    /// The function is not analytic everywhere in the box, so that nothing bounds the remainder.
-    #[error("`{atom}` is not smooth everywhere in the given ranges, so its remainder has no bound; narrow the ranges")]
-    Unbounded {
-        /// The function or quotient.
-        atom: String,
     },
 }
 
@@ -166,79 +150,6 @@ impl Series {
             replaced.insert(index.clone(), model.graph.symbol(symbol));
         }
         (self.combine(&mut model.graph, &replaced), definitions)
-    }
-
-    /// A bound of |f - polynomial| when every coordinate stays in its range. `range` is asked for every coordinate, symbol
-    /// and derivative in the function and the points; constants of known value are filled in.
-    ///
-    /// # Errors
-    /// When a range is missing or the function is not smooth throughout the box spanned by the ranges and the point.
-    pub fn remainder_bound(
-        &self,
-        model: &Model,
-        mut range: impl FnMut(&Node) -> Option<Interval>,
-    ) -> Result<f64, SeriesError> {
-        let mut known = |node: &Node| match node {
-            Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
-                Kind::Constant { value: Some(value) } => Some(Interval::rational(value)),
-                _ => range(node),
-            },
-            Node::Pi => Some(Interval::pi()),
-            _ => range(node),
-        };
-        let failed = |Singular(atom): Singular| match model.graph.node(atom) {
-            Node::Symbol(_) | Node::Derivative(..) => SeriesError::Range { name: model.display(atom) },
-            _ => SeriesError::Unbounded { atom: model.display(atom) },
-        };
-        let (mut at_point, mut over_box, mut distances) = (Vec::new(), Vec::new(), Vec::new());
-        for expansion in &self.expansions {
-            let node = Node::Derivative(expansion.coordinate, 0);
-            let mut domain = Intervals { leaf: &mut known };
-            let point = Jets { domain: &mut domain, degree: 0, variables: Vec::new() }
-                .of(&nodes_of(&model.graph, expansion.point))
-                .map_err(failed)?
-                .coefficients
-                .into_values()
-                .next()
-                .unwrap_or(Interval::point(0.0));
-            let name = || model.coordinates[expansion.coordinate.0 as usize].name.clone();
-            let range = known(&node).ok_or_else(|| SeriesError::Range { name: name() })?;
-            at_point.push((expansion.coordinate, point));
-            over_box.push((expansion.coordinate, point.union(range)));
-            distances.push((range - point).abs());
-        }
-        let degree = self.expansions.iter().map(|expansion| expansion.order).max().unwrap_or(0);
-        let nodes = nodes_of(&model.graph, self.function);
-        let mut jet = |values: &[(Coordinate, Interval)], degree: u32| {
-            let position = |coordinate: Coordinate| {
-                nodes.iter().find(|(_, node)| *node == Node::Derivative(coordinate, 0)).map(|(id, _)| *id)
-            };
-            let variables = values.iter().map(|&(c, value)| (position(c), value)).collect();
-            let mut domain = Intervals { leaf: &mut known };
-            Jets { domain: &mut domain, degree, variables }.of(&nodes).map_err(failed)
-        };
-        let size = |index: &Index, coefficient: Interval| {
-            let mut product = Interval::point(coefficient.magnitude());
-            for (&exponent, &distance) in index.iter().zip(&distances) {
-                let power = distance.pow(i32::try_from(exponent).expect("invariant: orders are small"));
-                product = product * power.unwrap_or(Interval::ALL);
-            }
-            product
-        };
-        let mut bound = Interval::point(0.0);
-        for (index, coefficient) in &jet(&over_box, degree + 1)?.coefficients {
-            if index.iter().sum::<u32>() == degree + 1 {
-                bound = bound + size(index, *coefficient);
-            }
-        }
-        // Coefficients within the total degree that a coordinate's own order leaves out.
-        let left_out = |index: &Index| index.iter().zip(&self.expansions).any(|(&exponent, e)| exponent > e.order);
-        for (index, coefficient) in &jet(&at_point, degree)?.coefficients {
-            if left_out(index) {
-                bound = bound + size(index, *coefficient);
-            }
-        }
-        Ok(bound.upper())
     }
 }
 
@@ -383,56 +294,5 @@ impl Analytic for Expressions<'_> {
 
     fn is_zero(&mut self, a: &ExprId) -> bool {
         self.0.as_number(*a).is_some_and(Zero::is_zero)
-    }
-}
-
-/// Intervals as coefficients: bounds over a box.
-struct Intervals<'a, F: FnMut(&Node) -> Option<Interval>> {
-    leaf: &'a mut F,
-}
-
-impl<F: FnMut(&Node) -> Option<Interval>> Ring for Intervals<'_, F> {
-    type Element = Interval;
-
-    fn number(&mut self, value: &Rational) -> Interval {
-        Interval::rational(value)
-    }
-
-    fn add(&mut self, a: &Interval, b: &Interval) -> Interval {
-        *a + *b
-    }
-
-    fn mul(&mut self, a: &Interval, b: &Interval) -> Interval {
-        *a * *b
-    }
-
-    fn scale(&mut self, a: &Interval, factor: &Rational) -> Interval {
-        *a * Interval::rational(factor)
-    }
-}
-
-impl<F: FnMut(&Node) -> Option<Interval>> Analytic for Intervals<'_, F> {
-    fn leaf(&mut self, node: &Node, _: ExprId) -> Option<Interval> {
-        (self.leaf)(node)
-    }
-
-    fn power(&mut self, base: &Interval, exponent: i32) -> Option<Interval> {
-        base.pow(exponent)
-    }
-
-    fn function(&mut self, function: Function, argument: &Interval, smooth: bool) -> Option<Interval> {
-        match function {
-            Function::Abs | Function::Sign | Function::Sqrt if smooth && argument.contains(0.0) => None,
-            Function::Asin | Function::Acos if smooth && argument.magnitude() >= 1.0 => None,
-            _ => argument.function(function),
-        }
-    }
-
-    fn atan2(&mut self, y: &Interval, x: &Interval) -> Option<Interval> {
-        Interval::atan2(*y, *x)
-    }
-
-    fn is_zero(&mut self, a: &Interval) -> bool {
-        *a == Interval::point(0.0)
     }
 }

@@ -8,9 +8,10 @@
 //! and denominator share are removed and counted; other common factors need numbers
 //! ([`StateSpace::transfer_function`](crate::linear::linearize::StateSpace::transfer_function)).
 
-use crate::algebra::characteristic::{self, Matrix, NormalForms, Ring};
+use crate::algebra::characteristic::{self, Matrix, Ring};
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Graph};
+use crate::expr::normal_form::NormalForms;
 use crate::expr::trigonometric;
 use crate::linear::linearize::Linearization;
 use crate::mechanics::model::Model;

@@ -9,8 +9,9 @@
 //! and, repeated, derivatives of every order (the loop closure of Feng, Appendix A). The matrix is inverted as its
 //! adjugate over its determinant; no constraint is ever solved.
 
-use crate::algebra::characteristic::{self, NormalForms};
+use crate::algebra::characteristic;
 use crate::expr::graph::{ExprId, Graph};
+use crate::expr::normal_form::NormalForms;
 use crate::expr::trigonometric;
 use thiserror::Error;
 

@@ -16,9 +16,10 @@
 //! monomial that does not depend on a derivative of the driven coordinates stands in `independent` as it is, every one
 //! that vanishes with them in `dependent` as it is; their sum is the solved input, exactly.
 
-use crate::algebra::characteristic::{self, Matrix, NormalForms};
+use crate::algebra::characteristic::{self, Matrix};
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
+use crate::expr::normal_form::NormalForms;
 use crate::expr::trigonometric;
 use crate::harmonic::bessel::{BesselError, Wave, numeric_table};
 use crate::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};

@@ -10,7 +10,8 @@
 //! and just one input is scaled so that this coefficient is 1.
 
 use crate::algebra::fraction::display_polynomial;
-use crate::algebra::polynomial::{Factorisation, Monomial, Polynomial};
+use crate::algebra::monomial::{Factorisation, Monomial};
+use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Names, Node, Symbol};
 use crate::mechanics::model::{Kind, Model, TermId};
 use crate::mechanics::unit::Unit;

@@ -3,4 +3,3 @@
 pub mod form;
 pub mod parameter_map;
 pub mod prepare;
-pub mod rank;

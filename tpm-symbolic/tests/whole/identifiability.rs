@@ -1,12 +1,10 @@
-//! Exact identifiability and harmonic content of small models.
+//! Exact identifiability of small models, and the harmonics that their terms reach.
 
 use crate::chain::{Chain, chain, cubic};
-use num_traits::Zero;
 use std::collections::BTreeMap;
 use tpm_symbolic::algebra::fourier::{Fourier, Trig};
 use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
-use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Node};
-use tpm_symbolic::harmonic::content::{above, harmonic_content};
+use tpm_symbolic::expr::graph::{Coordinate, ExprId};
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::identifiability::{
     Experiment, Identifiability, IdentifiabilityError, Report, evaluated_matrix, identifiability,
@@ -15,10 +13,9 @@ use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::number::rational::{Rational, integer, ratio};
-use tpm_symbolic::regressor::form::{RegressorForm, regressor_form};
+use tpm_symbolic::regressor::form::{RegressorForm, Row, regressor_form};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::prepare;
-use tpm_symbolic::regressor::rank::{rank_of_rows, sampled_rows, structural_null_space};
 
 /// A model under construction: terms (parameter name, motion factors) of one equation each.
 struct Builder {
@@ -314,67 +311,35 @@ fn experiments_that_do_not_fit_are_refused() {
     assert_eq!(still.rank, 0);
 }
 
-#[test]
-fn what_no_motion_can_tell_apart() {
-    // a x + b y + c (x + y) = u
-    let mut b = Builder::new(&["x", "y"]);
-    let (x, y) = (b.term(1, "c", &[(0, 0, 1)]), b.term(1, "c", &[(1, 0, 1)]));
-    let terms = vec![b.term(1, "a", &[(0, 0, 1)]), b.term(1, "b", &[(1, 0, 1)]), x, y];
-    b.row("u", terms);
-    let form = regressor_form(&b.model).expect("linear");
-    let null = structural_null_space(&form);
-    let names: Vec<&str> = form.columns.iter().map(|column| column.name.as_str()).collect();
-    let sign = |name: &str| null[0][names.iter().position(|n| *n == name).expect("a column")].clone();
-    assert_eq!(null.len(), 1);
-    assert_eq!((sign("a"), sign("a") + sign("c")), (sign("b"), integer(0)));
-}
-
-#[test]
-fn relations_between_functions_count_at_exact_states() {
-    // a sin(x)^2 + b cos(x)^2 + c = u: rank 2, since sin^2 + cos^2 = 1.
-    let mut b = Builder::new(&["x"]);
-    let x = b.model.graph.derivative_of(b.x[0], 0);
-    let squares = [Function::Sin, Function::Cos].map(|f| {
-        let value = b.model.graph.function(f, x);
-        b.model.graph.pow(value, 2)
+/// The harmonics of every term of the first equation: its column's name, its motion and the harmonics that it reaches.
+fn contents(model: &Model, form: &RegressorForm) -> Vec<(String, String, Vec<usize>)> {
+    let mut graph = model.graph.clone();
+    let terms = form.rows[0].terms.iter().map(|term| {
+        let factors: Vec<ExprId> = term.atoms.factors().map(|(&atom, exponent)| graph.pow(atom, exponent)).collect();
+        let motion = graph.product(&factors);
+        let alone = RegressorForm {
+            columns: form.columns.clone(),
+            rows: vec![Row { terms: vec![term.clone()], ..form.rows[0].clone() }],
+        };
+        let table = expand(model, &alone, &model.patterns[0]).expect("finite");
+        let mut harmonics: Vec<usize> = table.entries().map(|entry| entry.harmonic).collect();
+        harmonics.dedup();
+        let parameter = term.column.map_or_else(String::new, |column| form.columns[column].name.to_string());
+        (parameter, graph.display(motion, model), harmonics)
     });
-    let [pa, pb, pc] = ["a", "b", "c"].map(|name| b.atom(name, Kind::Parameter));
-    let terms = vec![b.model.graph.mul(pa, squares[0]), b.model.graph.mul(pb, squares[1]), pc];
-    b.row("u", terms);
-    let form = regressor_form(&b.model).expect("linear");
-    assert!(structural_null_space(&form).is_empty());
-    // Rational points of the circle: t = tan(x/2).
-    let value = |sample: usize, atom: ExprId| {
-        let t = ratio(i64::try_from(sample).expect("few samples") + 1, 5);
-        let square = &t * &t;
-        let below = integer(1) + &square;
-        match b.model.graph.node(atom) {
-            Node::Function(Function::Sin, _) => Some(integer(2) * t / below),
-            Node::Function(Function::Cos, _) => Some((integer(1) - square) / below),
-            _ => None,
-        }
-    };
-    let rows = sampled_rows(&form, 5, value).expect("rational");
-    let (rank, null) = rank_of_rows(rows, 3);
-    assert_eq!(rank, 2);
-    assert_eq!(null[0].iter().filter(|v| v.is_zero()).count(), 0);
-    assert_eq!(sampled_rows(&form, 1, |_, _| None), None);
+    terms.collect()
 }
 
 #[test]
 fn the_content_of_every_term() {
     let b = mass_spring_drag();
     let (form, table) = b.table(0);
-    let content = harmonic_content(&b.model, &form, &b.model.patterns[0]).expect("finite");
+    let content = contents(&b.model, &form);
     let found: Vec<(&str, &[usize])> =
-        content[0].terms.iter().map(|term| (term.motion.as_str(), term.harmonics.as_slice())).collect();
+        content.iter().map(|(_, motion, harmonics)| (motion.as_str(), harmonics.as_slice())).collect();
     assert_eq!(found, [("ddot(x)", &[1, 3][..]), ("x", &[1, 3]), ("dot(x)^2", &[0, 2, 4, 6])]);
     // Feng, Eqn 2.28, would give 3 (2 + 1) = 9 for this model; 3 max(1, max{i+j}) is 6.
-    assert_eq!(content[0].highest, 6);
-    let high = above(&table, 2.0, 7.0);
-    let found: Vec<(usize, &[String])> = high.iter().map(|h| (h.harmonic, h.parameters.as_slice())).collect();
-    assert_eq!(found, [(4, &["k2".to_owned()][..]), (6, &["k2".to_owned()])]);
-    assert!(above(&table, 2.0, 12.0).is_empty());
+    assert_eq!(table.highest_harmonic(0), 6);
 }
 
 #[test]
@@ -391,21 +356,20 @@ fn products_reach_the_corrected_highest_harmonic() {
         }
         b.row("u", terms);
         b.pattern(&[("lambda", rest(order))]);
-        let (form, _) = b.table(0);
-        let content = harmonic_content(&b.model, &form, &b.model.patterns[0]).expect("finite");
-        for term in &content[0].terms {
-            let name = term.parameter.as_deref().expect("a parameter");
+        let (form, table) = b.table(0);
+        for (name, _, harmonics) in contents(&b.model, &form) {
+            assert!(!name.is_empty(), "a parameter");
             let degree: u32 = name.chars().skip(1).filter_map(|c| c.to_digit(10)).sum();
-            assert_eq!(term.harmonics.last(), Some(&((order * degree) as usize)), "{name}");
-            assert!(term.harmonics.iter().all(|h| h % 2 == degree as usize % 2), "{name}");
+            assert_eq!(harmonics.last(), Some(&((order * degree) as usize)), "{name}");
+            assert!(harmonics.iter().all(|h| h % 2 == degree as usize % 2), "{name}");
         }
-        assert_eq!(content[0].highest, 4 * order as usize);
+        assert_eq!(table.highest_harmonic(0), 4 * order as usize);
     }
     // The inertia alone reaches 2l + 1.
     let prepared = prepare(cubic(2)).expect("a chain");
-    let content = harmonic_content(&prepared.model, &prepared.form, &prepared.model.patterns[0]).expect("finite");
-    assert_eq!(content[0].highest, 15);
-    assert_eq!(content[0].terms[0].harmonics, [1, 3, 5]);
+    let table = expand(&prepared.model, &prepared.form, &prepared.model.patterns[0]).expect("finite");
+    assert_eq!(table.highest_harmonic(0), 15);
+    assert_eq!(contents(&prepared.model, &prepared.form)[0].2, [1, 3, 5]);
 }
 
 #[test]

@@ -1,0 +1,68 @@
+//! What the caller of an expansion chooses, and the limits that follow.
+
+use crate::harmonic::error::ExpandError;
+use crate::mechanics::model::TermId;
+use std::ops::ControlFlow;
+
+/// How many harmonics of an infinite series are kept when nothing else is said.
+pub const DEFAULT_HARMONICS: usize = 31;
+
+/// How far an expansion has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Steps done.
+    pub done: usize,
+    /// Steps in all; they take differently long.
+    pub total: usize,
+}
+
+/// Options of an expansion.
+#[derive(Default)]
+pub struct ExpandOptions<'a> {
+    /// Expand even when the table would pass [`ExpandOptions::DEFAULT_LIMIT`]. What no machine can address is refused
+    /// all the same.
+    pub allow_large: bool,
+    /// Called many times a second during long expansions; [`ControlFlow::Break`] ends the expansion.
+    pub progress: Option<&'a mut dyn FnMut(Progress) -> ControlFlow<()>>,
+    /// The highest harmonic kept of terms that have infinitely many (signs and absolute values);
+    /// [`DEFAULT_HARMONICS`] when not given. Terms that have finitely many keep them all.
+    pub harmonics: Option<usize>,
+}
+
+impl ExpandOptions<'_> {
+    /// Tables estimated larger than this many bytes are refused unless `allow_large` is set: 256 MB, about two million
+    /// entries of ordinary size.
+    pub const DEFAULT_LIMIT: u128 = 256_000_000;
+
+    /// What is refused always: beyond the memory of machines.
+    pub(crate) const ADDRESSABLE: u128 = 1 << 46;
+
+    /// The largest table in bytes.
+    pub(crate) fn limit(&self) -> u128 {
+        if self.allow_large { Self::ADDRESSABLE } else { Self::DEFAULT_LIMIT }
+    }
+
+    /// Refuses estimates beyond the limit, in the name of the term that contributes most.
+    pub(crate) fn refuse_beyond(&self, term: Option<TermId>, entries: f64, bytes: f64) -> Result<(), ExpandError> {
+        // Nearly every table is far below every limit, and 128 bits take long to become a float.
+        if bytes <= 1e6 {
+            return Ok(());
+        }
+        let limit = self.limit();
+        match term {
+            Some(term) if bytes > limit as f64 => {
+                Err(ExpandError::TooLarge { term, entries: entries as u128, bytes: bytes as u128, limit })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Tells the caller how far the expansion of `term` has come.
+    ///
+    /// # Errors
+    /// [`ExpandError::Stopped`] when the caller says to stop.
+    pub(crate) fn report(&mut self, done: usize, total: usize, term: TermId) -> Result<(), ExpandError> {
+        let stop = self.progress.as_mut().is_some_and(|progress| progress(Progress { done, total }).is_break());
+        if stop { Err(ExpandError::Stopped { term }) } else { Ok(()) }
+    }
+}
