@@ -95,7 +95,7 @@ fn commands_print_what_the_readme_says() {
     }
     assert!(commands > 0, "the README has commands");
     if not_run > 0 {
-        skipped(&format!("{not_run} commands need TPM_DATA, the folder of the published logs"));
+        skipped(&format!("TPM_DATA does not name the folder of the published logs; commands not run: {not_run}"));
     }
 }
 

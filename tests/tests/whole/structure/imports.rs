@@ -95,7 +95,7 @@ impl Crate {
         contents.walk(&tokens);
         for (name, body) in modules_in(&tokens) {
             contents.children.insert(name.clone());
-            let child = [&module[..], &[name.clone()]].concat();
+            let child = child_of(&module, &name);
             let inner = format!("{folder}{name}/");
             match body {
                 Some(body) => self.module(body.stream(), file, child, &inner, sources),
@@ -153,7 +153,7 @@ impl Crate {
         };
         let contents = &self.modules[module];
         if contents.children.contains(name) {
-            let child = [&module[..], &[name.clone()]].concat();
+            let child = child_of(module, name);
             return match self.find(&child, rest, steps) {
                 Target::Unknown => Target::Inside { module: child, whole: false },
                 found => found,
@@ -244,6 +244,12 @@ impl Contents {
             }
         }
     }
+}
+
+fn child_of(module: &Module, name: &str) -> Module {
+    let mut child = module.clone();
+    child.push(name.to_owned());
+    child
 }
 
 /// Tokens without the items that only tests compile.
