@@ -46,6 +46,9 @@ enum Step {
         folder: PathBuf,
         /// The log: CSV with t_s, coordinates and applied inputs by name; measured rates, if any, in columns like dot(x).
         log: PathBuf,
+        /// The machine, or whoever stood beside it, stopped the run: the log may end early, and amplitudes are reduced.
+        #[arg(long)]
+        stopped: bool,
         #[command(flatten)]
         columns: ColumnArgs,
     },
@@ -69,7 +72,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     match &args.step {
         Step::Start { file, folder, simulated } => start(file, folder, simulated),
         Step::Next { folder, output } => next(folder, output.as_deref()),
-        Step::Submit { folder, log, columns } => submit(folder, log, columns),
+        Step::Submit { folder, log, stopped, columns } => submit(folder, log, *stopped, columns),
         Step::Result { folder, bounds, json, output } => {
             let result = CampaignFolder::open(folder, bounds.by_name()?)?.result()?;
             print(&result, *json, output.as_deref())?;
@@ -109,9 +112,9 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
     ))
 }
 
-fn submit(folder: &Path, log: &Path, columns: &ColumnArgs) -> Outcome {
+fn submit(folder: &Path, log: &Path, stopped: bool, columns: &ColumnArgs) -> Outcome {
     let Submission { run, kept, outcome, result } =
-        CampaignFolder::open(folder, BTreeMap::new())?.submit(columns.request(log)?)?;
+        CampaignFolder::open(folder, BTreeMap::new())?.submit(columns.request(log)?, stopped)?;
     let mut text = format!("run {}: {}", run.run, run.ending);
     let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
     for parameter in named {

@@ -42,6 +42,15 @@ pub(crate) fn run(args: &Args) -> Outcome {
             "remark: stopped at sample {sample}: the tracking error of {} passed its bound ({error})",
             plant.coordinate(coordinate).name
         )),
+        Ending::PositionBound { coordinate, sample, position } => file::remark(&format!(
+            "remark: stopped at sample {sample}: {} left its range ({position})",
+            plant.coordinate(coordinate).name
+        )),
+        Ending::VelocityBound { coordinate, sample, velocity } => file::remark(&format!(
+            "remark: stopped at sample {sample}: the velocity of {} passed its bound ({velocity})",
+            plant.coordinate(coordinate).name
+        )),
+        Ending::Stopped { sample } => file::remark(&format!("remark: stopped at sample {sample}")),
         Ending::SensorLost { coordinate, sample } => file::remark(&format!(
             "remark: stopped at sample {sample}: the sensor of {} gave no value",
             plant.coordinate(coordinate).name

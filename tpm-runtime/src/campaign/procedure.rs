@@ -97,6 +97,10 @@ pub struct Procedure {
     pub tracking_bounds: Vec<f64>,
     /// Largest magnitude of each input; infinite where there is none.
     pub input_limits: Vec<f64>,
+    /// Least and largest position per coordinate, beyond which a run is aborted; none where the list ends.
+    pub position_bounds: Vec<(f64, f64)>,
+    /// Largest magnitude of the velocity per coordinate, beyond which a run is aborted; none where the list ends.
+    pub velocity_bounds: Vec<f64>,
     /// Motors by input, whose limits count as those of the inputs do; empty when there is none.
     pub motors: Vec<Option<Mounted>>,
     /// Share of an input's limit at which the campaign ends.
@@ -140,7 +144,7 @@ pub enum Outcome {
     RunsUsed,
     /// An input was cut at its limit.
     InputLimit,
-    /// Run after run passed the bound on the tracking error, or diverged.
+    /// Run after run passed a bound, was stopped, or diverged.
     Aborted,
     /// The motion did not settle.
     NotSettled,
@@ -165,7 +169,7 @@ impl Outcome {
             Outcome::EffortShare => "an input reached the stated share of its limit",
             Outcome::RunsUsed => "all runs were used before the estimates converged",
             Outcome::InputLimit => "an input was cut at its limit",
-            Outcome::Aborted => "the tracking error passed its bound again and again",
+            Outcome::Aborted => "run after run passed a bound, or was stopped",
             Outcome::NotSettled => "the motion did not settle",
             Outcome::SensorLost => {
                 "a sensor gave no value in the middle of a run; mend it, and go on from the runs that are finished"
@@ -590,6 +594,8 @@ impl<'m> Campaign<'m> {
             constants: &self.setup.constants,
             tracking_bounds: &procedure.tracking_bounds,
             input_limits: &procedure.input_limits,
+            position_bounds: &procedure.position_bounds,
+            velocity_bounds: &procedure.velocity_bounds,
         };
         let run = self.reports.len() + 1;
         let trial = Trial::new(self.model, settings).map_err(|source| CampaignError::Trial { run, source })?;

@@ -133,7 +133,7 @@ pub struct RunManifest {
     pub samples: usize,
     /// How it ended.
     pub ending: RunEnding,
-    /// Coordinate and error where a run passed its tracking bound.
+    /// Coordinate, and error, position or velocity there, where a run passed a bound.
     pub passed: Option<(usize, f64)>,
     /// Samples in which an input was cut at its limit.
     pub saturated: usize,
@@ -273,8 +273,10 @@ impl Store {
     ) -> Result<(), StoreError> {
         let text = samples_text(model, record);
         let passed = match record.ending {
-            Ending::TrackingBound { coordinate, error, .. } => Some((coordinate, error)),
-            Ending::Complete | Ending::SensorLost { .. } | Ending::Diverged { .. } => None,
+            Ending::TrackingBound { coordinate, error: beyond, .. }
+            | Ending::PositionBound { coordinate, position: beyond, .. }
+            | Ending::VelocityBound { coordinate, velocity: beyond, .. } => Some((coordinate, beyond)),
+            Ending::Stopped { .. } | Ending::Complete | Ending::SensorLost { .. } | Ending::Diverged { .. } => None,
         };
         let manifest = RunManifest {
             schema: RUN.to_string(),
@@ -366,8 +368,15 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
         (RunEnding::TrackingBound, Some((coordinate, error))) => {
             Ending::TrackingBound { coordinate, sample: last, error }
         }
-        (RunEnding::TrackingBound, None) => {
-            return Err(broken(path, "the manifest beside it does not say which tracking error passed its bound"));
+        (RunEnding::PositionBound, Some((coordinate, position))) => {
+            Ending::PositionBound { coordinate, sample: last, position }
+        }
+        (RunEnding::VelocityBound, Some((coordinate, velocity))) => {
+            Ending::VelocityBound { coordinate, sample: last, velocity }
+        }
+        (RunEnding::Stopped, _) => Ending::Stopped { sample: last },
+        (RunEnding::TrackingBound | RunEnding::PositionBound | RunEnding::VelocityBound, None) => {
+            return Err(broken(path, "the manifest beside it does not say what passed its bound"));
         }
         (RunEnding::SensorLost, _) => Ending::SensorLost { coordinate: lost().unwrap_or(0), sample: last },
         (RunEnding::Diverged, _) => Ending::Diverged { sample: last },

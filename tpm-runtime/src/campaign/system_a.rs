@@ -45,6 +45,8 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             tolerance: 1e-10,
             error_limits: vec![0.0],
             tracking_bounds: vec![10.0],
+            position_bounds: Vec::new(),
+            velocity_bounds: Vec::new(),
             input_limits: vec![f64::INFINITY],
             motors: vec![],
             effort_share: 0.7,

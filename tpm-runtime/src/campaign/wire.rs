@@ -206,8 +206,11 @@ impl RunFile {
             smoothing: control.velocity.smoothing(),
             limits: finite(&trial.input_limits, &|i| model.input(i).name.to_string()),
             tracking: finite(&trial.tracking_bounds, &coordinate),
-            positions: BTreeMap::new(),
-            velocities: BTreeMap::new(),
+            positions: (trial.position_bounds.iter().enumerate())
+                .filter(|(_, (low, high))| low.is_finite() || high.is_finite())
+                .map(|(c, &(low, high))| (coordinate(c), [low, high]))
+                .collect(),
+            velocities: finite(&trial.velocity_bounds, &coordinate),
             timing: Some(Timing {
                 samples: trial.samples(),
                 settle_periods,
@@ -321,5 +324,9 @@ pub fn read_trial(path: &Path, model: &dyn Model<f64>, template: &Trial) -> Resu
     for (c, bound) in trial.tracking_bounds.iter_mut().enumerate() {
         *bound = terms.tracking.get(model.coordinate(c).name).copied().unwrap_or(f64::INFINITY);
     }
+    let names = || (0..dims.coordinates).map(|c| model.coordinate(c).name);
+    let open = [f64::NEG_INFINITY, f64::INFINITY];
+    trial.position_bounds = names().map(|name| terms.positions.get(name).copied().unwrap_or(open).into()).collect();
+    trial.velocity_bounds = names().map(|name| terms.velocities.get(name).copied().unwrap_or(f64::INFINITY)).collect();
     Ok(trial)
 }

@@ -268,6 +268,13 @@ pub struct LimitsSection {
     pub inputs: Named,
     /// Largest tracking error by coordinate; a run that passes it is aborted. None where not given.
     pub tracking: Named,
+    /// Least and largest position by coordinate; no reference passes them, and a run that does is aborted. None where not given.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub positions: BTreeMap<String, [f64; 2]>,
+    /// Largest magnitude of the velocity by coordinate; no reference passes it, and a run that does is aborted. None where not
+    /// given.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub velocities: Named,
     /// Share of an input's limit at which the campaign ends (Feng uses 0.7).
     pub effort_share: f64,
     /// Factor on the amplitudes after an aborted run.
@@ -278,7 +285,15 @@ pub struct LimitsSection {
 
 impl Default for LimitsSection {
     fn default() -> Self {
-        LimitsSection { inputs: Named::new(), tracking: Named::new(), effort_share: 0.7, back_off: 0.5, max_aborts: 3 }
+        LimitsSection {
+            inputs: Named::new(),
+            tracking: Named::new(),
+            positions: BTreeMap::new(),
+            velocities: Named::new(),
+            effort_share: 0.7,
+            back_off: 0.5,
+            max_aborts: 3,
+        }
     }
 }
 

@@ -19,6 +19,9 @@ use tpm_core::control::Gain;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{EvalError, Model};
 
+/// Phases of a period at which a reference is compared with limits of position and velocity.
+const LOOKED_AT: usize = 1024;
+
 /// Why an experiment cannot be done.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ExperimentError {
@@ -73,6 +76,20 @@ pub enum ExperimentError {
     /// The simulated machine cannot be evaluated.
     #[error("the simulated machine: {0}")]
     Plant(#[from] EvalError),
+    /// A reference would pass a limit.
+    #[error(
+        "schedule.stages.{stage}: the reference of `{name}` reaches {value}, beyond limits.{limit}.{name}; lower its amplitude or its frequency"
+    )]
+    BeyondLimit {
+        /// Stage of the schedule, from 0.
+        stage: usize,
+        /// The coordinate.
+        name: String,
+        /// Its position or velocity.
+        value: f64,
+        /// positions or velocities.
+        limit: &'static str,
+    },
     /// Another machine than the model's is simulated, with other signals.
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
     Machine,
@@ -168,6 +185,35 @@ pub(super) fn require(holds: bool, key: String, value: f64, must: &'static str) 
 
 pub(super) fn positive(key: &str, value: f64) -> Result<(), ExperimentError> {
     require(value.is_finite() && value > 0.0, key.to_string(), value, "the value must be positive")
+}
+
+/// Requires that a stage's reference keeps within the bounds of positions and velocities, at [`LOOKED_AT`] phases of its period.
+fn within(
+    model: &dyn Model<f64>,
+    pattern: &Pattern,
+    stage: &Stage,
+    index: usize,
+    positions: &[(f64, f64)],
+    velocities: &[f64],
+) -> Result<(), ExperimentError> {
+    let reference = stage.trajectory(pattern, 1.0);
+    let open = stage.pattern(pattern).open();
+    for (c, series) in reference.coordinates.iter().enumerate().filter(|(c, _)| !open.contains(c)) {
+        let beyond = (0..LOOKED_AT).find_map(|n| {
+            let phase = 2.0 * std::f64::consts::PI * n as f64 / LOOKED_AT as f64;
+            let at = |order: usize| series.derivative(phase, reference.frequency, order);
+            let (low, high) = positions[c];
+            if at(0) < low || at(0) > high {
+                return Some(("positions", at(0)));
+            }
+            (at(1).abs() > velocities[c]).then(|| ("velocities", at(1)))
+        });
+        if let Some((limit, value)) = beyond {
+            let name = model.coordinate(c).name.to_string();
+            return Err(ExperimentError::BeyondLimit { stage: index, name, value, limit });
+        }
+    }
+    Ok(())
 }
 
 /// The pattern that a stage names.
@@ -476,6 +522,16 @@ impl Experiment {
             frozen.push(Frozen { parameter: parameters.index("frozen", name)?, value });
         }
         let prior = parameters.fill("prior", &self.prior, 0.0)?;
+        let mut position_bounds = vec![(f64::NEG_INFINITY, f64::INFINITY); coordinates.names.len()];
+        for (name, &[low, high]) in &self.limits.positions {
+            let key = || std::format!("limits.positions.{name}");
+            require(low < high, key(), low, "the first value must be below the second")?;
+            position_bounds[coordinates.index("limits.positions", name)?] = (low, high);
+        }
+        let velocity_bounds = coordinates.fill("limits.velocities", &self.limits.velocities, f64::INFINITY)?;
+        for (i, stage) in stages.iter().enumerate() {
+            within(model, pattern, stage, i, &position_bounds, &velocity_bounds)?;
+        }
         let motors = self.mounted(model)?;
         let input_limits = inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?;
         Ok(Setup {
@@ -497,6 +553,8 @@ impl Experiment {
                 tolerance: schedule.tolerance,
                 error_limits: coordinates.fill("schedule.error", &schedule.error, 0.0)?,
                 tracking_bounds: coordinates.fill("limits.tracking", &self.limits.tracking, f64::INFINITY)?,
+                position_bounds,
+                velocity_bounds,
                 input_limits: limited(input_limits, &motors),
                 motors,
                 effort_share: share,

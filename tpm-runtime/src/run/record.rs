@@ -21,6 +21,29 @@ pub enum Ending {
         /// The error there.
         error: f64,
     },
+    /// A coordinate left the range that its position must keep within.
+    PositionBound {
+        /// The coordinate.
+        coordinate: usize,
+        /// The last sample that was recorded.
+        sample: usize,
+        /// The position there.
+        position: f64,
+    },
+    /// A coordinate's velocity passed its bound.
+    VelocityBound {
+        /// The coordinate.
+        coordinate: usize,
+        /// The last sample that was recorded.
+        sample: usize,
+        /// The velocity there.
+        velocity: f64,
+    },
+    /// The machine, or whoever stood beside it, stopped the run.
+    Stopped {
+        /// The last sample that was recorded.
+        sample: usize,
+    },
     /// A coordinate's sensor gave no number.
     SensorLost {
         /// The coordinate.
@@ -45,12 +68,33 @@ impl Ending {
         (error.abs() > bound).then_some(Ending::TrackingBound { coordinate, sample, error })
     }
 
+    /// The ending of a run in which a coordinate's position or velocity at a sample is beyond its bound; nothing when the run goes
+    /// on. Bounds beyond the last one given are infinite.
+    #[must_use]
+    pub fn of_motion(
+        trial: &Trial,
+        coordinate: usize,
+        sample: usize,
+        position: f64,
+        velocity: Option<f64>,
+    ) -> Option<Self> {
+        if trial.position_bounds.get(coordinate).is_some_and(|&(low, high)| position < low || position > high) {
+            return Some(Ending::PositionBound { coordinate, sample, position });
+        }
+        let bound = trial.velocity_bounds.get(coordinate).copied().unwrap_or(f64::INFINITY);
+        let velocity = velocity.filter(|velocity| velocity.abs() > bound)?;
+        Some(Ending::VelocityBound { coordinate, sample, velocity })
+    }
+
     /// The kind of ending, without coordinate, sample and error.
     #[must_use]
     pub const fn kind(&self) -> RunEnding {
         match self {
             Ending::Complete => RunEnding::Complete,
             Ending::TrackingBound { .. } => RunEnding::TrackingBound,
+            Ending::PositionBound { .. } => RunEnding::PositionBound,
+            Ending::VelocityBound { .. } => RunEnding::VelocityBound,
+            Ending::Stopped { .. } => RunEnding::Stopped,
             Ending::SensorLost { .. } => RunEnding::SensorLost,
             Ending::Diverged { .. } => RunEnding::Diverged,
         }
@@ -65,6 +109,12 @@ pub enum RunEnding {
     Complete,
     /// The tracking error passed its bound.
     TrackingBound,
+    /// A position left its range.
+    PositionBound,
+    /// A velocity passed its bound.
+    VelocityBound,
+    /// The machine, or whoever stood beside it, stopped the run.
+    Stopped,
     /// A sensor gave no number.
     SensorLost,
     /// The motion became infinite.
@@ -78,6 +128,9 @@ impl std::fmt::Display for RunEnding {
         f.write_str(match self {
             RunEnding::Complete => "complete",
             RunEnding::TrackingBound => "tracking bound",
+            RunEnding::PositionBound => "position bound",
+            RunEnding::VelocityBound => "velocity bound",
+            RunEnding::Stopped => "stopped",
             RunEnding::SensorLost => "sensor lost",
             RunEnding::Diverged => "diverged",
             RunEnding::Unsettled => "unsettled",
@@ -97,8 +150,8 @@ pub enum RecordError {
         /// Of the samples, s.
         given: f64,
     },
-    /// The samples end before the trial, and no tracking error passed its bound.
-    #[error("the record has {given} samples, the trial has {needed}")]
+    /// The samples end before the trial, and show no bound that was passed.
+    #[error("the record has {given} samples, the trial has {needed}; if the machine stopped the run, say so")]
     TooShort {
         /// Samples of the trial.
         needed: usize,
@@ -128,53 +181,63 @@ pub struct Record {
 }
 
 impl Record {
-    /// The record of a trial from the samples that a machine gave. The record ends where a tracking error passes its bound or is
-    /// not a number; a sample in which an input stands at its limit counts as saturated.
+    /// The record of a trial from the samples that a machine gave. The record ends where a tracking error, a position or a measured
+    /// velocity passes its bound, or an error is not a number; a sample in which an input stands at its limit counts as saturated.
+    /// Samples that end before the trial do so because the machine stopped the run: this is `stopped`, or an input stands at its
+    /// limit in the last of them.
     ///
     /// # Errors
     /// [`RecordError::SampleTime`] when the samples were taken at another rate than the trial's, [`RecordError::TooShort`] when
-    /// samples are missing although no bound was passed.
+    /// samples are missing for no known reason.
     pub fn of_samples(
         trial: &Trial,
         sample_time: f64,
         coordinates: Vec<Vec<f64>>,
         inputs: Vec<Vec<f64>>,
+        rates: Vec<Option<Vec<f64>>>,
+        stopped: bool,
     ) -> Result<Self, RecordError> {
         let needed = trial.control.sample_time;
         let off = (sample_time / needed - 1.0).abs();
         if off.is_nan() || off > SAME_RATE {
             return Err(RecordError::SampleTime { needed, given: sample_time });
         }
-        let mut record = Record {
-            sample_time: needed,
-            coordinates,
-            inputs,
-            rates: Vec::new(),
-            ending: Ending::Complete,
-            saturated: 0,
-        };
+        let mut record =
+            Record { sample_time: needed, coordinates, inputs, rates, ending: Ending::Complete, saturated: 0 };
         let width = trial.reference.len() / trial.samples_per_period.max(1);
         let error =
             |n: usize, c: usize| record.coordinates[c][n] - trial.reference[n % trial.samples_per_period * width + c];
         let played = record.len().min(trial.samples());
         let passes = |n: usize| {
-            let ending = |c: usize| Ending::of_error(c, n, error(n, c), trial.tracking_bounds[c]);
+            let velocity = |c: usize| record.rates.get(c)?.as_ref()?.get(n).copied();
+            let ending = |c: usize| {
+                Ending::of_error(c, n, error(n, c), trial.tracking_bounds[c])
+                    .or_else(|| Ending::of_motion(trial, c, n, record.coordinates[c][n], velocity(c)))
+            };
             (0..record.coordinates.len()).find_map(ending).map(|ending| (n, ending))
         };
         let passed = (0..played).find_map(passes);
         let length = passed.map_or(played, |(n, _)| n + 1);
         if passed.is_none() && record.len() < trial.samples() {
-            return Err(RecordError::TooShort { needed: trial.samples(), given: record.len() });
+            match record.len().checked_sub(1).filter(|last| stopped || record.saturates(trial, *last)) {
+                Some(sample) => record.ending = Ending::Stopped { sample },
+                None => return Err(RecordError::TooShort { needed: trial.samples(), given: record.len() }),
+            }
         }
-        for channel in record.coordinates.iter_mut().chain(&mut record.inputs) {
+        let rates = record.rates.iter_mut().flatten();
+        for channel in record.coordinates.iter_mut().chain(&mut record.inputs).chain(rates) {
             channel.truncate(length);
         }
         if let Some((_, ending)) = passed {
             record.ending = ending;
         }
-        let cut = |n: &usize| record.inputs.iter().zip(&trial.input_limits).any(|(u, limit)| u[*n].abs() >= *limit);
-        record.saturated = (0..length).filter(cut).count();
+        record.saturated = (0..length).filter(|n| record.saturates(trial, *n)).count();
         Ok(record)
+    }
+
+    /// Whether an input stands at its limit in a sample.
+    fn saturates(&self, trial: &Trial, sample: usize) -> bool {
+        self.inputs.iter().zip(&trial.input_limits).any(|(input, limit)| input[sample].abs() >= *limit)
     }
 
     /// Number of samples.

@@ -45,6 +45,10 @@ pub struct Trial {
     pub tracking_bounds: Vec<f64>,
     /// Largest magnitude of each input; infinite where there is none.
     pub input_limits: Vec<f64>,
+    /// Least and largest position per coordinate; none where the list ends.
+    pub position_bounds: Vec<(f64, f64)>,
+    /// Largest magnitude of the velocity per coordinate; none where the list ends.
+    pub velocity_bounds: Vec<f64>,
 }
 
 /// What goes into a [`Trial`].
@@ -72,6 +76,10 @@ pub struct TrialSettings<'a> {
     pub tracking_bounds: &'a [f64],
     /// Largest magnitude per input.
     pub input_limits: &'a [f64],
+    /// Least and largest position per coordinate; none where the list ends.
+    pub position_bounds: &'a [(f64, f64)],
+    /// Largest magnitude of the velocity per coordinate; none where the list ends.
+    pub velocity_bounds: &'a [f64],
 }
 
 impl Trial {
@@ -93,6 +101,8 @@ impl Trial {
             constants,
             tracking_bounds,
             input_limits,
+            position_bounds,
+            velocity_bounds,
         } = settings;
         let dims = model.dims();
         let sample_time = control.sample_time;
@@ -150,6 +160,8 @@ impl Trial {
             feed_forward,
             tracking_bounds: tracking_bounds.to_vec(),
             input_limits: input_limits.to_vec(),
+            position_bounds: position_bounds.to_vec(),
+            velocity_bounds: velocity_bounds.to_vec(),
         })
     }
 
@@ -202,6 +214,8 @@ mod tests {
             constants: &[],
             tracking_bounds: &[1.0],
             input_limits: &[100.0],
+            position_bounds: &[],
+            velocity_bounds: &[],
         };
         Trial::new(&MassSpringDrag, settings)
     }

@@ -106,11 +106,13 @@ impl CampaignFolder {
     }
 
     /// Takes in the log of the run that [`next`](Self::next) gave: columns `t_s`, coordinates and applied inputs by name, measured
-    /// rates, if any, in columns like `dot(x)`. Of the request only what concerns columns is used.
+    /// rates, if any, in columns like `dot(x)`. Of the request only what concerns columns is used. A log that ends early because a
+    /// bound was passed, or because the machine `stopped` the run for a reason that the log does not show, makes the campaign back
+    /// off.
     ///
     /// # Errors
     /// [`SessionError`]; the campaign is then as it was before.
-    pub fn submit(&self, log: impl Into<LogRequest>) -> Result<Submission, SessionError> {
+    pub fn submit(&self, log: impl Into<LogRequest>, stopped: bool) -> Result<Submission, SessionError> {
         let request = log.into();
         let (mut campaign, stability) = self.session.restored(&self.store)?;
         let plant = self.session.machine().plant();
@@ -121,9 +123,8 @@ impl CampaignFolder {
         let inputs = coordinates.split_off(plant.dims().coordinates);
         let fault =
             |error: &dyn std::fmt::Display| SessionError::File { path: path.clone(), message: error.to_string() };
-        let mut record =
-            Record::of_samples(&trial, measured.sample_time, coordinates, inputs).map_err(|error| fault(&error))?;
-        record.rates = rates;
+        let record = Record::of_samples(&trial, measured.sample_time, coordinates, inputs, rates, stopped)
+            .map_err(|error| fault(&error))?;
         let run = campaign.submit(&record).map_err(|error| fault(&error))?.clone();
         let kept = run.ending != RunEnding::SensorLost;
         if kept {

@@ -313,6 +313,8 @@ fn trial(
             constants: &setup.constants,
             tracking_bounds: &setup.procedure.tracking_bounds,
             input_limits: &setup.procedure.input_limits,
+            position_bounds: &setup.procedure.position_bounds,
+            velocity_bounds: &setup.procedure.velocity_bounds,
         },
     )
 }

@@ -147,8 +147,11 @@ impl<'a> SimulatedRun<'a> {
         let sample = self.sample;
         self.sample += 1;
         for (coordinate, (&error, bound)) in self.errors.iter().zip(&self.trial.tracking_bounds).enumerate() {
-            if let Some(ending) = Ending::of_error(coordinate, sample, error, *bound) {
-                return Ok(Some(ending));
+            let velocity = self.plant.motion().get(n + coordinate).copied();
+            let ending = Ending::of_error(coordinate, sample, error, *bound)
+                .or_else(|| Ending::of_motion(self.trial, coordinate, sample, self.measured[coordinate], velocity));
+            if ending.is_some() {
+                return Ok(ending);
             }
         }
         let diverged = self.transmission.advance(&mut self.plant, &self.wanted)?;
