@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 use tpm_runtime::session::{ModelFault, SessionError};
 
+/// What a command gives back: success, or a failure with its exit code.
+pub(crate) type Outcome = Result<(), Failure>;
+
 /// A failure of a command.
 #[derive(Debug, Error)]
 pub(crate) enum Failure {

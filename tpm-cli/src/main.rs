@@ -12,7 +12,6 @@ mod render;
 mod verbs;
 
 use clap::{Parser, Subcommand};
-use failure::Failure;
 use std::process::ExitCode;
 
 /// Identify the parameters of a non-linear machine by the Trajectory Pattern Method.
@@ -88,6 +87,3 @@ fn main() -> ExitCode {
         }
     }
 }
-
-/// What a command gives back: success, or a failure with its exit code.
-type Outcome = Result<(), Failure>;

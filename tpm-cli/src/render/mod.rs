@@ -2,3 +2,4 @@
 
 pub(crate) mod campaign;
 pub(crate) mod flags;
+pub(crate) mod result;

@@ -1,7 +1,6 @@
 //! `tpm actuator`: whether motors can follow a pattern, which limit stands in the way and when, and how fast and far they could.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::assignments::assignment;
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};

@@ -1,12 +1,11 @@
 //! `tpm campaign`: a campaign on a real machine, by files.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::experiment::{BoundArgs, SimulatedArgs};
 use crate::input::log::ColumnArgs;
 use crate::output::file;
 use crate::render::flags;
-use crate::verbs::identify::print;
+use crate::render::result::print;
 use clap::Subcommand;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,6 +1,6 @@
 //! `tpm check`: what a model is, and what stands in the way of what one might want to do with it.
 
-use crate::Outcome;
+use crate::failure::Outcome;
 use crate::input::load::Loaded;
 use crate::output::file;
 use std::fmt::Write as _;

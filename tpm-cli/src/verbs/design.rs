@@ -1,7 +1,6 @@
 //! `tpm design`: experiments that would show the most within the limits.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
 use crate::output::file;
 use std::path::PathBuf;

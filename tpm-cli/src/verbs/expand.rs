@@ -1,9 +1,9 @@
 //! `tpm expand`: the exact harmonic coefficient table.
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
+use crate::interrupt;
 use crate::output::{file, progress};
-use crate::{Outcome, interrupt};
 use clap::ValueEnum;
 use std::ops::ControlFlow;
 use std::path::PathBuf;

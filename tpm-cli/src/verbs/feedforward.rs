@@ -1,7 +1,6 @@
 //! `tpm feedforward`: the common and the split feed-forward side by side, on the simulated machine, with filters and motors.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::output::{file, picture};
 use crate::verbs::actuator::{MachineArgs, Moved};
 use serde_json::{Value, json};

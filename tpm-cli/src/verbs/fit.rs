@@ -1,7 +1,6 @@
 //! `tpm fit`: a transfer function, or the physical parameters of a model, from the frequency response of a log.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{by_name, number_assignment};
 use crate::input::load::Loaded;
 use crate::input::measured::{Measured, MeasuredArgs};

@@ -1,7 +1,6 @@
 //! `tpm frf`: the frequency response of a machine from a log.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::measured::{EstimatorChoice, Measured, MeasuredArgs};
 use crate::output::file;
 use clap::ValueEnum;

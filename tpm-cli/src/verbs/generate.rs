@@ -1,7 +1,6 @@
 //! `tpm generate`: the source code of a model's estimator.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
 use crate::output::file;
 use clap::ValueEnum;

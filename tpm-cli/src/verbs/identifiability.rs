@@ -1,7 +1,6 @@
 //! `tpm identifiability`: before anything moves, what a pattern can show and what it cannot.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
 use crate::output::file;
 use std::collections::BTreeMap;

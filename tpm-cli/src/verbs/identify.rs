@@ -1,19 +1,19 @@
 //! `tpm identify`: parameters with standard deviations, from a log or from experiments on a simulated plant.
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{number_assignment, once};
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::log::LogArgs;
-use crate::output::{file, progress};
+use crate::interrupt;
+use crate::output::progress;
 use crate::render::campaign::{self, Played};
-use crate::render::flags;
-use crate::{Outcome, interrupt};
+use crate::render::result::print;
 use clap::ValueEnum;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::estimate::Weights;
 use tpm_runtime::run::{Record, Trial};
-use tpm_runtime::session::{CampaignFolder, Identifiable as _, Identification, from_log};
+use tpm_runtime::session::{CampaignFolder, Identifiable as _, from_log};
 
 /// Options of `tpm identify`.
 #[derive(clap::Args)]
@@ -93,11 +93,6 @@ pub(crate) fn run(args: &Args) -> Outcome {
         }
         None => simulated(args),
     }
-}
-
-/// Prints a result, as text or as JSON.
-pub(crate) fn print(result: &Identification, json: bool, target: Option<&Path>) -> Result<(), Failure> {
-    file::emit(target, &if json { file::json(result)? } else { result.text(&flags::remedy) })
 }
 
 fn simulated(args: &Args) -> Outcome {

@@ -1,7 +1,6 @@
 //! `tpm linearize`: state space, transfer functions, poles and zeros of a model about a point at rest.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{assignment, once};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};

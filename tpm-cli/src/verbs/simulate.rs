@@ -1,6 +1,6 @@
 //! `tpm simulate`: one run on the simulated plant, as a log.
 
-use crate::Outcome;
+use crate::failure::Outcome;
 use crate::input::experiment::SimulatedArgs;
 use crate::output::file;
 use std::path::PathBuf;

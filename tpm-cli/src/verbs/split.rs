@@ -1,7 +1,6 @@
 //! `tpm split`: of every input, what holds its own coordinate still and what moves it, with the harmonics of both.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{assignment, once};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};

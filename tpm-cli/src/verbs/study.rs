@@ -1,10 +1,10 @@
 //! `tpm study`: many campaigns on the simulated plant and how their results spread about the truth, or how many updates every
 //! estimator needs without noise.
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
+use crate::interrupt;
 use crate::output::{file, progress};
-use crate::{Outcome, interrupt};
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::session::SessionError;

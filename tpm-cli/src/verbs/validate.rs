@@ -1,7 +1,6 @@
 //! `tpm validate`: how well identified parameters predict another log.
 
-use crate::Outcome;
-use crate::failure::Failure;
+use crate::failure::{Failure, Outcome};
 use crate::input::experiment::model;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;

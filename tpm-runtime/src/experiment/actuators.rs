@@ -3,9 +3,9 @@
 //! Invariant: what is known (`actuators`, else what a motor's amplifier states) is what is corrected; what the simulated machine
 //! has (`plant.actuators`) is that, unless said otherwise.
 
-use crate::experiment::resolve::ExperimentError;
-use crate::experiment::resolve::{coordinates, inputs, positive, require};
-use crate::experiment::{ActuatorSection, Experiment, MotorsSection};
+use crate::experiment::error::ExperimentError;
+use crate::experiment::file::{ActuatorSection, Experiment, MotorsSection};
+use crate::experiment::names::{coordinates, inputs, positive, require};
 use crate::machine::actuator::{FileFault, MotorFile, Mounted};
 use crate::run::Dynamics;
 use crate::run::LowPass;
@@ -186,7 +186,7 @@ fn overlaid(
 mod tests {
     use crate::campaign::{Campaign, Outcome};
     use crate::experiment::Experiment;
-    use crate::experiment::resolve::ExperimentError;
+    use crate::experiment::ExperimentError;
     use crate::log::{Log, LogOptions};
     use crate::machine::simulated::simulate;
     use crate::run::Dynamics;

@@ -4,7 +4,7 @@
 //! physical parameters give it when all of those that it consists of are given, and none otherwise.
 
 use crate::estimate::physical::is_lumped;
-use crate::experiment::{Experiment, Named};
+use crate::experiment::file::{Experiment, Named};
 use std::collections::BTreeSet;
 use std::string::{String, ToString};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;

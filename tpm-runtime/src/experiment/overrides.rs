@@ -1,28 +1,14 @@
-//! `--set key=value`: one value of an experiment changed by its path.
+//! One value of an experiment, changed by its path.
 //!
 //! Invariant: an override is accepted exactly when the experiment file with that value in it would be.
 
-use crate::experiment::Experiment;
-use crate::experiment::resolve::ExperimentError;
+use crate::experiment::error::ExperimentError;
+use crate::experiment::file::Experiment;
+use crate::experiment::names::near;
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 use toml::{Table, Value};
-
-/// Names at least so similar are suggested.
-const SIMILAR: f64 = 0.7;
-
-/// The names most like `name`, best first, three at most.
-pub(super) fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<String> {
-    let mut scored: Vec<(f64, &str)> = names
-        .into_iter()
-        .map(|candidate| (strsim::jaro_winkler(name, candidate), candidate))
-        .filter(|(score, _)| *score >= SIMILAR)
-        .collect();
-    scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(b.1)));
-    scored.dedup_by(|a, b| a.1 == b.1);
-    scored.into_iter().take(3).map(|(_, candidate)| candidate.to_string()).collect()
-}
 
 impl Experiment {
     /// Sets the value at a path such as `seed`, `plant.parameters.m` or `schedule.stages.0.lambda`; a name that occurs in

@@ -1,13 +1,13 @@
 //! An experiment meets a model: names become indices.
 
-use crate::campaign::StoreError;
-use crate::campaign::{CampaignError, Procedure, Setup, Stage};
-use crate::estimate::{EstimateError, Frozen, Method, Settings, Weights};
+use crate::campaign::{Procedure, Setup, Stage};
+use crate::estimate::{Frozen, Method, Settings, Weights};
 use crate::experiment::actuators::limited;
-use crate::experiment::overrides::near;
-use crate::experiment::{ArmSection, DropoutSection, Experiment, Named};
+use crate::experiment::error::ExperimentError;
+use crate::experiment::file::{ArmSection, DropoutSection, Experiment};
+use crate::experiment::names::{Names, coordinates, inputs, near, parameters, positive, require};
 use crate::machine::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
-use crate::machine::stability::{self, LoopStability, Range, StabilityDomain, StabilityError};
+use crate::machine::stability::{self, LoopStability, Range, StabilityDomain};
 use crate::run::smoothing::Smoothing;
 use crate::run::trajectory::Pattern;
 use crate::run::{Loop, Velocity};
@@ -17,175 +17,10 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::control::Gain;
 use tpm_core::harmonics::Hold;
-use tpm_core::model::{EvalError, Model};
+use tpm_core::model::Model;
 
 /// Phases of a period at which a reference is compared with limits of position and velocity.
 const LOOKED_AT: usize = 1024;
-
-/// Why an experiment cannot be done.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ExperimentError {
-    /// The file is not an experiment.
-    #[error("{message}")]
-    Syntax {
-        /// Place and fault.
-        message: String,
-    },
-    /// An override names nothing, or its value does not fit.
-    #[error("{key}: {reason}{}", alternatives(.near))]
-    Override {
-        /// The key as given.
-        key: String,
-        /// What is wrong.
-        reason: String,
-        /// Keys that are like it.
-        near: Vec<String>,
-    },
-    /// A name is not one of the model's.
-    #[error("{place}: the model has no {kind} `{name}`; it has {}{}", .available.join(", "), alternatives(.near))]
-    UnknownName {
-        /// Table of the experiment.
-        place: String,
-        /// parameter, coordinate, input, constant, or amplitude or frequency.
-        kind: &'static str,
-        /// The name.
-        name: String,
-        /// What the model has.
-        available: Vec<String>,
-        /// The names that are like it.
-        near: Vec<String>,
-    },
-    /// A value is missing.
-    #[error("{place}: a value for `{name}` is missing")]
-    Missing {
-        /// Table of the experiment.
-        place: String,
-        /// What has no value.
-        name: String,
-    },
-    /// A value makes no sense.
-    #[error("{key} = {value}: {must}")]
-    Invalid {
-        /// Its key.
-        key: String,
-        /// The value.
-        value: f64,
-        /// What it must be.
-        must: &'static str,
-    },
-    /// The simulated machine cannot be evaluated.
-    #[error("the simulated machine: {0}")]
-    Plant(#[from] EvalError),
-    /// A reference would pass a limit.
-    #[error(
-        "schedule.stages.{stage}: the reference of `{name}` reaches {value}, beyond limits.{limit}.{name}; lower its amplitude or its frequency"
-    )]
-    BeyondLimit {
-        /// Stage of the schedule, from 0.
-        stage: usize,
-        /// The coordinate.
-        name: String,
-        /// Its position or velocity.
-        value: f64,
-        /// positions or velocities.
-        limit: &'static str,
-    },
-    /// Another machine than the model's is simulated, with other signals.
-    #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
-    Machine,
-    /// A value for a machine that obeys the model, although another one is simulated.
-    #[error(
-        "{key}: the machine of plant.closed_loop_arm has no such value; leave it out, or change the arm's own there"
-    )]
-    NotOfMachine {
-        /// Its key.
-        key: String,
-    },
-    /// Equations that count alike are for one estimator.
-    #[error(
-        "weights = \"equal\" is for the estimator measured-motion on the machine's own equations; leave it out, or set estimator = \"measured-motion\" (and equations = \"own\" where the model eliminates coordinates)"
-    )]
-    Weights,
-    /// A motor of the experiment.
-    #[error("motors: {message}")]
-    Motors {
-        /// The fault, with what to do.
-        message: String,
-    },
-    /// A campaign's folder cannot be used.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// The loop must not be closed.
-    #[error(transparent)]
-    Stability(#[from] StabilityError),
-    /// The campaign cannot go on.
-    #[error(transparent)]
-    Campaign(#[from] CampaignError),
-    /// The schedule has no stage to design around.
-    #[error("schedule.stages is empty: give a stage, around which candidates are tried")]
-    NoStage,
-    /// With these estimates no candidate's motion can be predicted.
-    #[error(
-        "the rows do not determine the motion with the estimates {}; give prior values that do", .estimates.join(", ")
-    )]
-    Unpredictable {
-        /// Names and values.
-        estimates: Vec<String>,
-    },
-    /// Nothing was estimated.
-    #[error(transparent)]
-    Estimate(#[from] EstimateError),
-}
-
-fn alternatives(near: &[String]) -> String {
-    if near.is_empty() { String::new() } else { std::format!("; did you mean {}?", near.join(" or ")) }
-}
-
-/// Names of one kind in a model.
-pub(super) struct Names {
-    kind: &'static str,
-    pub(super) names: Vec<String>,
-}
-
-impl Names {
-    pub(super) fn index(&self, place: &str, name: &str) -> Result<usize, ExperimentError> {
-        self.names.iter().position(|known| known == name).ok_or_else(|| ExperimentError::UnknownName {
-            place: place.to_string(),
-            kind: self.kind,
-            name: name.to_string(),
-            available: self.names.clone(),
-            near: near(name, self.names.iter().map(String::as_str)),
-        })
-    }
-
-    /// A value per name, `default` where none is given.
-    fn fill(&self, place: &str, given: &Named, default: f64) -> Result<Vec<f64>, ExperimentError> {
-        let mut values = vec![default; self.names.len()];
-        for (name, &value) in given {
-            let at = self.index(place, name)?;
-            require(value.is_finite(), std::format!("{place}.{name}"), value, "the value must be finite")?;
-            values[at] = value;
-        }
-        Ok(values)
-    }
-
-    /// A value per name, all of them given.
-    fn all(&self, place: &str, given: &Named) -> Result<Vec<f64>, ExperimentError> {
-        let values = self.fill(place, given, f64::NAN)?;
-        match values.iter().position(|value| value.is_nan()) {
-            Some(at) => Err(ExperimentError::Missing { place: place.to_string(), name: self.names[at].clone() }),
-            None => Ok(values),
-        }
-    }
-}
-
-pub(super) fn require(holds: bool, key: String, value: f64, must: &'static str) -> Result<(), ExperimentError> {
-    if holds { Ok(()) } else { Err(ExperimentError::Invalid { key, value, must }) }
-}
-
-pub(super) fn positive(key: &str, value: f64) -> Result<(), ExperimentError> {
-    require(value.is_finite() && value > 0.0, key.to_string(), value, "the value must be positive")
-}
 
 /// Requires that a stage's reference keeps within the bounds of positions and velocities, at [`LOOKED_AT`] phases of its period.
 fn within(
@@ -243,21 +78,6 @@ fn set_multiples(
         multiples[coordinates.index(place, name)?] = multiple;
     }
     Ok(())
-}
-
-fn parameters(model: &dyn Model<f64>) -> Names {
-    let names = (0..model.dims().parameters).map(|i| model.parameter(i).name.to_string()).collect();
-    Names { kind: "parameter", names }
-}
-
-pub(super) fn coordinates(model: &dyn Model<f64>) -> Names {
-    let names = (0..model.dims().coordinates).map(|i| model.coordinate(i).name.to_string()).collect();
-    Names { kind: "coordinate", names }
-}
-
-pub(super) fn inputs(model: &dyn Model<f64>) -> Names {
-    let names = (0..model.dims().inputs).map(|i| model.input(i).name.to_string()).collect();
-    Names { kind: "input", names }
 }
 
 impl Experiment {

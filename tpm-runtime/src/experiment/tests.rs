@@ -1,5 +1,5 @@
 use crate::experiment::Experiment;
-use crate::experiment::resolve::ExperimentError;
+use crate::experiment::ExperimentError;
 use crate::run::RunEnding;
 use crate::run::trajectory::tests::rest_to_rest_3;
 use crate::session::{SessionError, identify_simulated};

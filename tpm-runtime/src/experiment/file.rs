@@ -1,0 +1,392 @@
+//! The sections of an experiment file, and its text.
+//!
+//! Invariant: every field is documented here, and unknown fields are refused.
+
+use crate::estimate::{Method, NumericalSettings, Weights};
+use crate::experiment::error::ExperimentError;
+use crate::run::HoldCompensation;
+use crate::run::smoothing::Smoothing;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::string::String;
+use std::vec::Vec;
+
+/// Values by name.
+pub type Named = BTreeMap<String, f64>;
+
+/// An experiment file (TOML).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Experiment {
+    /// Name of the pattern; the model's first one when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
+    /// measured-motion (default), error, hill, effort or numerical.
+    #[serde(default)]
+    pub estimator: Method,
+    /// How much every equation counts in measured-motion: noise (default), or equal, for models that leave something out.
+    #[serde(default)]
+    pub weights: Weights,
+    /// How the estimator numerical uses its matrix.
+    #[serde(default)]
+    pub numerical: NumericalSettings,
+    /// Highest harmonic to use; chosen from the spectrum (measured-motion) or the pattern when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub harmonics: Option<usize>,
+    /// Seed of the sensors' noise: the same seed gives the same result.
+    #[serde(default)]
+    pub seed: u64,
+    /// The motors on the inputs: the path of a motor file beside the experiment, or its tables, `[motors.INPUT]`. Their limits
+    /// are limits of every run, and what they state of their amplifiers is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub motors: Option<MotorsSection>,
+    /// Values of the constants that are known at run time.
+    #[serde(default)]
+    pub constants: Named,
+    /// Estimates before the first run; zero where not given.
+    #[serde(default)]
+    pub prior: Named,
+    /// Parameters held at a value.
+    #[serde(default)]
+    pub frozen: Named,
+    /// Known dynamics between the commanded input and the force, by input: corrected in the harmonics, undone in the
+    /// feed-forward, and part of the loop whose stability is checked. What a motor file states where not given.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub actuators: BTreeMap<String, ActuatorSection>,
+    /// The coordinate that a motor's rotor turns with, by input; the one that is fed back to it where not given.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub motion: BTreeMap<String, String>,
+    /// The simulated machine.
+    #[serde(default)]
+    pub plant: PlantSection,
+    /// Feedback and sampling.
+    pub control: ControlSection,
+    /// Which equations a model with eliminated coordinates is identified from: eliminated (default: the motion of the
+    /// remaining coordinates) or own (all coordinates are measured, every equation is a row).
+    #[serde(default)]
+    pub equations: Equations,
+    /// Where the loop must be stable before anything moves.
+    #[serde(default)]
+    pub stability: StabilitySection,
+    /// What must not be passed.
+    #[serde(default)]
+    pub limits: LimitsSection,
+    /// Amplitudes and frequencies, and when to move on.
+    pub schedule: ScheduleSection,
+}
+
+/// Where the motors stand.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum MotorsSection {
+    /// In a motor file, which whoever reads the experiment reads too ([`Experiment::set_motors`]).
+    File(String),
+    /// In the experiment, as in a motor file.
+    Tables(toml::Table),
+}
+
+/// Dynamics between a commanded input and the force.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ActuatorSection {
+    /// Time by which the command lags, s.
+    pub delay: f64,
+    /// Undamped natural frequency of a low pass of second order, rad/s; none when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub natural_frequency: Option<f64>,
+    /// Its quality factor; 1/sqrt(2) when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quality: Option<f64>,
+    /// Bandwidth of a current loop, a lag of first order, rad/s; none when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bandwidth: Option<f64>,
+}
+
+/// The simulated machine.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlantSection {
+    /// True values of all parameters; of a model whose parameters are lumped, the physical ones do
+    /// (`Experiment::lumped`).
+    pub parameters: Named,
+    /// Share by which a parameter changes from every run to the next, by name.
+    pub drift: Named,
+    /// Integration steps per sample.
+    pub sub_steps: usize,
+    /// Sensors by coordinate; exact where not given.
+    pub sensors: BTreeMap<String, SensorSection>,
+    /// Step of the commanded value by input, unit of the input; continuous where not given.
+    pub input_steps: Named,
+    /// True dynamics of the actuators by input; the known ones where not given.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub actuators: BTreeMap<String, ActuatorSection>,
+    /// The closed-loop arm of Feng, chapter 5, in place of a machine that obeys the model itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closed_loop_arm: Option<ArmSection>,
+}
+
+/// The links of a closed-loop arm, SI units (Feng, Figure 5.1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArmSection {
+    /// l1 to l5, m.
+    pub lengths: [f64; 5],
+    /// m12, m3, m4, m56, kg.
+    pub masses: [f64; 4],
+    /// r1, r3, r4, r5, m.
+    pub centroids: [f64; 4],
+    /// I12, I3, I4, I56, kg m^2.
+    pub inertias: [f64; 4],
+    /// Commanded units per N m.
+    pub torque_scale: f64,
+}
+
+impl Default for PlantSection {
+    fn default() -> Self {
+        PlantSection {
+            parameters: Named::new(),
+            drift: Named::new(),
+            sub_steps: 1,
+            sensors: BTreeMap::new(),
+            input_steps: Named::new(),
+            actuators: BTreeMap::new(),
+            closed_loop_arm: None,
+        }
+    }
+}
+
+/// The sensor of one coordinate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensorSection {
+    /// Standard deviation of the white noise on every sample, unit of the coordinate.
+    pub noise: f64,
+    /// Counts of an encoder per turn of 2 pi; zero for none.
+    pub counts: f64,
+    /// Step of a linear encoder, unit of the coordinate; zero for none. Not together with `counts`.
+    pub step: f64,
+    /// Samples by which the measured value lags.
+    pub delay: usize,
+    /// Standard deviation of the instant of sampling, s.
+    pub jitter: f64,
+    /// Largest magnitude that is read; zero for no end.
+    pub range: f64,
+    /// Standard deviation of the white noise on the rate, unit of the coordinate per second, where a tachometer measures it;
+    /// none when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_noise: Option<f64>,
+    /// Where the sensor drops out; nowhere when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dropout: Option<DropoutSection>,
+}
+
+/// Where a sensor drops out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DropoutSection {
+    /// Number of the run, from 1.
+    pub run: usize,
+    /// Time in it from which nothing is read, s.
+    pub time: f64,
+}
+
+/// Feedback and sampling.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ControlSection {
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// Time constant of the filtered difference that forms the rate of the tracking error, s; without it the rate is measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub derivative_filter: Option<f64>,
+    /// What the feed-forward does about the hold between samples: none, advance (half a sample) or exact (default).
+    #[serde(default)]
+    pub compensation: HoldCompensation,
+    /// Least-squares smoothing of the tracking error and its rate, in place of such a filter: value and slope of a polynomial of
+    /// this degree through so many last samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<Smoothing>,
+    /// Paths of the feedback.
+    pub feedback: Vec<FeedbackSection>,
+}
+
+/// One path of the feedback: -kp e - kd e'.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeedbackSection {
+    /// Input that is driven.
+    pub input: String,
+    /// Coordinate whose tracking error is fed back.
+    pub coordinate: String,
+    /// Proportional gain, positive against the error.
+    pub kp: f64,
+    /// Derivative gain, positive against the rate of the error.
+    pub kd: f64,
+}
+
+/// Which equations a model with eliminated coordinates is identified from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Equations {
+    /// Those after the elimination.
+    #[default]
+    Eliminated,
+    /// The machine's own.
+    Own,
+}
+
+/// Where the loop must be stable before anything moves.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StabilitySection {
+    /// Least and largest value by parameter; others keep their prior.
+    pub range: BTreeMap<String, [f64; 2]>,
+    /// Random points inside this box, beside its vertices and edges.
+    pub points: usize,
+}
+
+impl Default for StabilitySection {
+    fn default() -> Self {
+        StabilitySection { range: BTreeMap::new(), points: 1000 }
+    }
+}
+
+/// What must not be passed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LimitsSection {
+    /// Largest magnitude by input; the simulated drive cuts there. None where not given.
+    pub inputs: Named,
+    /// Largest tracking error by coordinate; a run that passes it is aborted. None where not given.
+    pub tracking: Named,
+    /// Least and largest position by coordinate; no reference passes them, and a run that does is aborted. None where not given.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub positions: BTreeMap<String, [f64; 2]>,
+    /// Largest magnitude of the velocity by coordinate; no reference passes it, and a run that does is aborted. None where not
+    /// given.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub velocities: Named,
+    /// Share of an input's limit at which the campaign ends (Feng uses 0.7).
+    pub effort_share: f64,
+    /// Factor on the amplitudes after an aborted run.
+    pub back_off: f64,
+    /// Most aborted runs in succession.
+    pub max_aborts: usize,
+}
+
+impl Default for LimitsSection {
+    fn default() -> Self {
+        LimitsSection {
+            inputs: Named::new(),
+            tracking: Named::new(),
+            positions: BTreeMap::new(),
+            velocities: Named::new(),
+            effort_share: 0.7,
+            back_off: 0.5,
+            max_aborts: 3,
+        }
+    }
+}
+
+/// One stage of the schedule: a value for every amplitude of its pattern and for its frequency (rad/s), by name.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct StageSection {
+    /// Name of its pattern in the model; that of the experiment when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
+    /// Multiple of the frequency by coordinate; that of the schedule where not given.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub multiples: BTreeMap<String, u32>,
+    /// Amplitudes and frequency.
+    #[serde(flatten)]
+    pub values: Named,
+}
+
+/// Amplitudes and frequencies, and when to move on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ScheduleSection {
+    /// Multiple of the frequency on which a coordinate plays its pattern; one where not given.
+    #[serde(default)]
+    pub multiples: BTreeMap<String, u32>,
+    /// Stages, growing.
+    pub stages: Vec<StageSection>,
+    /// Factor on all gains of the feedback, stage by stage; one where not given. Lower gains make the tracking error larger,
+    /// and with it what it shows (Feng, 3.2.2); every one of them must be stable.
+    #[serde(default)]
+    pub gains: Vec<f64>,
+    /// Factor on the weight of all earlier runs with every new one, for parameters that drift slowly. Below one the campaign does
+    /// not end when its last stage has converged, but follows the parameters until its runs are used.
+    #[serde(default = "forgetting")]
+    pub forgetting: f64,
+    /// Periods that are let pass at least before anything is measured; settling is tested besides.
+    #[serde(default = "settle_periods")]
+    pub settle_periods: usize,
+    /// Time measured in every run, s; rounded up to whole periods, four at least.
+    pub measure_time: f64,
+    /// Most updates in one stage.
+    #[serde(default = "updates_per_stage")]
+    pub updates_per_stage: usize,
+    /// Most runs in the campaign.
+    #[serde(default = "max_runs")]
+    pub max_runs: usize,
+    /// A stage is done when no parameter changed by more than this share, or by more than noise explains.
+    #[serde(default = "tolerance")]
+    pub tolerance: f64,
+    /// A stage is also done when no harmonic of the tracking error exceeds this, by coordinate.
+    #[serde(default)]
+    pub error: Named,
+}
+
+const fn forgetting() -> f64 {
+    1.0
+}
+
+const fn settle_periods() -> usize {
+    3
+}
+
+const fn updates_per_stage() -> usize {
+    4
+}
+
+const fn max_runs() -> usize {
+    40
+}
+
+const fn tolerance() -> f64 {
+    1e-3
+}
+
+impl Experiment {
+    /// Reads an experiment file's text.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Syntax`] with line and column.
+    pub fn parse(text: &str) -> Result<Self, ExperimentError> {
+        toml::from_str(text).map_err(|fault: toml::de::Error| {
+            let message = std::string::ToString::to_string(&fault);
+            let missing = fault.message().strip_prefix("missing field `").and_then(|rest| rest.split('`').next());
+            let remedy = match missing {
+                None => return ExperimentError::Syntax { message },
+                Some("control") => {
+                    "add [control] with sample_time = SECONDS and feedback = [{ input = \"..\", coordinate = \"..\", kp = .., kd = .. }]".into()
+                }
+                Some("schedule") => {
+                    "add [schedule] with measure_time = SECONDS and stages = [{ AMPLITUDE = .., FREQUENCY = .. }]".into()
+                }
+                Some(field) => std::format!("add `{field} = ...` to this table"),
+            };
+            ExperimentError::Syntax { message: std::format!("{}; {remedy}", message.trim_end()) }
+        })
+    }
+
+    /// The experiment as a file, with everything that was left to its default.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Syntax`] when a value has no place in such a file.
+    pub fn text(&self) -> Result<String, ExperimentError> {
+        toml::to_string(self)
+            .map_err(|fault| ExperimentError::Syntax { message: std::string::ToString::to_string(&fault) })
+    }
+}
