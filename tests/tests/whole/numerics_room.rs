@@ -45,7 +45,7 @@ fn public(code: &str) -> Vec<String> {
         let rest = lines[at].strip_prefix("pub ")?;
         let is_item = rest.split_whitespace().next().is_some_and(|word| items.contains(&word));
         let ends = |line: &&str| line.contains(['{', ';']);
-        let length = if is_item { lines[at..].iter().position(|line| ends(&line)).unwrap_or(0) } else { 0 };
+        let length = if is_item { lines[at..].iter().position(ends).unwrap_or(0) } else { 0 };
         Some(lines[at..=at + length].join(" "))
     };
     (0..lines.len()).filter_map(head).collect()
