@@ -8,8 +8,11 @@ use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::Model;
 use tpm_symbolic::number::rational::{self, Rational};
-use tpm_symbolic::plan::estimator::{EstimatorPlan, PatternGap, PatternPlan, TablePlan};
-use tpm_symbolic::plan::straight_line::{Op, Plan};
+use tpm_symbolic::plan::estimator::EstimatorPlan;
+use tpm_symbolic::plan::operation::Op;
+use tpm_symbolic::plan::pattern::{PatternGap, PatternPlan};
+use tpm_symbolic::plan::straight_line::Plan;
+use tpm_symbolic::plan::table::TablePlan;
 use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical};
 use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 

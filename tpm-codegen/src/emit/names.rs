@@ -5,7 +5,8 @@
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 use tpm_symbolic::mechanics::model::Model;
-use tpm_symbolic::plan::estimator::{EstimatorPlan, PatternPlan};
+use tpm_symbolic::plan::estimator::EstimatorPlan;
+use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::regressor::form::RegressorForm;
 
 use super::name::{Language, Namer, is_snake, snake};
