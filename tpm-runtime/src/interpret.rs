@@ -18,6 +18,7 @@ use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::evaluation::Evaluation;
 use tpm_symbolic::plan::leaf::Leaf;
 use tpm_symbolic::plan::operation::{Op, Slot};
+use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::form::RegressorForm;
 
@@ -257,6 +258,63 @@ impl Interpreted {
         require_len(Buffer::Output, out.len(), program.outputs.len())?;
         let (scratch, _) = split_workspace(workspace, self.workspace_len)?;
         program.run(&[motion, constants], scratch, out);
+        Ok(())
+    }
+}
+
+/// The exact pseudo-inverse of a pattern's estimator matrix, ready to be evaluated: parameters from harmonics without a
+/// decomposition.
+#[derive(Clone, Debug)]
+pub struct InterpretedInverse {
+    /// Amplitudes, then the frequency.
+    symbols: usize,
+    constants: usize,
+    harmonics: usize,
+    program: Program,
+}
+
+impl InterpretedInverse {
+    /// Makes the pseudo-inverse of a pattern runnable; `None` where the pattern has none. `constants` are the constants of the
+    /// model that are known at run time only.
+    #[must_use]
+    pub fn new(pattern: &PatternPlan, constants: &[Symbol]) -> Option<Self> {
+        let (inverse, table) = (pattern.pseudo_inverse.as_ref()?, pattern.table.as_ref().ok()?);
+        let symbols = pattern.amplitudes.iter().chain([&pattern.frequency]).chain(constants);
+        let leaves: Vec<Leaf> =
+            symbols.map(|&symbol| Leaf::Symbol(symbol)).chain((0..table.rows.len()).map(Leaf::Harmonic)).collect();
+        Some(Self {
+            symbols: pattern.amplitudes.len() + 1,
+            constants: constants.len(),
+            harmonics: table.rows.len(),
+            program: Program::new(&inverse.plan, &leaves),
+        })
+    }
+
+    /// Entries that a workspace needs.
+    #[must_use]
+    pub fn workspace_len(&self) -> usize {
+        self.program.workspace_len
+    }
+
+    /// The parameters whose forces along the pattern have these harmonics, in the sense of least squares. `pattern` are the
+    /// amplitudes and the frequency, none of them zero; `harmonics` are in the order of the rows of the harmonic table.
+    ///
+    /// # Errors
+    /// [`EvalError::Length`] when a slice has the wrong length.
+    pub fn parameters(
+        &self,
+        pattern: &[f64],
+        constants: &[f64],
+        harmonics: &[f64],
+        workspace: &mut [f64],
+        out: &mut [f64],
+    ) -> Result<(), EvalError> {
+        require_len(Buffer::Pattern, pattern.len(), self.symbols)?;
+        require_len(Buffer::Constants, constants.len(), self.constants)?;
+        require_len(Buffer::Harmonics, harmonics.len(), self.harmonics)?;
+        require_len(Buffer::Output, out.len(), self.program.outputs.len())?;
+        let (scratch, _) = split_workspace(workspace, self.program.workspace_len)?;
+        self.program.run(&[pattern, constants, harmonics], scratch, out);
         Ok(())
     }
 }
