@@ -10,7 +10,7 @@ use tpm_symbolic::plan::leaf::Leaf;
 use tpm_symbolic::plan::operation::{Op, Slot};
 use tpm_symbolic::plan::straight_line::Plan;
 
-/// Leaves and operators in one expression before it gets a name.
+/// The most leaves in one expression; a larger one becomes a named intermediate result.
 const WIDEST: usize = 14;
 
 /// How tightly an expression's outermost operator binds, in Rust and in C.

@@ -46,7 +46,7 @@ pub enum EmitError {
     /// A number of the model is beyond the scalar of the code.
     #[error("{0} is beyond single precision (about 1e-38 to 1e38); generate double precision, or choose other units")]
     OutOfScalar(String),
-    /// A prefix of names that is none.
+    /// The prefix cannot begin names of C.
     #[error(
         "`{0}` cannot begin names of C: a prefix is a letter followed by letters, digits and underscores, all ASCII, without an underscore at its end"
     )]
@@ -57,7 +57,7 @@ pub enum EmitError {
     /// Identified values are of another model, or incomplete.
     #[error("{0}")]
     Identified(#[from] IdentifiedError),
-    /// A low pass that there is none of.
+    /// The low passes of the feed-forward do not exist.
     #[error(transparent)]
     Filter(#[from] FilterError),
     /// The text could not be laid out.
@@ -108,7 +108,7 @@ impl Estimator {
             .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
     }
 
-    /// The same with a regressor form that was made elsewhere.
+    /// Everything that follows from a model and its regressor form, where the form was made elsewhere.
     ///
     /// # Errors
     /// When a number is beyond double precision.

@@ -114,7 +114,7 @@ impl Names<String> {
         Self { model_type, module, coordinates, columns, constants, inputs, physical, rows, patterns, unusual }
     }
 
-    /// The same names in another form.
+    /// All names, each converted by `form`.
     pub(super) fn map<N>(&self, form: impl Fn(&str) -> N) -> Names<N> {
         let pairs = |list: &[(Symbol, String)]| list.iter().map(|(symbol, name)| (*symbol, form(name))).collect();
         Names {

@@ -149,7 +149,7 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
         }
     }
 
-    /// The product of what a node shares with others; nothing for a node that is no product of several factors.
+    /// The product of a node's atoms, of which other products may hold some; `None` for a node without several factors.
     fn shared(&mut self, id: ExprId) -> Option<Slot> {
         let atoms = self.products.atoms(id)?.to_vec();
         if let [Atom::Two, single] | [single, Atom::Two] = atoms.as_slice() {
@@ -163,7 +163,7 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
         product
     }
 
-    /// A value twice, as its sum with itself: as exact, without a constant.
+    /// Twice a value, as the sum of the value with itself: as exact as a product, and without a constant.
     fn doubled(&mut self, single: Atom) -> Slot {
         let value = self.atom(single);
         self.emit(Op::Add(value, value))
@@ -188,7 +188,7 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
     fn scaled(&mut self, id: ExprId, value: Rational, factors: &[ExprId]) -> Slot {
         let mut above: Option<Slot> = self.shared(id);
         let mut below: Option<Slot> = None;
-        // What the shared product holds already.
+        // The shared product holds all factors but the divisors and a part of the coefficient.
         let whole = above.is_some();
         let value = if whole { self.products.rest(&value) } else { value };
         for factor in factors {

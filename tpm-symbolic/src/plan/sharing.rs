@@ -11,11 +11,11 @@ use crate::number::rational::Rational;
 use num_traits::{One, Signed};
 use std::collections::{HashMap, HashSet};
 
-/// Powers beyond this stay squares of squares.
+/// The highest power whose base is a repeated factor; higher powers are computed by squaring.
 const HIGHEST_POWER: i32 = 8;
-/// Twos that are taken out of a coefficient at most.
+/// The most factors of two that are taken out of a coefficient.
 const MOST_TWOS: usize = 3;
-/// More products are left as they are: searching for pairs takes time by their number for every pair that is found.
+/// The most products among which shared pairs are searched for; every pair that is found takes a pass over all of them.
 const MOST_PRODUCTS: usize = 2000;
 
 /// A factor of a product.
@@ -74,7 +74,7 @@ impl SharedProducts {
         self.pairs[index]
     }
 
-    /// What a pair doubles, when more than one product is made of it: of a single product the two is a factor as any other.
+    /// The atom that a pair doubles, when several products contain the pair; in a single product the factor two stays a factor.
     pub(crate) fn doubled(&self, index: usize) -> Option<Atom> {
         match self.pairs[index] {
             (Atom::Two, single) if self.places[index] > 1 => Some(single),
@@ -82,7 +82,7 @@ impl SharedProducts {
         }
     }
 
-    /// What of a positive coefficient is no atom.
+    /// The part of a positive coefficient that is left when its twos have become atoms.
     pub(crate) fn rest(&self, value: &Rational) -> Rational {
         (0..twos(value)).fold(value.clone(), |value, _| value / Rational::from_integer(2.into()))
     }
@@ -156,7 +156,7 @@ fn places_of(atoms: &[Atom], a: Atom, b: Atom) -> Option<(usize, usize)> {
     Some((first.min(second), first.max(second)))
 }
 
-/// The twos of a coefficient: its power, when it is one of the small powers of two.
+/// The exponent of a coefficient that is a small power of two; zero for every other coefficient.
 fn twos(value: &Rational) -> usize {
     let mut left = value.abs();
     for count in 0..=MOST_TWOS {
@@ -168,7 +168,7 @@ fn twos(value: &Rational) -> usize {
     0
 }
 
-/// The factors of a node: none for what is no product and no whole power.
+/// The factors of a product or of a positive whole power; nothing for any other node.
 fn atoms(graph: &Graph, id: ExprId) -> Vec<Atom> {
     let power = |id: ExprId, atoms: &mut Vec<Atom>| match graph.node(id) {
         Node::Power(_, exponent) if *exponent < 0 => {}

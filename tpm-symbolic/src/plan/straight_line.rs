@@ -22,7 +22,7 @@ pub struct Plan<L = Leaf> {
 }
 
 impl<L: Clone + PartialEq> Plan<L> {
-    /// The same operations in the order in which the outputs, one after the other, need them.
+    /// The plan with its operations in the order in which the outputs, one after the other, need them.
     #[must_use]
     pub fn scheduled(&self) -> Self {
         let mut merger = Merger::default();

@@ -141,7 +141,8 @@ impl<L: Fn(&Leaf) -> String> Writer<L> {
         }
     }
 
-    /// In parentheses unless it binds at least as tightly as asked for; a negative number is none that stands beside others.
+    /// In parentheses unless it binds at least as tightly as `level`; a negative number is always in parentheses, so that no
+    /// operator stands before its sign.
     pub(super) fn at(&self, expression: &Expression, level: Level) -> String {
         let text = self.expression(expression);
         if expression.level() >= level && !(text.starts_with('-') && expression.level() == Level::Atom) {

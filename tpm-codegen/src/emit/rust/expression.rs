@@ -90,7 +90,7 @@ impl<L: Fn(&Leaf) -> TokenStream> Writer<L> {
         }
     }
 
-    /// In parentheses unless it binds at least as tightly as asked for.
+    /// In parentheses unless it binds at least as tightly as `level`.
     pub(super) fn at(&self, expression: &Expression, level: Level) -> TokenStream {
         let tokens = self.expression(expression);
         if expression.level() >= level { quote!(#tokens) } else { quote!((#tokens)) }
