@@ -65,6 +65,10 @@ pub enum Buffer {
     Parameters,
     /// Inputs.
     Inputs,
+    /// Amplitudes and frequency of a pattern.
+    Pattern,
+    /// Harmonics of the equations' forces.
+    Harmonics,
     /// Memory for intermediate values.
     Workspace,
     /// The result.
@@ -78,6 +82,8 @@ impl fmt::Display for Buffer {
             Buffer::Constants => "constants",
             Buffer::Parameters => "parameters",
             Buffer::Inputs => "inputs",
+            Buffer::Pattern => "pattern",
+            Buffer::Harmonics => "harmonics",
             Buffer::Workspace => "workspace",
             Buffer::Output => "output",
         })

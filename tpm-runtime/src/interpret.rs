@@ -1,7 +1,7 @@
 //! A model that is run without being compiled: the evaluation plans, executed operation by operation.
 //!
-//! Invariant: the operations are those of [`tpm_symbolic::plan::evaluation::Evaluation`], in the same order and with one
-//! rounding each, so that the numbers are those of the emitted code.
+//! Invariant: the operations are those of the plans of [`tpm_symbolic::plan`], in their order and with one rounding each, so that
+//! the numbers are those of the emitted code.
 
 use std::string::{String, ToString};
 use std::vec;
@@ -12,11 +12,14 @@ use tpm_core::model::{
     Buffer, Dims, EvalError, Label, Model, difference_workspace_len, forward_by_differences, require_forward,
     require_len, split_workspace,
 };
-use tpm_symbolic::expr::graph::{Function, Node, Symbol};
+use tpm_symbolic::expr::graph::{Function, Symbol};
 use tpm_symbolic::mechanics::model::Model as Declared;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::evaluation::Evaluation;
-use tpm_symbolic::plan::straight_line::{Op, Plan, Slot};
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::operation::{Op, Slot};
+use tpm_symbolic::plan::pattern::PatternPlan;
+use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::form::RegressorForm;
 
 /// A name and unit, owned.
@@ -47,22 +50,6 @@ enum Step {
     Atan2(usize, usize),
 }
 
-/// What the leaves of a plan are read from.
-#[derive(Clone, Copy, Debug, Default)]
-struct Leaves<'a> {
-    motion: &'a [f64],
-    constants: &'a [f64],
-    parameters: &'a [f64],
-    inputs: &'a [f64],
-}
-
-impl<'a> Leaves<'a> {
-    /// The same in the order in which they stand in a workspace.
-    fn parts(&self) -> [&'a [f64]; 4] {
-        [self.motion, self.constants, self.parameters, self.inputs]
-    }
-}
-
 /// A plan with its constants rounded.
 ///
 /// Invariant: a workspace holds the plan's own constants, then all leaves, then the result of every step, each of which reads
@@ -78,30 +65,19 @@ struct Program {
 }
 
 impl Program {
-    /// `parameters` are the symbols that stand for the unknown parameters, for a plan that reads these and the inputs.
-    fn new(plan: &Plan, evaluation: &Evaluation, parameters: Option<&[Symbol]>) -> Self {
+    /// A plan that reads some of `leaves`, which stand in a workspace in this order.
+    fn new(plan: &Plan, leaves: &[Leaf]) -> Self {
         let value = |op: &Op| match op {
             Op::Constant(value) => Some(rational::to_f64(value)),
             Op::Pi => Some(core::f64::consts::PI),
             _ => None,
         };
         let constants: Vec<f64> = plan.ops.iter().filter_map(value).collect();
-        let count = evaluation.coordinates.len();
-        let unknown = parameters.map(|parameters| parameters.iter().chain(&evaluation.inputs));
-        let motion = count * (evaluation.order() as usize + 1);
-        let symbols = || evaluation.constants.iter().chain(unknown.clone().into_iter().flatten());
         let leaf = |index: u32| {
-            let place = match plan.inputs[index as usize] {
-                Node::Derivative(coordinate, order) => {
-                    let position = evaluation.coordinates.iter().position(|(present, _)| *present == coordinate);
-                    position.map(|position| order as usize * count + position)
-                }
-                Node::Symbol(symbol) => symbols().position(|present| *present == symbol).map(|at| motion + at),
-                _ => unreachable!("invariant: a plan loads leaves only"),
-            };
-            constants.len() + place.expect("invariant: the evaluation lists its coordinates, constants and inputs")
+            let place = leaves.iter().position(|present| *present == plan.inputs[index as usize]);
+            constants.len() + place.expect("invariant: the plan reads leaves that it is given")
         };
-        let first = constants.len() + motion + symbols().count();
+        let first = constants.len() + leaves.len();
         let mut places: Vec<usize> = Vec::with_capacity(plan.ops.len());
         let (mut steps, mut constant) = (Vec::new(), 0);
         for op in &plan.ops {
@@ -123,6 +99,7 @@ impl Program {
                 Op::Neg(a) => Step::Neg(at(a)),
                 Op::Function(function, a) => Step::Function(*function, at(a)),
                 Op::Atan2(a, b) => Step::Atan2(at(a), at(b)),
+                _ => unreachable!("invariant: every operation has its step"),
             };
             places.push(first + steps.len());
             steps.push(step);
@@ -132,15 +109,14 @@ impl Program {
         let mut program = Self { constants, steps, outputs, workspace_len, fixed: None };
         if plan.inputs.is_empty() {
             let mut results = vec![0.0; program.outputs.len()];
-            let leaves = vec![0.0; first - program.constants.len()];
-            let leaves = Leaves { motion: &leaves, ..Leaves::default() };
-            program.run(leaves, &mut vec![0.0; workspace_len], &mut results);
+            program.run(&[&vec![0.0; leaves.len()]], &mut vec![0.0; workspace_len], &mut results);
             program.fixed = Some(results);
         }
         program
     }
 
-    fn run(&self, leaves: Leaves<'_>, workspace: &mut [f64], out: &mut [f64]) {
+    /// Executes the steps on the values of all leaves, in order and in as many parts as is convenient.
+    fn run(&self, leaves: &[&[f64]], workspace: &mut [f64], out: &mut [f64]) {
         if let Some(fixed) = &self.fixed {
             for (result, &value) in out.iter_mut().zip(fixed) {
                 *result = value;
@@ -148,7 +124,7 @@ impl Program {
             return;
         }
         let mut at = 0;
-        for part in [self.constants.as_slice()].into_iter().chain(leaves.parts()) {
+        for part in core::iter::once(self.constants.as_slice()).chain(leaves.iter().copied()) {
             workspace[at..at + part.len()].copy_from_slice(part);
             at += part.len();
         }
@@ -235,9 +211,15 @@ impl Interpreted {
                 name(&row.name, unit)
             })
             .collect();
-        let [regressor, known, input_map] = [&evaluation.regressor, &evaluation.known, &evaluation.input_map]
-            .map(|plan| Program::new(plan, &evaluation, None));
-        let dynamics = dynamics.map(|dynamics| Program::new(&dynamics.plan, &evaluation, Some(&dynamics.parameters)));
+        let mut leaves: Vec<Leaf> = (0..=evaluation.order())
+            .flat_map(|order| evaluation.coordinates.iter().map(move |(q, _)| Leaf::Motion(*q, order)))
+            .collect();
+        leaves.extend(evaluation.constants.iter().map(|&constant| Leaf::Symbol(constant)));
+        let [regressor, known, input_map] =
+            [&evaluation.regressor, &evaluation.known, &evaluation.input_map].map(|plan| Program::new(plan, &leaves));
+        leaves.extend((0..form.columns.len()).map(Leaf::Column));
+        leaves.extend(evaluation.inputs.iter().map(|&input| Leaf::Symbol(input)));
+        let dynamics = dynamics.map(|dynamics| Program::new(&dynamics.plan, &leaves));
         let workspace_len = [&regressor, &known, &input_map].map(|program| program.workspace_len).into_iter().max();
         Self {
             name: model.name.clone(),
@@ -275,7 +257,64 @@ impl Interpreted {
         require_len(Buffer::Constants, constants.len(), self.dims.constants)?;
         require_len(Buffer::Output, out.len(), program.outputs.len())?;
         let (scratch, _) = split_workspace(workspace, self.workspace_len)?;
-        program.run(Leaves { motion, constants, ..Leaves::default() }, scratch, out);
+        program.run(&[motion, constants], scratch, out);
+        Ok(())
+    }
+}
+
+/// The exact pseudo-inverse of a pattern's estimator matrix, ready to be evaluated: parameters from harmonics without a
+/// decomposition.
+#[derive(Clone, Debug)]
+pub struct InterpretedInverse {
+    /// Amplitudes, then the frequency.
+    symbols: usize,
+    constants: usize,
+    harmonics: usize,
+    program: Program,
+}
+
+impl InterpretedInverse {
+    /// Makes the pseudo-inverse of a pattern runnable; `None` where the pattern has none. `constants` are the constants of the
+    /// model that are known at run time only.
+    #[must_use]
+    pub fn new(pattern: &PatternPlan, constants: &[Symbol]) -> Option<Self> {
+        let (inverse, table) = (pattern.pseudo_inverse.as_ref()?, pattern.table.as_ref().ok()?);
+        let symbols = pattern.amplitudes.iter().chain([&pattern.frequency]).chain(constants);
+        let leaves: Vec<Leaf> =
+            symbols.map(|&symbol| Leaf::Symbol(symbol)).chain((0..table.rows.len()).map(Leaf::Harmonic)).collect();
+        Some(Self {
+            symbols: pattern.amplitudes.len() + 1,
+            constants: constants.len(),
+            harmonics: table.rows.len(),
+            program: Program::new(&inverse.plan, &leaves),
+        })
+    }
+
+    /// Entries that a workspace needs.
+    #[must_use]
+    pub fn workspace_len(&self) -> usize {
+        self.program.workspace_len
+    }
+
+    /// The parameters whose forces along the pattern have these harmonics, in the sense of least squares. `pattern` are the
+    /// amplitudes and the frequency, none of them zero; `harmonics` are in the order of the rows of the harmonic table.
+    ///
+    /// # Errors
+    /// [`EvalError::Length`] when a slice has the wrong length.
+    pub fn parameters(
+        &self,
+        pattern: &[f64],
+        constants: &[f64],
+        harmonics: &[f64],
+        workspace: &mut [f64],
+        out: &mut [f64],
+    ) -> Result<(), EvalError> {
+        require_len(Buffer::Pattern, pattern.len(), self.symbols)?;
+        require_len(Buffer::Constants, constants.len(), self.constants)?;
+        require_len(Buffer::Harmonics, harmonics.len(), self.harmonics)?;
+        require_len(Buffer::Output, out.len(), self.program.outputs.len())?;
+        let (scratch, _) = split_workspace(workspace, self.program.workspace_len)?;
+        self.program.run(&[pattern, constants, harmonics], scratch, out);
         Ok(())
     }
 }
@@ -373,7 +412,7 @@ impl Model<f64> for Interpreted {
         require_len(Buffer::Constants, constants.len(), self.dims.constants)?;
         let (scratch, rest) = split_workspace(workspace, program.workspace_len)?;
         let (results, _) = split_workspace(rest, program.outputs.len())?;
-        program.run(Leaves { motion, constants, parameters, inputs }, scratch, results);
+        program.run(&[motion, constants, parameters, inputs], scratch, results);
         let (matrix, right) = results.split_at_mut(n * n);
         linear::solve_in_place(matrix, right).map_err(|coordinate| EvalError::Singular { coordinate })?;
         for (c, (&order, &value)) in self.orders.iter().zip(&*right).enumerate() {

@@ -11,8 +11,8 @@ mod layout;
 mod pattern;
 mod solve;
 
-use tpm_symbolic::expr::graph::{Node, Symbol};
-use tpm_symbolic::plan::estimator::Leaf;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::plan::leaf::Leaf;
 
 use super::code::{Expression, Place, Statement, Table};
 use super::estimator::{EmitError, Estimator, Identified};
@@ -262,8 +262,8 @@ impl<'a> Context<'a> {
     }
 
     /// How a leaf is spelled; `owner` and `motion` say what stands before their fields, such as `pattern->`.
-    fn leaf(&self, node: &Node, owner: &str, fields: &[(Symbol, String)], motion: &str) -> String {
-        match self.estimator.plan.leaves.leaf(node) {
+    fn leaf(&self, leaf: &Leaf, owner: &str, fields: &[(Symbol, String)], motion: &str) -> String {
+        match *leaf {
             Leaf::Motion(coordinate, order) => {
                 let found = self.names.coordinates.iter().find(|names| names.coordinate == coordinate);
                 let coordinate = &found.expect("invariant: the evaluation lists its coordinates").field;
@@ -280,6 +280,7 @@ impl<'a> Context<'a> {
                 let found = fields.iter().find(|(present, _)| *present == symbol);
                 format!("{owner}{}", found.expect("invariant: the owner has the plan's symbols").1)
             }
+            _ => unreachable!("invariant: harmonics are read by the pseudo-inverse alone, which spells them itself"),
         }
     }
 
@@ -288,7 +289,7 @@ impl<'a> Context<'a> {
     }
 
     /// Steps; `store` says where a result goes.
-    fn statements<L: Fn(&Node) -> String>(
+    fn statements<L: Fn(&Leaf) -> String>(
         &self,
         statements: &[Statement],
         writer: &Writer<L>,
@@ -354,7 +355,7 @@ impl<'a> Context<'a> {
     fn table(
         &self,
         table: &Table,
-        spell: &dyn Fn(&Node) -> String,
+        spell: &dyn Fn(&Leaf) -> String,
         matrix: &str,
         rows: usize,
         columns: Option<usize>,
@@ -380,8 +381,8 @@ impl<'a> Context<'a> {
         let writer = Writer::new(self.scalar, spell);
         let bases = table.bases.iter().map(|base| match base {
             super::code::Base::Pi => writer.expression(&Expression::Pi),
-            super::code::Base::Symbol(symbol) => spell(&Node::Symbol(*symbol)),
-            super::code::Base::Sign(symbol) => format!("sign_of({})", spell(&Node::Symbol(*symbol))),
+            super::code::Base::Symbol(symbol) => spell(&Leaf::Symbol(*symbol)),
+            super::code::Base::Sign(symbol) => format!("sign_of({})", spell(&Leaf::Symbol(*symbol))),
         });
         let bases: Vec<String> = bases.collect();
         let bases = if bases.is_empty() { one.clone() } else { bases.join(", ") };

@@ -4,11 +4,13 @@
 //! language rounds as the interpreter does; only the division into statements is chosen, once for all languages. Operations
 //! used once stand inside the expression that uses them while that stays readable.
 
-use tpm_symbolic::expr::graph::{Function, Node, Symbol};
+use tpm_symbolic::expr::graph::{Function, Symbol};
 use tpm_symbolic::number::rational::Rational;
-use tpm_symbolic::plan::straight_line::{Op, Plan, Slot};
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::operation::{Op, Slot};
+use tpm_symbolic::plan::straight_line::Plan;
 
-/// Leaves and operators in one expression before it gets a name.
+/// The most leaves in one expression; a larger one becomes a named intermediate result.
 const WIDEST: usize = 14;
 
 /// How tightly an expression's outermost operator binds, in Rust and in C.
@@ -54,7 +56,7 @@ pub(super) enum Expression {
     Number(Rational),
     Pi,
     /// A leaf of the plan.
-    Leaf(Node),
+    Leaf(Leaf),
     /// What [`Statement::Let`] has named.
     Temporary(usize),
     Binary(Operator, Box<Expression>, Box<Expression>),
@@ -189,7 +191,7 @@ impl<'a> Reader<'a> {
                 (Expression::Number(value.clone()), size)
             }
             Op::Pi => (Expression::Pi, 1),
-            Op::Load(index) => (Expression::Leaf(self.plan.inputs[*index as usize].clone()), 1),
+            Op::Load(index) => (Expression::Leaf(self.plan.inputs[*index as usize]), 1),
             Op::Add(a, b) => binary(Operator::Add, a, b),
             Op::Sub(a, b) => binary(Operator::Sub, a, b),
             Op::Mul(a, b) => binary(Operator::Mul, a, b),
@@ -206,6 +208,7 @@ impl<'a> Reader<'a> {
                 let ((y, _), (x, size)) = (at(y), at(x));
                 (Expression::Atan2(y, x), size + 2)
             }
+            _ => unreachable!("invariant: every operation has its expression"),
         }
     }
 }

@@ -8,8 +8,11 @@ use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::Model;
 use tpm_symbolic::number::rational::{self, Rational};
-use tpm_symbolic::plan::estimator::{EstimatorPlan, PatternGap, PatternPlan, TablePlan};
-use tpm_symbolic::plan::straight_line::{Op, Plan};
+use tpm_symbolic::plan::estimator::EstimatorPlan;
+use tpm_symbolic::plan::operation::Op;
+use tpm_symbolic::plan::pattern::{PatternGap, PatternPlan};
+use tpm_symbolic::plan::straight_line::Plan;
+use tpm_symbolic::plan::table::TablePlan;
 use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical};
 use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
@@ -43,7 +46,7 @@ pub enum EmitError {
     /// A number of the model is beyond the scalar of the code.
     #[error("{0} is beyond single precision (about 1e-38 to 1e38); generate double precision, or choose other units")]
     OutOfScalar(String),
-    /// A prefix of names that is none.
+    /// The prefix cannot begin names of C.
     #[error(
         "`{0}` cannot begin names of C: a prefix is a letter followed by letters, digits and underscores, all ASCII, without an underscore at its end"
     )]
@@ -54,7 +57,7 @@ pub enum EmitError {
     /// Identified values are of another model, or incomplete.
     #[error("{0}")]
     Identified(#[from] IdentifiedError),
-    /// A low pass that there is none of.
+    /// The low passes of the feed-forward do not exist.
     #[error(transparent)]
     Filter(#[from] FilterError),
     /// The text could not be laid out.
@@ -105,7 +108,7 @@ impl Estimator {
             .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
     }
 
-    /// The same with a regressor form that was made elsewhere.
+    /// Everything that follows from a model and its regressor form, where the form was made elsewhere.
     ///
     /// # Errors
     /// When a number is beyond double precision.

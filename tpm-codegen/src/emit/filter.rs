@@ -33,8 +33,9 @@ pub struct Filters {
     pub independent: Option<LowPass>,
 }
 
-/// Why there is no such filter.
+/// Why a low pass does not exist.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum FilterError {
     /// A value is not positive.
     #[error("the {0} of a low pass must be positive")]
@@ -100,7 +101,7 @@ impl LowPass {
 }
 
 impl Filters {
-    /// Whether there are such filters.
+    /// Checks that both filters exist.
     ///
     /// # Errors
     /// [`FilterError`].
@@ -127,9 +128,9 @@ impl Filters {
         }
     }
 
-    /// What passes the low pass of [`dependent`](Self::dependent).
+    /// In words, the part of the feed-forward that the filter [`dependent`](Self::dependent) is for.
     pub(super) const DEPENDENT: &str = "the motion-dependent part, or of all of it";
-    /// What passes the low pass of [`independent`](Self::independent).
+    /// In words, the part of the feed-forward that the filter [`independent`](Self::independent) is for.
     pub(super) const INDEPENDENT: &str = "the motion-independent part";
 
     /// What the documentation of one of them says.

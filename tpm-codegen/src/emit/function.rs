@@ -5,13 +5,15 @@
 use num_traits::Zero;
 use std::collections::BTreeSet;
 use tpm_symbolic::algebra::fourier::Trig;
-use tpm_symbolic::algebra::linear;
-use tpm_symbolic::expr::graph::{ExprId, Function as Elementary, Graph, Node, Symbol};
+use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::harmonic::table::Entry;
-use tpm_symbolic::mechanics::model::Kind;
-use tpm_symbolic::number::rational::{self, Rational};
-use tpm_symbolic::plan::estimator::{Leaf, PatternPlan, TablePlan, Unlumping, entry_formula};
-use tpm_symbolic::plan::straight_line::{Merger, Op, Plan};
+use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::lumping::Unlumping;
+use tpm_symbolic::plan::operation::Op;
+use tpm_symbolic::plan::pattern::{PatternPlan, PseudoInverse};
+use tpm_symbolic::plan::straight_line::{Merger, Plan};
+use tpm_symbolic::plan::table::{TablePlan, entry_formula, table_symbol};
 use tpm_symbolic::regressor::form::canonical;
 
 use super::code::{Base, Expression, Place, Reader, Statement, Table, Term};
@@ -60,15 +62,15 @@ pub(super) struct Reads {
 impl Reads {
     fn of(estimator: &Estimator, plan: &Plan) -> Self {
         let mut reads = Self::default();
-        for node in plan.inputs.iter().filter(|node| harmonic_leaf(node).is_none()) {
-            match estimator.plan.leaves.leaf(node) {
+        for leaf in &plan.inputs {
+            match *leaf {
                 Leaf::Motion(..) => reads.motion = true,
                 Leaf::Column(_) => reads.parameters = true,
                 Leaf::Cos => reads.cos = true,
                 Leaf::Sin => reads.sin = true,
-                // Every sample has all of them.
-                Leaf::Signal(_) => {}
                 Leaf::Symbol(symbol) => reads.symbol(estimator, symbol),
+                // Samples and harmonics are arguments of every function that has any use for them.
+                _ => {}
             }
         }
         reads
@@ -419,98 +421,10 @@ pub(super) fn known_harmonics(estimator: &Estimator, table: &TablePlan) -> Optio
     Some(Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) })
 }
 
-/// The first of the virtual symbols that stand for given harmonics, behind all other symbols.
-const HARMONIC_SYMBOLS: u32 = 1 << 31;
-
-/// The row of the table whose harmonic a leaf stands for.
-pub(super) fn harmonic_leaf(node: &Node) -> Option<usize> {
-    match *node {
-        Node::Symbol(Symbol(index)) => index.checked_sub(HARMONIC_SYMBOLS).map(|row| row as usize),
-        _ => None,
-    }
-}
-
-/// The parameters from harmonics by the exact pseudo-inverse of the matrix of numbers: where every column of the estimator
-/// matrix has one scale, all of its entries are numbers times that, B Lambda = B diag(s), so that the pseudo-inverse
-/// diag(1/s) (B^T B)^-1 B^T has exact constants. `None` where it is not so, or the columns depend on each other.
-pub(super) fn direct(estimator: &Estimator, table: &TablePlan) -> Option<Function> {
-    type Scale = (Vec<(usize, i32)>, Vec<usize>, i32);
-    let (rows, columns) = (table.rows.len(), estimator.form.columns.len());
-    if table.places.iter().any(|(_, column)| column.is_none()) || table.places.len() > STRAIGHT_LINE_ENTRIES {
-        return None;
-    }
-    let mut matrix = vec![vec![rational::integer(0); columns]; rows];
-    let mut scales: Vec<Option<Scale>> = vec![None; columns];
-    for entry in table.table.entries() {
-        let (row, column) = (row_of(table, &entry), entry.column?);
-        let powers = entry.powers.factors().map(|(&symbol, power)| (symbol, power)).collect();
-        let signs = entry.sign.factors().filter(|(_, power)| power % 2 != 0).map(|(&symbol, _)| symbol).collect();
-        let scale: Scale = (powers, signs, entry.pi);
-        match &scales[column] {
-            Some(present) if *present != scale => return None,
-            _ => scales[column] = Some(scale),
-        }
-        matrix[row][column] += &entry.coefficient;
-    }
-    let product = |a: usize, b: usize| matrix.iter().map(|row| &row[a] * &row[b]).sum::<Rational>();
-    let mut normal: Vec<Vec<Rational>> = (0..columns)
-        .map(|a| (0..columns).map(|b| product(a, b)).chain(matrix.iter().map(|row| row[a].clone())).collect())
-        .collect();
-    // Reduced to the identity, what stands behind it is the pseudo-inverse.
-    if linear::reduce(&mut normal) != (0..columns).collect::<Vec<usize>>() {
-        return None;
-    }
-    let symbol = |index: usize| Symbol(u32::try_from(index).expect("invariant: symbols are 32 bits"));
-    let mut graph = Graph::new();
-    let value = |graph: &mut Graph, index: usize| match &estimator.model.quantity(symbol(index)).kind {
-        Kind::Constant { value: Some(value) } => graph.number(value.clone()),
-        _ => graph.symbol(symbol(index)),
-    };
-    let mut roots: Vec<ExprId> = Vec::with_capacity(columns);
-    let mut formulas = Vec::with_capacity(columns);
-    for (column, (scale, inverse)) in scales.into_iter().zip(&normal).enumerate() {
-        let (powers, signs, pi) = scale?;
-        let mut terms = Vec::new();
-        let mut formula = Vec::new();
-        for (row, factor) in inverse[columns..].iter().enumerate().filter(|(_, factor)| !factor.is_zero()) {
-            let row_symbol = Symbol(HARMONIC_SYMBOLS + u32::try_from(row).expect("invariant: rows are few"));
-            let harmonic = graph.symbol(row_symbol);
-            terms.push(graph.scale(harmonic, factor.clone()));
-            let (equation, harmonic, function) = table.rows[row];
-            let name = harmonic_name(harmonic, function);
-            formula.push(format!("{}*{}.{name}", rational::display(factor), table.table.equations[equation]));
-        }
-        let mut factors = vec![graph.sum(&terms)];
-        let mut divisors = Vec::new();
-        for (index, power) in powers {
-            let base = value(&mut graph, index);
-            factors.push(graph.pow(base, -power));
-            let name = &table.table.symbols[index];
-            divisors.push(if power == 1 { name.to_string() } else { format!("{name}^{power}") });
-        }
-        for index in signs {
-            // A sign is its own inverse.
-            let base = value(&mut graph, index);
-            factors.push(graph.function(Elementary::Sign, base));
-            divisors.push(format!("sign({})", table.table.symbols[index]));
-        }
-        if pi != 0 {
-            let base = graph.pi();
-            factors.push(graph.pow(base, -pi));
-            divisors.push(format!("pi^{pi}"));
-        }
-        roots.push(graph.product(&factors));
-        let name = &estimator.form.columns[column].name;
-        let sum = formula.join(" + ").replace("+ -", "- ");
-        let sum = if sum.len() > 240 { "the exact sum".to_owned() } else { format!("({sum})") };
-        let divisors = divisors.join("*");
-        formulas.push(if divisors.is_empty() {
-            format!("{name} = {sum}")
-        } else {
-            format!("{name} = {sum}/({divisors})")
-        });
-    }
-    let plan = Plan::new(&graph, &roots);
+/// The parameters from harmonics by the exact pseudo-inverse; `None` where there is none, or single precision does not hold its
+/// numbers.
+pub(super) fn direct(estimator: &Estimator, pattern: &PatternPlan, table: &TablePlan) -> Option<Function> {
+    let inverse = pattern.pseudo_inverse.as_ref()?;
     let fits = |op: &Op| match op {
         Op::Constant(value) => {
             let single = Rounded::new(value).single;
@@ -518,14 +432,14 @@ pub(super) fn direct(estimator: &Estimator, table: &TablePlan) -> Option<Functio
         }
         _ => true,
     };
-    if !plan.ops.iter().all(fits) {
+    if !inverse.plan.ops.iter().all(fits) {
         return None;
     }
-    let mut reader = Reader::new(&plan);
+    let mut reader = Reader::new(&inverse.plan);
     let mut statements = Vec::new();
-    for (index, formula) in formulas.into_iter().enumerate() {
+    for index in 0..inverse.numbers.len() {
         let (needed, value) = reader.output(index);
-        statements.push(Statement::Comment(formula));
+        statements.push(Statement::Comment(direct_formula(estimator, table, inverse, index)));
         statements.extend(needed);
         statements.push(Statement::Store(Place::Value(index), value));
     }
@@ -533,14 +447,35 @@ pub(super) fn direct(estimator: &Estimator, table: &TablePlan) -> Option<Functio
         "The parameters for which the harmonics of the pattern's own forces are `effort`, in the sense of least squares: the\n\
          exact pseudo-inverse of the numbers in the estimator matrix, each rounded once, over the scales of its columns. No\n\
          amplitude or frequency may be zero.{}",
-        text::operations(&plan)
+        text::operations(&inverse.plan)
     );
-    Some(Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) })
+    Some(Function { about, reads: Reads::of(estimator, &inverse.plan), body: Body::Stores(statements) })
 }
 
-fn row_of(table: &TablePlan, entry: &Entry) -> usize {
-    let found = table.rows.iter().position(|row| *row == (entry.equation, entry.harmonic, entry.function));
-    found.expect("invariant: every entry has its row")
+/// `m = (-2*u.cos1 - ...)/(lambda*w^2)`: a parameter as the pseudo-inverse gives it.
+fn direct_formula(estimator: &Estimator, table: &TablePlan, inverse: &PseudoInverse, column: usize) -> String {
+    let (factors, scale) = (&inverse.numbers[column], &inverse.scales[column]);
+    let mut terms = Vec::new();
+    for (row, factor) in factors.iter().enumerate().filter(|(_, factor)| !factor.is_zero()) {
+        let (equation, harmonic, function) = table.rows[row];
+        let name = harmonic_name(harmonic, function);
+        terms.push(format!("{}*{}.{name}", rational::display(factor), table.table.equations[equation]));
+    }
+    let name_of = |symbol: Symbol| &estimator.model.quantity(symbol).name;
+    let mut divisors = Vec::new();
+    for &(symbol, power) in &scale.powers {
+        let name = name_of(symbol);
+        divisors.push(if power == 1 { name.to_string() } else { format!("{name}^{power}") });
+    }
+    divisors.extend(scale.signs.iter().map(|&symbol| format!("sign({})", name_of(symbol))));
+    if scale.pi != 0 {
+        divisors.push(format!("pi^{}", scale.pi));
+    }
+    let name = &estimator.form.columns[column].name;
+    let sum = terms.join(" + ").replace("+ -", "- ");
+    let sum = if sum.len() > 240 { "the exact sum".to_owned() } else { format!("({sum})") };
+    let divisors = divisors.join("*");
+    if divisors.is_empty() { format!("{name} = {sum}") } else { format!("{name} = {sum}/({divisors})") }
 }
 
 /// Where the sum of every row stands: those of cosines, then those of sines, so that neighbours are computed alike.
@@ -563,7 +498,7 @@ pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Stat
 
 /// The terms of a table that belong somewhere, with the bases of their powers.
 fn looped(table: &TablePlan, place: impl Fn(usize, &Entry) -> Option<Place>) -> Table {
-    let entries = table.table.entries().filter_map(|entry| Some((place(row_of(table, &entry), &entry)?, entry)));
+    let entries = table.table.entries().filter_map(|entry| Some((place(table.row_of(&entry), &entry)?, entry)));
     let entries: Vec<(Place, Entry)> = entries.collect();
     let mut bases: BTreeSet<(bool, Option<usize>)> = BTreeSet::new();
     for (_, entry) in &entries {
@@ -588,18 +523,12 @@ fn looped(table: &TablePlan, place: impl Fn(usize, &Entry) -> Option<Place>) -> 
         Some(symbol) => table.table.symbols[symbol].to_string(),
     });
     let order = order.collect::<Vec<String>>().join(", ");
-    let symbol = |index: usize| Symbol(u32::try_from(index).expect("invariant: symbols are 32 bits"));
     let bases = bases.iter().map(|&(sign, index)| match index {
         None => Base::Pi,
-        Some(index) if sign => Base::Sign(symbol(index)),
-        Some(index) => Base::Symbol(symbol(index)),
+        Some(index) if sign => Base::Sign(table_symbol(index)),
+        Some(index) => Base::Symbol(table_symbol(index)),
     });
     Table { bases: bases.collect(), terms, order }
-}
-
-/// The leaf of a symbol, as plans spell it.
-pub(super) fn symbol_leaf(symbol: Symbol) -> Node {
-    Node::Symbol(symbol)
 }
 
 /// A table row as text: `u, cos 3`.

@@ -5,7 +5,8 @@
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 use tpm_symbolic::mechanics::model::Model;
-use tpm_symbolic::plan::estimator::{EstimatorPlan, PatternPlan};
+use tpm_symbolic::plan::estimator::EstimatorPlan;
+use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::regressor::form::RegressorForm;
 
 use super::name::{Language, Namer, is_snake, snake};
@@ -113,7 +114,7 @@ impl Names<String> {
         Self { model_type, module, coordinates, columns, constants, inputs, physical, rows, patterns, unusual }
     }
 
-    /// The same names in another form.
+    /// All names, each converted by `form`.
     pub(super) fn map<N>(&self, form: impl Fn(&str) -> N) -> Names<N> {
         let pairs = |list: &[(Symbol, String)]| list.iter().map(|(symbol, name)| (*symbol, form(name))).collect();
         Names {

@@ -18,8 +18,7 @@ use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 use std::cell::RefCell;
 use std::str::FromStr;
-use tpm_symbolic::expr::graph::Node;
-use tpm_symbolic::plan::estimator::Leaf;
+use tpm_symbolic::plan::leaf::Leaf;
 
 use super::estimator::{Estimator, Identified};
 use super::filter::Filters;
@@ -96,8 +95,8 @@ impl<'a> Context<'a> {
     }
 
     /// How a leaf is spelled; `owner` holds the symbols that are not constants.
-    fn leaf(&self, node: &Node, owner: &Ident, fields: &[(tpm_symbolic::expr::graph::Symbol, Ident)]) -> TokenStream {
-        match self.estimator.plan.leaves.leaf(node) {
+    fn leaf(&self, leaf: &Leaf, owner: &Ident, fields: &[(tpm_symbolic::expr::graph::Symbol, Ident)]) -> TokenStream {
+        match *leaf {
             Leaf::Motion(coordinate, order) => {
                 let found = self.names.coordinates.iter().find(|names| names.coordinate == coordinate);
                 let coordinate = &found.expect("invariant: the evaluation lists its coordinates").field;
@@ -122,6 +121,7 @@ impl<'a> Context<'a> {
                 let field = &found.expect("invariant: the owner has the plan's symbols").1;
                 quote!(#owner.#field)
             }
+            _ => unreachable!("invariant: harmonics are read by the pseudo-inverse alone, which spells them itself"),
         }
     }
 

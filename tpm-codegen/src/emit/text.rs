@@ -4,8 +4,9 @@ use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::algebra::polynomial::Polynomial;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Symbol};
 use tpm_symbolic::mechanics::unit::Unit;
-use tpm_symbolic::plan::estimator::PatternPlan;
-use tpm_symbolic::plan::straight_line::{OperationCounts, Plan};
+use tpm_symbolic::plan::operation::OperationCounts;
+use tpm_symbolic::plan::pattern::PatternPlan;
+use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::form::canonical;
 
 use super::estimator::{Estimator, gaps};

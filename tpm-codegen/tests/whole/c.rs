@@ -18,7 +18,9 @@ use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::Kind;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::number::rational::Rational;
-use tpm_symbolic::plan::estimator::{PatternPlan, TablePlan, Unlumping};
+use tpm_symbolic::plan::lumping::Unlumping;
+use tpm_symbolic::plan::pattern::PatternPlan;
+use tpm_symbolic::plan::table::TablePlan;
 
 /// Roundings that any value of these models may gather.
 const ROUNDINGS: f64 = 16.0;

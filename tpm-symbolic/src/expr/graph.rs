@@ -126,6 +126,8 @@ pub enum Node {
     Symbol(Symbol),
     /// The n-th time derivative of a coordinate (0: the coordinate itself).
     Derivative(Coordinate, u32),
+    /// A leaf that is no quantity of a model: an entry of a list that whoever builds the expression keeps, by index.
+    Placeholder(u32),
     /// A sum.
     Sum(Vec<ExprId>),
     /// A product.
@@ -170,7 +172,9 @@ impl<'de> Deserialize<'de> for Graph {
 
 fn operands(node: &Node) -> impl Iterator<Item = ExprId> + '_ {
     let (list, pair): (&[ExprId], [Option<ExprId>; 2]) = match node {
-        Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) => (&[], [None, None]),
+        Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => {
+            (&[], [None, None])
+        }
         Node::Sum(list) | Node::Product(list) => (list, [None, None]),
         Node::Power(a, _) | Node::Function(_, a) => (&[], [Some(*a), None]),
         Node::Atan2(a, b) => (&[], [Some(*a), Some(*b)]),
@@ -247,6 +251,11 @@ impl Graph {
     /// The n-th time derivative of a coordinate.
     pub fn derivative_of(&mut self, coordinate: Coordinate, order: u32) -> ExprId {
         self.intern(Node::Derivative(coordinate, order))
+    }
+
+    /// A leaf that stands for entry `index` of a list that the caller keeps.
+    pub fn placeholder(&mut self, index: u32) -> ExprId {
+        self.intern(Node::Placeholder(index))
     }
 
     /// The value when the expression is a number.
@@ -496,7 +505,7 @@ impl Graph {
             stack.pop();
             let slope = match self.node(id).clone() {
                 Node::Number(_) | Node::Pi => self.integer(0),
-                Node::Symbol(_) | Node::Derivative(..) => leaf(self, id),
+                Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => leaf(self, id),
                 Node::Sum(terms) => {
                     let slopes: Vec<ExprId> = terms.iter().map(|term| memo[term]).collect();
                     self.sum(&slopes)
@@ -596,7 +605,7 @@ impl Graph {
             }
             stack.pop();
             let rebuilt = match self.node(id).clone() {
-                Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) => id,
+                Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => id,
                 Node::Sum(terms) => {
                     let terms: Vec<ExprId> = terms.iter().map(|term| memo[term]).collect();
                     self.sum(&terms)
@@ -614,7 +623,7 @@ impl Graph {
         memo[&expr]
     }
 
-    /// All leaves (symbols and derivatives of coordinates) that `expr` depends on, in increasing order.
+    /// All leaves (symbols, derivatives of coordinates, placeholders) that `expr` depends on, in increasing order.
     #[must_use]
     pub fn leaves(&self, expr: ExprId) -> Vec<ExprId> {
         let mut seen = vec![false; expr.index() + 1];
@@ -626,7 +635,10 @@ impl Graph {
         }
         (0..=expr.0)
             .map(ExprId)
-            .filter(|id| seen[id.index()] && matches!(self.node(*id), Node::Symbol(_) | Node::Derivative(..)))
+            .filter(|id| {
+                seen[id.index()]
+                    && matches!(self.node(*id), Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_))
+            })
             .collect()
     }
 
@@ -653,7 +665,7 @@ impl Graph {
             let value = match self.node(id) {
                 Node::Number(value) => rational::to_f64(value),
                 Node::Pi => std::f64::consts::PI,
-                node @ (Node::Symbol(_) | Node::Derivative(..)) => leaf(node),
+                node @ (Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_)) => leaf(node),
                 Node::Sum(terms) => terms.iter().map(at).sum(),
                 Node::Product(factors) => factors.iter().map(at).product(),
                 Node::Power(base, exponent) => at(base).powi(*exponent),
@@ -687,7 +699,7 @@ impl Graph {
             let value = match &self.nodes[i] {
                 Node::Number(value) => value.clone(),
                 Node::Pi | Node::Atan2(..) => return None,
-                node @ (Node::Symbol(_) | Node::Derivative(..)) => leaf(node)?,
+                node @ (Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_)) => leaf(node)?,
                 Node::Sum(terms) => terms.iter().map(at).sum(),
                 Node::Product(factors) => factors.iter().map(at).product(),
                 Node::Power(base, exponent) => {
@@ -897,6 +909,7 @@ impl Graph {
             }
             Node::Pi => out.push_str("pi"),
             Node::Symbol(symbol) => out.push_str(&names.symbol_name(*symbol)),
+            Node::Placeholder(index) => out.push_str(&format!("#{index}")),
             Node::Derivative(coordinate, order) => {
                 let name = names.coordinate_name(*coordinate);
                 match order {

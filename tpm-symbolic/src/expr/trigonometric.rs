@@ -40,7 +40,7 @@ pub fn normal_all(graph: &mut Graph, exprs: &[ExprId]) -> Vec<Polynomial<ExprId>
     for id in needed {
         let value = match graph.node(id).clone() {
             Node::Number(value) => Polynomial::constant(value),
-            Node::Pi | Node::Symbol(_) | Node::Derivative(..) => Polynomial::variable(id),
+            Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => Polynomial::variable(id),
             Node::Sum(terms) => terms.iter().fold(Polynomial::zero(), |mut sum, term| {
                 sum.add_assign(&memo[term]);
                 sum

@@ -86,7 +86,7 @@ impl<A: Analytic> Jets<'_, A> {
                 let value = self.domain.number(value);
                 self.constant(value)
             }
-            Node::Pi | Node::Symbol(_) | Node::Derivative(..) => {
+            Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => {
                 let value = self.domain.leaf(node, id)?;
                 self.constant(value)
             }

@@ -215,7 +215,7 @@ pub fn truncate(model: &mut Model, expansions: &[Expansion]) -> Result<Vec<Trunc
 /// Whether a power of an atom depends on one of the coordinates and is not a polynomial.
 fn is_infinite(model: &Model, atom: ExprId, exponent: i32, expansions: &[Expansion]) -> bool {
     match model.graph.node(atom) {
-        Node::Number(_) | Node::Pi | Node::Symbol(_) => false,
+        Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Placeholder(_) => false,
         Node::Derivative(coordinate, order) => {
             exponent < 0 && *order == 0 && expansions.iter().any(|e| e.coordinate == *coordinate)
         }

@@ -10,9 +10,10 @@
 //! Invariant: M is formed exactly, entry by entry, before any number is rounded: a small mass beside a large spring force
 //! loses no digits. Nothing is solved symbolically.
 
-use crate::expr::graph::{ExprId, Graph, Node, Symbol};
-use crate::mechanics::model::Model;
-use crate::plan::evaluation::Entries;
+use crate::expr::graph::{ExprId, Graph, Node};
+use crate::plan::draft::Draft;
+use crate::plan::entries::Entries;
+use crate::plan::leaf::Leaf;
 use crate::plan::straight_line::Plan;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -20,17 +21,18 @@ use std::collections::HashMap;
 /// The plan of M and of the right-hand side.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Dynamics {
-    /// What stands for the parameters theta, one symbol per column of the regressor, none of them the model's.
-    pub parameters: Vec<Symbol>,
     /// M, rows times coordinates, row-major, then the right-hand side, one entry per row. Its leaves are derivatives of
-    /// coordinates below the highest ones, run-time constants, inputs and [`parameters`](Self::parameters).
+    /// coordinates below the highest ones, run-time constants, inputs, and the parameters theta as
+    /// [`Leaf::Column`].
     pub plan: Plan,
 }
 
 impl Dynamics {
     /// `None` where the rows are not as many as the coordinates, or not written as affine in the highest derivatives.
-    pub(crate) fn new(model: &Model, entries: &mut Entries) -> Option<Self> {
+    pub(crate) fn new(entries: Entries) -> Option<Self> {
         let Entries { graph, coordinates, inputs, regressor, known, input_map } = entries;
+        let mut draft = Draft::new(graph);
+        let graph = &mut draft.graph;
         let rows = known.len();
         if rows != coordinates.len() || rows == 0 {
             return None;
@@ -38,15 +40,13 @@ impl Dynamics {
         let highest: Vec<ExprId> =
             coordinates.iter().map(|&(coordinate, order)| graph.derivative_of(coordinate, order)).collect();
         let degrees = Degrees::new(graph, &highest);
-        let affine = regressor.iter().chain(&*known).all(|&entry| degrees.of(entry).is_some_and(|degree| degree <= 1));
+        let affine = regressor.iter().chain(&known).all(|&entry| degrees.of(entry).is_some_and(|degree| degree <= 1));
         if !affine || input_map.iter().any(|&entry| degrees.of(entry) != Some(0)) {
             return None;
         }
         let columns = regressor.len() / rows;
-        let first = model.symbols.len();
-        let parameters: Vec<Symbol> =
-            (first..first + columns).map(|at| u32::try_from(at).ok().map(Symbol)).collect::<Option<_>>()?;
-        let theta: Vec<ExprId> = parameters.iter().map(|&symbol| graph.symbol(symbol)).collect();
+        let theta: Vec<ExprId> = (0..columns).map(|column| draft.leaf(Leaf::Column(column))).collect();
+        let graph = &mut draft.graph;
         let zero = graph.integer(0);
         let rest: HashMap<ExprId, ExprId> = highest.iter().map(|&leaf| (leaf, zero)).collect();
         let (mut matrix, mut right) = (Vec::with_capacity(rows * rows), Vec::with_capacity(rows));
@@ -66,14 +66,14 @@ impl Dynamics {
             }
             let bias = of_row(graph, &mut |graph, entry| graph.substitute(entry, &rest));
             let mut terms = vec![graph.neg(bias)];
-            for (&factor, &input) in input_map[row * inputs.len()..].iter().zip(&*inputs) {
+            for (&factor, &input) in input_map[row * inputs.len()..].iter().zip(&inputs) {
                 let input = graph.symbol(input);
                 terms.push(graph.mul(factor, input));
             }
             right.push(graph.sum(&terms));
         }
         matrix.append(&mut right);
-        Some(Self { parameters, plan: Plan::new(graph, &matrix) })
+        Some(Self { plan: draft.plan(&matrix) })
     }
 }
 
@@ -108,10 +108,12 @@ impl Degrees {
 
 #[cfg(test)]
 mod tests {
-    use crate::expr::graph::{Function, Node};
+    use super::Dynamics;
+    use crate::expr::graph::Function;
     use crate::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
     use crate::number::rational::{self, Rational};
-    use crate::plan::evaluation::Evaluation;
+    use crate::plan::entries::Entries;
+    use crate::plan::leaf::Leaf;
     use crate::regressor::form::regressor_form;
 
     /// An arm whose inertia depends on its angle, a cart that couples to it, and a term of degree `power` in the acceleration:
@@ -151,22 +153,19 @@ mod tests {
     fn the_matrix_and_the_right_hand_side_are_those_of_the_rows() {
         let model = model(1, false);
         let form = regressor_form(&model).expect("linear in the parameters");
-        let (_, dynamics) = Evaluation::with_dynamics(&model, &form);
-        let dynamics = dynamics.expect("affine in the accelerations");
+        let dynamics = Dynamics::new(Entries::new(&model, &form)).expect("affine in the accelerations");
         // J, m, k = 5, 7, 11; c = 2; q1, q2 = 1/2, 1/3; q2' = 4; u = 9.
-        let value = |node: &Node| -> Option<Rational> {
-            Some(match *node {
-                Node::Derivative(q, 0) => rational::ratio(1, 2 + i64::from(q.0)),
-                Node::Derivative(_, 1) => rational::ratio(4, 1),
-                Node::Symbol(symbol) => match dynamics.parameters.iter().position(|own| *own == symbol) {
-                    Some(column) => match &*form.columns[column].name {
-                        "J" => rational::ratio(5, 1),
-                        "m" => rational::ratio(7, 1),
-                        _ => rational::ratio(11, 1),
-                    },
-                    None if &*model.quantity(symbol).name == "c" => rational::ratio(2, 1),
-                    None => rational::ratio(9, 1),
+        let value = |leaf: &Leaf| -> Option<Rational> {
+            Some(match *leaf {
+                Leaf::Motion(q, 0) => rational::ratio(1, 2 + i64::from(q.0)),
+                Leaf::Motion(_, 1) => rational::ratio(4, 1),
+                Leaf::Column(column) => match &*form.columns[column].name {
+                    "J" => rational::ratio(5, 1),
+                    "m" => rational::ratio(7, 1),
+                    _ => rational::ratio(11, 1),
                 },
+                Leaf::Symbol(symbol) if &*model.quantity(symbol).name == "c" => rational::ratio(2, 1),
+                Leaf::Symbol(_) => rational::ratio(9, 1),
                 _ => return None,
             })
         };
@@ -187,7 +186,7 @@ mod tests {
     fn rows_that_are_not_affine_in_the_accelerations_have_none() {
         for model in [model(2, false), model(-1, false), model(1, true)] {
             let form = regressor_form(&model).expect("linear in the parameters");
-            assert_eq!(Evaluation::with_dynamics(&model, &form).1, None);
+            assert_eq!(Dynamics::new(Entries::new(&model, &form)), None);
         }
     }
 }

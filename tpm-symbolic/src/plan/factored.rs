@@ -9,8 +9,9 @@
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Graph};
 use crate::mechanics::model::{Kind, Model};
-use crate::plan::evaluation::substitute_values;
-use crate::plan::straight_line::{OperationCounts, Plan};
+use crate::plan::constants::substitute_values;
+use crate::plan::operation::OperationCounts;
+use crate::plan::straight_line::Plan;
 use crate::regressor::form::RegressorForm;
 use num_traits::Zero;
 use std::collections::HashMap;

@@ -1,9 +1,20 @@
 //! Straight-line plans: what interpreter and writers execute, operation by operation, with exact constants.
 
+pub mod bank;
+mod compile;
+mod constants;
+mod draft;
 pub mod dynamics;
+mod entries;
 pub mod estimator;
 pub mod evaluation;
 mod factored;
+pub mod leaf;
+pub mod lumping;
+pub mod operation;
+pub mod pattern;
+mod reference;
 mod sharing;
 pub mod split;
 pub mod straight_line;
+pub mod table;

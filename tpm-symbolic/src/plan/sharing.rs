@@ -11,11 +11,11 @@ use crate::number::rational::Rational;
 use num_traits::{One, Signed};
 use std::collections::{HashMap, HashSet};
 
-/// Powers beyond this stay squares of squares.
+/// The highest power whose base is a repeated factor; higher powers are computed by squaring.
 const HIGHEST_POWER: i32 = 8;
-/// Twos that are taken out of a coefficient at most.
+/// The most factors of two that are taken out of a coefficient.
 const MOST_TWOS: usize = 3;
-/// More products are left as they are: searching for pairs takes time by their number for every pair that is found.
+/// The most products among which shared pairs are searched for; every pair that is found takes a pass over all of them.
 const MOST_PRODUCTS: usize = 2000;
 
 /// A factor of a product.
@@ -74,7 +74,7 @@ impl SharedProducts {
         self.pairs[index]
     }
 
-    /// What a pair doubles, when more than one product is made of it: of a single product the two is a factor as any other.
+    /// The atom that a pair doubles, when several products contain the pair; in a single product the factor two stays a factor.
     pub(crate) fn doubled(&self, index: usize) -> Option<Atom> {
         match self.pairs[index] {
             (Atom::Two, single) if self.places[index] > 1 => Some(single),
@@ -82,7 +82,7 @@ impl SharedProducts {
         }
     }
 
-    /// What of a positive coefficient is no atom.
+    /// The part of a positive coefficient that is left when its twos have become atoms.
     pub(crate) fn rest(&self, value: &Rational) -> Rational {
         (0..twos(value)).fold(value.clone(), |value, _| value / Rational::from_integer(2.into()))
     }
@@ -156,7 +156,7 @@ fn places_of(atoms: &[Atom], a: Atom, b: Atom) -> Option<(usize, usize)> {
     Some((first.min(second), first.max(second)))
 }
 
-/// The twos of a coefficient: its power, when it is one of the small powers of two.
+/// The exponent of a coefficient that is a small power of two; zero for every other coefficient.
 fn twos(value: &Rational) -> usize {
     let mut left = value.abs();
     for count in 0..=MOST_TWOS {
@@ -168,7 +168,7 @@ fn twos(value: &Rational) -> usize {
     0
 }
 
-/// The factors of a node: none for what is no product and no whole power.
+/// The factors of a product or of a positive whole power; nothing for any other node.
 fn atoms(graph: &Graph, id: ExprId) -> Vec<Atom> {
     let power = |id: ExprId, atoms: &mut Vec<Atom>| match graph.node(id) {
         Node::Power(_, exponent) if *exponent < 0 => {}
@@ -190,44 +190,4 @@ fn atoms(graph: &Graph, id: ExprId) -> Vec<Atom> {
         _ => {}
     }
     atoms
-}
-
-#[cfg(test)]
-mod tests {
-    use super::SharedProducts;
-    use crate::expr::graph::{Graph, Symbol};
-    use crate::number::rational::{Rational, integer, ratio};
-    use crate::plan::straight_line::Plan;
-
-    #[test]
-    fn parts_are_shared_and_values_stay() {
-        let mut graph = Graph::new();
-        let [s, a, b] = [0, 1, 2].map(|index| graph.symbol(Symbol(index)));
-        let squared = graph.pow(s, 2);
-        let product = |graph: &mut Graph, value: Rational, factors: &[crate::expr::graph::ExprId]| {
-            let whole = graph.product(factors);
-            graph.scale(whole, value)
-        };
-        // 2 s a, 2 s^2 a, 4 s b, 3 s^2 b, s^2: 2 s and s^2 or the like are computed once.
-        let roots = [
-            product(&mut graph, integer(2), &[s, a]),
-            product(&mut graph, integer(2), &[squared, a]),
-            product(&mut graph, integer(-4), &[s, b]),
-            product(&mut graph, ratio(3, 7), &[squared, b]),
-            squared,
-        ];
-        let plan = Plan::new(&graph, &roots);
-        assert!(plan.counts().multiplications <= 8, "{:?}", plan.counts());
-        let values = [ratio(5, 3), ratio(-2, 7), ratio(11, 4)];
-        let leaf = |node: &crate::expr::graph::Node| match node {
-            crate::expr::graph::Node::Symbol(Symbol(index)) => Some(values[*index as usize].clone()),
-            _ => None,
-        };
-        let [s, a, b] = values.clone();
-        let two = integer(2);
-        let expected =
-            vec![&two * &s * &a, &two * &s * &s * &a, integer(-4) * &s * &b, ratio(3, 7) * &s * &s * &b, &s * &s];
-        assert_eq!(plan.evaluate_exact(leaf), Some(expected));
-        assert!(SharedProducts::of(&graph, &[]).atoms(roots[0]).is_none());
-    }
 }

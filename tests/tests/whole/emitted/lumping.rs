@@ -3,18 +3,18 @@
 use super::{dyadic, estimator, exact, runner};
 use proptest::prelude::*;
 use tpm_models as models;
-use tpm_symbolic::expr::graph::Node;
 use tpm_symbolic::number::rational::{self, Rational};
-use tpm_symbolic::plan::estimator::Leaf;
-use tpm_symbolic::plan::straight_line::{Op, Plan};
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::operation::{Op, Slot};
+use tpm_symbolic::plan::straight_line::Plan;
 
 /// Values of a plan, exactly, each with a bound of what rounding every operation once makes of it, to first order and in units
 /// of half the precision; `None` where something is divided by zero.
-fn with_rounding(plan: &Plan, mut leaf: impl FnMut(&Node) -> Rational) -> Option<Vec<(Rational, Rational)>> {
+fn with_rounding(plan: &Plan, mut leaf: impl FnMut(&Leaf) -> Rational) -> Option<Vec<(Rational, Rational)>> {
     let mut known: Vec<(Rational, Rational)> = Vec::with_capacity(plan.ops.len());
     let zero = || rational::integer(0);
     for op in &plan.ops {
-        let at = |slot: &tpm_symbolic::plan::straight_line::Slot| &known[slot.index()];
+        let at = |slot: &Slot| &known[slot.index()];
         let (value, handed_on) = match op {
             Op::Constant(value) => (value.clone(), zero()),
             Op::Load(index) => {
@@ -40,7 +40,7 @@ fn with_rounding(plan: &Plan, mut leaf: impl FnMut(&Node) -> Rational) -> Option
                 known.push((-&at(a).0, at(a).1.clone()));
                 continue;
             }
-            Op::Pi | Op::Function(..) | Op::Atan2(..) => unreachable!("a rational function"),
+            _ => unreachable!("a rational function"),
         };
         let rounding = handed_on + rational::abs(&value);
         known.push((value, rounding));
@@ -59,7 +59,7 @@ fn check_unlump(file: &str, double: &dyn Fn(&[f64]) -> Vec<f64>, single: &dyn Fn
     let parameters: Vec<_> = estimator.model.parameters().collect();
     let checked = std::cell::Cell::new(0);
     let result = runner(64).run(&dyadic(parameters.len()), |physical| {
-        let columns = lumping.evaluate_exact(|node| match plan.leaves.leaf(node) {
+        let columns = lumping.evaluate_exact(|leaf| match *leaf {
             Leaf::Symbol(symbol) => parameters.iter().position(|own| *own == symbol).map(|i| exact(physical[i])),
             _ => None,
         });
@@ -69,7 +69,7 @@ fn check_unlump(file: &str, double: &dyn Fn(&[f64]) -> Vec<f64>, single: &dyn Fn
         let found = [double(&of_double), single(&of_single).iter().map(|value| f64::from(*value)).collect()];
         let given = [of_double, of_single.iter().map(|value| f64::from(*value)).collect()];
         for ((found, given), epsilon) in found.iter().zip(&given).zip([f64::EPSILON, f64::from(f32::EPSILON)]) {
-            let bounds = with_rounding(&back.plan, |node| match plan.leaves.leaf(node) {
+            let bounds = with_rounding(&back.plan, |leaf| match *leaf {
                 Leaf::Column(column) => exact(given[column]),
                 _ => unreachable!("no constant in these models"),
             });
@@ -137,8 +137,8 @@ fn lumped_parameters_follow_from_the_physical_ones() {
     let mut runner = runner(128);
     let count = estimator.model.parameters().count();
     let result = runner.run(&(dyadic(count), dyadic(plan.evaluation.constants.len())), |(physical, constants)| {
-        let values = lumping.evaluate_exact(|node| match plan.leaves.leaf(node) {
-            tpm_symbolic::plan::estimator::Leaf::Symbol(symbol) => {
+        let values = lumping.evaluate_exact(|leaf| match *leaf {
+            Leaf::Symbol(symbol) => {
                 let own = estimator.model.parameters().position(|present| present == symbol);
                 let constant = plan.evaluation.constants.iter().position(|present| *present == symbol);
                 own.map(|i| physical[i]).or(constant.map(|i| constants[i])).map(exact)

@@ -1,8 +1,11 @@
 //! Solutions of emitted estimators: their covariance, and the exact pseudo-inverse.
 
-use super::{dyadic, estimator, runner};
+use super::{dyadic, estimator, exact, runner};
 use proptest::prelude::*;
 use tpm_models as models;
+use tpm_runtime::interpret::InterpretedInverse;
+use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::leaf::Leaf;
 
 /// Harmonics with deviations: parameters, covariance and residual beside the normal equations by hand; and inputs with the
 /// regressor in one call.
@@ -71,4 +74,52 @@ fn the_exact_pseudo_inverse_is_folded_into_constants() {
         &tpm_codegen::generate::Options::new(tpm_codegen::generate::Language::Rust, "test"),
     );
     assert!(!text.expect("whole")[0].text.contains("parameters_direct"));
+}
+
+/// The interpreted pseudo-inverse does what the compiled one does, operation by operation, and rounds the exact value.
+#[test]
+fn interpreted_and_compiled_pseudo_inverses_agree() {
+    use models::{emps, mass_spring_drag as slider};
+    let estimators = ["emps.tpm", "mass_spring_drag.tpm"].map(estimator);
+    let result = runner(128).run(&(dyadic(2), dyadic(6)), |(pattern, harmonics)| {
+        let excited = |value: f64| if value.abs() < 0.25 { 0.5 } else { value };
+        let pattern: [f64; 2] = [excited(pattern[0]), excited(pattern[1])];
+        for estimator in &estimators {
+            let (plan, constants) = (&estimator.plan.patterns[0], &estimator.plan.evaluation.constants);
+            let inverse = InterpretedInverse::new(plan, constants).expect("every column has one scale");
+            let rows = plan.table.as_ref().expect("a finite table").rows.len();
+            let given: Vec<f64> = harmonics.iter().copied().cycle().take(rows).collect();
+            let mut workspace = vec![0.0; inverse.workspace_len()];
+            let mut found = vec![0.0; estimator.form.columns.len()];
+            inverse.parameters(&pattern, &[], &given, &mut workspace, &mut found).expect("lengths fit");
+            let compiled = if estimator.model.name == "MassSpringDrag" {
+                let harmonics = slider::Harmonics::from_array(given.as_slice().try_into().expect("its rows"));
+                slider::Pattern::from_array(pattern).parameters_direct(&harmonics).into_array().to_vec()
+            } else {
+                let harmonics = emps::Harmonics::from_array(given.as_slice().try_into().expect("its rows"));
+                emps::Pattern::from_array(pattern).parameters_direct(&harmonics).into_array().to_vec()
+            };
+            let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<u64>>();
+            prop_assert_eq!(bits(&found), bits(&compiled));
+            let plan = &plan.pseudo_inverse.as_ref().expect("it was interpreted").plan;
+            let amplitude = estimator.plan.patterns[0].amplitudes[0];
+            let exactly = plan.evaluate_exact(|leaf| match *leaf {
+                Leaf::Harmonic(row) => Some(exact(given[row])),
+                Leaf::Symbol(symbol) => Some(exact(pattern[usize::from(symbol != amplitude)])),
+                _ => None,
+            });
+            // Coulomb friction brings in pi, which has no exact value.
+            let Some(exactly) = exactly else {
+                prop_assert!(estimator.model.name != "MassSpringDrag", "its table is rational");
+                continue;
+            };
+            for (found, exactly) in found.iter().zip(&exactly) {
+                let expected = rational::to_f64(exactly);
+                prop_assert!((found - expected).abs() <= 1e-12 * (1.0 + expected.abs()), "{} {}", found, expected);
+            }
+            prop_assert!(inverse.parameters(&pattern, &[], &given[1..], &mut workspace, &mut [0.0; 3]).is_err());
+        }
+        Ok(())
+    });
+    result.expect("the same parameters");
 }

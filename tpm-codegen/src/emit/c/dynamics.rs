@@ -186,7 +186,7 @@ fn lump(context: &mut Context<'_>) {
     push_constants(&mut parameters, context, reads);
     parameters.push(Parameter::new(format!("{} *parameters", context.global("parameters"))));
     let writer =
-        Writer::new(context.scalar, |node| context.leaf(node, "physical->", &context.names.physical, "motion->"));
+        Writer::new(context.scalar, |leaf| context.leaf(leaf, "physical->", &context.names.physical, "motion->"));
     let body = context.statements(&statements, &writer, |place| match place {
         Place::Value(index) => format!("parameters->{}", context.names.columns[index]),
         Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
@@ -202,7 +202,7 @@ fn unlump(context: &mut Context<'_>) {
     let mut parameters = vec![Parameter::read(declaration, "parameters", reads.parameters)];
     push_constants(&mut parameters, context, reads);
     parameters.push(Parameter::new(format!("{} *physical", context.global("physical"))));
-    let writer = Writer::new(context.scalar, |node| context.leaf(node, "", &[], ""));
+    let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "", &[], ""));
     let body = context.statements(&statements, &writer, |place| match place {
         Place::Value(index) => format!("physical->{}", context.names.physical[index].1),
         Place::Entry(..) => unreachable!("invariant: the parameters are no matrix"),
@@ -254,7 +254,7 @@ fn matrix(
         // A copy: what is stored into the matrix might otherwise be the motion itself, for all the compiler knows.
         body.push_str(&statement(1, &format!("const {} at = *motion;", context.global("motion"))));
     }
-    let writer = Writer::new(context.scalar, |node| context.leaf(node, "", &[], "at."));
+    let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "", &[], "at."));
     let rows = context.names.rows.len();
     body.push_str(&context.zeros(rows, Some(columns), &stored(statements), entry));
     body.push_str(&context.statements(statements, &writer, entry));
@@ -280,7 +280,7 @@ fn values(
     }
     push_constants(&mut parameters, context, function.reads);
     parameters.push(Parameter::new(format!("{} *{result}", context.global(result))));
-    let writer = Writer::new(context.scalar, |node| context.leaf(node, "", &[], "motion->"));
+    let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "", &[], "motion->"));
     let mut body = context.statements(statements, &writer, |_| String::new());
     for (field, value) in fields.iter().zip(values) {
         body.push_str(&statement(1, &format!("{result}->{field} = {};", writer.expression(value))));
@@ -311,7 +311,7 @@ fn both(context: &mut Context<'_>, function: &Function) {
         Place::Entry(..) => entry(place),
         Place::Value(input) => format!("inputs->{}", context.names.inputs[input].1),
     };
-    let writer = Writer::new(context.scalar, |node| context.leaf(node, "", &[], "at."));
+    let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "", &[], "at."));
     body.push_str(&context.zeros(rows, Some(columns), &stored(statements), entry));
     body.push_str(&context.statements(statements, &writer, store));
     let (name, about) = (of("feed_forward_with_regressor"), context.linked(&function.about, None));

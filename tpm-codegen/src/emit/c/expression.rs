@@ -2,8 +2,9 @@
 //!
 //! Invariant: what is written binds as the expression is nested; every number is rounded once, to the scalar's precision.
 
-use tpm_symbolic::expr::graph::{Function, Node};
+use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::number::rational::{self, Rational};
+use tpm_symbolic::plan::leaf::Leaf;
 
 use super::super::code::{Expression, Level, Operator};
 use super::super::number::{Rounded, digits, digits_single};
@@ -103,7 +104,7 @@ pub(super) struct Writer<L> {
     leaf: L,
 }
 
-impl<L: Fn(&Node) -> String> Writer<L> {
+impl<L: Fn(&Leaf) -> String> Writer<L> {
     pub(super) fn new(scalar: Scalar, leaf: L) -> Self {
         Self { scalar, leaf }
     }
@@ -113,7 +114,7 @@ impl<L: Fn(&Node) -> String> Writer<L> {
         match expression {
             Expression::Number(value) => self.scalar.number(value),
             Expression::Pi => self.scalar.pi(),
-            Expression::Leaf(node) => (self.leaf)(node),
+            Expression::Leaf(leaf) => (self.leaf)(leaf),
             Expression::Temporary(index) => format!("t{index}"),
             Expression::Binary(operator, left, right) => {
                 let (left, right) = (self.at(left, operator.level()), self.at(right, operator.right()));
@@ -140,7 +141,8 @@ impl<L: Fn(&Node) -> String> Writer<L> {
         }
     }
 
-    /// In parentheses unless it binds at least as tightly as asked for; a negative number is none that stands beside others.
+    /// In parentheses unless it binds at least as tightly as `level`; a negative number is always in parentheses, so that no
+    /// operator stands before its sign.
     pub(super) fn at(&self, expression: &Expression, level: Level) -> String {
         let text = self.expression(expression);
         if expression.level() >= level && !(text.starts_with('-') && expression.level() == Level::Atom) {
@@ -155,13 +157,15 @@ impl<L: Fn(&Node) -> String> Writer<L> {
 mod tests {
     use super::super::super::code::Reader;
     use super::{Scalar, Writer};
-    use tpm_symbolic::expr::graph::{Function, Node, Symbol};
+    use tpm_symbolic::expr::graph::{Function, Symbol};
     use tpm_symbolic::number::rational::{integer, ratio};
-    use tpm_symbolic::plan::straight_line::{Merger, Op, Plan};
+    use tpm_symbolic::plan::leaf::Leaf;
+    use tpm_symbolic::plan::operation::Op;
+    use tpm_symbolic::plan::straight_line::{Merger, Plan};
 
     fn write(plan: &Plan, scalar: Scalar) -> Vec<String> {
-        let writer = Writer::new(scalar, |node: &Node| match node {
-            Node::Symbol(Symbol(0)) => "a".to_owned(),
+        let writer = Writer::new(scalar, |leaf: &Leaf| match leaf {
+            Leaf::Symbol(Symbol(0)) => "a".to_owned(),
             _ => "b".to_owned(),
         });
         Reader::new(plan).outputs().1.iter().map(|value| writer.expression(value)).collect()
@@ -170,8 +174,8 @@ mod tests {
     #[test]
     fn parentheses_keep_the_order_of_operations() {
         let mut merger = Merger::default();
-        let a = merger.load(&Node::Symbol(Symbol(0)));
-        let b = merger.load(&Node::Symbol(Symbol(1)));
+        let a = merger.load(Leaf::Symbol(Symbol(0)));
+        let b = merger.load(Leaf::Symbol(Symbol(1)));
         let difference = merger.emit(Op::Sub(a, b));
         let outer = merger.emit(Op::Sub(a, difference));
         let product = merger.emit(Op::Mul(a, b));
@@ -186,7 +190,7 @@ mod tests {
     #[test]
     fn numbers_are_rounded_once_and_never_follow_an_operator_with_a_sign() {
         let mut merger = Merger::default();
-        let a = merger.load(&Node::Symbol(Symbol(0)));
+        let a = merger.load(Leaf::Symbol(Symbol(0)));
         let number = merger.emit(Op::Constant(ratio(-1, 3)));
         let sum = merger.emit(Op::Sub(a, number));
         let size = merger.emit(Op::Function(Function::Abs, sum));

@@ -6,7 +6,7 @@ use super::{Context, Parameter};
 
 /// The low passes and the schemes, where filters were asked for.
 pub(super) fn write(context: &mut Context<'_>) {
-    // `generate` has refused filters that there are none of, and models without parts.
+    // `generate` has refused low passes that do not exist, and models whose feed-forward has no two parts.
     let Some(filters) = context.filters else { return };
     let Ok((dependent, independent)) = filters.coefficients() else { return };
     if context.estimator.plan.feed_forward_parts.is_none() {

@@ -1,8 +1,11 @@
 //! The part that follows from trajectory patterns: reference motion, estimator matrix, harmonics, solution.
 
 use std::f64::consts::TAU;
-use tpm_symbolic::plan::estimator::{PatternPlan, TablePlan, TableRow};
+use tpm_symbolic::plan::bank::TableRow;
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::plan::straight_line::Plan;
+use tpm_symbolic::plan::table::TablePlan;
 
 use super::super::code::{Level, Place};
 use super::super::function::{self, Body, Function};
@@ -54,7 +57,7 @@ fn one(context: &mut Context<'_>, index: usize, pattern: &PatternPlan) {
         accumulator(context, index, table);
         transform(context, index);
         identify(context, index, table);
-        identify_direct(context, index, table);
+        identify_direct(context, index, pattern, table);
     }
 }
 
@@ -78,7 +81,7 @@ fn reference(context: &mut Context<'_>, index: usize, pattern: &PatternPlan, pla
     parameters.push(Parameter::read(format!("{} sine", scalar.name()), "sine", reads.sin));
     parameters.push(Parameter::new(motion.clone()));
     let writer =
-        Writer::new(scalar, |node| context.leaf(node, "pattern->", &context.names.patterns[index].fields, "motion->"));
+        Writer::new(scalar, |leaf| context.leaf(leaf, "pattern->", &context.names.patterns[index].fields, "motion->"));
     let mut body = context.statements(&statements, &writer, |_| String::new());
     let fields = context
         .names
@@ -162,7 +165,7 @@ fn estimator_matrix(context: &mut Context<'_>, index: usize, table: &TablePlan) 
     parameters.push(Parameter::new(format!("{} matrix{}", context.scalar.name(), dims(context, index))));
     let (rows, columns) = (table.rows.len(), context.names.columns.len());
     let pattern = context.global(&context.of_pattern(index, "pattern"));
-    let spell = |node: &_| context.leaf(node, "own.", &context.names.patterns[index].fields, "");
+    let spell = |leaf: &_| context.leaf(leaf, "own.", &context.names.patterns[index].fields, "");
     let mut text = String::new();
     if reads.own {
         // A copy: what is stored into the matrix might otherwise be the pattern itself, for all the compiler knows.
@@ -191,7 +194,7 @@ fn known_harmonics(context: &mut Context<'_>, index: usize, table: &TablePlan) {
         Place::Value(row) => format!("harmonics->{}", paths[row]),
         Place::Entry(..) => unreachable!("invariant: harmonics are no matrix"),
     };
-    let spell = |node: &_| context.leaf(node, "pattern->", &context.names.patterns[index].fields, "");
+    let spell = |leaf: &_| context.leaf(leaf, "pattern->", &context.names.patterns[index].fields, "");
     let text = match &body {
         Body::Table(terms) => {
             let mut text = statement(1, &format!("{} sums[{}];", context.scalar.name(), paths.len()));
@@ -234,7 +237,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     context.function(&of(context, "accumulator_clear"), "No sample yet.", "void", &parameters, &clear);
 
     let (reads, statements, addends) = function::bank(context.estimator, table);
-    let writer = Writer::new(scalar, |node| context.leaf(node, "", &[], ""));
+    let writer = Writer::new(scalar, |leaf| context.leaf(leaf, "", &[], ""));
     // A copy: the sums might otherwise be the sample itself, for all the compiler knows.
     let mut body = statement(1, &format!("const {} now = *sample;", context.global("forces")));
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
@@ -412,8 +415,9 @@ fn identify(context: &mut Context<'_>, index: usize, table: &TablePlan) {
 }
 
 /// The parameters by the exact pseudo-inverse, where there is one.
-fn identify_direct(context: &mut Context<'_>, index: usize, table: &TablePlan) {
-    let Some(Function { about, reads, body: Body::Stores(statements) }) = function::direct(context.estimator, table)
+fn identify_direct(context: &mut Context<'_>, index: usize, pattern: &PatternPlan, table: &TablePlan) {
+    let Some(Function { about, reads, body: Body::Stores(statements) }) =
+        function::direct(context.estimator, pattern, table)
     else {
         return;
     };
@@ -423,9 +427,9 @@ fn identify_direct(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     parameters.push(Parameter::new(format!("const {} *effort", of("harmonics"))));
     parameters.push(Parameter::new(format!("{} *parameters", context.global("parameters"))));
     let paths = paths(context, table);
-    let writer = Writer::new(context.scalar, |node| match function::harmonic_leaf(node) {
-        Some(row) => format!("effort->{}", paths[row]),
-        None => context.leaf(node, "pattern->", &context.names.patterns[index].fields, ""),
+    let writer = Writer::new(context.scalar, |leaf| match *leaf {
+        Leaf::Harmonic(row) => format!("effort->{}", paths[row]),
+        _ => context.leaf(leaf, "pattern->", &context.names.patterns[index].fields, ""),
     });
     let body = context.statements(&statements, &writer, |place| match place {
         Place::Value(index) => format!("parameters->{}", context.names.columns[index]),

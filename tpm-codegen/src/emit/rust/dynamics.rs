@@ -4,7 +4,7 @@ use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::unit::Unit;
-use tpm_symbolic::plan::estimator::Leaf;
+use tpm_symbolic::plan::leaf::Leaf;
 
 use super::super::code::{Place, Statement};
 use super::super::estimator::Estimator;
@@ -207,7 +207,7 @@ fn lumping(context: &Context<'_>) -> TokenStream {
     let owner = ident("self");
     let columns = &context.names.columns;
     let values: Vec<Ident> = locals(columns.len());
-    let writer = Writer::new(|node| context.leaf(node, &owner, &context.names.physical));
+    let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &context.names.physical));
     let body = stores(context, &statements, &writer, &values);
     let (about, constants) = (doc(&about), context.constants_parameter(reads));
     quote! {
@@ -231,12 +231,12 @@ fn unlumping(context: &Context<'_>) -> TokenStream {
     let physical: Vec<&Ident> = context.names.physical.iter().map(|(_, name)| name).collect();
     let values: Vec<Ident> = locals(physical.len());
     let owner = ident("self");
-    let writer = Writer::new(|node| match context.estimator.plan.leaves.leaf(node) {
+    let writer = Writer::new(|leaf| match *leaf {
         Leaf::Column(index) => {
             let column = &context.names.columns[index];
             quote!(self.#column)
         }
-        _ => context.leaf(node, &owner, &[]),
+        _ => context.leaf(leaf, &owner, &[]),
     });
     let body = stores(context, &statements, &writer, &values);
     let (about, constants) = (doc(&about), context.constants_parameter(reads));
@@ -388,7 +388,7 @@ fn matrix(
         quote!([[T::ZERO; #columns]; #rows])
     } else {
         let owner = ident("self");
-        let body = stores(context, statements, &Writer::new(|node| context.leaf(node, &owner, &[])), &[]);
+        let body = stores(context, statements, &Writer::new(|leaf| context.leaf(leaf, &owner, &[])), &[]);
         quote! {
             let mut matrix = [[T::ZERO; #columns]; #rows];
             #body
@@ -405,7 +405,7 @@ fn matrix(
 }
 
 /// Steps that fill `matrix` and set the local variables `values`.
-pub(super) fn stores<L: Fn(&tpm_symbolic::expr::graph::Node) -> TokenStream>(
+pub(super) fn stores<L: Fn(&Leaf) -> TokenStream>(
     context: &Context<'_>,
     statements: &[Statement],
     writer: &Writer<L>,
@@ -437,7 +437,7 @@ fn structure(
         unreachable!("invariant: forces and inputs are given all at once")
     };
     let owner = ident("self");
-    let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
+    let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &[]));
     let statements = writer.statements(context, statements, |_, _| TokenStream::new());
     let values = values.iter().map(|value| writer.expression(value));
     quote! {
@@ -483,7 +483,7 @@ fn feed_forward_with_regressor(context: &Context<'_>) -> TokenStream {
     let (_, fields) = input_fields(context);
     let values = locals(fields.len());
     let owner = ident("self");
-    let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
+    let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &[]));
     // As one expression: a matrix that is first filled with zeros keeps compilers from packing stores and sums well.
     let mut matrix = vec![vec![quote!(T::ZERO); columns]; rows];
     let mut steps: Vec<Statement> = Vec::new();

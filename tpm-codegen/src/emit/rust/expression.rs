@@ -5,8 +5,8 @@
 use proc_macro2::{Literal, TokenStream};
 use quote::{format_ident, quote};
 use std::str::FromStr;
-use tpm_symbolic::expr::graph::Node;
 use tpm_symbolic::number::rational::Rational;
+use tpm_symbolic::plan::leaf::Leaf;
 
 use super::super::code::{Expression, Level, Operator, Place, Statement};
 use super::super::number::{Rounded, digits, digits_single};
@@ -50,7 +50,7 @@ pub(super) struct Writer<L> {
     leaf: L,
 }
 
-impl<L: Fn(&Node) -> TokenStream> Writer<L> {
+impl<L: Fn(&Leaf) -> TokenStream> Writer<L> {
     pub(super) fn new(leaf: L) -> Self {
         Self { leaf }
     }
@@ -61,7 +61,7 @@ impl<L: Fn(&Node) -> TokenStream> Writer<L> {
             // `T::from_f64(-2.0)` is a call and binds as one.
             Expression::Number(value) => number(value),
             Expression::Pi => quote!(T::PI),
-            Expression::Leaf(node) => (self.leaf)(node),
+            Expression::Leaf(leaf) => (self.leaf)(leaf),
             Expression::Temporary(index) => {
                 let name = format_ident!("t{index}");
                 quote!(#name)
@@ -90,7 +90,7 @@ impl<L: Fn(&Node) -> TokenStream> Writer<L> {
         }
     }
 
-    /// In parentheses unless it binds at least as tightly as asked for.
+    /// In parentheses unless it binds at least as tightly as `level`.
     pub(super) fn at(&self, expression: &Expression, level: Level) -> TokenStream {
         let tokens = self.expression(expression);
         if expression.level() >= level { quote!(#tokens) } else { quote!((#tokens)) }
@@ -121,13 +121,15 @@ mod tests {
     use super::{Writer, number};
     use proc_macro2::TokenStream;
     use quote::{ToTokens, format_ident, quote};
-    use tpm_symbolic::expr::graph::{Graph, Node, Symbol};
+    use tpm_symbolic::expr::graph::{Graph, Symbol};
     use tpm_symbolic::number::rational::{integer, ratio};
-    use tpm_symbolic::plan::straight_line::{Merger, Op, Plan};
+    use tpm_symbolic::plan::leaf::Leaf;
+    use tpm_symbolic::plan::operation::Op;
+    use tpm_symbolic::plan::straight_line::{Merger, Plan};
 
     fn write(plan: &Plan) -> String {
-        let writer = Writer::new(|node: &Node| match node {
-            Node::Symbol(Symbol(0)) => quote!(a),
+        let writer = Writer::new(|leaf: &Leaf| match leaf {
+            Leaf::Symbol(Symbol(0)) => quote!(a),
             _ => quote!(b),
         });
         let (statements, values) = Reader::new(plan).outputs();
@@ -146,8 +148,8 @@ mod tests {
     #[test]
     fn parentheses_keep_the_order_of_operations() {
         let mut merger = Merger::default();
-        let a = merger.load(&Node::Symbol(Symbol(0)));
-        let b = merger.load(&Node::Symbol(Symbol(1)));
+        let a = merger.load(Leaf::Symbol(Symbol(0)));
+        let b = merger.load(Leaf::Symbol(Symbol(1)));
         let difference = merger.emit(Op::Sub(a, b));
         let outer = merger.emit(Op::Sub(a, difference));
         let product = merger.emit(Op::Mul(a, b));

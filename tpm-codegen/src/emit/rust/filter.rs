@@ -13,7 +13,7 @@ use super::record::{count, doc};
 
 /// The module, where filters were asked for.
 pub(super) fn items(context: &Context<'_>) -> TokenStream {
-    // `generate` has refused filters that there are none of, and models without parts.
+    // `generate` has refused low passes that do not exist, and models whose feed-forward has no two parts.
     let Some(filters) = context.options.filters else { return TokenStream::new() };
     let (Some(_), Ok((dependent, independent))) = (&context.estimator.plan.feed_forward_parts, filters.coefficients())
     else {

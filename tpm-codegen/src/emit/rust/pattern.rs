@@ -3,8 +3,10 @@
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
 use std::collections::BTreeSet;
-use tpm_symbolic::plan::estimator::{PatternPlan, TablePlan};
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::plan::straight_line::Plan;
+use tpm_symbolic::plan::table::TablePlan;
 
 use super::super::code::{Base, Level, Place, Table};
 use super::super::function::{self, Body, Function};
@@ -90,7 +92,7 @@ fn pattern_items(context: &Context<'_>, index: usize, pattern: &PatternPlan, nam
         methods.extend(estimator_matrix(context, table, names));
         methods.extend(known_harmonics(context, table, names));
         methods.extend(parameters(context, table));
-        methods.extend(direct(context, table, names));
+        methods.extend(direct(context, pattern, table, names));
         rest.extend(harmonics(context, table));
         rest.extend(solve(context, table));
         rest.extend(estimate(context));
@@ -125,7 +127,7 @@ fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &
     };
     let w = names.frequency(pattern);
     let owner = ident("self");
-    let writer = Writer::new(|node| context.leaf(node, &owner, &names.fields));
+    let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &names.fields));
     let statements = writer.statements(context, &statements, |_, _| TokenStream::new());
     let mut values = values.iter().map(|value| writer.expression(value));
     let coordinates = context.names.coordinates.iter().map(|coordinate| {
@@ -185,7 +187,7 @@ fn estimator_matrix(context: &Context<'_>, table: &TablePlan, names: &PatternNam
         }
         Body::Stores(statements) => {
             let owner = ident("self");
-            stores(context, statements, &Writer::new(|node| context.leaf(node, &owner, &names.fields)), &[])
+            stores(context, statements, &Writer::new(|leaf| context.leaf(leaf, &owner, &names.fields)), &[])
         }
         Body::Values(..) => unreachable!("invariant: a matrix is written entry by entry"),
     };
@@ -205,9 +207,9 @@ fn looped(context: &Context<'_>, table: &Table, names: &PatternNames) -> TokenSt
     let owner = ident("self");
     let base_values = table.bases.iter().map(|base| match base {
         Base::Pi => quote!(T::PI),
-        Base::Symbol(symbol) => context.leaf(&function::symbol_leaf(*symbol), &owner, &names.fields),
+        Base::Symbol(symbol) => context.leaf(&Leaf::Symbol(*symbol), &owner, &names.fields),
         Base::Sign(symbol) => {
-            let value = context.leaf(&function::symbol_leaf(*symbol), &owner, &names.fields);
+            let value = context.leaf(&Leaf::Symbol(*symbol), &owner, &names.fields);
             quote!(#value.sign())
         }
     });
@@ -264,7 +266,7 @@ fn known_harmonics(context: &Context<'_>, table: &TablePlan, names: &PatternName
         }
         Body::Stores(statements) => {
             let owner = ident("self");
-            let writer = Writer::new(|node| context.leaf(node, &owner, &names.fields));
+            let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &names.fields));
             writer.statements(context, statements, |place, value| match place {
                 Place::Value(row) => {
                     let row = count(row);
@@ -362,21 +364,22 @@ fn estimate(context: &Context<'_>) -> TokenStream {
 }
 
 /// The parameters by the exact pseudo-inverse, where there is one.
-fn direct(context: &Context<'_>, table: &TablePlan, names: &PatternNames) -> TokenStream {
-    let Some(Function { about, reads, body: Body::Stores(statements) }) = function::direct(context.estimator, table)
+fn direct(context: &Context<'_>, pattern: &PatternPlan, table: &TablePlan, names: &PatternNames) -> TokenStream {
+    let Some(Function { about, reads, body: Body::Stores(statements) }) =
+        function::direct(context.estimator, pattern, table)
     else {
         return TokenStream::new();
     };
     let owner = ident("self");
     let columns = &context.names.columns;
     let values: Vec<Ident> = locals(columns.len());
-    let writer = Writer::new(|node| match function::harmonic_leaf(node) {
-        Some(row) => {
+    let writer = Writer::new(|leaf| match *leaf {
+        Leaf::Harmonic(row) => {
             let (equation, harmonic, function) = table.rows[row];
             let (field, harmonic) = (&context.names.rows[equation].field, harmonic_field(harmonic, function));
             quote!(effort.#field.#harmonic)
         }
-        None => context.leaf(node, &owner, &names.fields),
+        _ => context.leaf(leaf, &owner, &names.fields),
     });
     let body = stores(context, &statements, &writer, &values);
     let (about, constants) = (doc(&about), context.constants_parameter(reads));
@@ -478,7 +481,7 @@ fn harmonics(context: &Context<'_>, table: &TablePlan) -> TokenStream {
 fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     let (reads, statements, addends) = function::bank(context.estimator, table);
     let owner = ident("self");
-    let writer = Writer::new(|node| context.leaf(node, &owner, &[]));
+    let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &[]));
     let statements = writer.statements(context, &statements, |_, _| TokenStream::new());
     let locals = locals(table.rows.len());
     let cos = ident(if reads.cos { "cos" } else { "_cos" });
