@@ -8,9 +8,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable};
 use tpm_symbolic::harmonic::expand::expand;
-use tpm_symbolic::harmonic::identifiability::{
-    Experiment, Identifiability, PhysicalIdentifiability, Report, identifiability,
-};
+use tpm_symbolic::harmonic::identifiability::{Experiment, Identifiability, PhysicalIdentifiability, identifiability};
+use tpm_symbolic::harmonic::report::Report;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 

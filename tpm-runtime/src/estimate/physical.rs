@@ -25,7 +25,8 @@ use tpm_core::model::Model;
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::Kind;
 use tpm_symbolic::mechanics::unit::Unit;
-use tpm_symbolic::regressor::parameter_map::{Inverse, ParameterMap};
+use tpm_symbolic::regressor::inverse::Inverse;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A combination of variance below this share of the largest, after scaling, is taken for rounding.

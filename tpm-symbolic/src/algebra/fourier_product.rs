@@ -2,8 +2,8 @@
 
 use crate::algebra::fourier::Fourier;
 use crate::algebra::spectrum::{Spectrum, Whole};
+use crate::number::buffers::Rooms;
 use crate::number::denominator::{Denominator, Factors};
-use crate::number::numerator::Rooms;
 use num_bigint::BigInt;
 use num_traits::One;
 

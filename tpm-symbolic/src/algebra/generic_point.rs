@@ -7,7 +7,7 @@
 
 use crate::number::rational::{self, Rational};
 
-/// How many points are tried.
+/// The number of points at which a rank is read off.
 pub const POINTS: u64 = 3;
 
 /// A value for quantity `index` at point number `point`: positive, between 1 and 2^31, all distinct in practice.

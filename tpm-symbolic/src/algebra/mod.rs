@@ -9,6 +9,7 @@ pub mod fraction;
 pub mod generic_point;
 pub mod linear;
 pub(crate) mod monomial;
+pub mod null_space;
 pub(crate) mod packed;
 pub mod polynomial;
 pub(crate) mod product;

@@ -19,10 +19,10 @@ pub struct Polynomial<V: Ord>(Terms<V>);
 /// Terms of a polynomial. One lies in place: most polynomials of a model are single terms.
 pub(crate) type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
 
-/// From how many products on packing the exponents pays.
+/// The least number of products of terms for which packing their exponents pays.
 const PACKED: usize = 24;
 
-/// How many products are collected before they are sorted and added up.
+/// The number of products that are collected before they are sorted and added up.
 const BATCH: usize = 1 << 16;
 
 impl<V: Ord> Default for Polynomial<V> {
@@ -133,7 +133,7 @@ impl<V: Ord + Clone> Polynomial<V> {
         self.0.len()
     }
 
-    /// Whether there is no term; the same as [`Self::is_zero`].
+    /// Whether there is no term, which only the polynomial 0 has.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()

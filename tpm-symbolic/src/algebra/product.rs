@@ -13,7 +13,7 @@ use num_traits::{FromPrimitive, One, Zero};
 use rustc_hash::FxHashMap;
 use std::ops::AddAssign;
 
-/// Room for at most so many sums is made before they are known.
+/// The largest number of sums for which room is made before they are known.
 const LARGEST: usize = 1 << 16;
 
 /// A term of a polynomial.
@@ -187,9 +187,10 @@ fn power<K: ShortKey, C: Coefficient>(base: Vec<(K, C)>, exponent: u32) -> Vec<(
     power
 }
 
-/// The same for whole numbers, by the multinomial theorem once that takes no more products than a multiplication does.
+/// The terms of base^exponent with whole coefficients, in no order; by the multinomial theorem once that takes no more products
+/// than a multiplication does.
 fn integer_power<K: ShortKey, C: Integer>(base: Vec<(K, C)>, exponent: u32) -> Vec<(K, C)> {
-    // Binomials up to there fit into a word with room to spare; the square is in reach of all lengths.
+    // Binomials of exponents up to 60 fit into a word with room to spare.
     let count = |exponent: u32| products(base.len(), exponent).filter(|_| exponent <= 60);
     let mut power = base.clone();
     for present in 1..exponent {

@@ -15,9 +15,12 @@
 //! form, since it is the product of the factors'.
 
 use crate::algebra::fourier::Fourier;
+use crate::number::buffers::{Buffered, Rooms};
 use crate::number::denominator::{Denominator, Factors};
-use crate::number::numerator::{Numerator, Rooms, Scalar, Values, for_width};
+use crate::number::numerator::Numerator;
 use crate::number::rational::Rational;
+use crate::number::scalar::Scalar;
+use crate::number::values::{Values, for_width};
 use num_bigint::{BigInt, BigUint};
 use num_integer::Integer;
 use num_traits::{CheckedMul, CheckedSub, Signed, Zero};
@@ -374,9 +377,9 @@ impl Spectrum {
         &self.values
     }
 
-    /// The same function on the lattice of all harmonics.
+    /// This function on the lattice of all harmonics, with zeros in between.
     fn spread(&self, rooms: &mut Rooms) -> Self {
-        fn place<T: Numerator>(from: &[T], first: usize, len: usize, rooms: &mut Rooms) -> Vec<T> {
+        fn place<T: Buffered>(from: &[T], first: usize, len: usize, rooms: &mut Rooms) -> Vec<T> {
             let spread = first + 2 * len - 1;
             let size = from.len() / len * spread;
             let mut list = T::room(rooms).take(size);
@@ -433,7 +436,7 @@ impl Spectrum {
         Self { first, stride: self.stride, len, cos, sin, bits, values, empty: false }
     }
 
-    fn convolve<T: Numerator, F: Signed + Clone>(
+    fn convolve<T: Buffered, F: Signed + Clone>(
         &self,
         values: &[T],
         terms: &[(usize, F, F)],
@@ -582,7 +585,7 @@ impl Spectrum {
         self.bits = bound;
     }
 
-    fn arranged<T: Numerator>(&self, list: &[T], cos: bool, sin: bool, len: usize, rooms: &mut Rooms) -> Vec<T> {
+    fn arranged<T: Buffered>(&self, list: &[T], cos: bool, sin: bool, len: usize, rooms: &mut Rooms) -> Vec<T> {
         let size = len * (usize::from(cos) + usize::from(sin));
         let mut out = T::room(rooms).take(size);
         out.resize(size, T::zero());
@@ -623,7 +626,7 @@ impl Spectrum {
 }
 
 /// A list times a factor.
-fn scaled<T: Numerator>(list: &[T], factor: i64, rooms: &mut Rooms) -> Vec<T> {
+fn scaled<T: Buffered>(list: &[T], factor: i64, rooms: &mut Rooms) -> Vec<T> {
     let mut out = T::room(rooms).take(list.len());
     out.extend(list.iter().map(|value| value.times(factor)));
     out

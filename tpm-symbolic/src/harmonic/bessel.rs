@@ -248,6 +248,7 @@ fn truncation(amplitude: f64) -> (usize, f64) {
 
 /// Why a model has no numeric table.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum BesselError {
     /// A factor is neither a polynomial of the motion nor sine or cosine of one.
     #[error("{source}; besides polynomials, only sin and cos of polynomials of the motion have a Jacobi-Anger series")]

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// Why a model does not expand.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum ExpandError {
     /// A coordinate of the equations is not in the pattern.
     #[error("the coordinate `{coordinate}` has no motion in the pattern; give it one, or eliminate it")]
@@ -73,6 +74,7 @@ impl ExpandError {
 
 /// Why a sign or an absolute value has no exact series.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum SignError {
     /// The argument consists of parts with different amplitudes.
     #[error(

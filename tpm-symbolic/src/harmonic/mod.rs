@@ -7,6 +7,8 @@ pub mod identifiability;
 pub mod motion;
 pub mod nonsmooth;
 mod options;
+pub mod report;
 mod sign;
+mod stacked;
 pub mod table;
 mod tail;

@@ -14,6 +14,7 @@ use thiserror::Error;
 
 /// Why an expression is no finite Fourier series with symbolic amplitudes.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum MotionError {
     /// It is no polynomial.
     #[error("`{found}` is no polynomial of the motion and of constants")]

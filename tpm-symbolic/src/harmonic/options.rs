@@ -4,7 +4,7 @@ use crate::harmonic::error::ExpandError;
 use crate::mechanics::model::TermId;
 use std::ops::ControlFlow;
 
-/// How many harmonics of an infinite series are kept when nothing else is said.
+/// The highest harmonic kept of an infinite series when the caller names none.
 pub const DEFAULT_HARMONICS: usize = 31;
 
 /// How far an expansion has come.

@@ -5,8 +5,9 @@
 
 use crate::algebra::fourier::Trig;
 use crate::algebra::polynomial::Monomial;
-use crate::number::numerator::{Numerator, big_from_words, unsigned_from_words, write_unsigned};
+use crate::number::numerator::Numerator;
 use crate::number::rational::{self, Rational};
+use crate::number::words::{big_from_words, unsigned_from_words, write_unsigned};
 use ecow::EcoString;
 use num_traits::Zero;
 use serde::{Deserialize, Serialize};

@@ -35,6 +35,7 @@ pub struct OperatingPoint {
 
 /// Why a model cannot be linearised at a point.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum LinearizeError {
     /// The equations do not hold at the point.
     #[error(
@@ -418,6 +419,7 @@ fn divide(dividend: Vec<Rational>, divisor: &[Rational]) -> (Vec<Rational>, Vec<
 
 /// Why a coordinate cannot be substituted.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum SubstituteError {
     /// The new coordinate is 0 times the old one.
     #[error("the coordinate `{coordinate}` cannot be replaced by 0 times another")]

@@ -44,6 +44,7 @@ pub struct Series {
 
 /// Why there is no Taylor series.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum SeriesError {
     /// A function is not analytic at the point.
     #[error("`{atom}` is singular at the point of expansion, so there is no Taylor series; choose another point")]

@@ -25,6 +25,7 @@ pub struct Implicit {
 
 /// Why constraints do not determine the dependent coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum ImplicitError {
     /// Their number is wrong.
     #[error("{constraints} constraints do not determine {dependents} dependent coordinates")]

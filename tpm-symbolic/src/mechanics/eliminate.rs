@@ -68,6 +68,7 @@ impl fmt::Display for Obstacle {
 
 /// Why a coordinate cannot be eliminated.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum EliminateError {
     /// No equation can be solved for it.
     #[error("the coordinate `{coordinate}` cannot be eliminated: {}; keep it, or eliminate another coordinate", list(.obstacles))]

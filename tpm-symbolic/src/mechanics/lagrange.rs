@@ -57,6 +57,7 @@ pub struct EulerLagrange {
 
 /// Why energies give no equations of motion.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum LagrangeError {
     /// An energy depends on a derivative that it must not depend on.
     #[error("the {energy} energy must not depend on `{found}`: it is a function of {allowed}")]

@@ -88,6 +88,7 @@ pub struct Pattern {
 
 /// Why a rest-to-rest shape does not exist.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum ShapeError {
     /// The order must be odd.
     #[error("the order of a rest-to-rest pattern is its highest harmonic and must be odd and at least 1, not {0}")]

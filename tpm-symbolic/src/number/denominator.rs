@@ -5,13 +5,16 @@
 //! need not be coprime: the exponents then describe a common multiple that may be larger than the least one, and
 //! reduction by a cofactor takes a greatest common divisor.
 
-use crate::number::numerator::{Numerator, OddPrime, Scalar, write_unsigned};
+use crate::number::numerator::Numerator;
+use crate::number::prime::OddPrime;
+use crate::number::scalar::Scalar;
+use crate::number::words::write_unsigned;
 use num_bigint::{BigInt, BigUint};
 use num_integer::Integer;
 use num_traits::{One, ToPrimitive};
 use smallvec::SmallVec;
 
-/// Trial division goes this far; what remains below its square is prime.
+/// The bound of trial division; what then remains is prime when it is below the square of this.
 const TRIAL: u64 = 1024;
 
 /// The odd primes and cofactors met so far.
@@ -34,7 +37,7 @@ pub(crate) struct Denominator {
     rare: Option<Box<Rare>>,
 }
 
-/// So many odd primes are kept in place.
+/// The number of odd primes whose exponents are stored without an allocation.
 const FIRST: usize = 8;
 
 /// Exponents of what occurs seldom. The lists end with a non-zero entry or are empty, and one is not empty.

@@ -10,7 +10,8 @@ use crate::plan::leaf::Leaf;
 use crate::plan::operation::{Op, Slot};
 use crate::plan::straight_line::{Merger, Plan};
 use crate::regressor::form::RegressorForm;
-use crate::regressor::parameter_map::{Inverse, ParameterMap, Variable};
+use crate::regressor::inverse::{Inverse, Variable};
+use crate::regressor::parameter_map::ParameterMap;
 use thiserror::Error;
 
 /// Why the physical parameters do not follow from the columns.

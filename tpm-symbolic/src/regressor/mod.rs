@@ -1,5 +1,11 @@
 //! The regressor form `Phi(q, q', q'', ...) theta + known = B u` of a model, with the map between lumped and physical parameters.
 
+mod collect;
+mod entries;
 pub mod form;
+pub mod inverse;
+mod inversion;
+mod lattice;
+mod lump;
 pub mod parameter_map;
 pub mod prepare;

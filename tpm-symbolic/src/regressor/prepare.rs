@@ -13,10 +13,9 @@ use crate::mechanics::eliminate::{EliminateError, RemainingRow, eliminate, expre
 use crate::mechanics::model::{Kind, Model, TermId};
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
-use crate::regressor::form::{
-    CollectedRow, CollectedTerm, Column, RegressorError, RegressorForm, Row, Term, WrittenTerm, collect_terms, names,
-    regressor_form,
-};
+use crate::regressor::collect::{CollectedRow, CollectedTerm, RegressorError, WrittenTerm, collect_terms};
+use crate::regressor::form::{Column, RegressorForm, Row, Term, regressor_form};
+use crate::regressor::lump::names;
 use num_traits::One;
 use serde::{Deserialize, Serialize};
 use std::cmp::{Ordering, Reverse};
@@ -51,6 +50,7 @@ pub struct Prepared {
 
 /// Why a model has no regressor form.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum PrepareError {
     /// A coordinate cannot be eliminated.
     #[error(transparent)]

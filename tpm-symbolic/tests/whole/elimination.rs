@@ -12,7 +12,8 @@ use tpm_symbolic::mechanics::eliminate::{EliminateError, Reason};
 use tpm_symbolic::mechanics::model::{Elimination, Equation, Kind, Lump, Model, SourceTerm, TermId};
 use tpm_symbolic::number::rational::{Rational, binomial, integer, parse, ratio};
 use tpm_symbolic::regressor::form::canonical;
-use tpm_symbolic::regressor::parameter_map::{Constraint, ParameterMap};
+use tpm_symbolic::regressor::inverse::Constraint;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 /// (motion monomial, definition) of every term, in the order of the columns.

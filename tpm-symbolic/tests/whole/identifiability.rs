@@ -7,8 +7,9 @@ use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::identifiability::{
-    Experiment, Identifiability, IdentifiabilityError, Report, evaluated_matrix, identifiability,
+    Experiment, Identifiability, IdentifiabilityError, evaluated_matrix, identifiability,
 };
+use tpm_symbolic::harmonic::report::Report;
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};

@@ -9,7 +9,7 @@ use tpm_symbolic::mechanics::model::{Kind, Model};
 use tpm_symbolic::number::rational;
 use tpm_symbolic::number::rational::Rational;
 use tpm_symbolic::regressor::form::{Column, Row};
-use tpm_symbolic::regressor::parameter_map::{Inverse, Variable};
+use tpm_symbolic::regressor::inverse::{Inverse, Variable};
 
 /// The rational number that a double is.
 pub(crate) fn exact(value: f64) -> Rational {

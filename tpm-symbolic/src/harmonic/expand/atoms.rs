@@ -13,8 +13,8 @@ use crate::harmonic::expand::coefficient::numerator_of;
 use crate::harmonic::options::ExpandOptions;
 use crate::mechanics::model::{Kind, Model, TermId};
 use crate::mechanics::pattern::Pattern;
-use crate::number::numerator::Scalar;
 use crate::number::rational;
+use crate::number::scalar::Scalar;
 use crate::regressor::form::RegressorForm;
 use smallvec::SmallVec;
 
@@ -39,7 +39,7 @@ pub(super) struct Shape<'a> {
     largest: u64,
 }
 
-/// What stands for a power of pi among the symbols.
+/// The index that pi has among the symbols, which no symbol of a model reaches.
 pub(super) const PI: usize = usize::MAX;
 
 /// All atoms of a regressor form, as sums of parts.

@@ -1,7 +1,7 @@
 //! Coefficients of a column as whole numbers over one denominator.
 
-use crate::number::numerator::Scalar;
 use crate::number::rational::Rational;
+use crate::number::scalar::Scalar;
 use crate::regressor::form::Term;
 use num_integer::Integer;
 

@@ -13,8 +13,9 @@ use crate::harmonic::expand::product::{Product, merge};
 use crate::harmonic::options::ExpandOptions;
 use crate::harmonic::table::Series;
 use crate::mechanics::model::{Model, TermId};
+use crate::number::buffers::Rooms;
 use crate::number::denominator::{Denominator, Factors};
-use crate::number::numerator::{Rooms, Scalar};
+use crate::number::scalar::Scalar;
 use crate::regressor::form::{RegressorForm, Term};
 use smallvec::SmallVec;
 

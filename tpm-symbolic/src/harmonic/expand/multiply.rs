@@ -10,7 +10,9 @@ use crate::harmonic::expand::expansion::{Contribution, Expansion};
 use crate::harmonic::options::ExpandOptions;
 use crate::harmonic::table::Series;
 use crate::number::denominator::{Denominator, Reduction};
-use crate::number::numerator::{Numerator, Scalar, for_width};
+use crate::number::numerator::Numerator;
+use crate::number::scalar::Scalar;
+use crate::number::values::for_width;
 use smallvec::{SmallVec, smallvec};
 
 /// A product of shapes on the way to the present one.

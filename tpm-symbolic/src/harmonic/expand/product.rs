@@ -1,7 +1,7 @@
 //! Products of symbols and shapes with packed exponents.
 
 use crate::algebra::packed::Key;
-use crate::number::numerator::Scalar;
+use crate::number::scalar::Scalar;
 
 /// factor * symbols * shapes.
 #[derive(Clone)]

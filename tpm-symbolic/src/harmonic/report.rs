@@ -1,0 +1,124 @@
+//! What experiments identify, as plain data for files and for printing.
+
+use crate::algebra::fourier::Trig;
+use crate::algebra::fraction::display_polynomial;
+use crate::algebra::polynomial::Polynomial;
+use crate::harmonic::identifiability::{BaseParameter, Identifiability, RowLabel};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// The name of the JSON schema of a [`Report`].
+pub const SCHEMA: &str = "tpm.identifiability/1";
+
+/// [`Identifiability`] as plain data; coefficients are exact, in the model language.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Report {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// The rank.
+    pub rank: usize,
+    /// Number of parameters.
+    pub columns: usize,
+    /// Number of harmonics rows.
+    pub rows: usize,
+    /// Whether the rank is proven, not only right with a probability next to one.
+    pub proven: bool,
+    /// The symbols that were left indeterminate.
+    pub indeterminates: Vec<String>,
+    /// Directions along which nothing is observed; absent when they are too long to print.
+    pub unobservable: Option<Vec<BTreeMap<String, String>>>,
+    /// A maximal observable set.
+    pub base: Option<Vec<ReportedBase>>,
+    /// Every parameter.
+    pub parameters: Vec<ReportedParameter>,
+}
+
+/// `parameter + sum plus[other] * other` is observable.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReportedBase {
+    /// The leading parameter.
+    pub parameter: String,
+    /// What is lumped into it.
+    pub plus: BTreeMap<String, String>,
+}
+
+/// What makes a parameter observable.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReportedParameter {
+    /// Its name.
+    pub name: String,
+    /// Whether it is determined by itself.
+    pub observable: bool,
+    /// The least harmonic up to which it is determined.
+    pub harmonics_up_to: Option<usize>,
+    /// The experiments each of which determines it alone.
+    pub by_itself_in: Vec<String>,
+    /// Where it has a coefficient.
+    pub visible_in: Vec<ReportedRow>,
+}
+
+/// A row of the table.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ReportedRow {
+    /// The experiment.
+    pub experiment: String,
+    /// The equation.
+    pub equation: String,
+    /// The harmonic.
+    pub harmonic: usize,
+    /// Cosine or sine.
+    pub function: Trig,
+}
+
+impl Identifiability {
+    /// The result as plain data, for `tpm identifiability --json` and for printing.
+    #[must_use]
+    pub fn report(&self) -> Report {
+        let name = |variable: &usize| self.variables[*variable].clone();
+        let unobservable = self.unobservable.as_ref().map(|directions| {
+            let entries = |direction: &Vec<Polynomial<usize>>| {
+                let values = self.parameters.iter().zip(direction).filter(|(_, value)| !value.is_zero());
+                values.map(|(parameter, value)| (parameter.clone(), display_polynomial(value, name))).collect()
+            };
+            directions.iter().map(entries).collect()
+        });
+        let base = self.base.as_ref().map(|base| {
+            let one = |base: &BaseParameter| ReportedBase {
+                parameter: self.parameters[base.column].clone(),
+                plus: base
+                    .others
+                    .iter()
+                    .map(|(column, factor)| (self.parameters[*column].clone(), factor.display(name)))
+                    .collect(),
+            };
+            base.iter().map(one).collect()
+        });
+        let label = |row: &usize| {
+            let RowLabel { experiment, equation, harmonic, function } = self.rows[*row];
+            ReportedRow {
+                experiment: self.experiments[experiment].clone(),
+                equation: self.equations[equation].clone(),
+                harmonic,
+                function,
+            }
+        };
+        let parameters = self.parameters.iter().zip(&self.observability).map(|(name, found)| ReportedParameter {
+            name: name.clone(),
+            observable: found.observable,
+            harmonics_up_to: found.band,
+            by_itself_in: found.experiments.iter().map(|number| self.experiments[*number].clone()).collect(),
+            visible_in: found.visible.iter().map(label).collect(),
+        });
+        Report {
+            schema: SCHEMA.to_owned(),
+            rank: self.rank,
+            columns: self.parameters.len(),
+            rows: self.rows.len(),
+            proven: self.proven,
+            indeterminates: self.variables.clone(),
+            unobservable,
+            base,
+            parameters: parameters.collect(),
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Buffers for lists of numerators, kept between products.
+
+use crate::number::numerator::Numerator;
+use crate::number::values::{Values, for_width};
+use crate::number::wide::Wide;
+use num_bigint::BigInt;
+use smallvec::SmallVec;
+use std::any::Any;
+
+/// A numerator whose lists are kept in [`Rooms`].
+pub(crate) trait Buffered: Numerator {
+    /// The buffers of this width.
+    fn room(rooms: &mut Rooms) -> &mut Room<Self>;
+}
+
+/// Buffers of one width, kept between products.
+#[derive(Debug)]
+pub(crate) struct Room<T> {
+    spare: SmallVec<[Vec<T>; 2]>,
+    /// For a list continued to both sides.
+    pub(crate) padded: Vec<T>,
+}
+
+impl<T> Default for Room<T> {
+    fn default() -> Self {
+        Self { spare: SmallVec::new(), padded: Vec::new() }
+    }
+}
+
+impl<T> Room<T> {
+    /// An empty list with room for `len`.
+    pub(crate) fn take(&mut self, len: usize) -> Vec<T> {
+        // Products grow: a little more than now needed saves asking again.
+        let Some(mut list) = self.spare.pop() else { return Vec::with_capacity(len.max(16)) };
+        list.clear();
+        list
+    }
+}
+
+/// Buffers of every width: small products cost less than asking for their memory.
+#[derive(Debug, Default)]
+pub(crate) struct Rooms {
+    one: Room<i64>,
+    two: Room<i128>,
+    /// Most tables never need them.
+    wide: Option<Box<WideRooms>>,
+}
+
+#[derive(Debug, Default)]
+struct WideRooms {
+    three: Room<Wide<3>>,
+    four: Room<Wide<4>>,
+    six: Room<Wide<6>>,
+    eight: Room<Wide<8>>,
+    big: Room<BigInt>,
+}
+
+impl Rooms {
+    /// Takes back what is not needed any more.
+    pub(crate) fn recycle(&mut self, values: Values) {
+        fn give<T: Buffered>(rooms: &mut Rooms, list: Vec<T>) {
+            if list.capacity() > 0 {
+                T::room(rooms).spare.push(list);
+            }
+        }
+        for_width!(values, list => give(self, list));
+    }
+}
+
+impl Buffered for i64 {
+    fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        &mut rooms.one
+    }
+}
+
+impl Buffered for i128 {
+    fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        &mut rooms.two
+    }
+}
+
+impl<const N: usize> Buffered for Wide<N> {
+    fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        let rooms = rooms.wide.get_or_insert_default();
+        let room: &mut dyn Any = match N {
+            3 => &mut rooms.three,
+            4 => &mut rooms.four,
+            6 => &mut rooms.six,
+            _ => &mut rooms.eight,
+        };
+        room.downcast_mut().expect("invariant: the widths of `Values` are those of `Rooms`")
+    }
+}
+
+impl Buffered for BigInt {
+    fn room(rooms: &mut Rooms) -> &mut Room<Self> {
+        &mut rooms.wide.get_or_insert_default().big
+    }
+}

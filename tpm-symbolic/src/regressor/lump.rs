@@ -1,0 +1,197 @@
+//! Lumped parameters: which parameter monomials share a column, and what the columns are called.
+//!
+//! Products of parameters become lumped parameters, and parameters whose regressors are proportional over all rows are merged
+//! into one, since no motion could ever tell them apart. Where theta_k has the regressor of theta_j times r, the column is
+//! theta_j + r theta_k.
+
+use crate::algebra::fraction::display_polynomial;
+use crate::algebra::polynomial::{Monomial, Polynomial};
+use crate::expr::graph::{ExprId, Node, Symbol};
+use crate::mechanics::model::{Model, TermId};
+use crate::mechanics::unit::Unit;
+use crate::number::rational::Rational;
+use crate::regressor::collect::{CollectedRow, CollectedTerm, ParameterMonomial};
+use crate::regressor::entries::{Column, RegressorForm, Row, Term};
+use num_traits::One;
+use smallvec::{SmallVec, smallvec};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// A merged column: sum of ratio * parameter monomial, with the regressor of the first.
+pub(crate) struct Group {
+    members: SmallVec<[(ParameterMonomial, Rational); 1]>,
+}
+
+/// A parameter monomial's regressor over the whole system: its terms, row by row.
+type Regressor<'a> = SmallVec<[(usize, &'a [CollectedTerm]); 2]>;
+
+/// What `regressor` is as a multiple of `first`, when it is one.
+fn multiple(regressor: &Regressor<'_>, first: &Regressor<'_>) -> Option<Rational> {
+    let mut pairs = Vec::new();
+    for ((row, terms), (first_row, first_terms)) in regressor.iter().zip(first) {
+        if row != first_row || terms.len() != first_terms.len() {
+            return None;
+        }
+        pairs.extend(terms.iter().zip(*first_terms));
+    }
+    let same_motion = regressor.len() == first.len() && pairs.iter().all(|(a, b)| a.motion == b.motion);
+    let (lead, first_lead) = pairs.first().filter(|_| same_motion)?;
+    let ratio = &lead.coefficient / &first_lead.coefficient;
+    pairs.iter().all(|(a, b)| a.coefficient == &ratio * &b.coefficient).then_some(ratio)
+}
+
+/// Groups parameter monomials whose regressors are proportional over all rows.
+pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
+    // Columns appear as the user wrote them: by row, then by source term.
+    let mut regressors: BTreeMap<&ParameterMonomial, ((usize, TermId), Regressor<'_>)> = BTreeMap::new();
+    for (r, row) in rows.iter().enumerate() {
+        for terms in row.terms.chunk_by(|a, b| a.parameters == b.parameters) {
+            let Some(source) = terms.iter().map(|term| term.source).min() else { continue };
+            if !terms[0].parameters.is_one() {
+                let (_, regressor) =
+                    regressors.entry(&terms[0].parameters).or_insert_with(|| ((r, source), Regressor::new()));
+                regressor.push((r, terms));
+            }
+        }
+    }
+    let mut order: Vec<(&ParameterMonomial, (usize, TermId), Regressor<'_>)> =
+        regressors.into_iter().map(|(parameters, (place, regressor))| (parameters, place, regressor)).collect();
+    order.sort_by_key(|(_, place, _)| *place);
+    // A group with the regressor of its first member.
+    let mut groups: Vec<(Group, &Regressor<'_>)> = Vec::with_capacity(order.len());
+    // Groups by where, and on which motion, they begin.
+    let mut seen: BTreeMap<(usize, &Monomial<ExprId>), SmallVec<[usize; 1]>> = BTreeMap::new();
+    for (parameters, _, regressor) in &order {
+        let Some((row, terms)) = regressor.first() else { continue };
+        let alike = seen.entry((*row, &terms[0].motion)).or_default();
+        match alike.iter().find_map(|&group| Some((group, multiple(regressor, groups[group].1)?))) {
+            Some((group, ratio)) => groups[group].0.members.push(((*parameters).clone(), ratio)),
+            None => {
+                alike.push(groups.len());
+                groups.push((Group { members: smallvec![((*parameters).clone(), Rational::one())] }, regressor));
+            }
+        }
+    }
+    groups.into_iter().map(|(group, _)| group).collect()
+}
+
+/// The form with a column for every group of parameter monomials.
+pub(crate) fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group>) -> RegressorForm {
+    let single = |group: &Group| match group.members.as_slice() {
+        [(monomial, ratio)] if ratio.is_one() => {
+            let mut factors = monomial.factors();
+            match (factors.next(), factors.next()) {
+                (Some((&atom, 1)), None) => match model.graph.node(atom) {
+                    Node::Symbol(symbol) => Some(*symbol),
+                    _ => None,
+                },
+                _ => None,
+            }
+        }
+        _ => None,
+    };
+    let mut indexed: Vec<(Option<Symbol>, Group)> = groups.into_iter().map(|group| (single(&group), group)).collect();
+    // The model's own parameters in order of declaration, then the lumped ones as they appeared.
+    indexed.sort_by_key(|(symbol, _)| (symbol.is_none(), *symbol));
+    let mut taken: Option<BTreeSet<String>> = None;
+    let mut columns = Vec::with_capacity(indexed.len());
+    let mut position: Vec<(ParameterMonomial, usize)> = Vec::with_capacity(indexed.len());
+    for (index, (symbol, group)) in indexed.into_iter().enumerate() {
+        let first = group.members.first().map(|(monomial, _)| monomial.clone());
+        let unit = first.as_ref().and_then(|monomial| monomial_unit(model, monomial));
+        let definition: Polynomial<ExprId> = group.members.into_iter().collect();
+        let name = match symbol {
+            Some(symbol) => model.quantity(symbol).name.clone(),
+            None => lumped_name(model, &definition, taken.get_or_insert_with(|| names(model))).into(),
+        };
+        // Only the first member keeps its terms: theta_first + r theta_other multiplies the first's regressor.
+        position.extend(first.map(|first| (first, index)));
+        columns.push(Column { name, unit, definition, parameter: symbol });
+    }
+    position.sort_unstable();
+    let rows = rows.into_iter().map(|row| {
+        let mut terms = Vec::with_capacity(row.terms.len());
+        let mut at = 0;
+        for CollectedTerm { parameters, motion: atoms, coefficient, source } in row.terms {
+            let column = if parameters.is_one() {
+                None
+            } else {
+                // Both lists ascend.
+                while position.get(at).is_some_and(|(first, _)| *first < parameters) {
+                    at += 1;
+                }
+                match position.get(at) {
+                    Some((first, column)) if *first == parameters => Some(*column),
+                    _ => continue,
+                }
+            };
+            terms.push(Term { column, coefficient, atoms, source });
+        }
+        // Within a column they are sorted by what they multiply already.
+        terms.sort_by_key(|term| term.column);
+        Row { name: row.name, terms, inputs: row.inputs }
+    });
+    RegressorForm { rows: rows.collect(), columns }
+}
+
+/// All names that a model has already.
+pub(crate) fn names(model: &Model) -> BTreeSet<String> {
+    let symbols = model.symbols.iter().map(|quantity| quantity.name.to_string());
+    symbols.chain(model.coordinates.iter().map(|coordinate| coordinate.name.clone())).collect()
+}
+
+fn monomial_unit(model: &Model, monomial: &ParameterMonomial) -> Option<Unit> {
+    let mut unit = Unit::one();
+    for (&atom, exponent) in monomial.factors() {
+        let Node::Symbol(symbol) = model.graph.node(atom) else { return None };
+        unit = unit.mul(&model.quantity(*symbol).unit.as_ref()?.pow(exponent));
+    }
+    Some(unit)
+}
+
+/// The user's name when one was given by `lump`, otherwise the canonical expression spelled as an identifier.
+fn lumped_name(model: &Model, definition: &Polynomial<ExprId>, taken: &mut BTreeSet<String>) -> String {
+    for lump in &model.lumps {
+        if model.graph.polynomial(lump.expr) == *definition {
+            taken.insert(lump.name.clone());
+            return lump.name.clone();
+        }
+    }
+    let mut name = identifier(&canonical(model, definition));
+    while !taken.insert(name.clone()) {
+        name.push('_');
+    }
+    name
+}
+
+/// The canonical expression of a lumped parameter: factors and terms in order of declaration, such as `m2*c2^2`.
+#[must_use]
+pub fn canonical(model: &Model, definition: &Polynomial<ExprId>) -> String {
+    // The member that was met first leads; the polynomial's own order is by declaration, since symbols are interned so.
+    display_polynomial(definition, |&atom| match model.graph.node(atom) {
+        Node::Symbol(_) | Node::Function(..) | Node::Pi | Node::Atan2(..) => model.display(atom),
+        _ => format!("({})", model.display(atom)),
+    })
+}
+
+/// `m2*c2^2` as `m2_c2_2`, `J1 + m2*l1^2` as `J1_plus_m2_l1_2`.
+fn identifier(expression: &str) -> String {
+    let mut name = String::new();
+    for c in expression.chars() {
+        let piece = match c {
+            c if c.is_alphanumeric() || c == '_' => {
+                name.push(c);
+                continue;
+            }
+            '+' => "plus",
+            '-' => "minus",
+            '/' => "_per_",
+            '*' | '^' => "_",
+            _ => "_",
+        };
+        if !(piece == "_" && name.ends_with('_')) {
+            name.push_str(piece);
+        }
+    }
+    let name = name.replace("__", "_");
+    name.trim_matches('_').to_owned()
+}
