@@ -1,7 +1,7 @@
 //! Options about a log of a machine: its columns, the part to use, and what its inputs do between samples.
 
 use crate::failure::Failure;
-use crate::input::assignments::{assignment, number_assignment, once};
+use crate::input::assignments::{assignment, by_name, number_assignment, once};
 use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -100,6 +100,7 @@ fn low_pass(text: &str) -> Result<(String, LowPass), String> {
 impl LogArgs {
     /// What is known to lie between the recorded inputs and the forces, by input; the model gives its inputs' names.
     fn actuators(&self, model: &dyn Model<f64>) -> Result<BTreeMap<String, Dynamics>, Failure> {
+        let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_owned()).collect();
         let mut known: BTreeMap<String, Dynamics> = BTreeMap::new();
         if let Some(path) = &self.motor {
             let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
@@ -109,13 +110,13 @@ impl LogArgs {
             known
                 .extend(stated.into_iter().enumerate().map(|(i, dynamics)| (model.input(i).name.to_owned(), dynamics)));
         }
-        for (name, delay) in once("--delay", &self.delay)? {
+        for (name, delay) in by_name("--delay", &self.delay, &inputs)? {
             if !(delay.is_finite() && delay >= 0.0) {
                 return Err(Failure::Input(format!("--delay {name}={delay}: the time must not be negative")));
             }
             known.entry(name).or_default().delay = delay;
         }
-        for (name, filter) in once("--low-pass", &self.low_pass)? {
+        for (name, filter) in by_name("--low-pass", &self.low_pass, &inputs)? {
             known.entry(name).or_default().filter = Some(filter);
         }
         Ok(known)

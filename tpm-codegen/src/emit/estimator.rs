@@ -228,7 +228,7 @@ pub struct Identified {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum IdentifiedError {
     /// Not the schema.
-    #[error("the identified values are not of the schema `{SCHEMA}`, nor of one before it that can be read: {0}")]
+    #[error("the identified values are of none of the schemas that can be read, {known}: {0}", known = READABLE_SCHEMAS.join(", "))]
     Schema(String),
     /// Another model's.
     #[error("the identified values are of the model `{found}`, not of `{expected}`")]

@@ -256,7 +256,7 @@ impl Store {
                 return Ok(found);
             }
             let run: RunManifest = read_json(&manifest, RUN)?;
-            found.push((samples.display().to_string(), run.samples_hash));
+            found.push((file_name(&samples), run.samples_hash));
         }
     }
 
@@ -397,6 +397,11 @@ fn read_json<T: serde::de::DeserializeOwned>(path: &Path, schema: &str) -> Resul
         return Err(broken(path, &format!("this is no manifest of the form {schema}")));
     }
     serde_json::from_value(value).map_err(|error| broken(path, &error.to_string()))
+}
+
+/// The name of a file without its folder.
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 fn keep(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
