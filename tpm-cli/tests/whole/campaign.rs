@@ -199,7 +199,7 @@ fn a_full_disk_keeps_the_finished_runs() {
     let at = folder.path();
     let model = root().join("models/mass_spring_drag.tpm");
     let model = model.to_str().expect("plain");
-    let identify = |runs: &str| [&["identify", model, "--json", "--runs", runs], &SHORT[..]].concat();
+    let identify = |runs: &'static str| [&["identify", model, "--json", "--runs", runs], &SHORT[..]].concat();
     run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
     run(at, &["campaign", "next", "c", "-o", "run.csv"]);
     run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &SHORT[..]].concat());
