@@ -40,12 +40,13 @@ pub fn model(input: TokenStream) -> TokenStream {
         Ok(parsed) => parsed,
         Err(errors) => return errors,
     };
+    let text = parsed.ast.to_string();
     match Estimator::of(&parsed) {
         Ok(estimator) => {
             let options = rust::Options {
                 command: "tpm_runtime::model!",
                 runtime: &runtime,
-                identified: None,
+                source: Some(&text),
                 ..rust::Options::default()
             };
             rust::items(&estimator, &options, &TokenStream::new())
@@ -87,7 +88,7 @@ pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
             let options = rust::Options {
                 command: "tpm_runtime::model_file!",
                 runtime: &runtime,
-                identified: None,
+                source: Some(source.text()),
                 ..rust::Options::default()
             };
             // The compiler watches what is included, so that a change of the file rebuilds the crate.

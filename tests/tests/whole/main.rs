@@ -35,6 +35,7 @@ mod numerics_room;
 mod packages;
 mod pendulum;
 mod physical;
+mod session;
 mod split;
 mod structure;
 mod support;

@@ -15,6 +15,7 @@ pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
         Remedy::Hold { hold } => format!("--hold {hold}"),
         Remedy::Harmonics { highest } => format!("--harmonics {highest} takes them in"),
         Remedy::DrivenCoordinate { input } => format!("--motion {input}=COORDINATE"),
+        Remedy::Stopped => "--stopped".to_owned(),
         Remedy::Constants { names } => {
             names.iter().map(|name| format!("--constant {name}=VALUE")).collect::<Vec<_>>().join(" ")
         }

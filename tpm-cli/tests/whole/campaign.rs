@@ -230,3 +230,94 @@ fn without_room(folder: &Path, arguments: &[&str]) -> std::process::Output {
     shell.args(["-c", "trap '' XFSZ; ulimit -f 128; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_tpm")]);
     shell.args(arguments).current_dir(folder).output().expect("a shell")
 }
+
+/// Every shipped experiment, cut to two runs: a folder says of its runs what the campaign that played them said.
+#[test]
+fn identify_and_campaign_result_say_the_same_of_every_shipped_experiment() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    for (model, experiment) in [
+        ("mass_spring_drag", "mass_spring_drag"),
+        ("two_carts", "two_carts"),
+        ("closed_loop_arm", "closed_loop_arm"),
+        ("closed_loop_arm", "closed_loop_arm_thesis"),
+        ("rotary_pendulum_down", "rotary_pendulum_down"),
+    ] {
+        let [model, file] = [format!("models/{model}.tpm"), format!("models/{experiment}.toml")]
+            .map(|path| root().join(path).display().to_string());
+        let short = ["--set", "schedule.max_runs=2", "--set", "schedule.measure_time=4"];
+        let played =
+            [&["identify", &model, "--experiment", &file, "--runs", experiment, "--json"], &short[..]].concat();
+        let (played, kept) = (tpm_in(at, &played), tpm_in(at, &["campaign", "result", experiment, "--json"]));
+        assert_eq!(played.status.code(), kept.status.code(), "{experiment}");
+        assert_eq!(String::from_utf8_lossy(&played.stderr), String::from_utf8_lossy(&kept.stderr), "{experiment}");
+        let [played, kept] = [json(&played), json(&kept)];
+        assert_eq!(played["runs"].as_array().map(Vec::len), Some(2), "{experiment}");
+        for part in ["parameters", "physical", "combinations", "unobservable", "covariance", "warnings", "findings"] {
+            assert_eq!(played[part], kept[part], "{experiment}: {part}");
+        }
+        assert_eq!(played, kept, "{experiment}");
+    }
+}
+
+#[test]
+fn a_run_says_all_that_its_controller_needs_and_one_of_the_earlier_form_can_be_played() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    let model = root().join("models/mass_spring_drag.tpm");
+    let model = model.to_str().expect("plain");
+    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
+    run(at, &["campaign", "next", "c", "-o", "run.csv"]);
+    let read = |name: &str| std::fs::read_to_string(at.join(name)).expect("written");
+    let mut terms: serde_json::Value = serde_json::from_str(&read("run.json")).expect("JSON");
+    assert_eq!(terms["schema"], "tpm.play/2");
+    let rows = read("run.csv").lines().count() - 1;
+    assert_eq!(terms["timing"]["samples"], rows);
+    assert_eq!((&terms["timing"]["settle_periods"], &terms["timing"]["hold"]), (&3.into(), &"zero-order".into()));
+    let (sample_time, filter) =
+        (terms["sample_time"].as_f64().expect("s"), terms["derivative_filter"].as_f64().expect("s"));
+    let rate = &terms["law"]["rate"];
+    assert_eq!(
+        (&rate["from"], &rate["equation"]),
+        (&"difference".into(), &"v[n] = a v[n-1] + b (e[n] - e[n-1]); v[0] = 0".into())
+    );
+    let a = (-sample_time / filter).exp();
+    assert!((rate["a"].as_f64().expect("a") - a).abs() < 1e-15);
+    assert!((rate["b"].as_f64().expect("b") - (1.0 - a) / sample_time).abs() < 1e-9);
+    let play = |log: &str| run(at, &[&["simulate", model, "--play", "run.csv", "-o", log], &SHORT[..]].concat());
+    play("now.csv");
+    let fields = terms.as_object_mut().expect("an object");
+    for new in ["timing", "law"] {
+        assert!(fields.remove(new).is_some(), "{new}");
+    }
+    fields.insert("schema".to_owned(), "tpm.play/1".into());
+    std::fs::write(at.join("run.json"), terms.to_string()).expect("written");
+    play("earlier.csv");
+    assert_eq!(read("now.csv"), read("earlier.csv"));
+}
+
+#[test]
+fn a_run_that_the_machine_stopped_can_be_submitted_and_leads_to_backing_off() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    let model = root().join("models/mass_spring_drag.tpm");
+    let model = model.to_str().expect("plain");
+    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
+    run(at, &["campaign", "next", "c", "-o", "run.csv"]);
+    run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &SHORT[..]].concat());
+    let whole = std::fs::read_to_string(at.join("log.csv")).expect("a log");
+    let half: Vec<&str> = whole.lines().take(3000).collect();
+    std::fs::write(at.join("half.csv"), half.join("\n")).expect("written");
+    let refused = tpm_in(at, &["campaign", "submit", "c", "half.csv"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--stopped"), "{refused:?}");
+    let said = run(at, &["campaign", "submit", "c", "half.csv", "--stopped"]);
+    assert!(said.starts_with("run 1: stopped") && said.contains("amplitudes reduced"), "{said}");
+    let peak = |name: &str| {
+        let text = std::fs::read_to_string(at.join(name)).expect("a run");
+        let of = |line: &str| line.split(',').nth(1).and_then(|x| x.parse::<f64>().ok()).map(f64::abs);
+        text.lines().filter_map(of).fold(0.0, f64::max)
+    };
+    run(at, &["campaign", "next", "c", "-o", "again.csv"]);
+    assert!((peak("again.csv") / peak("run.csv") - 0.5).abs() < 1e-9);
+}

@@ -38,13 +38,22 @@ pub struct Options<'a> {
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward.
     pub filters: Option<&'a Filters>,
+    /// The text of the model, for the trait of evaluated models to give back; nothing where it need not be carried along.
+    pub source: Option<&'a str>,
     /// Whether a file brings what it needs of the runtime along instead of naming it, and does without the runtime's trait.
     pub standalone: bool,
 }
 
 impl Default for Options<'_> {
     fn default() -> Self {
-        Self { command: "tpm generate", runtime: "::tpm_runtime", identified: None, filters: None, standalone: false }
+        Self {
+            command: "tpm generate",
+            runtime: "::tpm_runtime",
+            identified: None,
+            filters: None,
+            source: None,
+            standalone: false,
+        }
     }
 }
 

@@ -37,6 +37,8 @@ pub enum Remedy {
         /// The input, as the model names it.
         input: String,
     },
+    /// Say that the machine stopped the run.
+    Stopped,
     /// Give a value to a constant of the model that is known at run time only.
     Constants {
         /// The constants without a value.

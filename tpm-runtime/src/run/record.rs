@@ -181,6 +181,13 @@ pub struct Record {
 }
 
 impl Record {
+    /// The record of a run from samples of the coordinates and of the applied inputs, one list each, taken every `sample_time`
+    /// seconds; no rate was measured, and no input was cut at a limit.
+    #[must_use]
+    pub const fn new(sample_time: f64, coordinates: Vec<Vec<f64>>, inputs: Vec<Vec<f64>>, ending: Ending) -> Self {
+        Record { sample_time, coordinates, inputs, rates: Vec::new(), ending, saturated: 0 }
+    }
+
     /// The record of a trial from the samples that a machine gave. The record ends where a tracking error, a position or a measured
     /// velocity passes its bound, or an error is not a number; a sample in which an input stands at its limit counts as saturated.
     /// Samples that end before the trial do so because the machine stopped the run: this is `stopped`, or an input stands at its

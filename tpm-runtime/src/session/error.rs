@@ -7,8 +7,8 @@ use crate::estimate::physical::PhysicalError;
 use crate::experiment::ExperimentError;
 use crate::log::LogError;
 use crate::report::Remedy;
-use crate::run::BenchError;
 use crate::run::trajectory::PatternError;
+use crate::run::{BenchError, RecordError};
 use crate::session::model::ModelFault;
 use std::fmt;
 use std::string::String;
@@ -92,6 +92,14 @@ pub enum SessionError {
         /// The fault.
         message: String,
     },
+    /// The log of a run is no record of it.
+    #[error("{path}: {source}")]
+    Record {
+        /// The log.
+        path: String,
+        /// What does not fit.
+        source: RecordError,
+    },
     /// A setting names something that the model does not have.
     #[error("{setting} `{name}`: the model has no such name; {}", listed(.known))]
     UnknownName {
@@ -155,6 +163,7 @@ impl SessionError {
     pub fn remedy(&self) -> Option<Remedy> {
         match self {
             SessionError::Log(error) => error.remedy(),
+            SessionError::Record { source: RecordError::TooShort { .. }, .. } => Some(Remedy::Stopped),
             SessionError::Constants { names } => Some(Remedy::Constants { names: names.clone() }),
             _ => None,
         }

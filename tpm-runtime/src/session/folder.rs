@@ -124,7 +124,7 @@ impl CampaignFolder {
         let fault =
             |error: &dyn std::fmt::Display| SessionError::File { path: path.clone(), message: error.to_string() };
         let record = Record::of_samples(&trial, measured.sample_time, coordinates, inputs, rates, stopped)
-            .map_err(|error| fault(&error))?;
+            .map_err(|source| SessionError::Record { path: path.clone(), source })?;
         let run = campaign.submit(&record).map_err(|error| fault(&error))?.clone();
         let kept = run.ending != RunEnding::SensorLost;
         if kept {

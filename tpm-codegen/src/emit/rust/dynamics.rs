@@ -563,6 +563,13 @@ fn implementation(context: &Context<'_>) -> TokenStream {
         quote!(let [] = fixed(Buffer::Constants, constants)?;)
     };
     let argument = context.constants_argument();
+    let source = context.options.source.map(|text| {
+        quote! {
+            fn source(&self) -> Option<&str> {
+                Some(#text)
+            }
+        }
+    });
     quote! {
         impl<T: Real> Model<T> for #name {
             fn name(&self) -> &str {
@@ -572,6 +579,8 @@ fn implementation(context: &Context<'_>) -> TokenStream {
             fn dims(&self) -> Dims {
                 DIMS
             }
+
+            #source
 
             #(#labels)*
 
