@@ -11,9 +11,13 @@ fn run(folder: &Path, arguments: &[&str]) -> String {
     printed_in(folder, arguments, 0)
 }
 
+fn plain_json(output: &std::process::Output) -> serde_json::Value {
+    serde_json::from_slice(&output.stdout).expect("JSON")
+}
+
 /// A result as JSON, without what says where its runs were played and kept.
 fn json(output: &std::process::Output) -> serde_json::Value {
-    let mut result: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let mut result = plain_json(output);
     let fields = result.as_object_mut().expect("an object");
     assert!(fields.remove("source").is_some() && fields.remove("provenance").is_some(), "{fields:?}");
     result
@@ -169,14 +173,14 @@ fn bad_logs_are_refused_and_nothing_is_lost() {
 fn a_design_is_judged_before_anything_moves() {
     let model = root().join("models/mass_spring_drag.tpm");
     let arguments = ["design", model.to_str().expect("plain"), "--json"];
-    let found = json(&tpm(&arguments));
+    let found = plain_json(&tpm(&arguments));
     assert_eq!(found["schema"], "tpm.design/1");
     assert_eq!(found["estimates"]["k1"], 40.0);
     let candidates = found["candidates"].as_array().expect("a list");
     assert!(candidates.iter().all(|candidate| candidate["rank"] == 3 && candidate["passed"].is_null()));
 
     let limited = tpm(&[&arguments[..], &["--set", "limits.inputs.u=20"]].concat());
-    let limited = json(&limited);
+    let limited = plain_json(&limited);
     let candidates = limited["candidates"].as_array().expect("a list");
     let within = candidates.iter().filter(|candidate| candidate["passed"].is_null()).count();
     assert!(within > 0 && within < candidates.len());

@@ -22,7 +22,7 @@ fn the_shipped_experiment_identifies_the_plant() {
         assert!((value / truth - 1.0).abs() < 5e-3, "{parameter:?}");
     }
     let json = serde_json::to_value(&result).expect("serialises");
-    assert_eq!(json["schema"], "tpm.identification/1");
+    assert_eq!(json["schema"], "tpm.identification/2");
     assert_eq!(json["parameters"][0]["status"], "identified");
     assert_eq!(json["runs"][0]["amplitudes"][0][0], "lambda");
     let again = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment(), &mut |_| true).expect("runs");

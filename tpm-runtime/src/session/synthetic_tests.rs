@@ -164,7 +164,7 @@ fn what_is_not_visible_is_named_and_not_given_a_number() {
             .any(|warning| warning.to_string().ends_with("only in combinations with each other: m, k1"))
     );
     let json = serde_json::to_value(&result).expect("serialises");
-    assert_eq!(json["schema"], "tpm.identification/1");
+    assert_eq!(json["schema"], "tpm.identification/2");
     assert!(json["parameters"][0]["value"].is_null() && json["covariance"][0][0].is_null());
     assert_eq!(json["hold"], "none");
 }
