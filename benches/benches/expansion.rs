@@ -2,8 +2,8 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
+use tpm_benches::catalogue::by_name;
 use tpm_benches::chain::Cube;
-use tpm_benches::workloads::by_name;
 
 fn expansion(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("expansion");

@@ -11,6 +11,7 @@ mod code;
 pub mod estimator;
 pub mod filter;
 mod function;
+mod header;
 pub mod name;
 mod names;
 pub mod number;

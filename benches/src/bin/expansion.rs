@@ -14,8 +14,9 @@
 use std::hint::black_box;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
+use tpm_benches::catalogue::by_name;
 use tpm_benches::chain::Cube;
-use tpm_benches::workloads::{Workload, by_name, listing, source};
+use tpm_benches::workloads::{Workload, listing, source};
 
 enum Work {
     Table(Box<Workload>),

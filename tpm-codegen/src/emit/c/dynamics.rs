@@ -7,9 +7,9 @@ use super::super::code::{Place, Statement};
 use super::super::function::{self, Body, Function};
 use super::super::names::derivative_name;
 use super::super::text;
+use super::context::{Context, Parameter, push_constants};
 use super::expression::Writer;
 use super::layout::{doc, statement, string};
-use super::{Context, Parameter, push_constants};
 
 /// The sizes of the model, as macros.
 pub(super) fn sizes(context: &Context<'_>) -> String {

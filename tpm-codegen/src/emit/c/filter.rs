@@ -1,8 +1,8 @@
 //! Filtered feed-forward: the low passes and both schemes.
 
 use super::super::filter::{Coefficients, Filters, LowPass};
+use super::context::{Context, Parameter};
 use super::layout::{doc, statement};
-use super::{Context, Parameter};
 
 /// The low passes and the schemes, where filters were asked for.
 pub(super) fn write(context: &mut Context<'_>) {

@@ -11,10 +11,11 @@ use super::super::code::{Level, Place};
 use super::super::function::{self, Body, Function};
 use super::super::names::{derivative_name, harmonic_name};
 use super::super::text;
+use super::context::{Context, Parameter, push_constants};
 use super::dynamics::{entry, size_macro, stored};
 use super::expression::Writer;
 use super::layout::{doc, statement};
-use super::{Context, Parameter, push_constants, solve};
+use super::solve;
 
 /// All patterns.
 pub(super) fn write(context: &mut Context<'_>) {

@@ -3,7 +3,8 @@
 //! Invariant: the method is that of `tpm_runtime::least_squares` (modified Gram-Schmidt with column pivoting, the right-hand
 //! side carried along; Björck, 1967), in the caller's memory.
 
-use super::Context;
+use super::context::Context;
+use super::expression::Scalar;
 use super::layout::doc;
 
 const SOURCE: &str = "
@@ -182,8 +183,8 @@ pub(super) fn write(context: &mut Context<'_>) {
     let fields: String = fields.iter().map(|(about, field)| format!("{}    {field};\n", doc(1, about))).collect();
     context.structure("estimate", "What the harmonics say about the parameters.", &fields);
     let max = match scalar {
-        super::Scalar::Float => "FLT_MAX",
-        super::Scalar::Double => "DBL_MAX",
+        Scalar::Float => "FLT_MAX",
+        Scalar::Double => "DBL_MAX",
     };
     let replaced = [
         ("REAL", scalar.name().to_owned()),

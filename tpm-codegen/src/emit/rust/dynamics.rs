@@ -10,7 +10,7 @@ use super::super::code::{Place, Statement};
 use super::super::estimator::Estimator;
 use super::super::function::{self, Body, Function, Reads};
 use super::super::text;
-use super::Context;
+use super::context::Context;
 use super::expression::{Writer, literal};
 use super::names::{derivative_field, ident};
 use super::record::{Field, count, doc, locals, record};

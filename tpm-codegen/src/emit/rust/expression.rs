@@ -10,7 +10,7 @@ use tpm_symbolic::plan::leaf::Leaf;
 
 use super::super::code::{Expression, Level, Operator, Place, Statement};
 use super::super::number::{Rounded, digits, digits_single};
-use super::Context;
+use super::context::Context;
 
 /// A literal of double precision.
 pub(super) fn literal(value: f64) -> TokenStream {

@@ -6,7 +6,7 @@ use quote::quote;
 
 use super::super::filter::{Coefficients, Filters, LowPass};
 use super::super::function::Reads;
-use super::Context;
+use super::context::Context;
 use super::expression::number;
 use super::names::ident;
 use super::record::{count, doc};

@@ -12,7 +12,7 @@ use super::super::code::{Base, Level, Place, Table};
 use super::super::function::{self, Body, Function};
 use super::super::number::Rounded;
 use super::super::text;
-use super::Context;
+use super::context::Context;
 use super::dynamics::stores;
 use super::expression::{Writer, literal, literal_single};
 use super::names::{PatternNames, derivative_field, harmonic_field, ident};

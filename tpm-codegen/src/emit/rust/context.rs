@@ -1,0 +1,161 @@
+//! What the writers of Rust share: options, names, the spelling of leaves and arguments, and comments.
+
+use proc_macro2::{Ident, Literal, TokenStream};
+use quote::quote;
+use std::cell::RefCell;
+use std::str::FromStr;
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::plan::leaf::Leaf;
+
+use super::super::estimator::{Estimator, Identified};
+use super::super::filter::Filters;
+use super::super::function::{Reads, Role};
+use super::names::{self, Names};
+
+/// How a module is emitted.
+#[derive(Clone, Debug)]
+pub struct Options<'a> {
+    /// What the reader must run to get this code again; stands in the header.
+    pub command: &'a str,
+    /// Path of the runtime crate in the emitted code.
+    pub runtime: &'a str,
+    /// Identified values to be baked in.
+    pub identified: Option<&'a Identified>,
+    /// Low passes of the feed-forward.
+    pub filters: Option<&'a Filters>,
+    /// The text of the model, for the trait of evaluated models to give back; nothing where it need not be carried along.
+    pub source: Option<&'a str>,
+    /// Whether a file brings what it needs of the runtime along instead of naming it, and does without the runtime's trait.
+    pub standalone: bool,
+}
+
+impl Default for Options<'_> {
+    fn default() -> Self {
+        Self {
+            command: "tpm generate",
+            runtime: "::tpm_runtime",
+            identified: None,
+            filters: None,
+            source: None,
+            standalone: false,
+        }
+    }
+}
+
+/// What the writers of the parts share.
+pub(super) struct Context<'a> {
+    pub(super) estimator: &'a Estimator,
+    pub(super) options: &'a Options<'a>,
+    pub(super) names: Names,
+    pub(super) runtime: TokenStream,
+    /// Comment texts, by number; `None` where comments would be lost anyway.
+    pub(super) comments: Option<RefCell<Vec<String>>>,
+}
+
+impl<'a> Context<'a> {
+    pub(super) fn new(estimator: &'a Estimator, options: &'a Options<'a>, comments: bool) -> Self {
+        let names = names::names(estimator);
+        let runtime = match options.standalone {
+            true => quote!(self::support),
+            false => TokenStream::from_str(options.runtime).unwrap_or_else(|_| quote!(::tpm_runtime)),
+        };
+        let comments = comments.then(RefCell::default);
+        Self { estimator, options, names, runtime, comments }
+    }
+
+    /// The path of the runtime, or of what stands for it, in a module inside the module.
+    pub(super) fn runtime_inside(&self) -> TokenStream {
+        match self.options.standalone {
+            true => quote!(super::support),
+            false => self.runtime.clone(),
+        }
+    }
+
+    /// A comment that [`file`](super::file) puts in; nothing in a macro, whose tokens cannot carry it.
+    pub(super) fn comment(&self, text: String) -> TokenStream {
+        match &self.comments {
+            Some(comments) => {
+                let mut comments = comments.borrow_mut();
+                let number = Literal::usize_unsuffixed(comments.len());
+                comments.push(text);
+                quote!(__comment!(#number);)
+            }
+            None => TokenStream::new(),
+        }
+    }
+
+    pub(super) fn has_constants(&self) -> bool {
+        !self.names.constants.is_empty()
+    }
+
+    /// How a leaf is spelled; `owner` holds the symbols that are not constants.
+    pub(super) fn leaf(&self, leaf: &Leaf, owner: &Ident, fields: &[(Symbol, Ident)]) -> TokenStream {
+        match *leaf {
+            Leaf::Motion(coordinate, order) => {
+                let found = self.names.coordinates.iter().find(|names| names.coordinate == coordinate);
+                let coordinate = &found.expect("invariant: the evaluation lists its coordinates").field;
+                let derivative = names::derivative_field(order);
+                quote!(motion.#coordinate.#derivative)
+            }
+            Leaf::Column(index) => {
+                let column = &self.names.columns[index];
+                quote!(parameters.#column)
+            }
+            Leaf::Cos => quote!(cos),
+            Leaf::Sin => quote!(sin),
+            Leaf::Signal(equation) => {
+                let field = &self.names.rows[equation].field;
+                quote!(sample.#field)
+            }
+            Leaf::Symbol(symbol) => {
+                if let Some((_, field)) = self.names.constants.iter().find(|(present, _)| *present == symbol) {
+                    return quote!(constants.#field);
+                }
+                let found = fields.iter().find(|(present, _)| *present == symbol);
+                let field = &found.expect("invariant: the owner has the plan's symbols").1;
+                quote!(#owner.#field)
+            }
+            _ => unreachable!("invariant: harmonics are read by the pseudo-inverse alone, which spells them itself"),
+        }
+    }
+
+    /// `constants: &Constants<T>,` where the model has any.
+    pub(super) fn constants_parameter(&self, reads: Reads) -> TokenStream {
+        match (self.has_constants(), reads.constants) {
+            (false, _) => quote!(),
+            (true, true) => quote!(constants: &Constants<T>,),
+            (true, false) => quote!(_constants: &Constants<T>,),
+        }
+    }
+
+    /// `constants: &Constants<T>,` where the model has any, for a function that hands them on.
+    pub(super) fn constants_handed_on(&self) -> TokenStream {
+        self.constants_parameter(Reads { constants: true, ..Reads::default() })
+    }
+
+    /// How a function is called in documentation.
+    pub(super) fn function_name(&self, role: Role) -> String {
+        let of = |pattern: usize, name: &str| match &self.names.patterns[pattern].module {
+            Some(module) => format!("{module}::{name}"),
+            None => name.to_owned(),
+        };
+        match role {
+            Role::Regressor => "regressor".to_owned(),
+            Role::Known => "known".to_owned(),
+            Role::InputMap => "input_map".to_owned(),
+            Role::InverseDynamics => "inverse_dynamics".to_owned(),
+            Role::FeedForward => "feed_forward".to_owned(),
+            Role::FeedForwardIndependent => "feed_forward_independent".to_owned(),
+            Role::FeedForwardDependent => "feed_forward_dependent".to_owned(),
+            Role::Lump => "Physical::lump".to_owned(),
+            Role::Unlump => "Parameters::unlump".to_owned(),
+            Role::Reference(pattern) => of(pattern, "Pattern::reference_from"),
+            Role::EstimatorMatrix(pattern) => of(pattern, "Pattern::estimator_matrix"),
+            Role::Accumulate(pattern) => of(pattern, "Accumulator::push_at"),
+        }
+    }
+
+    pub(super) fn constants_argument(&self) -> TokenStream {
+        if self.has_constants() { quote!(constants,) } else { quote!() }
+    }
+}
