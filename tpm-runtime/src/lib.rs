@@ -1,8 +1,26 @@
-//! Runs trajectory pattern identification against simulated plants, logs and real machines.
+//! Finds the parameters of a machine from its motion: from a log, on a simulated machine, or in a campaign on a real one.
+//!
+//! # Where to begin
+//!
+//! | you have | you call |
+//! |---|---|
+//! | a model file and a log | `session::from_log` (feature `interpret`) |
+//! | an experiment with a simulated machine | `session::on_simulated_plant` |
+//! | a machine that plays samples | `session::on_machine`, with your `run::Bench` |
+//! | a campaign that goes on by files | `session::CampaignFolder` |
+//! | a controller without an operating system | `model!` (feature `macros`), and [`control`], [`filter`], [`harmonics`] |
+//!
+//! The first four give one `session::Identification`: parameters with standard deviations, physical parameters behind lumped ones, what
+//! the data do not show, and warnings.
+//!
+//! # The problem
 //!
 //! A machine obeys `Phi(q, q', q'', ...) theta + known = B u` with unknown theta ([`mod@model`]). Along a periodic motion both
-//! sides are Fourier series, and equating harmonics gives linear equations for theta, however non-linear the motion is.
-//! The core (without the feature `std`) needs neither an operating system nor memory allocation.
+//! sides are Fourier series, and equating harmonics gives linear equations for theta, however non-linear the motion is
+//! (D. Feng, chapters 2 to 4). Estimates come with their covariance, rank first: nothing is estimated along a direction that the data
+//! do not show.
+//!
+//! Without the feature `std` the crate is `tpm-core` and the macros: neither an operating system nor memory allocation.
 #![no_std]
 
 #[cfg(any(feature = "std", test))]

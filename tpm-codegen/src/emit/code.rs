@@ -208,7 +208,6 @@ impl<'a> Reader<'a> {
                 let ((y, _), (x, size)) = (at(y), at(x));
                 (Expression::Atan2(y, x), size + 2)
             }
-            _ => unreachable!("invariant: every operation has its expression"),
         }
     }
 }

@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 /// The first function or quotient in `expr` (by its id, so innermost first) that is not smooth where `point` replaces
 /// leaves by expressions; `None` when none is shown to be singular there. Whether an argument vanishes is decided by
-/// the normal form of [`trig`]; an argument that depends on symbols counts as different from zero unless it vanishes
+/// the normal form of [`trigonometric`]; an argument that depends on symbols counts as different from zero unless it vanishes
 /// for all of their values.
 pub fn first_singularity(graph: &mut Graph, expr: ExprId, point: &HashMap<ExprId, ExprId>) -> Option<ExprId> {
     let mut seen = vec![false; expr.index() + 1];

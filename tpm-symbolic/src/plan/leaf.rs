@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 /// A number that a plan is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-#[non_exhaustive]
 pub enum Leaf {
     /// A time derivative of a coordinate (0: the coordinate itself).
     Motion(Coordinate, u32),

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct Slot(pub u32);
 
 impl Slot {
-    /// The position in [`Plan::ops`].
+    /// The position in [`Plan::ops`](crate::plan::straight_line::Plan::ops).
     #[must_use]
     pub fn index(self) -> usize {
         self.0 as usize
@@ -19,13 +19,12 @@ impl Slot {
 /// One operation.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-#[non_exhaustive]
 pub enum Op {
     /// An exact constant, rounded once when it becomes a float.
     Constant(Rational),
     /// The circle constant.
     Pi,
-    /// An input of the plan, by index into [`Plan::inputs`].
+    /// An input of the plan, by index into [`Plan::inputs`](crate::plan::straight_line::Plan::inputs).
     Load(u32),
     /// a + b
     Add(Slot, Slot),

@@ -259,7 +259,9 @@ impl<'a> Context<'a> {
                 let found = fields.iter().find(|(present, _)| *present == symbol);
                 format!("{owner}{}", found.expect("invariant: the owner has the plan's symbols").1)
             }
-            _ => unreachable!("invariant: harmonics are read by the pseudo-inverse alone, which spells them itself"),
+            Leaf::Harmonic(_) => {
+                unreachable!("invariant: harmonics are read by the pseudo-inverse alone, which spells them itself")
+            }
         }
     }
 

@@ -115,7 +115,9 @@ impl<'a> Context<'a> {
                 let field = &found.expect("invariant: the owner has the plan's symbols").1;
                 quote!(#owner.#field)
             }
-            _ => unreachable!("invariant: harmonics are read by the pseudo-inverse alone, which spells them itself"),
+            Leaf::Harmonic(_) => {
+                unreachable!("invariant: harmonics are read by the pseudo-inverse alone, which spells them itself")
+            }
         }
     }
 
