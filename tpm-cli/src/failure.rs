@@ -22,7 +22,7 @@ pub(crate) enum Failure {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// A file could not be written; nothing was left behind.
+    /// A file could not be written; no partial file was left behind.
     #[error("error: cannot write {path}: {source}; no partial file was left", path = path.display())]
     Write {
         /// The file.
@@ -30,24 +30,24 @@ pub(crate) enum Failure {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// Anything else that is wrong with what was given.
+    /// Anything else that is wrong with the input.
     #[error("error: {0}")]
     Input(String),
-    /// The result was printed, but it is not all that was asked for.
+    /// The result was printed, but it is not complete.
     #[error("{0}")]
     Incomplete(String),
-    /// Stopped by the user.
+    /// The user interrupted the command.
     #[error("interrupted")]
     Interrupted,
 }
 
 impl Failure {
-    /// A file that could not be read.
+    /// The failure of reading a file.
     pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
         Self::Read { path: path.to_owned(), source }
     }
 
-    /// A file that could not be written.
+    /// The failure of writing a file.
     pub(crate) fn write(path: &Path, source: std::io::Error) -> Self {
         Self::Write { path: path.to_owned(), source }
     }
@@ -78,7 +78,7 @@ impl From<ModelFault> for Failure {
     }
 }
 
-/// What went wrong in a session, with the flag that would help.
+/// The failure of a session, with the flag that would help.
 impl From<SessionError> for Failure {
     fn from(error: SessionError) -> Self {
         match error {

@@ -1,11 +1,11 @@
-//! Ctrl-C: long work that asks stops cleanly, anything else ends at once.
+//! Ctrl-C: long work that polls for it stops cleanly, anything else ends at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 static WATCHED: AtomicBool = AtomicBool::new(false);
 
-/// Installs the handler. Where signals cannot be handled the default (ending at once) stays, which is just as good.
+/// Installs the handler. Where signals cannot be handled, the default stays, which ends the program at once.
 pub(crate) fn install() {
     let _ = ctrlc::set_handler(|| {
         let again = REQUESTED.swap(true, Ordering::SeqCst);

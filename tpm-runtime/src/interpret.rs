@@ -1,7 +1,7 @@
-//! A model that is run without being compiled: the evaluation plans, executed operation by operation.
+//! A model that is run without being compiled: its evaluation plans, executed operation by operation.
 //!
-//! Invariant: the operations are those of the plans of [`tpm_symbolic::plan`], in their order and with one rounding each, so that
-//! the numbers are those of the emitted code.
+//! Invariant: the operations are those of the plans of [`tpm_symbolic::plan`], in their order and each rounded once, so
+//! that the numbers equal those of the emitted code.
 
 use std::string::{String, ToString};
 use std::vec;
@@ -22,7 +22,7 @@ use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::form::RegressorForm;
 
-/// A name and unit, owned.
+/// An owned name and unit.
 #[derive(Clone, Debug)]
 struct Name {
     name: String,
@@ -50,22 +50,22 @@ enum Step {
     Atan2(usize, usize),
 }
 
-/// A plan with its constants rounded.
+/// A plan with its constants rounded to double precision.
 ///
-/// Invariant: a workspace holds the plan's own constants, then all leaves, then the result of every step, each of which reads
-/// what stands before it.
+/// Invariant: a workspace holds the plan's own constants, then all leaves, then the result of every step. A step reads
+/// only entries before its own.
 #[derive(Clone, Debug)]
 struct Program {
     constants: Vec<f64>,
     steps: Vec<Step>,
     outputs: Vec<usize>,
     workspace_len: usize,
-    /// The results, where no leaf has a part in them.
+    /// The results of a plan that depends on no leaf.
     fixed: Option<Vec<f64>>,
 }
 
 impl Program {
-    /// A plan that reads some of `leaves`, which stand in a workspace in this order.
+    /// A plan that reads some of `leaves`, which occupy a workspace in this order.
     fn new(plan: &Plan, leaves: &[Leaf]) -> Self {
         let value = |op: &Op| match op {
             Op::Constant(value) => Some(rational::to_f64(value)),
@@ -114,7 +114,7 @@ impl Program {
         program
     }
 
-    /// Executes the steps on the values of all leaves, in order and in as many parts as is convenient.
+    /// Executes the steps on the values of all leaves, which come in order and in any number of slices.
     fn run(&self, leaves: &[&[f64]], workspace: &mut [f64], out: &mut [f64]) {
         if let Some(fixed) = &self.fixed {
             for (result, &value) in out.iter_mut().zip(fixed) {
@@ -144,7 +144,7 @@ impl Program {
     }
 }
 
-/// The core's own functions rather than the standard library's, so that every machine gets the same bits.
+/// Applies a function of the core, not of the standard library, so that every machine gets the same bits.
 fn apply(function: Function, x: f64) -> f64 {
     match function {
         Function::Sin => Real::sin(x),
@@ -174,12 +174,13 @@ pub struct Interpreted {
     regressor: Program,
     known: Program,
     input_map: Program,
-    /// The matrix of the highest derivatives, then the right-hand side; nothing where the rows are not affine in them.
+    /// Program of the matrix of the highest derivatives, then the right-hand side; nothing where the rows are not
+    /// affine in these derivatives.
     dynamics: Option<Program>,
 }
 
 impl Interpreted {
-    /// Makes the model runnable; `form` is the regressor form of `model`.
+    /// Makes a model runnable; `form` is the regressor form of `model`.
     #[must_use]
     pub fn new(model: &Declared, form: &RegressorForm) -> Self {
         let (evaluation, dynamics) = Evaluation::with_dynamics(model, form);
@@ -265,7 +266,7 @@ impl Interpreted {
 /// decomposition.
 #[derive(Clone, Debug)]
 pub struct InterpretedInverse {
-    /// Amplitudes, then the frequency.
+    /// Number of amplitudes plus one, for the frequency.
     symbols: usize,
     constants: usize,
     harmonics: usize,
@@ -289,13 +290,13 @@ impl InterpretedInverse {
         })
     }
 
-    /// Entries that a workspace needs.
+    /// Number of entries that a workspace needs.
     #[must_use]
     pub fn workspace_len(&self) -> usize {
         self.program.workspace_len
     }
 
-    /// The parameters whose forces along the pattern have these harmonics, in the sense of least squares. `pattern` are the
+    /// Least-squares estimates of the parameters from harmonics of the force along the pattern. `pattern` holds the
     /// amplitudes and the frequency, none of them zero; `harmonics` are in the order of the rows of the harmonic table.
     ///
     /// # Errors
@@ -508,7 +509,7 @@ mod tests {
         }
         let massless = model.forward_dynamics(&mut [0.1; 6], &[0.7, 0.0, 5.0], &[0.0], &inputs, &mut workspace);
         assert_eq!(massless, Err(EvalError::Singular { coordinate: 1 }));
-        // A row that is not affine in the accelerations keeps to differences.
+        // Rows that are not affine in the accelerations have no program for the dynamics; differences take its place.
         assert!(arm(2).dynamics.is_none());
     }
 

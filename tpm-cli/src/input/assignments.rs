@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use std::collections::BTreeMap;
 
-/// NAME=VALUE.
+/// Parses NAME=VALUE.
 pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() && !value.trim().is_empty() => {
@@ -13,7 +13,7 @@ pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
     }
 }
 
-/// NAME=VALUE with a finite number.
+/// Parses NAME=VALUE, where the value is a finite number.
 pub(crate) fn number_assignment(text: &str) -> Result<(String, f64), String> {
     let (name, value) = assignment(text)?;
     match value.parse::<f64>() {
@@ -33,7 +33,7 @@ pub(crate) fn once<V: Clone>(flag: &str, given: &[(String, V)]) -> Result<BTreeM
     Ok(result)
 }
 
-/// Assignments by name; an unknown or repeated name is an error that lists what there is.
+/// Assignments by name; an unknown or repeated name is an error that lists the known names.
 pub(crate) fn by_name<V: Clone>(
     flag: &str,
     given: &[(String, V)],

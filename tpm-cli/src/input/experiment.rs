@@ -1,4 +1,4 @@
-//! What the verbs that play an experiment have in common.
+//! Options and reading of models and experiments, for the verbs that play an experiment.
 
 use crate::failure::Failure;
 use crate::input::assignments::{assignment, once};
@@ -27,7 +27,7 @@ impl SimulatedArgs {
         self.bounded(file, &BoundArgs { bound: Vec::new() })
     }
 
-    /// Reads the model and the experiment; `bounds` are those of physical parameters behind lumped ones.
+    /// Reads the model and the experiment; `bounds` are bounds on the physical parameters behind lumped ones.
     pub(crate) fn bounded(&self, file: &Path, bounds: &BoundArgs) -> Result<Session, Failure> {
         let mut request = ExperimentRequest::default();
         request.file.clone_from(&self.experiment);

@@ -1,4 +1,4 @@
-//! From a path to a model, with every fault rendered at its place.
+//! Reading of model files, with every fault rendered at its place in the text.
 
 use crate::failure::Failure;
 use crate::output::file;
@@ -39,17 +39,18 @@ impl Loaded {
         &self.parsed.model
     }
 
-    /// The model with its coordinates eliminated, sorted into its parameters.
+    /// The model with its coordinates eliminated, in the form that is linear in its parameters.
     pub(crate) fn prepared(&self) -> Result<Prepared, Failure> {
         prepare(self.model().clone()).map_err(|error| self.at(&error))
     }
 
-    /// The same for tables: with the declared Taylor polynomials in place. What they replace is said on standard error.
+    /// The model prepared for tables: with the declared Taylor polynomials in place. Remarks on standard error name the
+    /// replaced terms.
     pub(crate) fn for_tables(&self) -> Result<Prepared, Failure> {
         prepare(self.model_for_tables()?).map_err(|error| self.at(&error))
     }
 
-    /// The model with the declared Taylor polynomials in place. What they replace is said on standard error.
+    /// The model with the declared Taylor polynomials in place. Remarks on standard error name the replaced terms.
     pub(crate) fn model_for_tables(&self) -> Result<Model, Failure> {
         let (model, truncations) = self.parsed.for_tables().map_err(|error| self.at(&error))?;
         for replaced in Parsed::replacements(&model, &truncations) {
@@ -58,18 +59,18 @@ impl Loaded {
         Ok(model.into_owned())
     }
 
-    /// The declared number of harmonics of terms with infinitely many.
+    /// The declared number of harmonics of terms with infinitely many harmonics, under a pattern.
     pub(crate) fn harmonics(&self, pattern: &Pattern) -> Option<usize> {
         let index = self.model().patterns.iter().position(|other| other == pattern)?;
         self.parsed.harmonics_of(index)
     }
 
-    /// Everything that the source code of an estimator is made of.
+    /// The estimator from which source code is generated.
     pub(crate) fn estimator(&self) -> Result<Estimator, Failure> {
         Estimator::of(&self.parsed).map_err(|diagnostic| Failure::Model(self.rendered(&diagnostic)))
     }
 
-    /// A fault of the model as a whole, at its name.
+    /// A fault of the model as a whole, placed at the model's name.
     pub(crate) fn at_whole(&self, message: &str, help: Option<&str>) -> Failure {
         let diagnostic = Diagnostic::error(self.parsed.ast.name.span, message);
         Failure::Model(self.rendered(&match help {
@@ -78,17 +79,17 @@ impl Loaded {
         }))
     }
 
-    /// An error of a later stage, at its place in the text.
+    /// An error of a later stage, placed at its term in the text.
     pub(crate) fn at(&self, error: &impl AtTerm) -> Failure {
         Failure::Model(self.rendered(&self.parsed.locate(error)))
     }
 
-    /// The same, with what to do about it.
+    /// An error of a later stage, placed at its term in the text, with what to do about it.
     pub(crate) fn at_with_help(&self, error: &impl AtTerm, help: &str) -> Failure {
         Failure::Model(self.rendered(&self.parsed.locate(error).help(help)))
     }
 
-    /// What stands in the way of one use of the model but is no fault of it, at its place.
+    /// A remark on an error that prevents one use of the model but is no fault of it, placed at its term in the text.
     pub(crate) fn remark(&self, error: &impl AtTerm) -> String {
         let mut diagnostic = self.parsed.locate(error);
         diagnostic.severity = diagnostic::Severity::Warning;

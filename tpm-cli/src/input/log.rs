@@ -44,7 +44,7 @@ pub(crate) struct ColumnArgs {
 }
 
 impl ColumnArgs {
-    /// The log at a path with what is said of its columns.
+    /// The log at a path with the settings for its columns.
     pub(crate) fn request(&self, path: &Path) -> Result<LogRequest, Failure> {
         let mut request = LogRequest::new(path);
         request.map = once("--map", &self.map)?;
@@ -98,7 +98,7 @@ fn low_pass(text: &str) -> Result<(String, LowPass), String> {
 }
 
 impl LogArgs {
-    /// What is known to lie between the recorded inputs and the forces, by input; the model gives its inputs' names.
+    /// Known dynamics between the recorded inputs and the forces, by input; the model gives the names of its inputs.
     fn actuators(&self, model: &dyn Model<f64>) -> Result<BTreeMap<String, Dynamics>, Failure> {
         let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_owned()).collect();
         let mut known: BTreeMap<String, Dynamics> = BTreeMap::new();
@@ -122,7 +122,7 @@ impl LogArgs {
         Ok(known)
     }
 
-    /// The log at a path with everything that is said of it.
+    /// The log at a path with all settings of the command line.
     pub(crate) fn request(&self, path: &Path, model: &dyn Model<f64>) -> Result<LogRequest, Failure> {
         let mut request = self.columns.request(path)?;
         request.from_sample = self.from_sample;

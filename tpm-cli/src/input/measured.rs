@@ -1,4 +1,4 @@
-//! What `tpm frf` and `tpm fit` share: a log, averaged to a frequency response, and its plot.
+//! What `tpm frf` and `tpm fit` share: reading a log, averaging it to a frequency response, and the Bode plot.
 
 use crate::failure::Failure;
 use crate::input::assignments::{assignment, number_assignment, once};
@@ -11,9 +11,9 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Log, LogOptions};
 use tpm_runtime::run::Window;
 
-/// Half-overlapping segments that a record holds when their length is not given.
+/// Number of half-overlapping segments in a record when no segment length is given.
 const SEGMENTS: f64 = 8.0;
-/// Shortest segment that is chosen by itself.
+/// Shortest segment length, in samples, that is chosen automatically.
 const SHORTEST: usize = 64;
 
 /// Which estimate of the response.
@@ -80,7 +80,7 @@ pub(crate) struct MeasuredArgs {
     pub(crate) output: Option<PathBuf>,
 }
 
-/// A log with its response in a band.
+/// A log with its frequency response in a band.
 pub(crate) struct Measured {
     pub(crate) log: Log,
     pub(crate) response: FrequencyResponse,
@@ -140,7 +140,7 @@ impl Measured {
         Ok(Measured { log, response, low, high })
     }
 
-    /// What was measured, in words.
+    /// The measurement in words.
     pub(crate) fn describe(&self, args: &MeasuredArgs) -> String {
         let Measured { log, response, low, high } = self;
         let welch = &response.welch;
@@ -178,7 +178,7 @@ impl Measured {
         text
     }
 
-    /// Draws the plot that was asked for.
+    /// Draws the Bode plot into the file of `--plot`, when one is given.
     pub(crate) fn plot(&self, args: &MeasuredArgs, models: &[NamedModel<'_>]) -> Result<(), Failure> {
         let Some(path) = &args.plot else { return Ok(()) };
         let settings = BodeSettings {
@@ -193,7 +193,7 @@ impl Measured {
 }
 
 fn chosen_segment(samples: usize) -> usize {
-    // n half-overlapping segments take (n + 1)/2 of their lengths.
+    // n half-overlapping segments take (n + 1)/2 times the length of one.
     let most = (2.0 * samples as f64 / (SEGMENTS + 1.0)) as usize;
     let power = if most > 0 { 1 << most.ilog2() } else { 0 };
     power.max(SHORTEST)

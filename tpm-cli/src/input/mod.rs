@@ -1,4 +1,4 @@
-//! What a command line says, as the libraries take it: files, assignments, options of several verbs.
+//! The command line in the terms of the libraries: files, assignments, and options that several verbs share.
 
 pub(crate) mod assignments;
 pub(crate) mod experiment;

@@ -1,4 +1,5 @@
-//! Values of a model's parameters, run-time constants and, where a motion is meant, amplitudes and frequency, exactly as they were written.
+//! Values of a model's parameters, run-time constants and, for a motion, amplitudes and frequency, exactly as they were
+//! written.
 //!
 //! Invariant: a decimal is the rational number that its digits say; a name that the model does not have is an error.
 
@@ -25,7 +26,7 @@ pub(crate) struct ValueArgs {
 }
 
 impl ValueArgs {
-    /// The values of a file alone.
+    /// Options that name a file of values and nothing else.
     pub(crate) fn file(path: &Path) -> Self {
         Self { params: Some(path.to_owned()), set: Vec::new() }
     }
@@ -36,12 +37,12 @@ impl ValueArgs {
 pub(crate) struct Values(BTreeMap<Symbol, Rational>);
 
 impl Values {
-    /// Reads what was given.
+    /// Reads the given values of parameters and run-time constants.
     pub(crate) fn load(args: &ValueArgs, model: &Model) -> Result<Self, Failure> {
         Self::load_with(args, model, None)
     }
 
-    /// The same, where amplitudes and frequency of a pattern may have values too.
+    /// Reads the given values, which may include the amplitudes and the frequency of a pattern.
     pub(crate) fn load_with(args: &ValueArgs, model: &Model, pattern: Option<&Pattern>) -> Result<Self, Failure> {
         let mut values = BTreeMap::new();
         if let Some(path) = &args.params {
@@ -124,7 +125,7 @@ fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
     for (name, value) in table {
         let text = match &value {
             toml::Value::Integer(value) => value.to_string(),
-            // The shortest decimal that is this number: what was written, up to 15 digits.
+            // The shortest decimal of the number: the text as written, up to 15 digits.
             toml::Value::Float(value) => value.to_string(),
             toml::Value::String(text) => text.clone(),
             _ => return Err(at(format!("`{name}` must be a number"))),
@@ -135,7 +136,7 @@ fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
     Ok(values)
 }
 
-/// A result of `tpm identify --json`.
+/// Parses a result of `tpm identify --json`.
 pub(crate) fn identification(path: &Path, text: &str) -> Result<serde_json::Value, Failure> {
     let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
     let whole: serde_json::Value = serde_json::from_str(text).map_err(|error| at(error.to_string()))?;
@@ -146,7 +147,8 @@ pub(crate) fn identification(path: &Path, text: &str) -> Result<serde_json::Valu
     Ok(whole)
 }
 
-/// The identified values that the model knows by name; lumped parameters are given up in favour of the physical ones.
+/// The identified values whose names the model knows; values of lumped parameters give way to those of the physical
+/// ones.
 fn identified(path: &Path, text: &str, model: &Model) -> Result<Vec<(String, Rational)>, Failure> {
     let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
     let whole = identification(path, text)?;

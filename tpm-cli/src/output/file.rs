@@ -13,7 +13,7 @@ pub(crate) fn emit(path: Option<&Path>, text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Writes to standard output; a reader that went away (`| head`) is no failure.
+/// Writes to standard output; a reader that has closed the pipe (`| head`) is no failure.
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -24,12 +24,13 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
-/// A remark to standard error.
+/// Writes a remark to standard error.
 pub(crate) fn remark(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Writes several files that belong together: all of them or none. What was there comes back when one cannot be written.
+/// Writes several files that belong together: all of them or none. Earlier contents are restored when one cannot be
+/// written.
 pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<(), Failure> {
     let mut written: Vec<(&Path, Option<Vec<u8>>)> = Vec::new();
     for &(path, bytes) in files {
@@ -43,7 +44,7 @@ pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<(), Failure> {
             Ok(before) => written.push((path, before)),
             Err(failure) => {
                 for (path, before) in written {
-                    // The first fault is the one to report; this only tidies up after it.
+                    // The first fault is the one to report; a fault of restoring the earlier contents is not.
                     let _ = match before {
                         Some(before) => write_file(path, &before).is_ok(),
                         None => std::fs::remove_file(path).is_ok(),

@@ -1,9 +1,9 @@
-//! Progress of long work on standard error; nothing when it is not a terminal, and nothing for short work.
+//! Progress of long work on standard error, shown only on a terminal and only when the work takes long.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::time::{Duration, Instant};
 
-/// Work shorter than this shows no progress.
+/// Longest work that shows no progress.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 /// A progress bar that goes away when dropped.
@@ -23,7 +23,7 @@ impl Bar {
         Self { bar, started: Instant::now() }
     }
 
-    /// How far the work has come.
+    /// Shows how far the work has come.
     pub(crate) fn set(&self, done: u64, total: u64) {
         if self.bar.is_hidden() && self.started.elapsed() > PATIENCE {
             // Draws nothing unless standard error is a terminal.

@@ -1,5 +1,5 @@
-//! What is written of a campaign for reading: the table of its runs (the form of Feng, Table 5.1), tracking error before and
-//! after, and the inputs beside their feed-forward (Figures 5.5, 5.6), as Markdown, SVG and PNG.
+//! A campaign as a report: the table of its runs (the form of Feng, Table 5.1), the tracking error of the first and the
+//! last run, and the inputs beside their feed-forward (Figures 5.5, 5.6), as Markdown, SVG and PNG.
 
 use crate::failure::Failure;
 use crate::output::{file, picture};
@@ -11,7 +11,7 @@ use tpm_runtime::report::{combination, number};
 use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::{Identification, Machine};
 
-/// Points of a curve at most.
+/// Most points of a curve.
 const POINTS: usize = 1000;
 
 /// A run as it was played.
@@ -22,13 +22,13 @@ pub(crate) struct Played {
 }
 
 impl Played {
-    /// Keeps a run that was measured.
+    /// The run with its samples; `None` when it did not settle.
     pub(crate) fn of(trial: &Trial, record: &Record, report: &RunReport) -> Option<Self> {
         let from = report.settled_after? * trial.samples_per_period;
         Some(Played { trial: trial.clone(), record: record.clone(), from })
     }
 
-    /// Mean over the measured periods, by share of the period.
+    /// Mean of a channel less `less` over the measured periods, against the phase as a share of the period.
     fn mean(&self, channel: &[f64], less: &dyn Fn(usize) -> f64) -> Vec<(f64, f64)> {
         let period = self.trial.samples_per_period;
         let used = &channel[self.from.min(channel.len())..];
@@ -99,7 +99,7 @@ pub(crate) fn write(
     draw(folder, "input", &Figure::new(&format!("Inputs of the {}", last.name("last")), inputs.collect()))
 }
 
-/// One row per run with the parameters that it was driven with, then what was identified.
+/// Table with one row per run and the parameters behind its feed-forward, then the identified parameters.
 fn table(machine: &Machine, result: &Identification) -> String {
     let plant = machine.plant();
     let names: Vec<&str> = (0..plant.dims().parameters).map(|j| plant.parameter(j).name).collect();

@@ -5,7 +5,7 @@ use tpm_runtime::log::{Adjustment, LogError};
 use tpm_runtime::report::Remedy;
 use tpm_runtime::session::{SessionError, Setting};
 
-/// The flag that is meant by a remedy, for putting in brackets behind a message.
+/// The flag for a remedy, as text that stands in brackets behind a message.
 pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
     Some(match remedy {
         Remedy::MapColumn { signal } => format!("--map {signal}=COLUMN"),
@@ -31,7 +31,7 @@ fn with(message: &str, found: Option<Remedy>) -> String {
     }
 }
 
-/// A fault of a log, with the flag that it was given by or that would help.
+/// The message of a log's fault, with the flag that caused it or would help.
 pub(crate) fn log_error(error: &LogError) -> String {
     let flag = |adjustment: Adjustment| match adjustment {
         Adjustment::Column => "--map",
@@ -46,7 +46,7 @@ pub(crate) fn log_error(error: &LogError) -> String {
     }
 }
 
-/// A fault of an experiment, with the flag that it was given by.
+/// The message of an experiment's fault, with the flag that caused it.
 pub(crate) fn experiment_error(error: &ExperimentError) -> String {
     match error {
         ExperimentError::Override { .. } => format!("--set {error}"),
@@ -54,7 +54,7 @@ pub(crate) fn experiment_error(error: &ExperimentError) -> String {
     }
 }
 
-/// A fault of a session, with the flag that it was given by or that would help.
+/// The message of a session's fault, with the flag that caused it or would help.
 pub(crate) fn error(error: &SessionError) -> String {
     match error {
         SessionError::Log(error) => log_error(error),
@@ -78,7 +78,7 @@ pub(crate) fn error(error: &SessionError) -> String {
     }
 }
 
-/// The message without the setting and the name that stand before it.
+/// The message without the leading setting and name.
 fn message_behind(message: &str) -> &str {
     message.split_once(": ").map_or(message, |(_, rest)| rest)
 }

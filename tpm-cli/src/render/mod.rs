@@ -1,4 +1,4 @@
-//! Results as text and figures, and the libraries' remedies as flags.
+//! Results as text and figures, and remedies of the libraries as flags.
 
 pub(crate) mod campaign;
 pub(crate) mod flags;

@@ -1,4 +1,4 @@
-//! A result on standard output, or in a file.
+//! Output of an identification.
 
 use crate::failure::Failure;
 use crate::output::file;
@@ -6,7 +6,7 @@ use crate::render::flags;
 use std::path::Path;
 use tpm_runtime::session::Identification;
 
-/// Prints a result, as text or as JSON.
+/// Prints an identification as text or JSON, to a file or to standard output.
 pub(crate) fn print(result: &Identification, json: bool, target: Option<&Path>) -> Result<(), Failure> {
     file::emit(target, &if json { file::json(result)? } else { result.text(&flags::remedy) })
 }

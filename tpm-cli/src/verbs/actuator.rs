@@ -1,4 +1,5 @@
-//! `tpm actuator`: whether motors can follow a pattern, which limit stands in the way and when, and how fast and far they could.
+//! `tpm actuator`: whether motors can follow a pattern, which limit they exceed and when, and the largest frequency and
+//! amplitudes that they can follow.
 
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::assignment;
@@ -20,9 +21,9 @@ use tpm_symbolic::mechanics::model::Model;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::split::split;
 
-/// Samples of a period.
+/// Number of samples in a period.
 const SAMPLES: usize = 2048;
-/// Factors on the amplitudes in the table of the largest frequencies.
+/// Factors on the amplitudes for which the largest frequency is tabulated.
 const FACTORS: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
 
 /// Options of `tpm actuator`.
@@ -115,7 +116,7 @@ impl MachineArgs {
 }
 
 impl Moved {
-    /// `lambda = 0.1, w = 3`.
+    /// The amplitudes and the frequency in words, such as `lambda = 0.1, w = 3`.
     pub(crate) fn motion(&self) -> String {
         let mut all: Vec<String> = self
             .names
@@ -127,7 +128,7 @@ impl Moved {
         all.join(", ")
     }
 
-    /// The motors of a file.
+    /// Reads the motors of a motor file.
     pub(crate) fn motors(&self, path: &Path) -> Result<Vec<Option<Motor>>, Failure> {
         let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
         MotorFile::parse(&text)
@@ -135,7 +136,8 @@ impl Moved {
             .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
     }
 
-    /// The machine with other values of some parameters; the name that there is none of, when that is the fault.
+    /// Parameters of the machine with other values of some of them; for an unknown name, an error with the name and a
+    /// message.
     pub(crate) fn with_parameters<'n>(
         &self,
         given: impl Iterator<Item = (&'n str, f64)>,
@@ -166,11 +168,11 @@ impl Moved {
     }
 }
 
-/// How fast and far the motors could follow.
+/// The largest frequency and amplitudes that the motors can follow.
 struct Bounds {
     /// The largest frequency, by factor on the amplitudes.
     frequencies: Vec<(f64, Bound)>,
-    /// The largest factor on the amplitudes at the frequency.
+    /// The largest factor on the amplitudes at the given frequency.
     factor: Bound,
 }
 
@@ -210,7 +212,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if over.is_empty() { Ok(()) } else { Err(Failure::Incomplete(over.join("\n"))) }
 }
 
-/// One sentence on a motor.
+/// One sentence on whether a motor suffices.
 fn verdict(moved: &Moved, found: &Requirement) -> String {
     let name = moved.input(found.input);
     if found.feasible() {

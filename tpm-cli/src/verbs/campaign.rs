@@ -1,4 +1,4 @@
-//! `tpm campaign`: a campaign on a real machine, by files.
+//! `tpm campaign`: a campaign on a real machine, which exchanges files with it.
 
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::{BoundArgs, SimulatedArgs};

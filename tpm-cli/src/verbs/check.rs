@@ -1,4 +1,4 @@
-//! `tpm check`: what a model is, and what stands in the way of what one might want to do with it.
+//! `tpm check`: the properties of a model, and what stands in the way of its uses.
 
 use crate::failure::Outcome;
 use crate::input::load::Loaded;
@@ -26,7 +26,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         let name = &model.coordinates[reconstruction.coordinate.0 as usize].name;
         let _ = writeln!(text, "eliminated: {name} = {}", model.display(reconstruction.expr));
     }
-    // A model that does not expand is still whole for logs, so this is a remark and not an error.
+    // A model that does not expand can still be identified from logs, so the obstacle is a remark and not an error.
     if model.patterns.is_empty() {
         text.push_str("remark: no pattern, so `expand` has nothing to expand under; logs need none\n");
     }

@@ -1,4 +1,4 @@
-//! `tpm design`: experiments that would show the most within the limits.
+//! `tpm design`: experiments that would give the most information within the limits.
 
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;

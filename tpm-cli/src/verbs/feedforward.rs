@@ -13,7 +13,7 @@ use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::run::trajectory::Trajectory;
 
-/// Configurations of the reference at which the loop is linearised.
+/// Number of configurations along the reference at which the loop is linearised.
 const CONFIGURATIONS: usize = 16;
 
 /// Options of `tpm feedforward`.
@@ -38,7 +38,7 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
-/// Names of the schemes, the common one first.
+/// Names of the schemes, the common one first, and whether the scheme splits the feed-forward.
 const SCHEMES: [(&str, bool); 2] = [("common", false), ("split", true)];
 
 /// Runs the command.
@@ -93,7 +93,7 @@ fn unstable(moved: &Moved, trajectory: &Trajectory, name: &str, found: &LoopPole
         .iter()
         .enumerate()
         .map(|(c, value)| {
-            // Cosines of quarter turns leave rounding.
+            // Cosines of quarter turns leave rounding errors, which are printed as zero.
             let value = if value.abs() < 1e-12 { 0.0 } else { *value };
             format!("{} = {}", model.coordinate(c).name, number(value))
         })

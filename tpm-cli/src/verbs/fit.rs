@@ -293,7 +293,7 @@ fn described(fit: &RationalFit) -> String {
     text
 }
 
-/// JSON has no infinity: what is not known is null.
+/// A number for JSON, which has no infinity: a value that is not finite becomes null.
 fn finite(value: f64) -> Value {
     if value.is_finite() { json!(value) } else { Value::Null }
 }
@@ -320,7 +320,7 @@ fn fit_json(fit: &RationalFit) -> Value {
     })
 }
 
-/// A model with what is known about its parameters.
+/// A model with the start values, fixed values and constants of its parameters.
 struct Physical {
     model: Model,
     linear: tpm_symbolic::linear::linearize::Linearization,
@@ -469,7 +469,7 @@ impl Physical {
         }
     }
 
-    /// A direction in relative changes of the parameters.
+    /// A direction in the space of relative parameter changes, in words.
     fn direction(&self, direction: &[f64]) -> String {
         let largest = direction.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let terms: Vec<String> = self

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 use tpm_runtime::frequency::ResponseLine;
 use tpm_runtime::report::{Align, TextTable, number};
 
-/// Lines that the table for reading shows.
+/// Most lines that the text table shows.
 const SHOWN: usize = 24;
 
 /// How the response is written.
@@ -49,7 +49,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     Ok(())
 }
 
-/// Real part, imaginary part, magnitude and phase (deg) of the estimate that was asked for.
+/// Real part, imaginary part, magnitude and phase (deg) of the chosen estimate at a line.
 fn value(args: &Args, line: &ResponseLine) -> [f64; 4] {
     let h = match args.measured.estimator {
         EstimatorChoice::H1 => line.h1,
@@ -112,7 +112,7 @@ fn csv(args: &Args, measured: &Measured) -> String {
 
 fn json(args: &Args, measured: &Measured) -> Result<String, Failure> {
     let response = &measured.response;
-    // JSON has no infinity: what is not known is null.
+    // JSON has no infinity: a value that is not finite becomes null.
     let finite = |value: f64| value.is_finite().then_some(value);
     let lines: Vec<serde_json::Value> = response
         .band(measured.low, measured.high)

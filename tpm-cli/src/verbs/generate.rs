@@ -9,7 +9,7 @@ use tpm_codegen::emit::estimator::{EmitError, Identified};
 use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
 use tpm_symbolic::number::rational::{self, Rational};
 
-/// 1/sqrt(2), the quality of a low pass that falls as late as it can without a peak.
+/// 1/sqrt(2), the default quality factor: a second-order low pass with it is maximally flat and has no peak.
 const FLATTEST: &str = "0.70710678118654752440084436210484903928";
 
 /// A target language.
@@ -134,7 +134,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
 }
 
-/// The command as it stands in the header: without folders, so that the text does not depend on where it was given.
+/// The command for the header of the code: without folders, so that the code does not depend on the folder in which it
+/// was made.
 fn command(args: &Args) -> String {
     let name = |path: &Path| {
         path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned())
@@ -162,7 +163,7 @@ fn command(args: &Args) -> String {
     command
 }
 
-/// The filters that were asked for; their numbers are taken exactly as they are written.
+/// The filters of the options; their numbers are taken exactly as written.
 fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
     let number = |option: &str, text: &str| -> Result<Rational, Failure> {
         rational::parse(text.trim())
@@ -191,13 +192,14 @@ fn identified(path: &Path) -> Result<Identified, Failure> {
     Identified::from_json(&text).map_err(|error| at(error.to_string()))
 }
 
-/// Whether a path is named as a file of the language, and is no folder.
+/// Whether a path has the file extension of the language and is not a folder.
 fn is_file(out: &Path, files: &[File]) -> bool {
     let same_kind = |file: &File| out.extension().is_some() && out.extension() == Path::new(&file.name).extension();
     files.iter().any(same_kind) && !out.is_dir()
 }
 
-/// Where a file goes: into the folder, or to the very path when that is named as the file's kind is.
+/// The path of a file: in the folder `out`, or `out` itself when it names a file of the language and only one file is
+/// written.
 fn target(out: &Path, file: &File, alone: bool) -> PathBuf {
     if alone && is_file(out, std::slice::from_ref(file)) { out.to_owned() } else { out.join(&file.name) }
 }
@@ -235,7 +237,7 @@ fn check(out: &Path, files: &[File], command: &str) -> Outcome {
     Err(Failure::Incomplete(format!("not current: {}; run `{command} -o {}`", stale.join(", "), out.display())))
 }
 
-/// The first line in which a file is not what it should be.
+/// The first line in which a file differs from its expected text.
 fn first_difference(present: &[u8], expected: &str) -> String {
     let mut lines = present.split(|&byte| byte == b'\n').zip(expected.split('\n'));
     let same = lines.by_ref().take_while(|(present, expected)| *present == expected.as_bytes()).count();

@@ -1,4 +1,4 @@
-//! `tpm identifiability`: before anything moves, what a pattern can show and what it cannot.
+//! `tpm identifiability`: what a pattern can show of the parameters, and what it cannot, before anything moves.
 
 use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
@@ -33,7 +33,7 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
-/// A value for all experiments, or for one.
+/// A value for all experiments, or for one of them.
 struct Setting {
     name: String,
     experiment: Option<usize>,
@@ -101,7 +101,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 fn json(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Result<String, Failure> {
-    /// The report, and the physical parameters behind it.
+    /// The report, and the physical parameters behind the lumped ones.
     #[derive(serde::Serialize)]
     struct Whole<'a> {
         #[serde(flatten)]
@@ -111,7 +111,7 @@ fn json(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Result<S
     file::json(&Whole { report, physical })
 }
 
-/// `factor name` with a plain factor left out.
+/// `factor name`, without the factor when it is one.
 fn multiple(name: &str, factor: &str) -> String {
     match factor {
         "1" => name.to_owned(),

@@ -19,11 +19,11 @@ use tpm_symbolic::linear::transfer::{SymbolicTransfer, transfer_functions};
 use tpm_symbolic::mechanics::model::Model;
 use tpm_symbolic::number::rational::{self, Rational};
 
-/// Distance of a pole and a zero, as a share of their size, at which they are said nearly to cancel.
+/// Largest distance of a pole from a zero, as a share of their size, at which they are said nearly to cancel.
 const CLOSE: f64 = 1e-2;
-/// Median relative difference of two responses up to which they are said to agree.
+/// Largest median relative difference of two responses that are said to agree.
 const AGREE: f64 = 5e-2;
-/// Frequencies at which two responses are compared.
+/// Number of frequencies at which two responses are compared.
 const COMPARED: usize = 400;
 
 /// Options of `tpm linearize`.
@@ -75,7 +75,7 @@ fn coefficients(text: &str) -> Result<TransferFunction, String> {
     TransferFunction::new(&list(numerator)?, &list(denominator)?).map_err(|error| error.to_string())
 }
 
-/// One coordinate over one input.
+/// The transfer function from one input to one coordinate.
 struct Channel {
     coordinate: usize,
     input: usize,
@@ -83,27 +83,27 @@ struct Channel {
     numbers: Option<Numbers>,
 }
 
-/// A transfer function in numbers, common factors removed.
+/// A numeric transfer function with common factors removed.
 struct Numbers {
     function: TransferFunction,
-    /// Exactly the same pole and zero.
+    /// Roots at which a pole and a zero cancel exactly.
     cancelled: Vec<Complex>,
-    /// A pole and a zero that lie close to each other.
+    /// Pairs of a pole and a zero that lie close to each other.
     close: Vec<(Complex, Complex)>,
 }
 
 type Complex = tpm_runtime::frequency::Complex;
 
-/// Everything that is printed.
+/// The result of the command, as it is printed.
 struct Linear {
     model: Model,
     linear: Linearization,
-    /// The point: every coordinate and input with its value.
+    /// The operating point: every coordinate and input with its value.
     point: Vec<(String, ExprId)>,
-    /// Names of the state, coordinates and their rates.
+    /// Names of the states: coordinates and their rates.
     state: Vec<String>,
     inputs: Vec<String>,
-    /// A and B in numbers, and whether they are exact before their one rounding.
+    /// Numeric A and B, and whether they are exact before they are rounded once.
     numbers: Option<(StateSpace<f64>, bool)>,
     poles: Vec<Complex>,
     channels: Vec<Channel>,
@@ -257,7 +257,7 @@ impl Linear {
         self.model.graph.as_number(entry).is_some_and(|value| *value == rational::integer(0))
     }
 
-    /// Entries of A and B times det M in the rows of the rates.
+    /// Entries of A and B, times det M, in the rows of the rates.
     fn rates(&self) -> Vec<Vec<String>> {
         let n = self.linear.mass.len();
         let mut graph = self.model.graph.clone();
@@ -295,7 +295,8 @@ impl Linear {
         ] {
             for (power, coefficient) in coefficients.iter().enumerate().rev() {
                 let mut row = vec![part.to_owned(), format!("s^{power}"), self.model.display(*coefficient)];
-                // Where numbers let more cancel than a power of s the coefficients do not correspond.
+                // Where more than a power of s cancels numerically, the numeric coefficients do not correspond to the
+                // symbolic ones.
                 if let Some(value) = values.filter(|_| reduced == 0).and_then(|values| values.get(power)) {
                     row.push(number(*value));
                 }
@@ -406,7 +407,7 @@ impl Linear {
     }
 }
 
-/// The coordinates and inputs that were given.
+/// The operating point from the coordinates and inputs that were given.
 fn operating_point(
     args: &Args,
     model: &mut Model,
@@ -432,7 +433,7 @@ fn operating_point(
     Ok(point)
 }
 
-/// Indices of the one that was named, or of all.
+/// The index of the name that was given, or all indices when none was given.
 fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>, Failure> {
     let Some(name) = name else { return Ok((0..known.len()).collect()) };
     match known.iter().position(|other| other == name) {
@@ -441,7 +442,7 @@ fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>
     }
 }
 
-/// A and B as rationals, and whether they are exact; `None` when no values were given.
+/// A and B in rational numbers, and whether they are exact; `None` when no values were given.
 fn state_space(
     model: &Model,
     linear: &Linearization,
@@ -493,7 +494,7 @@ fn in_numbers(space: &StateSpace<Rational>, coordinate: usize, input: usize) -> 
     Ok(Numbers { function, cancelled, close })
 }
 
-/// Two transfer functions beside each other.
+/// Two transfer functions that are compared.
 struct Comparison {
     name: String,
     own: TransferFunction,
@@ -557,7 +558,7 @@ fn gain_text(gain: f64) -> String {
     if gain.is_finite() { number(gain) } else { "infinite".to_owned() }
 }
 
-/// JSON has no infinity: what is not finite is null.
+/// A number for JSON, which has no infinity: a value that is not finite becomes null.
 fn finite(value: f64) -> Value {
     if value.is_finite() { json!(value) } else { Value::Null }
 }
@@ -571,12 +572,12 @@ fn roots_json(roots: &[Complex]) -> Vec<Value> {
 }
 
 fn root_text(root: Complex) -> String {
-    // A pole at 0 is exact; "-0" would puzzle.
+    // Adding zero turns a pole at -0 into 0, since "-0" would puzzle the reader.
     let re = number(root.re + 0.0);
     if root.im == 0.0 { re } else { format!("{re}+-{}j", number(root.im.abs())) }
 }
 
-/// Roots, conjugate pairs once.
+/// The roots in words, each conjugate pair once.
 fn roots_text(roots: &[Complex]) -> String {
     let list: Vec<String> = roots.iter().filter(|root| root.im >= 0.0).map(|root| root_text(*root)).collect();
     if list.is_empty() { "none".to_owned() } else { list.join(", ") }

@@ -1,4 +1,5 @@
-//! `tpm split`: of every input, what holds its own coordinate still and what moves it, with the harmonics of both.
+//! `tpm split`: for every input, the part that holds its own coordinate still and the part that moves it, with the
+//! harmonics of both.
 
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{assignment, once};
@@ -19,7 +20,7 @@ use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::split::{NumericPart, Split, numeric_parts, split};
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
-/// Highest harmonic of a motion in numbers when nothing is said.
+/// Highest numeric harmonic of a motion when none is given.
 const HARMONICS: usize = 15;
 
 /// Options of `tpm split`.
@@ -46,7 +47,7 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
-/// What was given with `--motion`, by symbol and coordinate.
+/// The coordinates given with `--motion`, by input symbol.
 pub(crate) fn motions(model: &Model, given: &[(String, String)]) -> Result<Vec<(Symbol, Vec<Coordinate>)>, Failure> {
     let inputs: Vec<Symbol> = model.inputs().collect();
     let mut motions = Vec::new();
@@ -75,7 +76,7 @@ pub(crate) fn motions(model: &Model, given: &[(String, String)]) -> Result<Vec<(
     Ok(motions)
 }
 
-/// Harmonics in numbers.
+/// The numeric harmonics of the parts.
 struct Numbers {
     parts: Prepared,
     waves: Vec<NumericPart>,
@@ -109,7 +110,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     file::emit(args.output.as_deref(), &text)
 }
 
-/// The exact table of the parts; none, with a remark, where the motion has no finite one.
+/// The exact harmonic table of the parts; none, with a remark, where the motion has no finite table.
 fn exact(
     loaded: &Loaded,
     motions: &[(Symbol, Vec<Coordinate>)],
@@ -206,7 +207,7 @@ fn as_text(split: &mut Split, table: Option<&HarmonicTable>, numbers: Option<&Nu
     text
 }
 
-/// The harmonics of a part that are more than rounding.
+/// The harmonics of a part that are larger than rounding errors.
 fn lines(part: &NumericPart) -> Vec<(usize, f64, f64)> {
     let at = |list: &[f64], k: usize| list.get(k).copied().unwrap_or(0.0);
     let count = part.wave.cos.len().max(part.wave.sin.len());

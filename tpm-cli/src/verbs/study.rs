@@ -10,7 +10,7 @@ use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::session::SessionError;
 use tpm_runtime::study::{LIMITS, Study, Updates, study_session, updates};
 
-/// Updates that are played at most.
+/// Most updates that are played per estimator and stage.
 const MOST: usize = 10;
 
 /// Options of `tpm study`.

@@ -25,44 +25,48 @@ use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{Dims, Model};
 
-/// Fewest whole periods that are measured: a window needs them, and so does the noise between the lines.
+/// Fewest whole periods that a run measures. A window needs them, and so does the estimate of the noise between the
+/// harmonics.
 pub const LEAST_PERIODS: usize = 4;
-/// A harmonic is near a natural mode within this share of its frequency.
+/// Largest relative distance of a harmonic from a natural frequency at which the harmonic counts as near the mode.
 const NEAR: f64 = 0.05;
-/// A harmonic of an input counts from this share of its largest one on.
+/// Smallest amplitude of an input's harmonic that is compared with the natural modes, as a share of the largest
+/// harmonic of that input.
 const SUBSTANTIAL: f64 = 1e-3;
-/// A change within so many standard deviations is no change.
+/// Largest change of an estimate, in standard deviations, that counts as no change.
 const INSIGNIFICANT: f64 = 3.0;
-/// Samples of a period, at least, from which the demand on motors is worked out.
+/// Fewest samples per period on which the demand on the motors is computed.
 const PLANNED_SAMPLES: usize = 256;
-/// A run's demand on motors is read up to so many times the highest harmonic of the reference.
+/// Highest harmonic up to which a run's demand on the motors is read, as a multiple of the reference's highest
+/// harmonic.
 const MOTOR_REACH: usize = 4;
-/// How often the settling time of a trial is doubled.
+/// Most times that the settling time of a trial is doubled.
 const EXTENSIONS: usize = 3;
 
 /// One amplitude and frequency of the schedule.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
-    /// Its pattern; that of the campaign where none is given.
+    /// Pattern of the stage; the campaign's pattern where none is given.
     pub pattern: Option<Pattern>,
     /// Amplitudes, in the order of the pattern.
     pub amplitudes: Vec<f64>,
     /// Fundamental angular frequency asked for, rad/s.
     pub frequency: f64,
-    /// Multiple of the frequency on which a coordinate's pattern is played, per coordinate; one for all when empty.
+    /// Multiple of the frequency at which each coordinate plays its pattern; one for all when empty.
     pub multiples: Vec<u32>,
     /// Factor on all gains of the feedback.
     pub gain: f64,
 }
 
 impl Stage {
-    /// The pattern of this stage in a campaign with a pattern.
+    /// The stage's own pattern, or the pattern of the campaign where the stage has none.
     #[must_use]
     pub fn pattern<'p>(&'p self, campaign: &'p Pattern) -> &'p Pattern {
         self.pattern.as_ref().unwrap_or(campaign)
     }
 
-    /// The reference of this stage, in a campaign with a pattern, with its amplitudes times a factor.
+    /// The reference of the stage with its amplitudes times `scale`. A stage without a pattern plays that of the
+    /// campaign.
     #[must_use]
     pub fn trajectory(&self, campaign: &Pattern, scale: f64) -> Trajectory {
         let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
@@ -76,12 +80,12 @@ impl Stage {
     }
 }
 
-/// How a campaign goes.
+/// Schedule, limits and stopping rules of a campaign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Procedure {
     /// The stages, growing.
     pub stages: Vec<Stage>,
-    /// Periods that are let pass at least before anything is measured.
+    /// Fewest periods that pass before anything is measured.
     pub settle_periods: usize,
     /// Time that is measured in every run, s; rounded up to whole periods, at least [`LEAST_PERIODS`].
     pub measure_time: f64,
@@ -91,17 +95,20 @@ pub struct Procedure {
     pub max_runs: usize,
     /// A stage is done when no parameter changed by more than this share (or insignificantly).
     pub tolerance: f64,
-    /// A stage is also done when no harmonic of the tracking error exceeds this, per coordinate; zero to leave it out.
+    /// A stage is also done when no harmonic of the tracking error exceeds its coordinate's limit; zero leaves a
+    /// coordinate out.
     pub error_limits: Vec<f64>,
-    /// Largest tracking error; a run that passes it is aborted, per coordinate.
+    /// Largest tracking error per coordinate; a run that passes it is aborted.
     pub tracking_bounds: Vec<f64>,
-    /// Largest magnitude of each input; infinite where there is none.
+    /// Largest magnitude of each input; infinite for an input without a limit.
     pub input_limits: Vec<f64>,
-    /// Least and largest position per coordinate, beyond which a run is aborted; none where the list ends.
+    /// Least and largest position per coordinate, beyond which a run is aborted; coordinates past the end of the list
+    /// are unbounded.
     pub position_bounds: Vec<(f64, f64)>,
-    /// Largest magnitude of the velocity per coordinate, beyond which a run is aborted; none where the list ends.
+    /// Largest magnitude of the velocity per coordinate, beyond which a run is aborted; coordinates past the end of the
+    /// list are unbounded.
     pub velocity_bounds: Vec<f64>,
-    /// Motors by input, whose limits count as those of the inputs do; empty when there is none.
+    /// Motor of each input, whose limits count beside the limit of the input; empty when there is no motor.
     pub motors: Vec<Option<Mounted>>,
     /// Share of an input's limit at which the campaign ends.
     pub effort_share: f64,
@@ -109,14 +116,14 @@ pub struct Procedure {
     pub back_off: f64,
     /// Most aborted runs in succession.
     pub max_aborts: usize,
-    /// Hold of the recorded inputs.
+    /// What the recorded inputs do between samples.
     pub hold: Hold,
 }
 
 /// Everything that a campaign starts from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
-    /// The reference.
+    /// Pattern of the reference.
     pub pattern: Pattern,
     /// Constants of the model.
     pub constants: Vec<f64>,
@@ -128,7 +135,7 @@ pub struct Setup {
     pub procedure: Procedure,
     /// The estimator.
     pub method: Method,
-    /// Its settings.
+    /// Settings of the estimator.
     pub estimation: Settings,
 }
 
@@ -138,7 +145,7 @@ pub struct Setup {
 pub enum Outcome {
     /// The last stage converged.
     Converged,
-    /// An input reached its stated share; what was asked for is there.
+    /// An input reached the stated share of its limit: the campaign went as far as it was asked to go.
     EffortShare,
     /// All runs were used before the last stage converged.
     RunsUsed,
@@ -155,13 +162,13 @@ pub enum Outcome {
 }
 
 impl Outcome {
-    /// Ended as planned.
+    /// Whether the campaign ended as planned.
     #[must_use]
     pub const fn is_normal(self) -> bool {
         matches!(self, Outcome::Converged | Outcome::EffortShare | Outcome::Followed)
     }
 
-    /// What a report says of it.
+    /// The ending in words, for a report.
     #[must_use]
     pub const fn describe(self) -> &'static str {
         match self {
@@ -182,22 +189,22 @@ impl Outcome {
 /// One parameter's value in a run's report.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunParameter {
-    /// Its name.
+    /// Name of the parameter.
     pub name: String,
-    /// Its estimate after the run; nothing when unobservable.
+    /// Estimate after the run; nothing when the parameter is unobservable.
     pub value: Option<f64>,
-    /// Its standard deviation; nothing when unobservable.
+    /// Standard deviation of the estimate; nothing when the parameter is unobservable.
     pub std: Option<f64>,
 }
 
-/// What is kept of every run.
+/// Report of one run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunReport {
     /// Number of the run, from 1.
     pub run: usize,
     /// Stage of the schedule, from 1.
     pub stage: usize,
-    /// Name of its pattern, where the stage has its own.
+    /// Name of the stage's pattern, where the stage has its own.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pattern: Option<String>,
     /// Names and values of the amplitudes.
@@ -210,22 +217,24 @@ pub struct RunReport {
     pub settled_after: Option<usize>,
     /// Whole periods that were measured.
     pub periods: usize,
-    /// Parameters behind the feed-forward, in the model's order.
+    /// Parameters with which the feed-forward was computed, in the model's order.
     #[serde(skip)]
     pub played: Vec<f64>,
-    /// Root-mean-square tracking error per coordinate over these (or over an aborted run).
+    /// Root-mean-square tracking error per coordinate, over the measured periods or over the whole of an aborted run.
     pub tracking_rms: Vec<f64>,
-    /// Largest share of its limit that an input, or its motor, took; nothing without limits.
+    /// Largest share of a limit that an input or its motor took; nothing without limits.
     pub effort_share: Option<f64>,
-    /// The limit of which that was, and where.
+    /// The limit of which the largest share was taken, and where in the period.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub limit: Option<LimitUse>,
-    /// How it ended.
+    /// How the run ended.
     pub ending: RunEnding,
-    /// A harmonic of the reference or of an input that lies near a natural mode, with the parameters behind the feed-forward.
+    /// A harmonic of the reference or of the feed-forward that lies near a natural mode. The modes are computed with
+    /// the parameters of the feed-forward.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_mode: Option<NearMode>,
-    /// Whether the run belongs to an update (a perturbed run of `numerical` does so with later ones).
+    /// Whether the run belongs to an update. A perturbed run of the estimator `numerical` belongs to one together with
+    /// later runs.
     pub updated: bool,
     /// Estimates after the run.
     pub parameters: Vec<RunParameter>,
@@ -235,7 +244,7 @@ pub struct RunReport {
     pub condition: Option<f64>,
     /// Residual as a share of the force.
     pub residual: Option<f64>,
-    /// Highest harmonic used.
+    /// Highest harmonic used by the estimator.
     pub harmonics: Option<usize>,
 }
 
@@ -259,39 +268,39 @@ pub enum CampaignError {
     /// A record came although the campaign had ended.
     #[error("the campaign has ended; no record is expected")]
     Ended,
-    /// The record is not that of the trial.
+    /// The record does not have the dimensions of the trial.
     #[error("the record has {given} {what}, the trial has {needed}")]
     Mismatch {
-        /// What differs.
+        /// The dimension that differs.
         what: &'static str,
-        /// In the trial.
+        /// Its value in the trial.
         needed: usize,
-        /// In the record.
+        /// Its value in the record.
         given: usize,
     },
-    /// The samples that came back are no record of the trial.
+    /// The samples that came back do not form a record of the trial.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// The record holds a value that is not finite.
     #[error("sample {sample} of the record is not finite; was a sensor disconnected?")]
     NotFinite {
-        /// The sample.
+        /// Index of the sample.
         sample: usize,
     },
-    /// The next trial cannot be worked out.
+    /// The next trial cannot be computed.
     #[error("run {run}: {source}")]
     Trial {
         /// Number of the run, from 1.
         run: usize,
-        /// Why.
+        /// The fault of the trial.
         source: TrialError,
     },
-    /// The record has no harmonics.
+    /// The harmonics of the record cannot be computed.
     #[error("run {run}: {source}")]
     Spectrum {
         /// Number of the run, from 1.
         run: usize,
-        /// Why.
+        /// The fault of the harmonics.
         source: SpectrumError,
     },
     /// The estimator refused the run.
@@ -299,7 +308,7 @@ pub enum CampaignError {
     Estimate {
         /// Number of the run, from 1.
         run: usize,
-        /// Why.
+        /// The fault of the estimate.
         source: EstimateError,
     },
 }
@@ -339,16 +348,18 @@ impl<'m> Campaign<'m> {
     /// A campaign before its first run.
     ///
     /// # Errors
-    /// [`CampaignError::NoStage`], [`CampaignError::Trial`].
+    /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
+    /// computed.
     pub fn new(model: &'m dyn Model<f64>, setup: Setup) -> Result<Self, CampaignError> {
         let estimator = setup.method.estimator(&setup.estimation);
         Self::with_estimator(model, setup, estimator)
     }
 
-    /// The same with an estimator of the caller, which gives estimates of the model's parameters.
+    /// A campaign before its first run, with an estimator of the caller, which estimates the model's parameters.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
+    /// computed.
     pub fn with_estimator(
         model: &'m dyn Model<f64>,
         setup: Setup,
@@ -402,7 +413,7 @@ impl<'m> Campaign<'m> {
         self.stop.as_ref()
     }
 
-    /// The estimates that the next run's feed-forward starts from.
+    /// The parameters with which the next run's feed-forward is computed.
     #[must_use]
     pub fn current(&self) -> &[f64] {
         &self.current
@@ -414,19 +425,19 @@ impl<'m> Campaign<'m> {
         self.estimate.as_ref()
     }
 
-    /// What the estimator that is at work says beside the estimate.
+    /// The estimator that is at work, with what it reports beside the estimate.
     #[must_use]
     pub fn estimator(&self) -> &dyn Estimator {
         self.estimator.as_ref()
     }
 
-    /// The machine.
+    /// The model of the machine.
     #[must_use]
     pub fn model(&self) -> &dyn Model<f64> {
         self.model
     }
 
-    /// The runs so far.
+    /// Reports of the runs so far.
     #[must_use]
     pub fn runs(&self) -> &[RunReport] {
         &self.reports
@@ -438,10 +449,13 @@ impl<'m> Campaign<'m> {
         &self.setup
     }
 
-    /// Takes in the record of the trial that [`next`](Self::next) gave, updates the estimates and works out the next trial.
+    /// Takes in the record of the trial that [`next`](Self::next) gave, updates the estimates and computes the next
+    /// trial.
     ///
     /// # Errors
-    /// [`CampaignError`]; the campaign is then as it was before, and expects another record of the same trial.
+    /// [`CampaignError`] when the campaign has ended, when the record does not fit the trial, or when harmonics,
+    /// estimates or the next trial cannot be computed. The campaign is then as it was before, and expects another
+    /// record of the same trial.
     pub fn submit(&mut self, record: &Record) -> Result<&RunReport, CampaignError> {
         let Some(trial) = self.pending.clone() else { return Err(CampaignError::Ended) };
         let dims = self.model.dims();
@@ -528,7 +542,7 @@ impl<'m> Campaign<'m> {
         self.finish(report)
     }
 
-    /// After an update: repeat, grow or end.
+    /// After an update: repeats the stage, moves on to the next one, or ends the campaign.
     fn decide(&mut self, trial: &Trial, record: &Record, report: &RunReport, converged: bool) {
         let procedure = &self.setup.procedure;
         let share = report.effort_share.unwrap_or(0.0);
@@ -555,7 +569,7 @@ impl<'m> Campaign<'m> {
         }
     }
 
-    /// Files the report and works out the next trial.
+    /// Files the report and computes the next trial.
     fn finish(&mut self, mut report: RunReport) -> Result<&RunReport, CampaignError> {
         report.parameters = self.run_parameters();
         report.rank = self.estimate.as_ref().map(|e| e.rank);
@@ -579,7 +593,7 @@ impl<'m> Campaign<'m> {
         let stage = &procedure.stages[self.stage];
         let amplitudes: Vec<f64> = stage.amplitudes.iter().map(|a| a * self.scale).collect();
         let period = 2.0 * std::f64::consts::PI / stage.frequency;
-        // A periods' sum that misses the time by rounding alone is not given another period.
+        // The margin keeps rounding from adding a period when whole periods fill the measured time exactly.
         let measured = ((procedure.measure_time / period - 1e-6).ceil().max(0.0) as usize).max(LEAST_PERIODS);
         let settle = procedure.settle_periods << self.extensions.min(EXTENSIONS);
         let settings = TrialSettings {
@@ -610,7 +624,7 @@ impl<'m> Campaign<'m> {
             None
         };
         if planned.as_ref().is_some_and(|planned| planned.share >= share) {
-            // The demand alone would pass the share: it is not played.
+            // The feed-forward alone would pass the share, so the trial is not played.
             self.outcome = Some(Outcome::EffortShare);
             self.stop = planned;
         } else {
@@ -619,7 +633,8 @@ impl<'m> Campaign<'m> {
         Ok(())
     }
 
-    /// What values of the inputs, from the start of a period, take of the limits on them.
+    /// The input that takes the largest share of its limit. `columns` are samples of the inputs from the start of a
+    /// period.
     fn command_use(&self, trial: &Trial, columns: &[Vec<f64>]) -> Option<LimitUse> {
         let samples = trial.samples_per_period;
         let mut most = None;
@@ -630,7 +645,7 @@ impl<'m> Campaign<'m> {
             let sizes = column.iter().map(|value| value.abs()).enumerate();
             let (at, value) = sizes.fold((0, 0.0), |most, now| if now.1 > most.1 { now } else { most });
             let label = self.model.input(i);
-            // Where the current of a motor is what limits the input, that is what is said.
+            // Where the motor's largest current limits the input, the current is reported instead of the command.
             let motor = self.setup.procedure.motors.get(i).copied().flatten().map(|mounted| mounted.motor);
             let by_current = motor.filter(|motor| motor.force(motor.limits.current) <= limit);
             let per_unit = by_current.map_or(1.0, |motor| 1.0 / motor.force(1.0));
@@ -656,7 +671,7 @@ impl<'m> Campaign<'m> {
         most
     }
 
-    /// What the feed-forward of a trial asks of the motors.
+    /// The largest share of a motor's limit that the feed-forward of a trial would take.
     fn motor_plan(&self, trial: &Trial) -> Result<Option<LimitUse>, TrialError> {
         let mounted = &self.setup.procedure.motors;
         if mounted.iter().all(Option::is_none) {
@@ -676,7 +691,7 @@ impl<'m> Campaign<'m> {
         Ok(uses.fold(None, most_used))
     }
 
-    /// What a run took of the motors.
+    /// The largest share of a motor's limit that a measured run took.
     fn motor_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
         let coordinates = self.model.dims().coordinates;
         let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
@@ -708,7 +723,7 @@ impl<'m> Campaign<'m> {
         )
     }
 
-    /// No harmonic of the tracking error exceeds its limit, when there are limits.
+    /// Whether there are limits on the harmonics of the tracking error and no harmonic exceeds its limit.
     fn tracks_well(&self, trial: &Trial, spectra: &Spectra) -> bool {
         let limits = &self.setup.procedure.error_limits;
         if self.estimate.is_none() || !limits.iter().any(|limit| *limit > 0.0) {
@@ -746,7 +761,8 @@ impl<'m> Campaign<'m> {
         }
     }
 
-    /// The first harmonic of the reference, or of the feed-forward, near a natural mode of the machine as it was thought to be.
+    /// The first harmonic of the reference, or of the feed-forward, near a natural mode. The modes are computed with
+    /// the parameters of the feed-forward.
     fn near_mode(&self, trial: &Trial) -> Option<NearMode> {
         let position: Vec<f64> = trial.trajectory.coordinates.iter().map(|series| series.mean).collect();
         let modes = natural_modes(self.model, &trial.parameters, &trial.constants, &position).unwrap_or_default();
@@ -793,7 +809,8 @@ impl<'m> Campaign<'m> {
     }
 }
 
-/// Spectra with the measured rates, which stand behind coordinates and inputs, integrated and in place of their coordinates.
+/// Spectra in which the integral of every measured rate takes the place of its coordinate. In `spectra` the measured
+/// rates stand behind coordinates and inputs.
 fn integrated_rates(spectra: &Spectra, rates: &[Option<Vec<f64>>], dims: Dims) -> Option<Spectra> {
     let own = dims.coordinates + dims.inputs;
     let measured: Vec<usize> = (0..rates.len()).filter(|&c| rates[c].is_some()).collect();
@@ -812,7 +829,7 @@ fn integrated_rates(spectra: &Spectra, rates: &[Option<Vec<f64>>], dims: Dims) -
     Some(integrated)
 }
 
-/// The one that takes the larger share of what there is.
+/// Of two uses of limits, the one that takes the larger share of its limit; an infinite limit does not count.
 fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
     if !used.available.is_finite() || most.as_ref().is_some_and(|most| most.share >= used.share) {
         return most;
@@ -820,7 +837,7 @@ fn most_used(most: Option<LimitUse>, used: LimitUse) -> Option<LimitUse> {
     Some(used)
 }
 
-/// Amplitudes of the harmonics of the last whole period of a signal, from the mean on; none when there is no such period.
+/// Amplitudes of the mean and the harmonics of a signal in its last whole period; none when there is no such period.
 fn last_period(column: &[f64], samples: usize, reach: usize) -> Vec<f64> {
     let Some(from) = (column.len() / samples.max(1)).checked_sub(1).map(|period| period * samples) else {
         return Vec::new();

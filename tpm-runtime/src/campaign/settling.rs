@@ -1,16 +1,17 @@
-//! Has a motion settled?
+//! Test of whether a motion has settled.
 //!
 //! Invariant: settling is tested on the record, never assumed. Every period is compared with the last one; a transient shows
 //! as a difference above that of the periods which follow, noise as one that stays.
 
 use crate::run::Record;
 
-/// A period whose mean square difference exceeds the later ones' so many times has not settled.
+/// Largest mean square difference of a settled period from the last one, as a multiple of that of the latest periods.
 const TOLERANCE: f64 = 2.0;
-/// A difference below this share of the motion is rounding.
+/// Smallest difference, as a share of the motion, that is told from rounding.
 const NEGLIGIBLE: f64 = 1e-9;
 
-/// First whole period, at least `least`, from which on the coordinates repeat; nothing when fewer than two periods follow.
+/// First whole period, at least `least`, from which on the coordinates repeat; nothing when fewer than two periods
+/// remain from there.
 #[must_use]
 pub fn settled_from(record: &Record, samples_per_period: usize, least: usize) -> Option<usize> {
     let periods = record.len().checked_div(samples_per_period)?;
@@ -25,7 +26,8 @@ pub fn settled_from(record: &Record, samples_per_period: usize, least: usize) ->
         let power = block(last).iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
         let differences: std::vec::Vec<f64> =
             (0..last).map(|k| block(k).iter().zip(block(last)).map(|(a, b)| (a - b) * (a - b)).sum()).collect();
-        // The level that stays. Three periods, so that a slow transient, still falling there, raises no level of its own.
+        // The level of the noise is the mean over the latest three periods alone, so that a slow transient that is
+        // still falling does not raise it.
         let latest = &differences[last.saturating_sub(3)..];
         let level = latest.iter().sum::<f64>() / latest.len() as f64;
         let bound = TOLERANCE * level + NEGLIGIBLE * NEGLIGIBLE * power;
@@ -46,7 +48,7 @@ mod tests {
         let mut state = 1u32;
         let x: Vec<f64> = (0..1000)
             .map(|n| {
-                // A linear congruence is noise enough here.
+                // A linear congruential generator is good enough for this noise.
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
                 let random = f64::from(state >> 8) / f64::from(1u32 << 24) - 0.5;
                 let phase = 2.0 * std::f64::consts::PI * f64::from(n % 100) / 100.0;

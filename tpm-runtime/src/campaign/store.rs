@@ -1,9 +1,9 @@
-//! A campaign on disk: what it belongs to, and every finished run.
+//! A campaign on disk: its model and experiment, and every finished run.
 //!
 //! A folder holds `campaign.json`, and per run `run-001.csv` (time, coordinates, inputs) with its manifest `run-001.json`.
-//! Invariant: a run counts when its manifest is there and the hash in it is that of its samples; the manifest is written
-//! last, and both by way of a temporary file that is renamed when complete. Numbers are written with as many digits as give
-//! the same number back, so that a campaign that goes on from a folder is the unbroken one.
+//! Invariant: a run counts when its manifest exists and holds the hash of its samples. The manifest is written last.
+//! Samples and manifest are written to a temporary file, which is renamed when complete. Numbers are written with
+//! enough digits to be read back exactly, so that a campaign that is resumed from a folder equals the unbroken one.
 
 use crate::log::{fingerprint, rate_column};
 use crate::report::write_whole;
@@ -23,7 +23,7 @@ use tpm_core::model::Model;
 const CAMPAIGN: &str = "tpm.campaign/1";
 const RUN: &str = "tpm.run/1";
 
-/// What a campaign belongs to.
+/// The model and the experiment that a campaign belongs to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
@@ -33,7 +33,7 @@ pub struct Manifest {
     pub model: String,
     /// Hash of the model file.
     pub model_hash: String,
-    /// Hash of the experiment with all changes.
+    /// Hash of the experiment with all its overrides.
     pub experiment_hash: String,
     /// Version of the program that began it.
     pub version: String,
@@ -57,7 +57,7 @@ impl Manifest {
     /// The manifest of the campaign in a folder.
     ///
     /// # Errors
-    /// [`StoreError`] when there is none, or it is no manifest.
+    /// [`StoreError`] when there is no manifest, or the file is not one.
     pub fn read(folder: &Path) -> Result<Self, StoreError> {
         read_json(&folder.join("campaign.json"), CAMPAIGN)
     }
@@ -67,9 +67,9 @@ impl Manifest {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GainManifest {
-    /// Input.
+    /// Name of the input that is driven.
     pub input: String,
-    /// Coordinate.
+    /// Name of the coordinate whose tracking error is fed back.
     pub coordinate: String,
     /// Proportional gain.
     pub kp: f64,
@@ -78,7 +78,7 @@ pub struct GainManifest {
 }
 
 impl GainManifest {
-    /// The feedback of a run, by name.
+    /// The paths of the feedback, with inputs and coordinates by name.
     #[must_use]
     pub fn all(model: &dyn Model<f64>, gains: &[Gain<f64>]) -> Vec<Self> {
         let named = |gain: &Gain<f64>| GainManifest {
@@ -91,7 +91,7 @@ impl GainManifest {
     }
 }
 
-/// What is kept of a run beside its samples.
+/// Everything about a run except its samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunManifest {
@@ -109,7 +109,7 @@ pub struct RunManifest {
     pub version: String,
     /// Seed of the simulated noise; nothing for a real machine.
     pub seed: Option<u64>,
-    /// Name of its pattern, where the stage has its own.
+    /// Name of the stage's pattern, where the stage has its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pattern: Option<String>,
     /// Amplitudes of the pattern.
@@ -118,12 +118,12 @@ pub struct RunManifest {
     pub frequency: f64,
     /// The feedback.
     pub feedback: Vec<GainManifest>,
-    /// Time constant of the filtered rates, s; nothing when they are measured.
+    /// Time constant of the filtered difference that forms the rates, s; nothing when no such filter is used.
     pub derivative_filter: Option<f64>,
     /// Least-squares smoothing of errors and rates, where there is any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<Smoothing>,
-    /// Parameters behind the feed-forward, in the machine's order.
+    /// Parameters with which the feed-forward was computed, in the machine's order.
     pub parameters: Vec<f64>,
     /// Time between samples, s.
     pub sample_time: f64,
@@ -131,9 +131,9 @@ pub struct RunManifest {
     pub samples_per_period: usize,
     /// Samples in the record.
     pub samples: usize,
-    /// How it ended.
+    /// How the run ended.
     pub ending: RunEnding,
-    /// Coordinate, and error, position or velocity there, where a run passed a bound.
+    /// Where a run passed a bound: the coordinate, and its tracking error, position or velocity there.
     pub passed: Option<(usize, f64)>,
     /// Samples in which an input was cut at its limit.
     pub saturated: usize,
@@ -152,24 +152,24 @@ pub enum StoreError {
         /// The system's reason.
         reason: String,
     },
-    /// A file is not what it should be.
+    /// A file does not have the content that it must have.
     #[error("{path}: {reason}")]
     Broken {
         /// The file.
         path: String,
-        /// What is wrong.
+        /// What is wrong with the file.
         reason: String,
     },
-    /// The folder belongs to something else.
+    /// The folder belongs to a campaign with another model or experiment.
     #[error(
         "{path} belongs to another {what} ({found}, not {given}); use another folder, or the files that it began with"
     )]
     Other {
-        /// The manifest.
+        /// The manifest of the folder.
         path: String,
-        /// model or experiment.
+        /// `model` or `experiment`.
         what: &'static str,
-        /// In the manifest.
+        /// What the manifest states.
         found: String,
         /// What was given.
         given: String,
@@ -187,7 +187,8 @@ impl Store {
     /// Opens the folder of a campaign, or begins one in a folder without a campaign (made when it is not there).
     ///
     /// # Errors
-    /// [`StoreError`]; [`StoreError::Other`] when the folder's campaign has another model or experiment.
+    /// [`StoreError::Other`] when the folder's campaign has another model or experiment; another [`StoreError`] when
+    /// the folder or its manifest cannot be read or written.
     pub fn open(folder: &Path, manifest: &Manifest) -> Result<Self, StoreError> {
         let path = folder.join("campaign.json");
         if path.exists() {
@@ -209,7 +210,7 @@ impl Store {
         Ok(Store { folder: folder.to_path_buf(), manifest: manifest.clone() })
     }
 
-    /// The folder.
+    /// Path of the folder.
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
@@ -218,7 +219,7 @@ impl Store {
     /// The finished runs, in their order.
     ///
     /// # Errors
-    /// [`StoreError`] when a run with a manifest is not whole, or belongs to something else.
+    /// [`StoreError`] when a run with a manifest is not complete, or belongs to another model or experiment.
     pub fn records(&self, model: &dyn Model<f64>) -> Result<Vec<Record>, StoreError> {
         let mut records = Vec::new();
         loop {
@@ -244,7 +245,7 @@ impl Store {
         }
     }
 
-    /// The samples' file of every finished run, in their order, with its fingerprint.
+    /// File name and fingerprint of the samples of every finished run, in the order of the runs.
     ///
     /// # Errors
     /// [`StoreError`] when a manifest cannot be read.
@@ -260,10 +261,10 @@ impl Store {
         }
     }
 
-    /// Keeps a finished run.
+    /// Writes a finished run to the folder.
     ///
     /// # Errors
-    /// [`StoreError::Io`]; the run is then not in the folder, all earlier ones are.
+    /// [`StoreError::Io`] when a file cannot be written. The run is then not in the folder; all earlier ones are.
     pub fn append(
         &self,
         model: &dyn Model<f64>,
@@ -311,7 +312,7 @@ impl Store {
     }
 }
 
-/// Time, coordinates and inputs with as many digits as give the same numbers back.
+/// Time, coordinates and inputs as CSV, with enough digits to be read back exactly.
 #[must_use]
 pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
     let mut text = String::from("t_s");
@@ -327,7 +328,7 @@ pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
     }
     text.push('\n');
     for n in 0..record.len() {
-        // A string takes everything.
+        // Writing to a string cannot fail.
         let _ = write!(text, "{}", n as f64 * record.sample_time);
         for channel in record.coordinates.iter().chain(&record.inputs).chain(rates().map(|(_, rates)| rates)) {
             let _ = write!(text, ",{}", channel[n]);

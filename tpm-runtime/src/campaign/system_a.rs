@@ -1,4 +1,4 @@
-//! System A, Feng, Eqn 3.24 with m = 2, k1 = 40, k2 = 1.5, identified from nothing and from wrong starts.
+//! System A, Feng, Eqn 3.24 with m = 2, k1 = 40, k2 = 1.5, identified from estimates of zero and from wrong ones.
 
 use crate::campaign::procedure::{Campaign, Outcome, Procedure, Setup, Stage};
 use crate::estimate::{Estimate, Method, Run, Settings};
@@ -16,9 +16,9 @@ use tpm_core::control::Gain;
 use tpm_core::harmonics::Hold;
 
 const TRUE: [f64; 3] = [2.0, 40.0, 1.5];
-/// Standard deviation of the sensor's noise.
+/// Standard deviation of the noise of the position sensor.
 const SIGMA: f64 = 1e-3;
-/// lambda and w.
+/// Amplitude lambda and angular frequency w (rad/s) of the two settings.
 const SETTINGS: [(f64, f64); 2] = [(0.3, PI), (0.6, 2.0 * PI)];
 
 fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
@@ -71,7 +71,7 @@ fn bench(noise: f64, counts: f64, seed: u64) -> Rig {
     }
 }
 
-/// Largest relative error after every update.
+/// Largest relative error of the parameters after every update.
 fn errors(setup: Setup, bench: &Rig) -> (Vec<f64>, Option<Outcome>) {
     let mut campaign = Campaign::new(&MassSpringDrag, setup).expect("playable");
     let mut errors = Vec::new();
@@ -131,7 +131,7 @@ fn noise_free(method: Method, setting: (f64, f64), steps: f64, start: [f64; 3]) 
     errors(setup, &bench(0.0, 0.0, 1)).0
 }
 
-/// Zero, and every parameter twice its value or nothing (100 % off either way), in turn.
+/// Initial estimates: all zero, then every parameter in turn twice its value or zero (100 % off either way).
 fn starts() -> [[f64; 3]; 3] {
     [[0.0; 3], TRUE.map(|v| 2.0 * v), [2.0 * TRUE[0], 0.0, 2.0 * TRUE[2]]]
 }
@@ -153,7 +153,7 @@ fn error_converges_within_six_updates() {
             let errors = noise_free(Method::Error, setting, 8192.0, start);
             let best = errors.iter().take(6).copied().fold(f64::INFINITY, f64::min);
             assert!(best <= 1e-6, "{setting:?} from {start:?}: {errors:?}");
-            // Updates to 1e-3 and to 1e-6 as they were found independently, within one.
+            // Updates to 1e-3 and to 1e-6 agree with those found independently, within one.
             for (limit, expected) in [1e-3, 1e-6].into_iter().zip(table) {
                 let needed = 1 + errors.iter().position(|e| *e <= limit).expect("reached");
                 assert!(needed.abs_diff(expected) <= 1, "{setting:?} from {start:?}: {needed} updates to {limit}");
@@ -183,7 +183,8 @@ fn the_other_estimators_converge_as_they_should() {
     }
 }
 
-/// With 1 kHz, a hold and a filtered difference: what remains when all of them are put into H and the feed-forward, or not.
+/// At 1 kHz with a zero-order hold and a filtered difference: the remaining error for every way of compensating the
+/// hold in H and in the feed-forward.
 #[test]
 fn the_hold_in_h_and_feed_forward_leaves_little() {
     let remaining = |compensation: HoldCompensation, velocity: Velocity, setting| {
@@ -270,7 +271,7 @@ fn deviations_are_near_the_bound_and_stated_rightly() {
             let stated = stated[j].sqrt();
             assert!(spread <= 1.6 * bound[j], "{setting:?} {j}: spread {spread:e}, bound {:e}", bound[j]);
             assert!((stated / spread - 1.0).abs() <= 0.25, "{setting:?} {j}: stated {stated:e}, spread {spread:e}");
-            // No bias beside the spread of a single run.
+            // The bias is small beside the spread of a single run.
             assert!(mean.abs() < 0.3 * spread, "{setting:?} {j}: bias {mean:e}, spread {spread:e}");
         }
     }

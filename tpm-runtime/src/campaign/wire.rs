@@ -7,8 +7,8 @@
 //! u[n] = u_ff[n] - sum over paths ( kp e[n] + kd v[n] ),      e[n] = q[n] - q_ref[n]
 //! ```
 //!
-//! Invariant: numbers are written with as many digits as give the same number back, so that a run that goes through files is the
-//! one that stays in memory.
+//! Invariant: numbers are written with enough digits to be read back exactly, so that a run that goes through files
+//! equals one that stays in memory.
 
 use crate::campaign::store::GainManifest;
 use crate::run::smoothing::Smoothing;
@@ -24,12 +24,12 @@ use std::vec::Vec;
 use tpm_core::control::{Differentiator, Gain};
 use tpm_core::model::Model;
 
-/// The form in which the terms of a run are written.
+/// Schema of the terms of a run as they are written.
 pub const RUN_FILE: &str = "tpm.play/2";
-/// The form of before, which lacks what [`Law`] and [`Timing`] say; it can still be read.
+/// The earlier schema, without [`Law`] and [`Timing`]; files of it can still be read.
 const EARLIER_RUN_FILE: &str = "tpm.play/1";
 
-/// The terms of a run: who holds what how long, the law of the feedback, and what must not be passed.
+/// The terms of a run: its timing, the law of the feedback, and the limits and bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunFile {
@@ -43,27 +43,28 @@ pub struct RunFile {
     pub sample_time: f64,
     /// Samples in a period.
     pub samples_per_period: usize,
-    /// Whole periods that are played.
+    /// Whole periods that the run plays.
     pub periods: usize,
     /// Paths of the feedback.
     pub feedback: Vec<GainManifest>,
-    /// Time constant of the filtered difference that forms the rate of the tracking error, s; nothing where the rate is measured or
-    /// a polynomial is fitted.
+    /// Time constant of the filtered difference that forms the rate of the tracking error, s; nothing where the rate is
+    /// measured or a polynomial is fitted.
     pub derivative_filter: Option<f64>,
     /// Least-squares smoothing of the tracking error and its rate, where there is any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<Smoothing>,
-    /// Largest magnitude by input, where there is one: the controller cuts the sum of feed-forward and feedback there.
+    /// Largest magnitude by input, for inputs with a limit: the controller cuts the sum of feed-forward and feedback
+    /// there.
     pub limits: BTreeMap<String, f64>,
-    /// Largest magnitude of the tracking error by coordinate, where there is one: stop beyond it.
+    /// Largest magnitude of the tracking error by coordinate, for coordinates with a bound: the run stops beyond it.
     pub tracking: BTreeMap<String, f64>,
-    /// Least and largest position by coordinate, where there are any: stop beyond them.
+    /// Least and largest position by coordinate, for coordinates with bounds: the run stops beyond them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub positions: BTreeMap<String, [f64; 2]>,
-    /// Largest magnitude of the rate by coordinate, where there is one: stop beyond it.
+    /// Largest magnitude of the velocity by coordinate, for coordinates with a bound: the run stops beyond it.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub velocities: BTreeMap<String, f64>,
-    /// Which sample a row belongs to, and how the run begins.
+    /// Which sample each row belongs to, and how the run begins.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timing: Option<Timing>,
     /// The law of the feedback.
@@ -71,13 +72,13 @@ pub struct RunFile {
     pub law: Option<Law>,
 }
 
-/// Which sample a row belongs to, who holds the input how long, and how a run begins.
+/// Which sample each row belongs to, how long each value of an input is applied, and how a run begins.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
     /// Rows of the samples' file, and samples that the log must hold.
     pub samples: usize,
-    /// Periods at the start that are let pass at least before anything is measured.
+    /// Fewest periods at the start that pass before anything is measured.
     pub settle_periods: usize,
     /// `zero-order`: the drive applies each value of an input until the next sample.
     pub hold: String,
@@ -108,12 +109,12 @@ pub struct Law {
 #[serde(tag = "from", rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum Rate {
-    /// It is measured.
+    /// The rate is measured.
     Sensor {
         /// The rate in symbols.
         equation: String,
     },
-    /// It is a filtered difference of the error.
+    /// The rate is a filtered difference of the tracking error.
     Difference {
         /// The difference equation in symbols, with its start.
         equation: String,
@@ -122,7 +123,8 @@ pub enum Rate {
         /// The factor b, 1/s.
         b: f64,
     },
-    /// It is the slope of a polynomial through the last errors, whose value is fed back for the error itself.
+    /// The rate is the slope of a polynomial fitted to the last errors. The value of the polynomial is fed back in
+    /// place of the error itself.
     Polynomial {
         /// What is fitted, in words.
         equation: String,
@@ -165,7 +167,7 @@ pub enum WireError {
         /// The system's reason.
         reason: String,
     },
-    /// The file is not what it should be.
+    /// The file does not have the content that it must have.
     #[error("{path}: {reason}")]
     Broken {
         /// The file.
@@ -185,7 +187,7 @@ fn read(path: &Path) -> Result<String, WireError> {
 }
 
 impl RunFile {
-    /// The terms of a trial; `settle_periods` are let pass at least before anything is measured.
+    /// The terms of a trial, of which at least `settle_periods` periods pass before anything is measured.
     #[must_use]
     pub fn new(model: &dyn Model<f64>, trial: &Trial, settle_periods: usize) -> Self {
         let coordinate = |c: usize| model.coordinate(c).name.to_string();
@@ -228,7 +230,7 @@ impl RunFile {
         }
     }
 
-    /// The feedback by index, with every name checked against the model.
+    /// The feedback with inputs and coordinates by index; every name must be one of the model's.
     fn gains(&self, model: &dyn Model<f64>, path: &Path) -> Result<Vec<Gain<f64>>, WireError> {
         let dims = model.dims();
         let gain = |gain: &GainManifest| {
@@ -278,11 +280,12 @@ pub fn trial_samples(model: &dyn Model<f64>, trial: &Trial) -> String {
     text
 }
 
-/// The trial of a run that was written to files, as one period of the whole run: its samples from `path`, its terms from the file
-/// beside it that ends in `.json`. What the files do not hold is taken from `template`, a trial of the same campaign.
+/// Reads the trial of a run that was written to files; its period is the whole run. The samples come from `path`, the
+/// terms from the file beside it that ends in `.json`, and what the files do not hold from `template`, a trial of the
+/// same campaign.
 ///
 /// # Errors
-/// [`WireError`] with file, line and what is needed.
+/// [`WireError`] when a file cannot be read or does not fit the model, with its path and what is wrong.
 pub fn read_trial(path: &Path, model: &dyn Model<f64>, template: &Trial) -> Result<Trial, WireError> {
     let beside = path.with_extension("json");
     let terms: RunFile = serde_json::from_str(&read(&beside)?).map_err(|error| broken(&beside, error.to_string()))?;

@@ -1,7 +1,7 @@
-//! Motors and actuator dynamics of an experiment, met with a model.
+//! Motors and actuator dynamics of an experiment, resolved against a model.
 //!
-//! Invariant: what is known (`actuators`, else what a motor's amplifier states) is what is corrected; what the simulated machine
-//! has (`plant.actuators`) is that, unless said otherwise.
+//! Invariant: the known dynamics are those in `actuators`, else those that a motor's amplifier states, and only they
+//! are corrected. The simulated machine has the known dynamics too, unless `plant.actuators` states others.
 
 use crate::experiment::error::ExperimentError;
 use crate::experiment::file::{ActuatorSection, Experiment, MotorsSection};
@@ -16,7 +16,7 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// Limits on inputs, or what the motors' largest currents give where that is less.
+/// Limits of the inputs, each lowered to the force of the motor's largest current where that is less.
 pub(super) fn limited(mut limits: Vec<f64>, motors: &[Option<Mounted>]) -> Vec<f64> {
     for (limit, mounted) in limits.iter_mut().zip(motors) {
         if let Some(Mounted { motor, .. }) = mounted {
@@ -31,7 +31,7 @@ fn refused(fault: FileFault) -> ExperimentError {
 }
 
 impl Experiment {
-    /// The path of the motor file that this experiment names, when it does.
+    /// The path of the motor file, when the experiment names one.
     #[must_use]
     pub fn motor_file(&self) -> Option<&str> {
         match &self.motors {
@@ -40,7 +40,7 @@ impl Experiment {
         }
     }
 
-    /// Puts the tables of a motor file in the place of its path, so that the experiment stands alone.
+    /// Replaces the path of a motor file by the tables in its text, so that the experiment needs no other file.
     ///
     /// # Errors
     /// [`FileFault`] when the text is no motor file.
@@ -57,16 +57,18 @@ impl Experiment {
         Ok(())
     }
 
-    /// Checks the motors in a text, that of the motor file or of the experiment itself, so that a fault has its place there.
+    /// Checks the motors that were read from a text, which is the motor file or the experiment itself, so that a fault
+    /// points to its place in that text.
     ///
     /// # Errors
-    /// [`FileFault`].
+    /// [`FileFault`] when a motor does not fit the model or the experiment.
     pub fn check_motors(&self, model: &dyn Model<f64>, file: &MotorFile) -> Result<(), FileFault> {
         let turned = self.turned(model).unwrap_or_else(|_| vec![Vec::new(); model.dims().inputs]);
         file.motors(model, &turned).map(|_| ())
     }
 
-    /// The coordinates that the motors could turn with, by input: the one that is stated, else all that are fed back to it.
+    /// The coordinates that the rotor of each input's motor could turn with: the stated one, else all that are fed back
+    /// to the input.
     fn turned(&self, model: &dyn Model<f64>) -> Result<Vec<Vec<usize>>, ExperimentError> {
         let (coordinates, inputs) = (coordinates(model), inputs(model));
         let mut turned = vec![Vec::new(); inputs.names.len()];
@@ -96,10 +98,11 @@ impl Experiment {
         }
     }
 
-    /// The motors by input, each on the coordinate that its rotor turns with; empty when there is none.
+    /// The motor of each input with the coordinate that its rotor turns with; empty when there is no motor.
     ///
     /// # Errors
-    /// [`ExperimentError::Motors`], [`ExperimentError::UnknownName`].
+    /// [`ExperimentError::Motors`] when a motor or its coordinate does not fit, [`ExperimentError::UnknownName`] for a
+    /// name that the model does not have.
     pub fn mounted(&self, model: &dyn Model<f64>) -> Result<Vec<Option<Mounted>>, ExperimentError> {
         let Some(file) = self.motor_tables()? else { return Ok(Vec::new()) };
         let turned = self.turned(model)?;
@@ -123,10 +126,11 @@ impl Experiment {
         Ok(mounted.collect())
     }
 
-    /// Known dynamics by input.
+    /// Known actuator dynamics of each input.
     ///
     /// # Errors
-    /// [`ExperimentError::UnknownName`], [`ExperimentError::Invalid`], [`ExperimentError::Motors`].
+    /// [`ExperimentError::UnknownName`] for a name that the model does not have, [`ExperimentError::Invalid`] for a
+    /// value that makes no sense, [`ExperimentError::Motors`] when the motors do not fit.
     pub fn known_actuators(&self, model: &dyn Model<f64>) -> Result<Vec<Dynamics>, ExperimentError> {
         let stated = match self.motor_tables()? {
             Some(file) => file.dynamics(model).map_err(refused)?,
@@ -135,16 +139,17 @@ impl Experiment {
         overlaid(stated, "actuators", &self.actuators, model)
     }
 
-    /// Dynamics of the simulated machine by input.
+    /// Actuator dynamics of each input of the simulated machine.
     ///
     /// # Errors
-    /// As [`known_actuators`](Self::known_actuators).
+    /// [`ExperimentError::UnknownName`] for a name that the model does not have, [`ExperimentError::Invalid`] for a
+    /// value that makes no sense, [`ExperimentError::Motors`] when the motors do not fit.
     pub fn plant_actuators(&self, model: &dyn Model<f64>) -> Result<Vec<Dynamics>, ExperimentError> {
         overlaid(self.known_actuators(model)?, "plant.actuators", &self.plant.actuators, model)
     }
 }
 
-/// Dynamics where they are given, others where not.
+/// The stated dynamics of each input, replaced where the experiment gives others.
 fn overlaid(
     mut dynamics: Vec<Dynamics>,
     place: &str,
@@ -261,7 +266,7 @@ mod tests {
         assert!(corrected < 1e-5 && left < 1e-5 && reported == 1, "{corrected:e} {left:e}");
         let (plain, residual, reported) = error(&[], Hold::Zoh);
         assert!(plain > 1e-3 && residual > 1e-2 && reported == 0, "{plain:e} {residual:e}");
-        // Half a sample more of delay is what a hold is, nearly.
+        // A hold acts nearly like half a sample more of delay.
         let (instead, ..) = error(&[Dynamics { delay: 0.004, ..known }], Hold::None);
         assert!(instead > corrected && instead < 1e-3, "{instead:e}");
         std::eprintln!("log: corrected {corrected:.2e}, not corrected {plain:.2e}, hold as a delay {instead:.2e}");
@@ -282,7 +287,7 @@ mod tests {
             assert!(found.is_complete() && found.runs.len() < 8);
             let text = stop.to_string();
             assert!(text.contains("sample") && text.contains(unit), "{text}");
-            // The last stage alone, from the start: the run itself passes the limit.
+            // Only the last stage is played, so that the run itself passes the limit.
             experiment.schedule.stages.drain(..3);
             let passed = identified(&experiment);
             let stop = passed.stop.clone().expect("named");

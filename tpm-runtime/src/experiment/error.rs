@@ -1,4 +1,4 @@
-//! Why an experiment cannot be done.
+//! Why an experiment cannot be carried out.
 
 use crate::campaign::{CampaignError, StoreError};
 use crate::estimate::EstimateError;
@@ -7,7 +7,7 @@ use std::string::String;
 use std::vec::Vec;
 use tpm_core::model::EvalError;
 
-/// Why an experiment cannot be done.
+/// Why an experiment cannot be carried out.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExperimentError {
@@ -17,17 +17,17 @@ pub enum ExperimentError {
         /// Place and fault.
         message: String,
     },
-    /// An override names nothing, or its value does not fit.
+    /// An override has a key that does not exist, or a value that does not fit.
     #[error("{key}: {reason}{}", alternatives(.near))]
     Override {
         /// The key as given.
         key: String,
         /// What is wrong.
         reason: String,
-        /// Keys that are like it.
+        /// Similar keys.
         near: Vec<String>,
     },
-    /// A name is not one of the model's.
+    /// The model does not have the name.
     #[error("{place}: the model has no {kind} `{name}`; it has {}{}", .available.join(", "), alternatives(.near))]
     UnknownName {
         /// Table of the experiment.
@@ -36,9 +36,9 @@ pub enum ExperimentError {
         kind: &'static str,
         /// The name.
         name: String,
-        /// What the model has.
+        /// Names of this kind in the model.
         available: Vec<String>,
-        /// The names that are like it.
+        /// Similar names.
         near: Vec<String>,
     },
     /// A value is missing.
@@ -52,11 +52,11 @@ pub enum ExperimentError {
     /// A value makes no sense.
     #[error("{key} = {value}: {must}")]
     Invalid {
-        /// Its key.
+        /// Key of the value.
         key: String,
         /// The value.
         value: f64,
-        /// What it must be.
+        /// Condition that the value must meet.
         must: &'static str,
     },
     /// The simulated machine cannot be evaluated.
@@ -71,28 +71,28 @@ pub enum ExperimentError {
         stage: usize,
         /// The coordinate.
         name: String,
-        /// Its position or velocity.
+        /// Its position or velocity where it passes the limit.
         value: f64,
-        /// positions or velocities.
+        /// `positions` or `velocities`.
         limit: &'static str,
     },
-    /// Another machine than the model's is simulated, with other signals.
+    /// The simulated machine does not obey the model, and its signals are not those of the model.
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
     Machine,
-    /// A value for a machine that obeys the model, although another one is simulated.
+    /// A value for a simulated machine that obeys the model, although the experiment simulates another machine.
     #[error(
         "{key}: the machine of plant.closed_loop_arm has no such value; leave it out, or change the arm's own there"
     )]
     NotOfMachine {
-        /// Its key.
+        /// Key of the value.
         key: String,
     },
-    /// Equations that count alike are for one estimator.
+    /// Equal weights of the equations are asked of an estimator that does not have them.
     #[error(
         "weights = \"equal\" is for the estimator measured-motion on the machine's own equations; leave it out, or set estimator = \"measured-motion\" (and equations = \"own\" where the model eliminates coordinates)"
     )]
     Weights,
-    /// A motor of the experiment.
+    /// The motors of the experiment do not fit.
     #[error("motors: {message}")]
     Motors {
         /// The fault, with what to do.
@@ -101,7 +101,7 @@ pub enum ExperimentError {
     /// A campaign's folder cannot be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The loop must not be closed.
+    /// The loop is not stable.
     #[error(transparent)]
     Stability(#[from] StabilityError),
     /// The campaign cannot go on.
@@ -110,12 +110,12 @@ pub enum ExperimentError {
     /// The schedule has no stage to design around.
     #[error("schedule.stages is empty: give a stage, around which candidates are tried")]
     NoStage,
-    /// With these estimates no candidate's motion can be predicted.
+    /// With these estimates the motion of no candidate can be predicted.
     #[error(
         "the rows do not determine the motion with the estimates {}; give prior values that do", .estimates.join(", ")
     )]
     Unpredictable {
-        /// Names and values.
+        /// Names and values of the estimates.
         estimates: Vec<String>,
     },
     /// Nothing was estimated.

@@ -1,4 +1,4 @@
-//! The sections of an experiment file, and its text.
+//! The sections of an experiment file, and the reading and writing of its text.
 //!
 //! Invariant: every field is documented here, and unknown fields are refused.
 
@@ -21,7 +21,7 @@ pub struct Experiment {
     /// Name of the pattern; the model's first one when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pattern: Option<String>,
-    /// measured-motion (default), error, hill, effort or numerical.
+    /// The estimator: measured-motion (default), error, hill, effort or numerical.
     #[serde(default)]
     pub estimator: Method,
     /// How much every equation counts in measured-motion: noise (default), or equal, for models that leave something out.
@@ -36,8 +36,8 @@ pub struct Experiment {
     /// Seed of the sensors' noise: the same seed gives the same result.
     #[serde(default)]
     pub seed: u64,
-    /// The motors on the inputs: the path of a motor file beside the experiment, or its tables, `[motors.INPUT]`. Their limits
-    /// are limits of every run, and what they state of their amplifiers is known.
+    /// The motors on the inputs: the path of a motor file beside the experiment, or its tables, `[motors.INPUT]`. The
+    /// limits of the motors are limits of every run, and the dynamics of their amplifiers count as known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motors: Option<MotorsSection>,
     /// Values of the constants that are known at run time.
@@ -50,10 +50,12 @@ pub struct Experiment {
     #[serde(default)]
     pub frozen: Named,
     /// Known dynamics between the commanded input and the force, by input: corrected in the harmonics, undone in the
-    /// feed-forward, and part of the loop whose stability is checked. What a motor file states where not given.
+    /// feed-forward, and part of the loop whose stability is checked. Where not given, the dynamics that the motor file
+    /// states.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub actuators: BTreeMap<String, ActuatorSection>,
-    /// The coordinate that a motor's rotor turns with, by input; the one that is fed back to it where not given.
+    /// The coordinate that a motor's rotor turns with, by input; where not given, the coordinate that is fed back to
+    /// that input.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub motion: BTreeMap<String, String>,
     /// The simulated machine.
@@ -65,23 +67,23 @@ pub struct Experiment {
     /// remaining coordinates) or own (all coordinates are measured, every equation is a row).
     #[serde(default)]
     pub equations: Equations,
-    /// Where the loop must be stable before anything moves.
+    /// The range of parameters over which the loop must be stable before anything moves.
     #[serde(default)]
     pub stability: StabilitySection,
-    /// What must not be passed.
+    /// Limits of the inputs, the tracking error and the motion.
     #[serde(default)]
     pub limits: LimitsSection,
     /// Amplitudes and frequencies, and when to move on.
     pub schedule: ScheduleSection,
 }
 
-/// Where the motors stand.
+/// Where the motors are described.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum MotorsSection {
-    /// In a motor file, which whoever reads the experiment reads too ([`Experiment::set_motors`]).
+    /// In a motor file; whoever reads the experiment reads the motor file too ([`Experiment::set_motors`]).
     File(String),
-    /// In the experiment, as in a motor file.
+    /// In the experiment itself, with the tables of a motor file.
     Tables(toml::Table),
 }
 
@@ -94,7 +96,7 @@ pub struct ActuatorSection {
     /// Undamped natural frequency of a low pass of second order, rad/s; none when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub natural_frequency: Option<f64>,
-    /// Its quality factor; 1/sqrt(2) when not given.
+    /// Quality factor of the low pass; 1/sqrt(2) when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<f64>,
     /// Bandwidth of a current loop, a lag of first order, rad/s; none when not given.
@@ -106,16 +108,16 @@ pub struct ActuatorSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantSection {
-    /// True values of all parameters; of a model whose parameters are lumped, the physical ones do
+    /// True values of all parameters. A model with lumped parameters may be given the physical ones instead
     /// (`Experiment::lumped`).
     pub parameters: Named,
-    /// Share by which a parameter changes from every run to the next, by name.
+    /// Relative change of a parameter from each run to the next, by name.
     pub drift: Named,
     /// Integration steps per sample.
     pub sub_steps: usize,
     /// Sensors by coordinate; exact where not given.
     pub sensors: BTreeMap<String, SensorSection>,
-    /// Step of the commanded value by input, unit of the input; continuous where not given.
+    /// Step to which the commanded value is rounded by input, unit of the input; continuous where not given.
     pub input_steps: Named,
     /// True dynamics of the actuators by input; the known ones where not given.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
@@ -163,30 +165,30 @@ pub struct SensorSection {
     pub noise: f64,
     /// Counts of an encoder per turn of 2 pi; zero for none.
     pub counts: f64,
-    /// Step of a linear encoder, unit of the coordinate; zero for none. Not together with `counts`.
+    /// Step of a linear encoder, unit of the coordinate; zero for none. Cannot be combined with `counts`.
     pub step: f64,
     /// Samples by which the measured value lags.
     pub delay: usize,
-    /// Standard deviation of the instant of sampling, s.
+    /// Standard deviation of the sampling instant, s.
     pub jitter: f64,
-    /// Largest magnitude that is read; zero for no end.
+    /// Largest magnitude that the sensor reads; zero for no limit.
     pub range: f64,
-    /// Standard deviation of the white noise on the rate, unit of the coordinate per second, where a tachometer measures it;
-    /// none when not given.
+    /// Standard deviation of the white noise on the rate, unit of the coordinate per second, where a tachometer
+    /// measures the rate; no tachometer when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate_noise: Option<f64>,
-    /// Where the sensor drops out; nowhere when not given.
+    /// When the sensor drops out; never when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub dropout: Option<DropoutSection>,
 }
 
-/// Where a sensor drops out.
+/// When a sensor drops out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DropoutSection {
     /// Number of the run, from 1.
     pub run: usize,
-    /// Time in it from which nothing is read, s.
+    /// Time in the run from which the sensor gives no value, s.
     pub time: f64,
 }
 
@@ -196,21 +198,22 @@ pub struct DropoutSection {
 pub struct ControlSection {
     /// Time between samples, s.
     pub sample_time: f64,
-    /// Time constant of the filtered difference that forms the rate of the tracking error, s; without it the rate is measured.
+    /// Time constant of the filtered difference that forms the rate of the tracking error, s; when not given, the rate
+    /// is measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub derivative_filter: Option<f64>,
-    /// What the feed-forward does about the hold between samples: none, advance (half a sample) or exact (default).
+    /// How the feed-forward compensates the hold between samples: none, advance (half a sample) or exact (default).
     #[serde(default)]
     pub compensation: HoldCompensation,
-    /// Least-squares smoothing of the tracking error and its rate, in place of such a filter: value and slope of a polynomial of
-    /// this degree through so many last samples.
+    /// Least-squares smoothing in place of the filtered difference: the tracking error and its rate are value and slope
+    /// of a polynomial fitted to the last samples.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<Smoothing>,
     /// Paths of the feedback.
     pub feedback: Vec<FeedbackSection>,
 }
 
-/// One path of the feedback: -kp e - kd e'.
+/// One path of the feedback: the input gets -kp e - kd e'.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FeedbackSection {
@@ -228,20 +231,20 @@ pub struct FeedbackSection {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Equations {
-    /// Those after the elimination.
+    /// The equations that remain after the elimination.
     #[default]
     Eliminated,
-    /// The machine's own.
+    /// All equations of the machine, before the elimination.
     Own,
 }
 
-/// Where the loop must be stable before anything moves.
+/// The range of parameters over which the loop must be stable before anything moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StabilitySection {
-    /// Least and largest value by parameter; others keep their prior.
+    /// Least and largest value by parameter; a parameter without a range keeps its prior.
     pub range: BTreeMap<String, [f64; 2]>,
-    /// Random points inside this box, beside its vertices and edges.
+    /// Number of random points checked inside the box of these ranges, besides its vertices and edges.
     pub points: usize,
 }
 
@@ -251,11 +254,11 @@ impl Default for StabilitySection {
     }
 }
 
-/// What must not be passed.
+/// Limits of the inputs, the tracking error and the motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitsSection {
-    /// Largest magnitude by input; the simulated drive cuts there. None where not given.
+    /// Largest magnitude by input, at which the simulated drive cuts the command. None where not given.
     pub inputs: Named,
     /// Largest tracking error by coordinate; a run that passes it is aborted. None where not given.
     pub tracking: Named,
@@ -291,10 +294,10 @@ impl Default for LimitsSection {
 /// One stage of the schedule: a value for every amplitude of its pattern and for its frequency (rad/s), by name.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StageSection {
-    /// Name of its pattern in the model; that of the experiment when not given.
+    /// Name of the stage's pattern in the model; the experiment's pattern when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pattern: Option<String>,
-    /// Multiple of the frequency by coordinate; that of the schedule where not given.
+    /// Multiple of the frequency by coordinate; the schedule's multiple where not given.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub multiples: BTreeMap<String, u32>,
     /// Amplitudes and frequency.
@@ -306,20 +309,22 @@ pub struct StageSection {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScheduleSection {
-    /// Multiple of the frequency on which a coordinate plays its pattern; one where not given.
+    /// Multiple of the frequency at which a coordinate plays its pattern; one where not given.
     #[serde(default)]
     pub multiples: BTreeMap<String, u32>,
     /// Stages, growing.
     pub stages: Vec<StageSection>,
-    /// Factor on all gains of the feedback, stage by stage; one where not given. Lower gains make the tracking error larger,
-    /// and with it what it shows (Feng, 3.2.2); every one of them must be stable.
+    /// Factor on all gains of the feedback, stage by stage; one where not given. Lower gains make the tracking error
+    /// larger, and with it the information that the error carries (Feng, 3.2.2). The loop must be stable with every
+    /// factor.
     #[serde(default)]
     pub gains: Vec<f64>,
-    /// Factor on the weight of all earlier runs with every new one, for parameters that drift slowly. Below one the campaign does
-    /// not end when its last stage has converged, but follows the parameters until its runs are used.
+    /// Factor by which every new run multiplies the weight of all earlier runs, for parameters that drift slowly. Below
+    /// one the campaign does not end when its last stage has converged, but follows the parameters until its runs are
+    /// used.
     #[serde(default = "forgetting")]
     pub forgetting: f64,
-    /// Periods that are let pass at least before anything is measured; settling is tested besides.
+    /// Fewest periods that pass before anything is measured; whether the motion has settled is tested as well.
     #[serde(default = "settle_periods")]
     pub settle_periods: usize,
     /// Time measured in every run, s; rounded up to whole periods, four at least.
@@ -362,7 +367,7 @@ impl Experiment {
     /// Reads an experiment file's text.
     ///
     /// # Errors
-    /// [`ExperimentError::Syntax`] with line and column.
+    /// [`ExperimentError::Syntax`] with line and column when the text is no experiment file.
     pub fn parse(text: &str) -> Result<Self, ExperimentError> {
         toml::from_str(text).map_err(|fault: toml::de::Error| {
             let message = std::string::ToString::to_string(&fault);
@@ -381,10 +386,10 @@ impl Experiment {
         })
     }
 
-    /// The experiment as a file, with everything that was left to its default.
+    /// The text of the experiment as a file, with all defaults written out.
     ///
     /// # Errors
-    /// [`ExperimentError::Syntax`] when a value has no place in such a file.
+    /// [`ExperimentError::Syntax`] when a value cannot be written in TOML.
     pub fn text(&self) -> Result<String, ExperimentError> {
         toml::to_string(self)
             .map_err(|fault| ExperimentError::Syntax { message: std::string::ToString::to_string(&fault) })

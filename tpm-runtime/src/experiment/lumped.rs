@@ -1,7 +1,7 @@
 //! Experiments written in physical parameters, for models whose parameters were lumped.
 //!
-//! Invariant: a lumped parameter that the experiment names keeps the value given there; another one gets the value that the
-//! physical parameters give it when all of those that it consists of are given, and none otherwise.
+//! Invariant: a lumped parameter that the experiment names keeps its given value. Any other lumped parameter gets its
+//! value from the physical parameters that it consists of, when all of those are given, and has none otherwise.
 
 use crate::estimate::physical::is_lumped;
 use crate::experiment::file::{Experiment, Named};
@@ -11,9 +11,9 @@ use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
 impl Experiment {
-    /// The experiment in the parameters that the model is linear in: true values and estimates of physical parameters
-    /// become those of the lumped ones. Physical parameters that are frozen or estimated beforehand are left out; they are
-    /// for [`physical`](crate::estimate::physical::physical).
+    /// The experiment in the parameters in which the model is linear: true values and estimates of physical parameters
+    /// become those of the lumped ones. Frozen physical parameters and priors of physical parameters are left out; they
+    /// are for [`physical`](crate::estimate::physical::physical).
     #[must_use]
     pub fn lumped(&self, prepared: &Prepared) -> Self {
         let mut experiment = self.clone();

@@ -1,4 +1,4 @@
-//! Names of an experiment, which become indices of a model, and values, which must make sense.
+//! Resolution of an experiment's names to indices of a model, and checks of its values.
 
 use crate::experiment::error::ExperimentError;
 use crate::experiment::file::Named;
@@ -27,7 +27,7 @@ impl Names {
         })
     }
 
-    /// A value per name, `default` where none is given.
+    /// One value per name, `default` where none is given.
     pub(super) fn fill(&self, place: &str, given: &Named, default: f64) -> Result<Vec<f64>, ExperimentError> {
         let mut values = vec![default; self.names.len()];
         for (name, &value) in given {
@@ -38,7 +38,7 @@ impl Names {
         Ok(values)
     }
 
-    /// A value per name, all of them given.
+    /// One value per name, each of which must be given.
     pub(super) fn all(&self, place: &str, given: &Named) -> Result<Vec<f64>, ExperimentError> {
         let values = self.fill(place, given, f64::NAN)?;
         match values.iter().position(|value| value.is_nan()) {

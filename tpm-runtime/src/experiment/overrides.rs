@@ -11,11 +11,12 @@ use std::vec::Vec;
 use toml::{Table, Value};
 
 impl Experiment {
-    /// Sets the value at a path such as `seed`, `plant.parameters.m` or `schedule.stages.0.lambda`; a name that occurs in
-    /// one place only needs no path. The value is written as in the file; text needs no quotes.
+    /// Sets the value at a path such as `seed`, `plant.parameters.m` or `schedule.stages.0.lambda`. A name that occurs
+    /// in only one place needs no path. The value is written as in the file; text needs no quotes.
     ///
     /// # Errors
-    /// [`ExperimentError::Override`] with the names that are like it; the experiment is then unchanged.
+    /// [`ExperimentError::Override`] when the path does not exist or the value does not fit, with similar names. The
+    /// experiment is then unchanged.
     pub fn apply_override(&mut self, path: &str, value: &str) -> Result<(), ExperimentError> {
         let refuse =
             |reason: String, near: Vec<String>| ExperimentError::Override { key: path.to_string(), reason, near };
@@ -78,7 +79,8 @@ fn leaves(value: &Value, prefix: &str, out: &mut Vec<String>) {
     }
 }
 
-/// Puts a value at a path, making tables on the way; false when the path leads through a value or past an array.
+/// Puts a value at a path and makes missing tables on the way; false when the path leads through a value or past the
+/// end of an array.
 fn place(table: &mut Table, path: &[&str], value: Value) -> bool {
     let Some((first, rest)) = path.split_first() else { return false };
     if rest.is_empty() {

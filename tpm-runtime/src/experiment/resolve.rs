@@ -1,4 +1,4 @@
-//! An experiment meets a model: names become indices.
+//! Resolution of an experiment against a model: names become indices.
 
 use crate::campaign::{Procedure, Setup, Stage};
 use crate::estimate::{Frozen, Method, Settings, Weights};
@@ -19,7 +19,7 @@ use tpm_core::control::Gain;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 
-/// Phases of a period at which a reference is compared with limits of position and velocity.
+/// Number of phases in a period at which a reference is compared with the limits of position and velocity.
 const LOOKED_AT: usize = 1024;
 
 /// Requires that a stage's reference keeps within the bounds of positions and velocities, at [`LOOKED_AT`] phases of its period.
@@ -51,7 +51,7 @@ fn within(
     Ok(())
 }
 
-/// The pattern that a stage names.
+/// The pattern of the given name, which a stage asks for.
 fn pattern_of<'p>(pattern: &'p Pattern, place: &str, name: &str) -> Result<&'p Pattern, ExperimentError> {
     pattern.named(name).ok_or_else(|| {
         let all = std::iter::once(pattern).chain(&pattern.others);
@@ -84,7 +84,8 @@ impl Experiment {
     /// Values of the model's run-time constants.
     ///
     /// # Errors
-    /// [`ExperimentError::UnknownName`], [`ExperimentError::Missing`].
+    /// [`ExperimentError::UnknownName`] for a name that the model does not have, [`ExperimentError::Missing`] for a
+    /// constant without a value.
     pub fn constant_values(&self, model: &dyn Model<f64>) -> Result<Vec<f64>, ExperimentError> {
         let names = (0..model.dims().constants).map(|i| model.constant(i).name.to_string()).collect();
         Names { kind: "constant", names }.all("constants", &self.constants)
@@ -93,7 +94,8 @@ impl Experiment {
     /// The simulated machine.
     ///
     /// # Errors
-    /// [`ExperimentError`].
+    /// [`ExperimentError`] when a name is unknown, a value is missing or makes no sense, or the machine cannot be
+    /// evaluated.
     pub fn bench(&self, model: &dyn Model<f64>) -> Result<Rig, ExperimentError> {
         let coordinates = coordinates(model);
         let mut sensors = vec![Sensor::default(); coordinates.names.len()];
@@ -162,10 +164,11 @@ impl Experiment {
         })
     }
 
-    /// The machine that is simulated in place of one that obeys the model itself.
+    /// The simulated machine of an experiment whose machine does not obey the model; `None` where it does.
     ///
     /// # Errors
-    /// [`ExperimentError::Machine`] when its signals are not those of the model, [`ExperimentError::Invalid`].
+    /// [`ExperimentError::Machine`] when its signals are not those of the model, [`ExperimentError::Invalid`] for a
+    /// value that makes no sense.
     pub fn other_plant(&self, model: &dyn Model<f64>) -> Result<Option<ClosedLoopArm>, ExperimentError> {
         let Some(ArmSection { lengths, masses, centroids, inertias, torque_scale }) =
             self.plant.closed_loop_arm.clone()
@@ -184,10 +187,11 @@ impl Experiment {
         if fits { Ok(Some(arm)) } else { Err(ExperimentError::Machine) }
     }
 
-    /// The simulated machine in a run (from 0), when its parameters drift.
+    /// The simulated machine in one run (counted from 0), with its parameters drifted up to there.
     ///
     /// # Errors
-    /// [`ExperimentError`].
+    /// [`ExperimentError`] when a name is unknown, a value is missing or makes no sense, or the machine cannot be
+    /// evaluated.
     pub fn bench_in_run(&self, model: &dyn Model<f64>, run: usize) -> Result<Rig, ExperimentError> {
         let mut bench = self.bench(model)?;
         let drift = parameters(model).fill("plant.drift", &self.plant.drift, 0.0)?;
@@ -197,11 +201,12 @@ impl Experiment {
         Ok(bench)
     }
 
-    /// Whether the loop is stable, with the prior and over the stated box, at rest at the mean and at the start of the
-    /// first stage's reference.
+    /// Checks that the loop is stable with the prior and over the stated box, at rest at the mean and at the start of
+    /// the first stage's reference.
     ///
     /// # Errors
-    /// [`ExperimentError::Stability`] where it is not; [`ExperimentError::UnknownName`], [`ExperimentError::Invalid`].
+    /// [`ExperimentError::Stability`] where the loop is not stable, [`ExperimentError::UnknownName`] for a name that
+    /// the model does not have, [`ExperimentError::Invalid`] for a value that makes no sense.
     pub fn check_stability(&self, model: &dyn Model<f64>, setup: &Setup) -> Result<LoopStability, ExperimentError> {
         let parameters = parameters(model);
         let mut ranges = Vec::with_capacity(self.stability.range.len());
@@ -229,7 +234,7 @@ impl Experiment {
             interior: self.stability.points,
             seed: self.seed,
         };
-        // Every gain that will be played; the loop that is reported is that of the first stage.
+        // Every gain that will be played is checked; the reported loop is that of the first stage.
         let check = |gain: f64| stability::check(model, &setup.control.scaled(gain), &demand);
         let mut checked = vec![setup.procedure.stages.first().map_or(1.0, |stage| stage.gain)];
         let found = check(checked[0])?;
@@ -242,10 +247,10 @@ impl Experiment {
         Ok(found)
     }
 
-    /// The campaign on a machine whose inputs are held between samples, with what its loop was found to be.
+    /// The campaign on a machine whose inputs are held between samples, with the stability of its loop.
     ///
     /// # Errors
-    /// As [`setup`](Self::setup) and [`check_stability`](Self::check_stability).
+    /// The errors of [`setup`](Self::setup) and of [`check_stability`](Self::check_stability).
     pub fn stable_setup(
         &self,
         model: &dyn Model<f64>,
@@ -259,7 +264,7 @@ impl Experiment {
     /// The campaign, on a simulated machine (whose inputs are held between samples) or on a real one.
     ///
     /// # Errors
-    /// [`ExperimentError`].
+    /// [`ExperimentError`] when a name is unknown, a value is missing or makes no sense, or a reference passes a limit.
     pub fn setup(&self, model: &dyn Model<f64>, pattern: &Pattern, hold: Hold) -> Result<Setup, ExperimentError> {
         let (parameters, coordinates, inputs) = (parameters(model), coordinates(model), inputs(model));
         positive("control.sample_time", self.control.sample_time)?;

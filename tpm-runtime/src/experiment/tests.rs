@@ -54,7 +54,7 @@ fn limits_end_a_campaign() {
     let share = run(&[("plant.sensors.x.noise", "0"), ("counts", "0"), ("limits.inputs.u", "60")]);
     assert_eq!(share.outcome.expect("ended"), crate::campaign::Outcome::EffortShare);
     assert!(share.is_complete() && share.runs.len() < 8);
-    // A force of 5 N cannot move this machine so far: the first run is stopped, a smaller one is not.
+    // A force of 5 N cannot move this machine so far: the first run is aborted, a run with smaller amplitudes is not.
     let tight =
         [("plant.sensors.x.noise", "0"), ("counts", "0"), ("limits.inputs.u", "5"), ("limits.tracking.x", "0.01")];
     let backed = run(&tight);
@@ -104,7 +104,8 @@ fn unknown_fields_and_names_are_refused() {
     let mut missing = experiment();
     missing.plant.parameters.remove("m");
     assert!(matches!(missing.bench(&MassSpringDrag), Err(ExperimentError::Missing { .. })));
-    // Another machine than the model's has other values: these would change nothing.
+    // The simulated machine does not obey the model and has values of its own: overrides of the model's true values
+    // would change nothing.
     let mut arm = Experiment::parse(include_str!("../../../models/closed_loop_arm.toml")).expect("the shipped file");
     arm.plant.sensors.clear();
     for key in ["plant.parameters.m3", "plant.drift.a10"] {
@@ -148,7 +149,7 @@ fn parameters_that_drift_are_followed() {
     let (following, remembering) = (run("0.3"), run("1"));
     assert_eq!(following.outcome, Some(crate::campaign::Outcome::Followed));
     assert_eq!(following.runs.len(), 12);
-    // An old run has little weight: about half a run's change is what is left.
+    // With forgetting, an old run has little weight: the remaining error is about half the drift of one run.
     assert!(error(&following) < 0.008, "{:e}", error(&following));
     assert!(error(&remembering) > 2.0 * error(&following), "{:e} {:e}", error(&remembering), error(&following));
 }
@@ -162,12 +163,12 @@ fn lower_gains_show_more_and_are_checked() {
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
     assert!(result.is_complete(), "{:?}", result.warnings);
     assert!(result.parameters.iter().all(|p| p.std.is_some()));
-    // The first run, from estimates of zero: a quarter of the gains lets the error grow.
+    // The first run starts from estimates of zero: a quarter of the gains lets the tracking error grow.
     experiment.schedule.gains = std::vec![0.25];
     let weak = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false).expect("runs");
     let (error, larger) = (result.runs[0].tracking_rms[0], weak.runs[0].tracking_rms[0]);
     assert!(larger > 2.0 * error, "{larger} {error}");
-    // A spring that pushes away and a factor at which the loop no longer holds it.
+    // A negative spring constant, and a factor on the gains with which the loop is unstable.
     experiment.apply_override("prior", "{ m = 2.0, k1 = -900.0, k2 = 1.5 }").expect("known");
     experiment.schedule.gains.clear();
     assert!(identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| false).is_ok());
@@ -202,7 +203,7 @@ fn harmonics_near_a_natural_mode_are_said() {
     // sqrt(k1/m) = 4.472 rad/s.
     experiment.apply_override("schedule.stages", "[{ lambda = 0.2, w = 4.4 }]").expect("known");
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
-    // With estimates of zero nothing is known of a mode, with those of the first run it is.
+    // With estimates of zero no mode can be computed; with those of the first run it can.
     assert!(result.runs[0].near_mode.is_none());
     let near = result.runs[1].near_mode.as_ref().expect("seen");
     assert_eq!((near.signal.as_str(), near.harmonic), ("x", 1));
@@ -219,7 +220,7 @@ fn harmonics_near_a_natural_mode_are_said() {
 fn a_plant_that_diverges_leaves_what_was_known() {
     let mut experiment = experiment();
     experiment.limits.tracking.clear();
-    // From the second run on a spring that pushes away, far beyond what the feedback holds.
+    // From the second run on the spring constant is negative, far beyond what the feedback holds.
     experiment.apply_override("plant.drift.k1", "-1e4").expect("known");
     let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
     assert_eq!(result.outcome, Some(crate::campaign::Outcome::Aborted));
@@ -239,7 +240,7 @@ fn a_plant_that_diverges_leaves_what_was_known() {
 
 #[test]
 fn a_measured_rate_adds_what_its_noise_allows() {
-    // One update each, from other noise; with the rate its own equations are added.
+    // One update for each seed. A measured rate adds equations of its own.
     let errors = |rate_noise: Option<&str>, seed: u64| {
         let mut experiment = experiment();
         let sets = [
@@ -264,7 +265,7 @@ fn a_measured_rate_adds_what_its_noise_allows() {
         result.parameters.iter().zip([2.0, 40.0, 1.5]).map(off).collect::<std::vec::Vec<_>>()
     };
     let seeds = 12;
-    // Mean square of errors and of stated deviations, and of their ratios, parameter by parameter.
+    // Parameter by parameter: mean squares of the errors, of the stated deviations, and of their ratios.
     let spread = |rate_noise: Option<&str>| {
         let mut sums = [[0.0; 3]; 3];
         for seed in 1..=seeds {
@@ -278,11 +279,12 @@ fn a_measured_rate_adds_what_its_noise_allows() {
         sums
     };
     let (without, with) = (spread(None), spread(Some("1e-3")));
-    // Of m and k1; k2 hangs on the mean of the squared rate, to which noise adds whatever measures it.
+    // Only m and k1 gain: k2 depends on the mean of the squared rate, to which noise adds whatever measures the rate.
     for (without, with) in without.iter().zip(&with).take(2) {
         assert!(with[1] < 0.25 * without[1] && with[0] < 0.5 * without[0], "{without:?} {with:?}");
     }
-    // What noise adds to that mean is worked out: none of the three is off by more than is stated.
+    // The contribution of noise to the mean of the squared rate is computed, so the errors of all three parameters
+    // agree with the stated deviations.
     for of_parameter in without.iter().chain(&with) {
         assert!(of_parameter[2] < 2.0, "{without:?} {with:?}");
     }
@@ -294,7 +296,7 @@ fn smoothing_is_a_part_of_the_loop_and_its_settings_are_checked() {
         let mut experiment = experiment();
         experiment.control.derivative_filter = None;
         experiment.apply_override("control.smoothing", smoothing).expect("known");
-        // With a mass there are poles to check.
+        // With a mass the loop has poles to check.
         experiment.apply_override("prior", "{ m = 3.0, k1 = 20.0, k2 = 1.0 }").expect("known");
         identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true)
     };
@@ -303,7 +305,7 @@ fn smoothing_is_a_part_of_the_loop_and_its_settings_are_checked() {
         assert!((parameter.value.expect("identified") / truth - 1.0).abs() < 5e-3, "{parameter:?}");
     }
     let refused = |smoothing: &str| with(smoothing).expect_err("refused").to_string();
-    // A straight line through a tenth of a second is half of that late.
+    // The slope of a straight line fitted over a tenth of a second lags by half of that time.
     assert!(refused("{ samples = 100, degree = 1 }").contains("not with samples"));
     for (smoothing, place) in [
         ("{ samples = 15, degree = 0 }", "control.smoothing.degree"),

@@ -1,4 +1,4 @@
-//! What can be wrong with a log.
+//! Faults of a log.
 
 use crate::estimate::EstimateError;
 use crate::report::Remedy;
@@ -7,7 +7,7 @@ use std::fmt;
 use std::string::String;
 use std::vec::Vec;
 
-/// What may be said about the column of a signal.
+/// A setting that a user may give for the column of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Adjustment {
     /// The column's name.
@@ -40,7 +40,7 @@ pub enum LogError {
         /// The system's reason.
         source: std::io::Error,
     },
-    /// The file is not UTF-8 text in columns.
+    /// The file is not UTF-8 text in columns of CSV.
     #[error("{path}:{line}: {message}")]
     Csv {
         /// The file.
@@ -76,7 +76,7 @@ pub enum LogError {
     /// A setting names something that the model does not have.
     #[error("{adjustment} of `{name}`: the model has no coordinate or input `{name}`; it has {}", .available.join(", "))]
     UnknownName {
-        /// What was to be set.
+        /// The setting that was given.
         adjustment: Adjustment,
         /// The unknown name.
         name: String,
@@ -86,7 +86,7 @@ pub enum LogError {
     /// A scale or an offset is not a usable number.
     #[error("{adjustment} of `{name}` = {value}: the value must be finite{}", if *.adjustment == Adjustment::Scale { " and not zero" } else { "" })]
     Unusable {
-        /// What was to be set.
+        /// The setting that was given.
         adjustment: Adjustment,
         /// The signal.
         name: String,
@@ -128,7 +128,7 @@ pub enum LogError {
         line: u64,
         /// The column.
         column: String,
-        /// What stands there.
+        /// The text of the field.
         text: String,
     },
     /// Time does not advance evenly.
@@ -160,7 +160,7 @@ pub enum LogError {
         /// Sample time, s.
         expected: f64,
     },
-    /// Too few samples to say anything.
+    /// The log has too few samples to be analysed.
     #[error(
         "{path}:{line}: the log ends after {samples} samples; {needed} are needed at least, record two whole periods or more"
     )]
@@ -203,14 +203,14 @@ pub enum LogError {
         path: String,
         /// First data line of the part that was searched.
         from: u64,
-        /// Last data line of it.
+        /// Last data line of the searched part.
         to: u64,
         /// Best period, s.
         period: f64,
         /// Root-mean-square difference of successive periods, as a share of the motion.
         mismatch: f64,
     },
-    /// No candidate of a period at all.
+    /// No candidate for a period was found.
     #[error(
         "{path}:{from}-{to}: the motion does not repeat within the log; run the machine on a periodic reference and record at least two whole periods, \
          or state period and first sample"

@@ -1,4 +1,4 @@
-//! What tells files apart.
+//! Fingerprints, which tell files apart.
 
 use std::format;
 use std::string::String;

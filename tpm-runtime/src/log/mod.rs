@@ -1,7 +1,7 @@
 //! Logs of real machines: reading them, and finding the part that repeats.
 //!
-//! Invariant: nothing about a log is assumed silently. Columns, sample time, period, steady part, hold and harmonics are
-//! read or found, checked, and reported with the result; what is not right is an error that names the line.
+//! Invariant: nothing about a log is assumed silently. Columns, sample time, period, steady part, hold and harmonics
+//! are read or found, checked, and reported with the result; every fault is an error that names the line.
 
 mod error;
 mod fingerprint;

@@ -7,23 +7,25 @@ use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
 
-/// Samples that the search for the period works on; longer logs are averaged in blocks first.
+/// Most samples on which the period is searched; longer logs are averaged in blocks first.
 const COARSE: usize = 8192;
-/// Largest root-mean-square difference between successive periods, as a share of the motion's own.
+/// Largest root-mean-square difference between successive periods of a periodic log, as a share of the motion.
 const NOT_PERIODIC: f64 = 0.1;
-/// Share of the motion that the part compared must itself contain (a rest repeats trivially).
+/// Least share of the motion that the two compared periods must contain, since a machine at rest repeats trivially.
 const MOVING: f64 = 0.25;
-/// Blocks of a period in which settling is judged.
+/// Number of blocks in a period, in each of which settling is judged.
 const BLOCKS: usize = 32;
-/// A transient below this share of the signal is not told from none.
+/// Smallest transient that is detected, as a share of the signal.
 const NEGLIGIBLE: f64 = 1e-8;
-/// What a refined period may still be wrong by, samples.
+/// Largest error that is expected of a refined period, samples.
 const SLIP: f64 = 1e-3;
-/// A block that differs so many times more than the last two periods do has not settled.
+/// Largest difference of a settled block from the last period, as a multiple of the difference between the last two
+/// periods.
 const TOLERANCE: f64 = 3.0;
-/// Harmonics that the period is refined with, at most.
+/// Most harmonics with which the period is refined.
 const REFINED: usize = 64;
-/// A slip against whole samples that is smaller than this over the record is taken for none, samples.
+/// Largest deviation of a period from a whole number of samples, summed over the record, at which the period is rounded;
+/// samples.
 const WHOLE: f64 = 0.02;
 
 /// The periodic part of a log.
@@ -45,9 +47,9 @@ pub struct Periodic {
 /// Why no periodic part was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PeriodicFault {
-    /// No lag was worth a look.
+    /// No lag is a candidate for the period.
     None,
-    /// The best one leaves too much between successive periods.
+    /// The best lag leaves too large a difference between successive periods.
     Mismatch {
         /// The best period, samples.
         period: f64,
@@ -63,7 +65,7 @@ pub enum PeriodicFault {
 /// `period` (samples) and `from` are taken as given when stated.
 ///
 /// # Errors
-/// `PeriodicFault`.
+/// [`PeriodicFault`] when no lag repeats well enough, or the part from `from` on holds no whole period.
 pub fn find_periodic(
     channels: &[Vec<f64>],
     coordinates: usize,
@@ -83,7 +85,7 @@ pub fn find_periodic(
                 return Err(PeriodicFault::Range);
             }
             if 2.0 * length > available as f64 {
-                // One period only: there is nothing to compare it with, and the caller asked for it.
+                // One period has no other to be compared with. The caller stated it, so it is accepted.
                 return Ok(Periodic {
                     steady_from: start,
                     from: start,
@@ -107,7 +109,7 @@ pub fn find_periodic(
     let mut length = length;
     let mut first = settle(length);
     if period.is_none() {
-        // The whole steady part tells the period better than two periods do.
+        // The whole steady part determines the period better than two periods do.
         let refined = refine(&motion, first, end, length);
         let whole_samples = (refined - refined.round()).abs() * ((end - first) as f64 / refined) <= WHOLE;
         length = if whole_samples { refined.round() } else { refined };
@@ -162,7 +164,7 @@ fn search(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
     Err(fault)
 }
 
-/// The shortest lag whose difference is about as small as the smallest.
+/// The shortest lag whose difference is nearly the smallest of all.
 fn best_lag(motion: &[&[f64]], end: usize) -> Option<usize> {
     let whole: Vec<f64> = motion.iter().map(|c| variance(c)).collect();
     let sums: Vec<TailSums> = motion.iter().map(|c| TailSums::of(&c[..end])).collect();
@@ -184,8 +186,8 @@ fn best_lag(motion: &[&[f64]], end: usize) -> Option<usize> {
                 .fold(0.0, f64::max)
         })
         .collect();
-    // A period between two lags leaves the slope times half a sample at either: the minimum of the parabola through three
-    // lags is what the broken lag would leave.
+    // A period between two lags leaves the slope times up to half a sample at either lag. The minimum of the parabola
+    // through three lags is the difference at the fractional lag.
     let last = differences.len() - 1;
     let minimum = |lag: usize| {
         let here = differences[lag];
@@ -204,7 +206,7 @@ fn best_lag(motion: &[&[f64]], end: usize) -> Option<usize> {
         .map(|lag| (lag, minimum(lag)))
         .collect();
     let least = minima.iter().map(|m| m.1).fold(f64::INFINITY, f64::min);
-    // What the parabola cannot resolve: a small share of the change from one sample to the next.
+    // Resolution of the parabola: a small share of the change from one sample to the next.
     let step = motion
         .iter()
         .zip(&whole)
@@ -238,7 +240,7 @@ fn gap(signal: &[f64], end: usize, lag: usize) -> f64 {
     before.iter().zip(last).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / lag as f64
 }
 
-/// Sums over the last samples of a signal, for variances of tails of any length in one step each.
+/// Sums over the last samples of a signal, from which the variance of a tail of any length follows in one step.
 struct TailSums {
     first: Vec<f64>,
     second: Vec<f64>,
@@ -246,7 +248,7 @@ struct TailSums {
 
 impl TailSums {
     fn of(signal: &[f64]) -> Self {
-        // About the last value, so that an offset far larger than the motion costs no digits.
+        // The sums are taken about the last value, so that an offset far larger than the motion costs no digits.
         let origin = signal.last().copied().unwrap_or(0.0);
         let (mut first, mut second) = (vec![0.0], vec![0.0]);
         let (mut sum, mut squares) = (0.0, 0.0);
@@ -268,7 +270,7 @@ impl TailSums {
 /// Root-mean-square difference of the last two periods as a share of the motion, for a period of any length.
 fn mismatch_at(motion: &[&[f64]], end: usize, length: f64) -> f64 {
     let last = length.round() as usize;
-    // A broken period needs a sample more on the far side than rounding it may leave.
+    // A fractional period needs one sample more on the far side than rounding may leave.
     let reach = (length.ceil() as usize + last).min(end);
     motion
         .iter()
@@ -311,7 +313,7 @@ fn settled(signal: &[f64], length: f64) -> usize {
     let end = signal.len();
     let last = (length.round() as usize).min(end);
     let judged = (2.0 * length).round().min(end as f64) as usize;
-    // Against the value of the last period at the same phase.
+    // Difference from the value of the last period at the same phase.
     let error: Vec<f64> = (0..end)
         .map(|i| {
             let periods = ((end - 1 - i) as f64 / length + 1e-9).floor();
@@ -323,7 +325,7 @@ fn settled(signal: &[f64], length: f64) -> usize {
     let previous = &error[end - judged..end - last];
     let typical = previous.chunks(size).map(power).fold(0.0, f64::max).sqrt();
     let peak = previous.iter().map(|e| e.abs()).fold(0.0, f64::max);
-    // A repeated motion repeats its counts exactly; one count more or less is not a transient.
+    // An encoder repeats a periodic motion to within one count; a difference of one count is no transient.
     let count = signal.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
     let count = if count.is_finite() { count } else { 0.0 };
     let steepest = signal.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
@@ -334,11 +336,11 @@ fn settled(signal: &[f64], length: f64) -> usize {
     while first > 0 {
         let from = first.saturating_sub(size);
         let block = &error[from..first];
-        // What remains wrong of a broken period adds up from period to period.
+        // The remaining error of a fractional period adds up from period to period.
         let slip = if length.fract() == 0.0 { 0.0 } else { SLIP * steepest * (end - from) as f64 / length };
         let (limit, sample_limit) = (limit + slip, sample_limit + slip);
         if power(block).sqrt() > limit || block.iter().any(|e| e.abs() > sample_limit) {
-            // Within the block, from the first sample after the last one that stands out.
+            // Within the block, settling ends at the last sample that exceeds the limit.
             let inside = block.iter().rposition(|e| e.abs() > sample_limit).map_or(block.len(), |at| at + 1);
             return from + inside;
         }
@@ -351,11 +353,13 @@ fn settled(signal: &[f64], length: f64) -> usize {
 fn refine(motion: &[&[f64]], first: usize, end: usize, length: f64) -> f64 {
     let mut refined = length;
     let highest = (((length - 1.0) / 2.0).floor() as usize).clamp(1, REFINED);
-    // One period apart first, so that no phase is taken wrong by a turn; then as far apart as the record allows.
+    // Windows one period apart come first, so that no phase is off by a turn; then windows as far apart as the record
+    // allows.
     let whole = (((end - first) as f64 / length).floor()).max(2.0) - 1.0;
     let far = (whole - 1.0).max(1.0);
     for apart in [1.0, 1.0, far, far] {
-        // Two periods where there are three, under a Hann window: what a broken period leaks falls far faster.
+        // With three periods or more, a window of two periods is Hann weighted: the leakage of a fractional period then
+        // falls far faster.
         let smooth = (end - first) as f64 >= (2.0 + apart) * refined;
         let window = (if smooth { 2.0 * refined } else { refined }).round() as usize;
         let shift = (apart * refined).round() as usize;
@@ -444,7 +448,7 @@ mod tests {
                 if period.fract() == 0.0 {
                     assert_eq!(found.samples_per_period, period);
                 }
-                // 50 samples to a factor e: 1e-8 after 900, 1e-3 after 300.
+                // The transient falls by a factor e in 50 samples: to 1e-3 after 300 or so, to 1e-8 after 900.
                 assert!(found.from < 1000 && found.from > 150, "period {period} noise {noise}: {found:?}");
                 assert_eq!(found.periods, ((3000 - found.from) as f64 / period).floor() as usize);
             }

@@ -17,21 +17,21 @@ use tpm_core::model::{Label, Model};
 
 /// The column of time stamps.
 const TIME: &str = "t_s";
-/// Largest share of the sample time by which a step may deviate.
+/// Largest deviation of a time step from the sample time, as a share of the sample time.
 const JITTER: f64 = 0.01;
-/// Largest share of the sample time by which a stamp may leave the even grid.
+/// Largest deviation of a time stamp from the even grid, as a share of the sample time.
 const DRIFT: f64 = 0.5;
 /// Fewest samples of a log.
 const LEAST: usize = 16;
 
-/// What a user may say about a log.
+/// Settings that a user may give for a log.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LogOptions {
-    /// Column of a coordinate or input (or of `t_s`), when it is not called like it.
+    /// Column of a coordinate or input (or of `t_s`) whose column has another name.
     pub map: BTreeMap<String, String>,
     /// Factor on a column.
     pub scale: BTreeMap<String, f64>,
-    /// Added after the factor, in the model's unit: `signal = scale * column + offset`.
+    /// Offset that is added after the factor, in the model's unit: `signal = scale * column + offset`.
     pub offset: BTreeMap<String, f64>,
     /// First sample to use (from 0); found when not given.
     pub from_sample: Option<usize>,
@@ -39,24 +39,24 @@ pub struct LogOptions {
     pub period: Option<f64>,
     /// What happens to the inputs between samples.
     pub hold: Hold,
-    /// Known dynamics between the recorded inputs and the forces, by input; inputs beyond the last one have none.
+    /// Known dynamics between the recorded inputs and the forces, by input; inputs past the end of the list have none.
     pub actuators: Vec<Dynamics>,
     /// Highest harmonic; chosen from the spectrum when not given.
     pub harmonics: Option<usize>,
-    /// How much every equation counts.
+    /// Weights of the equations.
     pub weights: Weights,
     /// Values of the model's run-time constants, in its order.
     pub constants: Vec<f64>,
     /// Prior values of the parameters, in the model's order; may be empty.
     pub prior: Vec<f64>,
-    /// Parameters that are held.
+    /// Parameters that are held at a value.
     pub frozen: Vec<Frozen>,
 }
 
-/// Measured rates by coordinate.
+/// Measured rates by coordinate; nothing for a coordinate whose rate is not measured.
 pub type Rates = Vec<Option<Vec<f64>>>;
 
-/// Column of a coordinate's measured rate, called as models write it.
+/// Name of the column of a coordinate's measured rate, written as in models: `dot(x)`.
 pub(crate) fn rate_column(model: &dyn Model<f64>, coordinate: usize) -> String {
     std::format!("dot({})", model.coordinate(coordinate).name)
 }
@@ -64,7 +64,7 @@ pub(crate) fn rate_column(model: &dyn Model<f64>, coordinate: usize) -> String {
 /// A run, read and checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
-    /// Where it came from, for messages.
+    /// Name of the log's source, for messages.
     pub path: String,
     /// Time between samples, s.
     pub sample_time: f64,
@@ -78,7 +78,8 @@ impl Log {
     /// A log from samples in memory (coordinates, then inputs), such as those of a simulated plant.
     ///
     /// # Errors
-    /// [`LogError::TooShort`], [`LogError::FieldCount`] for unequal lengths, [`LogError::NotANumber`].
+    /// [`LogError::TooShort`] for too few samples, [`LogError::FieldCount`] for unequal lengths,
+    /// [`LogError::NotANumber`] for a value that is not finite.
     pub fn from_samples(name: &str, sample_time: f64, channels: Vec<Vec<f64>>) -> Result<Self, LogError> {
         let samples = channels.first().map_or(0, Vec::len);
         for channel in &channels {
@@ -108,24 +109,28 @@ impl Log {
     /// Reads a CSV file with one header line.
     ///
     /// # Errors
-    /// [`LogError`] for anything that is not right, with its line.
+    /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
+    /// not even.
     pub fn open(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
         Self::open_signals(path, &signals(model), options)
     }
 
-    /// Reads CSV text with one header line; `name` stands in messages.
+    /// Reads CSV text with one header line; messages call it `name`.
     ///
     /// # Errors
-    /// [`LogError`] for anything that is not right, with its line.
+    /// [`LogError`] with the line when the text cannot be read, a column is missing, a value is not finite or time is
+    /// not even.
     pub fn read(input: impl Read, name: &str, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
         Ok(Self::read_some(input, name, &signals(model), &[], options)?.0)
     }
 
-    /// Reads a CSV file with one header line, and what it holds of the coordinates' rates: columns called `dot(x)`, or mapped
-    /// so, as long as the log. Nothing stands for a coordinate without one, and for all when there is none.
+    /// Reads a CSV file with one header line, together with the measured rates of coordinates: columns called `dot(x)`,
+    /// or mapped to that name. A coordinate without such a column has no rate; the list is empty when no coordinate has
+    /// one.
     ///
     /// # Errors
-    /// [`LogError`] for anything that is not right, with its line.
+    /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
+    /// not even.
     pub fn open_rated(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<(Self, Rates), LogError> {
         let own = signals(model);
         let rates: Vec<String> = (0..model.dims().coordinates).map(|c| rate_column(model, c)).collect();
@@ -140,7 +145,8 @@ impl Log {
     /// Reads the named signals of a CSV file with one header line, in this order, without a model.
     ///
     /// # Errors
-    /// [`LogError`] for anything that is not right, with its line.
+    /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
+    /// not even.
     pub fn open_signals(path: &Path, signals: &[String], options: &LogOptions) -> Result<Self, LogError> {
         Ok(Self::open_some(path, signals, &[], options)?.0)
     }
@@ -156,7 +162,8 @@ impl Log {
         Self::read_some(std::io::BufReader::new(file), &name, signals, optional, options)
     }
 
-    /// Reads the signals, and behind them those of the optional ones that have a column or are mapped to one; also, which have.
+    /// Reads the signals and, behind them, those optional signals that have a column or are mapped to one. Also returns
+    /// which optional signals were found.
     fn read_some(
         input: impl Read,
         name: &str,
@@ -188,7 +195,8 @@ impl Log {
         let signals: Vec<&String> = signals.iter().chain(present).collect();
         let places: Vec<(usize, String)> = signals.iter().map(|s| find(s)).collect::<Result<_, _>>()?;
         let mut time = Vec::new();
-        // Trailing zeros may be left out, so that the finest digit is the one that stamps are rounded to.
+        // Stamps may be printed without trailing zeros, so the finest digit of all is the one to which they are
+        // rounded.
         let mut resolution = f64::INFINITY;
         let mut channels: Vec<Vec<f64>> = vec![Vec::new(); signals.len()];
         let mut lines = Vec::new();
@@ -243,7 +251,7 @@ impl Log {
         self.lines.len()
     }
 
-    /// No samples.
+    /// Whether the log has no samples.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
@@ -311,7 +319,7 @@ fn last_digit(text: &str) -> f64 {
     10.0_f64.powi(exponent - decimals)
 }
 
-/// The sample time of an even grid; a stamp printed with few digits may be off by one in the last.
+/// The sample time of an even grid. A stamp printed with few digits may be off by one in its last digit.
 fn even_time(time: &[f64], resolution: f64, lines: &[u64], name: &str) -> Result<f64, LogError> {
     let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
     steps.sort_by(f64::total_cmp);
@@ -390,7 +398,7 @@ mod tests {
         assert!(fault(&with(5, "0.005,1\n")).starts_with("run.csv:7: 2 fields, the header has 3"));
         let message = fault(&with(5, "0.0052,1,1\n"));
         assert!(message.starts_with("run.csv:7: time advances by") && message.contains("20.0"), "{message}");
-        // A dropped sample, and time that stands still.
+        // A dropped sample; then time that stands still.
         assert!(fault(&with(5, "")).starts_with("run.csv:7: time advances by"));
         assert!(fault(&with(5, "0.004,1,1\n")).starts_with("run.csv:7: time advances by"));
         let error =

@@ -1,7 +1,8 @@
-//! A model as a machine: its own equations for plant, reference and feed-forward, and the form that is identified.
+//! A model as a machine: the machine's own equations for plant, reference and feed-forward, and the form that is
+//! identified.
 //!
-//! Invariant: the plant's parameters are those of the model's own equations. With coordinates eliminated they are the
-//! physical parameters behind the lumped ones, and the estimator gives them.
+//! Invariant: the plant's parameters are those of the model's own equations. With coordinates eliminated, these are the
+//! physical parameters behind the lumped ones, and the estimator estimates them.
 
 use crate::campaign::{Campaign, RunReport, Setup, Store};
 use crate::estimate::physical::PhysicalSettings;
@@ -34,10 +35,10 @@ pub struct Machine {
 
 impl Machine {
     /// The machine of a model that moves along one of its patterns, with the experiment's constants and prior. `bounds`
-    /// are those of physical parameters behind lumped ones.
+    /// are bounds on the physical parameters behind lumped ones.
     ///
     /// # Errors
-    /// [`MachineError`].
+    /// [`MachineError`] when the model, its pattern or the experiment's values do not give a machine.
     pub fn new(
         prepared: &Prepared,
         pattern: &tpm_symbolic::mechanics::pattern::Pattern,
@@ -62,7 +63,7 @@ impl Machine {
             match of_rows(other) {
                 Ok(other) => others.push(other),
                 Err(fault) if experiment.schedule.stages.iter().any(named) => return Err(fault.into()),
-                // It needs a value that this experiment does not state, and is not played.
+                // The pattern needs a value that this experiment does not state, and no stage plays it.
                 Err(_) => {}
             }
         }
@@ -81,13 +82,13 @@ impl Machine {
         Ok(Machine { plant, pattern, eliminated, source: whole.clone(), tables: OnceLock::new() })
     }
 
-    /// The machine's own equations.
+    /// The plant: the machine's own equations.
     #[must_use]
     pub const fn plant(&self) -> &Interpreted {
         &self.plant
     }
 
-    /// Its motion; coordinates that the model's pattern leaves open are open.
+    /// The pattern of the motion. Coordinates that the model's pattern leaves open are open here too.
     #[must_use]
     pub const fn pattern(&self) -> &Pattern {
         &self.pattern
@@ -99,10 +100,10 @@ impl Machine {
         self.eliminated.as_deref()
     }
 
-    /// A campaign on this machine.
+    /// A campaign of an experiment on this machine.
     ///
     /// # Errors
-    /// [`ExperimentError`].
+    /// [`ExperimentError`] when the campaign cannot begin.
     pub fn campaign(&self, experiment: &Experiment, setup: Setup) -> Result<Campaign<'_>, ExperimentError> {
         let campaign = match &self.eliminated {
             Some(form) if setup.method == Method::MeasuredMotion && experiment.equations == Equations::Eliminated => {
@@ -112,7 +113,7 @@ impl Machine {
                 let estimator = form.estimator(&setup.estimation);
                 Campaign::with_estimator(&self.plant, setup, estimator)
             }
-            // The rows are those of the measured motion, for which there is no table.
+            // The rows are those of the measured motion, which need no table.
             _ if setup.method == Method::MeasuredMotion => Campaign::new(&self.plant, setup),
             _ => {
                 let made = || Arc::new(PatternTables::new(&self.source, &self.plant, &self.pattern));
@@ -124,12 +125,12 @@ impl Machine {
         Ok(campaign?)
     }
 
-    /// Plays an experiment's campaign on its simulated machine, when the loop is stable, in the parameters that the estimator
-    /// gives; a [`Session`](crate::session::Session) adds the physical ones behind lumped ones. `progress` sees every run as it ends
-    /// and says whether to go on.
+    /// Plays an experiment's campaign on its simulated machine, when the loop is stable, and gives the parameters that
+    /// the estimator estimates; a [`Session`](crate::session::Session) adds the physical ones behind lumped ones.
+    /// `progress` sees every run as it ends and says whether to go on.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// [`SessionError`] when the loop is not stable, or the experiment, a run or the estimation fails.
     pub fn identify(
         &self,
         experiment: &Experiment,
@@ -138,11 +139,11 @@ impl Machine {
         self.identify_watched(experiment, None, &mut |_, _, run| progress(run))
     }
 
-    /// Plays an experiment's campaign as [`identify`](Self::identify) does, for whoever wants to see the samples too. Runs that a store
-    /// holds are taken from it, and new ones are kept there as they end.
+    /// Plays an experiment's campaign as [`identify`](Self::identify) does, and also hands out the samples of every
+    /// run. Runs that a store holds are taken from it, and new runs are added to it as they end.
     ///
     /// # Errors
-    /// [`SessionError`].
+    /// [`SessionError`] when the loop is not stable, or the experiment, a run, the estimation or the store fails.
     pub fn identify_watched(
         &self,
         experiment: &Experiment,

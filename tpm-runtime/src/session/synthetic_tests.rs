@@ -1,4 +1,4 @@
-//! Logs made of known motions and known parameters.
+//! Identification from synthetic logs of known motions and known parameters.
 
 use crate::estimate::{Estimate, Status, Weights};
 use crate::log::{Log, LogError, LogOptions};
@@ -25,7 +25,7 @@ fn report(result: &Identification) -> &LogReport {
 /// A Fourier series: (harmonic, cosine, sine).
 type Series = [(f64, f64, f64)];
 
-/// Position, velocity, acceleration of a series at phase w t.
+/// Position, velocity and acceleration of a series at time t; w is the fundamental angular frequency.
 fn motion(series: &Series, w: f64, t: f64) -> [f64; 3] {
     series.iter().fold([0.0; 3], |[x, v, a], &(k, c, s)| {
         let (sin, cos) = (k * w * t).sin_cos();
@@ -34,7 +34,7 @@ fn motion(series: &Series, w: f64, t: f64) -> [f64; 3] {
     })
 }
 
-/// One sample of noise of unit deviation.
+/// One sample of white noise of unit standard deviation.
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
     StandardNormal.sample(rng)
 }
@@ -95,7 +95,7 @@ fn friction_and_offset_are_found_and_noise_is_stated() {
         }
         let log = Log::from_samples("synthetic", dt, vec![qs, us]).expect("sound");
         let result = identify_log(&Emps, &log, &LogOptions::default()).expect("identifies");
-        // A jump sampled at 1 kHz is known to a sample: its harmonics alias at about 1/2000.
+        // The instant of a jump sampled at 1 kHz is known only to one sample: the harmonics alias at about 1/2000.
         near(&values(&result), &truth, if sigma > 0.0 { 0.02 } else { 2e-3 });
         for (p, t) in result.parameters.iter().zip(truth) {
             let deviation = (p.value.expect("seen") - t) / p.std.expect("seen");
@@ -106,7 +106,7 @@ fn friction_and_offset_are_found_and_noise_is_stated() {
 
 #[test]
 fn free_rows_need_no_input() {
-    // x2 moves, the free cart's equation gives x1 = x2 + (m2/k3) x2'', the driven one gives F.
+    // x2 is prescribed; the free cart's equation gives x1 = x2 + (m2/k3) x2'', and the driven cart's equation gives F.
     let truth = [2.0, 1.0, 40.0, 300.0, 200.0];
     let (dt, w) = (1e-3, 4.0);
     let period = 2.0 * PI / w / dt;
@@ -135,7 +135,7 @@ fn free_rows_need_no_input() {
 
 #[test]
 fn what_is_not_visible_is_named_and_not_given_a_number() {
-    // One harmonic and no damping seen: m and k1 cannot be told apart.
+    // With one harmonic and no damping, m and k1 cannot be told apart.
     let (dt, w) = (1e-3, 2.0 * PI);
     let (mut xs, mut us) = (Vec::new(), Vec::new());
     for i in 0..4500 {
@@ -152,7 +152,7 @@ fn what_is_not_visible_is_named_and_not_given_a_number() {
     let direction = &result.unobservable[0];
     let part = |name: &str| direction[name].parse::<f64>().expect("a number");
     assert!((part("k1") - 1.0).abs() < 1e-9 && (part("m") - 1.0 / (w * w)).abs() < 1e-9);
-    // What they are together is seen.
+    // One combination of them is observable.
     assert_eq!(result.combinations.len(), 1);
     let together = &result.combinations[0];
     assert!((together.value - (2.0 - 40.0 / (w * w))).abs() < 1e-8 && together.std < 1e-6, "{together:?}");
@@ -174,7 +174,7 @@ fn the_end_of_a_sweep_is_not_taken_for_a_periodic_motion() {
     let (dt, truth) = (1e-3, [2.0, 40.0, 1.5]);
     let (mut xs, mut us) = (Vec::new(), Vec::new());
     for i in 0..20_000 {
-        // 0.5 to 0.55 Hz in 20 s.
+        // The frequency sweeps from 0.5 to 0.55 Hz in 20 s.
         let t = f64::from(i) * dt;
         let (phase, w, slope) = (PI * t * (1.0 + 0.0025 * t), PI * (1.0 + 0.005 * t), 0.005 * PI);
         let (sin, cos) = phase.sin_cos();
@@ -197,11 +197,12 @@ fn the_end_of_a_sweep_is_not_taken_for_a_periodic_motion() {
 
 #[test]
 fn the_wrong_hold_is_warned_about() {
-    // The input is held: what the plant does follows from the mean of the held input, harmonic by harmonic.
+    // The input is held: the plant responds to the harmonics of the held input.
     let (dt, w, d) = (1e-3, 2.0 * PI * 4.0, 3e-3);
     let truth = [1e-2, d, 30.0, 0.5];
     let held = |t: f64| {
-        // u(t) such that its hold-filtered harmonics are those of the motion: advance each harmonic by the hold.
+        // u(t) is chosen such that its harmonics, filtered by the hold, are those of the motion: the hold is divided
+        // out of every harmonic.
         let mut sum = 0.0;
         for (k, c) in [(1.0, 0.3), (3.0, 0.2), (9.0, 0.1)] {
             let n: f64 = k * w;
@@ -268,7 +269,7 @@ fn faults_of_the_whole_log_say_what_to_do() {
     assert!(matches!(error, LogError::Constants { needed: 0, given: 1, .. }));
 }
 
-/// Mean square of the deviations divided by the stated ones, per parameter, over many seeds.
+/// Root mean square of the estimation errors divided by the stated standard deviations, per parameter, over many seeds.
 fn spread(make: impl Fn(u64) -> Log, options: &LogOptions, truth: &[f64], seeds: u64) -> Vec<f64> {
     let model: &dyn Model<f64> = &MassSpringDrag;
     let mut sums = vec![0.0; truth.len()];
@@ -300,10 +301,10 @@ fn equal_weights_give_the_nearest_model_whatever_the_noise_and_say_how_well() {
     let truth = [2.0, 40.0, 1.5];
     let (dt, period, samples, seeds) = (1e-3, 800_usize, 8200, 60_u64);
     let w = 2.0 * PI / (period as f64 * dt);
-    // A hardening spring that the model leaves out, or not.
+    // A hardening spring that the model leaves out, then none.
     for cubic in [300.0, 0.0] {
         let force = |[x, v, a]: [f64; 3]| truth[0] * a + truth[1] * x + truth[2] * v * v + cubic * x * x * x;
-        // Least squares over the samples of one period of the motion itself.
+        // Least squares over the samples of one period of the true motion.
         let rows: Vec<([f64; 3], f64)> = (0..period)
             .map(|i| motion(REST_TO_REST, w, i as f64 * dt))
             .map(|[x, v, a]| ([a, x, v * v], force([x, v, a])))
@@ -338,7 +339,7 @@ fn equal_weights_give_the_nearest_model_whatever_the_noise_and_say_how_well() {
             let stated = all.iter().map(|e| e[j].1).sum::<f64>() / seeds as f64;
             assert!(mean.abs() < 4.0 * spread / (seeds as f64).sqrt(), "{j}: {mean:e} {spread:e}");
             if cubic == 0.0 {
-                // So many seeds tell a deviation to about a tenth.
+                // With so many seeds a standard deviation is known to about a tenth.
                 assert!((0.7..1.4).contains(&(stated / spread)), "{j}: {stated:e} {spread:e}");
             }
         }

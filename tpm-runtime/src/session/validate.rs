@@ -1,7 +1,8 @@
-//! How well identified parameters predict another log.
+//! Prediction of another log by identified parameters.
 //!
-//! Invariant: nothing is fitted. The rows are evaluated on the log's own measured motion with the given parameters, and what
-//! they ask for is compared with the inputs, harmonic by harmonic, over the lines that stand out of the noise.
+//! Invariant: nothing is fitted. The rows are evaluated on the log's own measured motion with the given parameters. The
+//! inputs that they predict are compared with the recorded inputs, harmonic by harmonic, over the harmonics that stand
+//! out of the noise.
 
 use crate::estimate::{MeasuredMotion, Settings};
 use crate::log::{Log, LogError, LogOptions};
@@ -14,18 +15,18 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::model::{Buffer, Model, require_len};
 
-/// Prediction of one row.
+/// Prediction error of one row.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RowPrediction {
     /// Name of the row.
     pub name: String,
     /// Unit of the row.
     pub unit: Option<String>,
-    /// Root mean square of what was applied, at the used lines (of the row's own terms where nothing is applied).
+    /// Root mean square of the applied force at the used harmonics; of the row's own terms where no force is applied.
     pub force: f64,
-    /// Root mean square of what the prediction misses.
+    /// Root mean square of the prediction error at the used harmonics.
     pub missed: f64,
-    /// The second as a share of the first.
+    /// The prediction error as a share of `force`.
     pub share: f64,
 }
 
@@ -36,7 +37,7 @@ pub struct Validation {
     pub schema: &'static str,
     /// Name of the model.
     pub model: String,
-    /// The log.
+    /// Name of the log.
     pub log: String,
     /// First sample that was used.
     pub from_sample: usize,
@@ -44,11 +45,11 @@ pub struct Validation {
     pub period: f64,
     /// Whole periods.
     pub periods: usize,
-    /// none or zoh.
+    /// Hold of the inputs: `none` or `zoh`.
     pub hold: String,
     /// Highest harmonic that was compared.
     pub harmonics: usize,
-    /// The rows.
+    /// Prediction errors of the rows.
     pub rows: Vec<RowPrediction>,
     /// Largest share of any row.
     pub prediction_error: f64,
@@ -57,7 +58,8 @@ pub struct Validation {
 /// Predicts the inputs of a log from its motion with given values of the parameters in which the model is linear, by name.
 ///
 /// # Errors
-/// [`SessionError::NotIdentified`] where a parameter has no value; [`SessionError`] as for an identification.
+/// [`SessionError::NotIdentified`] where a parameter has no value; another [`SessionError`] when the log cannot be read
+/// or analysed.
 pub fn validate(
     model: &impl Identifiable,
     log: impl Into<LogRequest>,
@@ -78,7 +80,7 @@ pub fn validate(
 /// Predicts the inputs of a log from its motion with given parameters, one value per parameter of the model.
 ///
 /// # Errors
-/// [`LogError`].
+/// [`LogError`] when the log has no periodic part, or its harmonics cannot be computed.
 pub fn validate_log(
     model: &dyn Model<f64>,
     log: &Log,

@@ -1,7 +1,7 @@
-//! Monte-Carlo study: one campaign for every seed, and how their estimates spread about the truth.
+//! Monte-Carlo study: one campaign for every seed, and the spread of the estimates about the truth.
 //!
-//! Invariant: the result depends on the experiment and the seeds alone, not on the number of threads or on which campaign
-//! ends first. Campaigns that did not identify a parameter are counted, never replaced.
+//! Invariant: the result depends on the experiment and the seeds alone, not on the number of threads or on the order in
+//! which campaigns end. Campaigns that did not identify a parameter are counted, never replaced.
 
 use crate::campaign::RunReport;
 use crate::estimate::Status;
@@ -18,35 +18,35 @@ use tpm_core::model::Model;
 
 /// Half the width of the interval that holds 95 % of a normal variable, in standard deviations.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
-/// Seeds that a warning lists.
+/// Most seeds that a warning lists.
 const SHOWN_SEEDS: usize = 8;
 
-/// One parameter over all campaigns. Statistics are over the campaigns that identified it: what a campaign itself calls
-/// poorly determined is no result.
+/// One parameter over all campaigns. The statistics are over the campaigns that identified the parameter; an estimate
+/// that the campaign itself reports as poorly determined does not count.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterStudy {
     /// Name in the model.
     pub name: String,
     /// Unit in the model.
     pub unit: Option<String>,
-    /// The simulated machine's.
+    /// Value of the parameter in the simulated machine.
     pub truth: f64,
-    /// Campaigns that identified it.
+    /// Number of campaigns that identified the parameter.
     pub values: usize,
-    /// Mean of the values; nothing when there are none.
+    /// Mean of the estimates; nothing when there are none.
     pub mean: Option<f64>,
     /// Mean minus truth.
     pub bias: Option<f64>,
-    /// Standard deviation of the mean: a bias below twice as much may be chance.
+    /// Standard deviation of the mean estimate: a bias below twice as much may be chance.
     pub bias_std: Option<f64>,
-    /// Standard deviation of the values.
+    /// Standard deviation of the estimates.
     pub spread: Option<f64>,
-    /// Root mean square of the stated standard deviations.
+    /// Root mean square of the standard deviations that the campaigns state.
     pub stated: Option<f64>,
-    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, along the motion that they have without
-    /// noise; nothing when it cannot be predicted.
+    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, along their motion without
+    /// noise; nothing when the bound cannot be predicted.
     pub bound: Option<f64>,
-    /// Share of the 95 % intervals that hold the truth.
+    /// Share of the stated 95 % intervals that hold the truth.
     pub coverage: Option<f64>,
 }
 
@@ -61,13 +61,13 @@ pub struct Study {
     pub estimator: &'static str,
     /// The first seed.
     pub first_seed: u64,
-    /// Campaigns that were run, one for each of the following seeds.
+    /// Number of campaigns, which have successive seeds.
     pub campaigns: usize,
-    /// Seeds of the campaigns that did not identify everything.
+    /// Seeds of the campaigns that did not identify every parameter.
     pub incomplete_seeds: Vec<u64>,
     /// The parameters.
     pub parameters: Vec<ParameterStudy>,
-    /// What the user should know.
+    /// Warnings for the user.
     pub warnings: Vec<String>,
 }
 
@@ -75,11 +75,12 @@ pub struct Study {
 pub type Identify<'a> =
     dyn Fn(&Experiment, &mut dyn FnMut(&RunReport) -> bool) -> Result<Identification, SessionError> + Sync + 'a;
 
-/// Runs an experiment for `campaigns` seeds from its own on, on all cores. `progress` hears how many have ended, from any
-/// thread, and says whether to go on; campaigns after the last one before the first gap are not used.
+/// Runs an experiment for `campaigns` successive seeds from its own on, on all cores. `progress` gets the number of
+/// campaigns that have ended, from any thread, and says whether to go on. After a stop, only the campaigns before the
+/// first unfinished seed are used.
 ///
 /// # Errors
-/// [`SessionError`]: that of the first seed which has one.
+/// [`SessionError`] of the first seed whose campaign fails.
 pub fn study(
     model: &dyn Model<f64>,
     pattern: &Pattern,
@@ -92,10 +93,10 @@ pub fn study(
     study_campaigns(model, pattern, experiment, campaigns, &identify, progress)
 }
 
-/// Repeats the experiment of a session, for `campaigns` seeds from its own on.
+/// Repeats the experiment of a session for `campaigns` successive seeds from its own on.
 ///
 /// # Errors
-/// [`SessionError`]: that of the first seed which has one.
+/// [`SessionError`] of the first seed whose campaign fails.
 pub fn study_session(
     session: &Session,
     campaigns: usize,
@@ -108,10 +109,11 @@ pub fn study_session(
     study_campaigns(machine.plant(), machine.pattern(), session.experiment(), campaigns, &identify, progress)
 }
 
-/// Repeats campaigns of the caller, each of which is handed the experiment with its seed and what to ask after every run.
+/// Repeats a campaign that the caller runs. The caller gets the experiment with its seed, and a function that says
+/// after every run whether to go on.
 ///
 /// # Errors
-/// [`SessionError`]: that of the first seed which has one.
+/// [`SessionError`] of the first seed whose campaign fails.
 pub fn study_campaigns(
     model: &dyn Model<f64>,
     pattern: &Pattern,
@@ -128,7 +130,7 @@ pub fn study_campaigns(
         let mut own = experiment.clone();
         own.seed = experiment.seed.wrapping_add(index as u64);
         let result = identify(&own, &mut |_| go_on.load(Ordering::Relaxed));
-        // A campaign that was stopped half way says nothing.
+        // A campaign that was stopped half way does not count.
         let whole = go_on.load(Ordering::Relaxed);
         if !progress(ended.fetch_add(1, Ordering::Relaxed) + 1) {
             go_on.store(false, Ordering::Relaxed);
@@ -156,7 +158,7 @@ fn summarise(
     let parameters: Vec<ParameterStudy> = (0..model.dims().parameters)
         .filter_map(|j| {
             let label = model.parameter(j);
-            // A machine without the value cannot be simulated, so that none is left out here.
+            // A machine without a true value cannot be simulated, so no parameter is left out here.
             let truth = *experiment.plant.parameters.get(label.name)?;
             let pairs: Vec<(f64, f64)> = results
                 .iter()
@@ -214,7 +216,7 @@ fn one_parameter(name: &str, unit: Option<&str>, truth: f64, pairs: &[(f64, f64)
         (!pairs.is_empty()).then(|| pairs.iter().map(|&(value, std)| term(value, std)).sum::<f64>() / count)
     };
     let mean = mean_of(&|value, _| value);
-    // Deviations from the mean, so that nothing cancels.
+    // The spread is computed from deviations from the mean, so that no digits cancel.
     let spread = mean.filter(|_| pairs.len() > 1).and_then(|mean| {
         mean_of(&|value, _| (value - mean).powi(2)).map(|square| (square * count / (count - 1.0)).sqrt())
     });
@@ -278,7 +280,7 @@ mod tests {
     #[test]
     fn the_spread_is_near_the_bound() {
         let mut experiment = short();
-        // White noise alone, which is what the bound is of, and nothing left to learn, so that all runs weigh alike.
+        // The bound is that of white noise alone. The estimates start at the truth, so that all runs weigh alike.
         experiment.plant.sensors.entry("x".into()).or_default().counts = 0.0;
         for (name, value) in [("m", 2.0), ("k1", 40.0), ("k2", 1.5)] {
             experiment.prior.insert(name.into(), value);
@@ -286,7 +288,7 @@ mod tests {
         let found = study(&MassSpringDrag, &rest_to_rest_3(), &experiment, 60, &|_| true).expect("runs");
         for parameter in &found.parameters {
             let ratio = parameter.spread.expect("sixty") / parameter.bound.expect("predicted");
-            // A spread of sixty is known to 9 %.
+            // The standard deviation over sixty campaigns is itself uncertain by 9 %.
             assert!((0.75..1.6).contains(&ratio), "{}: {ratio}", parameter.name);
         }
     }

@@ -1,9 +1,10 @@
-//! Experiment design before anything moves: what candidates would show, and whether they keep within the limits.
+//! Experiment design before anything moves: the information that candidates would give, and whether they keep within
+//! the limits.
 //!
-//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`Along::predicted`]): white noise on the measured
-//! positions (the step of an encoder counted as noise of variance step^2/12), inputs known exactly. Candidates are compared
-//! by the determinant of the scaled information (D-optimality), and one that passes a limit is not proposed but said where
-//! it does.
+//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`Along::predicted`]): white noise on the
+//! measured positions (the step of an encoder counted as noise of variance step^2/12), inputs known exactly. Candidates
+//! are compared by the determinant of the scaled information matrix (D-optimality). A candidate that passes a limit is
+//! ranked last, with the sample at which it does.
 
 use crate::campaign::{LEAST_PERIODS, RunReport, Setup, Stage};
 use crate::estimate::Along;
@@ -23,25 +24,26 @@ use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 
-/// Shares of the last stage's amplitudes and frequency that are tried.
+/// Factors on the last stage's amplitudes and frequency that are tried.
 const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
-/// Multiples of the frequency that are tried for every coordinate of several.
+/// Multiples of the frequency that are tried for every coordinate when several move.
 const MULTIPLES: [u32; 3] = [1, 2, 3];
-/// Most coordinates whose multiples are varied.
+/// Most coordinates for which multiples of the frequency are tried.
 const VARIED: usize = 3;
-/// Singular values of the scaled information's root below this share of the largest show nothing.
+/// Smallest singular value of the scaled information's square root that counts, as a share of the largest.
 const RANK: f64 = 1e-9;
-/// Harmonics to which the motion's derivatives are followed, times the highest one of the motion.
+/// Highest harmonic to which the derivatives of the motion are followed, as a multiple of the motion's highest
+/// harmonic.
 const REACH: usize = 2;
-/// Relative noise that is assumed of a sensor without any.
+/// Noise that is assumed of a sensor without noise, as a share of the amplitude.
 const LEAST_NOISE: f64 = 1e-6;
 
 /// The predicted deviation of one parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Predicted {
-    /// Name.
+    /// Name of the parameter.
     pub name: String,
-    /// Standard deviation; nothing when the candidate does not show the parameter.
+    /// Standard deviation; nothing when the candidate's motion does not determine the parameter.
     pub std: Option<f64>,
 }
 
@@ -52,21 +54,21 @@ pub struct Passed {
     pub input: String,
     /// Sample of the period.
     pub sample: usize,
-    /// What it asks for there, as a share of the limit.
+    /// Demand on the input at this sample, as a share of the limit.
     pub share: f64,
 }
 
-/// Candidates, and what they were judged by.
+/// Candidates, with the estimates and the noise from which they were predicted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Design {
-    /// The estimates: the prior, and the simulated machine's value where the prior is zero.
+    /// Values of the parameters: the prior, and the simulated machine's value where the prior is zero.
     #[serde(serialize_with = "by_name")]
     pub estimates: Vec<(String, f64)>,
-    /// Standard deviation of the positions, an encoder's step included; a millionth of the amplitude for sensors without
-    /// any, unit of the coordinate, at the last stage.
+    /// Standard deviation of the position noise at the last stage, an encoder's step included, unit of the coordinate;
+    /// a millionth of the amplitude for sensors without noise.
     #[serde(serialize_with = "by_name")]
     pub noise: Vec<(String, f64)>,
-    /// The best first; those that pass a limit come last.
+    /// Candidates, best first; those that pass a limit come last.
     pub candidates: Vec<Candidate>,
 }
 
@@ -78,22 +80,22 @@ pub struct Candidate {
     pub amplitudes: Vec<(String, f64)>,
     /// Fundamental frequency, rad/s.
     pub frequency: f64,
-    /// Multiple of it by coordinate.
+    /// Multiple of the frequency by coordinate.
     #[serde(serialize_with = "by_name")]
     pub multiples: Vec<(String, u32)>,
-    /// Combinations of the parameters that it shows.
+    /// Rank of the scaled equations: the number of parameter combinations that the candidate determines.
     pub rank: usize,
-    /// Condition number of the scaled equations over what it shows.
+    /// Condition number of the scaled equations over the directions that the candidate determines.
     pub condition: f64,
-    /// Natural logarithm of the determinant of the information, every parameter scaled by its estimate.
+    /// Natural logarithm of the determinant of the information matrix, every parameter scaled by its estimate.
     pub determinant: f64,
-    /// Predicted deviations.
+    /// Predicted standard deviations of the parameters.
     pub parameters: Vec<Predicted>,
     /// Largest share of its limit that an input takes; nothing without limits.
     pub effort_share: Option<f64>,
-    /// Highest harmonic of any input above a thousandth of its largest one.
+    /// Highest harmonic of an input's feed-forward above a thousandth of that input's largest harmonic.
     pub input_harmonics: usize,
-    /// The sample that passes a limit the most; nothing when all keep within the stated share.
+    /// The sample that passes a limit the most; nothing when all inputs keep within the stated share.
     pub passed: Option<Passed>,
 }
 
@@ -101,11 +103,12 @@ fn by_name<T: Serialize, S: Serializer>(pairs: &[(String, T)], serializer: S) ->
     serializer.collect_map(pairs.iter().map(|(name, value)| (name, value)))
 }
 
-/// Candidates around the last stage of an experiment's schedule: shares of its amplitudes and frequency, and multiples of the
-/// frequency when a few coordinates move. Each is measured for the experiment's `measure_time`.
+/// Candidates around the last stage of an experiment's schedule: factors on its amplitudes and frequency, and multiples
+/// of the frequency when a few coordinates move. Each candidate is measured for the experiment's `measure_time`.
 ///
 /// # Errors
-/// [`ExperimentError`].
+/// [`ExperimentError`] when the experiment does not fit the model, has no stage, or no candidate's motion can be
+/// predicted.
 pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment) -> Result<Design, ExperimentError> {
     let setup = experiment.setup(model, pattern, Hold::Zoh)?;
     let bench = experiment.bench(model)?;
@@ -137,7 +140,7 @@ pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment
     for share in SHARES {
         for speed in SHARES {
             for list in &multiples {
-                // The fastest coordinate keeps to the frequency that the schedule allows it.
+                // The frequency is lowered so that the fastest coordinate is no faster than in the schedule.
                 let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
                 let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
                 let stage = Stage {
@@ -150,7 +153,7 @@ pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment
                 let period = 2.0 * PI / frequency;
                 let periods = ((setup.procedure.measure_time / period).ceil() as usize).max(LEAST_PERIODS);
                 let trial = trial(model, pattern, &setup, &stage, periods, &theta);
-                // A candidate that cannot be played is none.
+                // A stage that cannot be played is left out.
                 let Ok(trial) = trial else { continue };
                 let noise = deviations(&bench, &trial.trajectory);
                 let samples = periods * trial.samples_per_period;
@@ -190,16 +193,16 @@ fn gcd(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// What rows of unit variance show of the parameters.
+/// What equations with residuals of unit variance determine of the parameters.
 struct Shown {
     /// Norm of every column.
     scale: Vec<f64>,
     rank: usize,
-    /// Of the scaled columns over what is shown.
+    /// Condition number of the scaled columns over the determined directions.
     condition: f64,
-    /// Natural logarithm of the determinant of the scaled information over what is shown.
+    /// Natural logarithm of the determinant of the scaled information matrix over the determined directions.
     determinant: f64,
-    /// Standard deviation of every parameter; nothing when it stands in a direction that is not shown.
+    /// Standard deviation of every parameter; nothing when the parameter has a part in an undetermined direction.
     deviations: Vec<Option<f64>>,
 }
 
@@ -224,9 +227,10 @@ fn shown(root: &DMatrix<f64>) -> Shown {
     }
 }
 
-/// The Cramer-Rao bounds of the standard deviations after these runs of the simulated machine: every complete run with all its
-/// measured periods, along the motion that it has without noise. A run from wrong estimates moves otherwise than its reference,
-/// and may show much more. `None` where a run cannot be predicted, or nothing ran.
+/// The Cramer-Rao bounds of the standard deviations after these runs of the simulated machine. Every complete run
+/// counts with all its measured periods, along its motion without noise: a run from wrong estimates departs from its
+/// reference, and its motion may carry much more information. `None` where a run cannot be predicted, or there is no
+/// run.
 pub(super) fn bounds(
     model: &dyn Model<f64>,
     pattern: &Pattern,
@@ -236,7 +240,7 @@ pub(super) fn bounds(
     let setup = experiment.setup(model, pattern, Hold::Zoh)?;
     let noisy = experiment.bench(model)?;
     if noisy.parameters.len() != model.dims().parameters {
-        // Another machine is simulated in place of the model's.
+        // The simulated machine does not obey the model.
         return Ok(None);
     }
     let mut bench = noisy.clone();
@@ -276,7 +280,8 @@ pub(super) fn bounds(
     Ok(Some(shown(&whole).deviations))
 }
 
-/// The motion in the last period of a run: every harmonic that is more than rounding, or than what of the start has not died away.
+/// The motion in the last period of a run: every harmonic above rounding and above what is left of the initial
+/// transient.
 fn motion(trial: &Trial, record: &Record) -> Trajectory {
     let samples = trial.samples_per_period;
     let most = 8 * trial.trajectory.highest_harmonic().max(1) as usize;
@@ -290,7 +295,7 @@ fn motion(trial: &Trial, record: &Record) -> Trajectory {
     Trajectory { frequency: trial.trajectory.frequency, coordinates }
 }
 
-/// One run of a stage, worked out.
+/// The trial of one run of a stage.
 fn trial(
     model: &dyn Model<f64>,
     pattern: &Pattern,
@@ -355,7 +360,7 @@ fn judge(
     }
 }
 
-/// Highest harmonic of any input's feed-forward above a thousandth of its largest one.
+/// Highest harmonic of an input's feed-forward above a thousandth of that input's largest harmonic.
 fn input_harmonics(trial: &Trial, inputs: usize) -> usize {
     let reach = (8 * trial.trajectory.highest_harmonic() as usize).min(trial.samples_per_period / 2);
     let size = |input: usize, k: usize| {

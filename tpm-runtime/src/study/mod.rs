@@ -1,4 +1,5 @@
-//! Many campaigns: what repeated ones say of bias, spread and coverage, how fast estimators converge, which experiment shows most.
+//! Studies over many campaigns: bias, spread and coverage of repeated ones, convergence of the estimators, and
+//! experiment design.
 
 mod campaigns;
 mod design;

@@ -1,8 +1,8 @@
 //! How many updates every estimator needs on an exact machine: the convergence of the method itself.
 //!
-//! Invariant: nothing but the linearisation stands between an update and the truth: sensors and drives are exact, rates
-//! measured, the loop acts in continuous time, with as many steps of integration in a period as are asked for, and every run is
-//! played until it has settled.
+//! Invariant: only the linearisation stands between an update and the truth. Sensors and drives are exact, rates are
+//! measured, the loop acts in continuous time, a period has as many integration steps as the caller asks for, and every
+//! run is played until it has settled.
 
 use crate::campaign::{Campaign, CampaignError};
 use crate::estimate::Method;
@@ -19,9 +19,9 @@ use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 
-/// Largest relative errors of the parameters that are counted to.
+/// Largest relative errors of the parameters at which an estimator counts as converged.
 pub const LIMITS: [f64; 3] = [1e-3, 1e-6, 1e-9];
-/// Samples, and steps of integration, in a period.
+/// Number of samples, and of integration steps, in a period.
 const STEPS: usize = 8192;
 
 /// The updates of one estimator at one setting.
@@ -37,7 +37,7 @@ pub struct Convergence {
     pub runs_per_update: usize,
     /// Largest relative error of the parameters after every update.
     pub errors: Vec<f64>,
-    /// Updates to each of [`LIMITS`]; nothing when it was not reached.
+    /// Number of updates to each of [`LIMITS`]; nothing when the limit was not reached.
     pub updates: [Option<usize>; 3],
 }
 
@@ -48,16 +48,16 @@ pub struct Updates {
     pub schema: &'static str,
     /// Name of the model.
     pub model: String,
-    /// Largest relative errors that are counted to.
+    /// Largest relative errors at which an estimator counts as converged.
     pub limits: [f64; 3],
-    /// Estimator by estimator, stage by stage.
+    /// Convergence of every estimator at every stage; the stages of one estimator follow each other.
     pub estimators: Vec<Convergence>,
 }
 
 /// Plays `most` updates of every estimator at every stage of an experiment, from its prior, without noise.
 ///
 /// # Errors
-/// [`ExperimentError`]: that of the first estimator and stage which has one.
+/// [`ExperimentError`] of the first estimator and stage that fail.
 pub fn updates(
     model: &dyn Model<f64>,
     pattern: &Pattern,
@@ -74,7 +74,8 @@ pub fn updates(
     Ok(Updates { schema: "tpm.updates/1", model: model.name().into(), limits: LIMITS, estimators })
 }
 
-/// The experiment at one stage without everything that is not exact.
+/// The experiment at one stage, with exact sensors and drives, measured rates, and no limits on inputs and tracking
+/// error.
 fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> Experiment {
     let mut exact = experiment.clone();
     exact.estimator = method;
@@ -91,7 +92,7 @@ fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> 
     exact.control.smoothing = None;
     exact.control.compensation = HoldCompensation::None;
     let schedule = &mut exact.schedule;
-    // One update to a stage, so that none is left out because nothing seems to change any more.
+    // Each update has a stage of its own, so that the campaign does not end early when the estimates no longer change.
     schedule.stages = schedule.stages.get(stage).map_or_else(Vec::new, |stage| vec![stage.clone(); most]);
     let gain = schedule.gains.get(stage).copied().unwrap_or(1.0);
     schedule.gains = vec![gain; schedule.stages.len()];
@@ -101,10 +102,11 @@ fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> 
     exact
 }
 
-/// Plays `most` updates of one estimator at one stage (from 0) with so many samples and steps in a period.
+/// Plays `most` updates of one estimator at one stage (counted from 0), with the given number of samples and steps in a
+/// period.
 ///
 /// # Errors
-/// [`ExperimentError`].
+/// [`ExperimentError`] when the experiment does not fit the model, or a run fails.
 pub fn convergence(
     model: &dyn Model<f64>,
     pattern: &Pattern,
@@ -115,7 +117,8 @@ pub fn convergence(
     samples: usize,
 ) -> Result<Convergence, ExperimentError> {
     let mut exact = exact(experiment, method, stage, most);
-    // Those who add nothing to what they know between two updates need one run for each.
+    // The estimator `numerical` builds its whole matrix anew for every update: one run at the estimates, and one per
+    // perturbed parameter. Other estimators need a single run.
     let runs_per_update = if method == Method::Numerical { model.dims().parameters + 1 } else { 1 };
     exact.schedule.max_runs = most * runs_per_update;
     let asked = exact.setup(model, pattern, Hold::None)?;
@@ -167,14 +170,14 @@ mod tests {
         StageSection { values, ..StageSection::default() }
     }
 
-    /// Updates as they were found independently.
+    /// Numbers of updates agree with those found independently.
     #[test]
     fn every_estimator_needs_the_updates_that_it_should() {
         let mut experiment = experiment();
         experiment.schedule.stages = vec![stage(0.3, PI), stage(0.6, 2.0 * PI)];
-        // The loop forgets its start in a thirtieth of a second.
+        // The initial transient of the loop decays within a thirtieth of a second.
         experiment.schedule.settle_periods = 1;
-        // Updates to each of the limits; that of `effort` that is not stated is ten or more.
+        // Updates to each of the limits. A missing number, of `effort`, stands for ten or more.
         let table = [
             (Method::MeasuredMotion, 2, [[1, 1, 1], [1, 1, 1]]),
             (Method::Hill, 5, [[2, 3, 3], [3, 3, 4]]),
@@ -206,7 +209,8 @@ mod tests {
         assert!(found.estimators.iter().all(|c| c.errors.len() == 1), "{found:?}");
     }
 
-    /// Ordinary gains, every estimate 30 % off: the matrix with coupled harmonics squares the error, the plain one divides it.
+    /// With ordinary gains and every estimate 30 % off: Hill's matrix, with coupled harmonics, squares the error; the
+    /// plain matrix divides it.
     #[test]
     fn coupled_harmonics_converge_quadratically() {
         let mut experiment = experiment();
