@@ -1,4 +1,5 @@
 //! The parameters of a slider, from a log of its motion.
+#![allow(clippy::print_stdout, reason = "an example prints")]
 
 use std::fmt::Write as _;
 use tpm_runtime::session::{self, DeclaredModel, LogRequest};

@@ -1,4 +1,5 @@
 //! A machine of one's own behind the trait `Bench`: whoever can play a trial and record it can be identified.
+#![allow(clippy::print_stdout, reason = "an example prints")]
 
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::run::{Bench, BenchError, Ending, Record, Trial};

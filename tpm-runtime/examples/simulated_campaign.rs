@@ -1,4 +1,5 @@
 //! A whole identification on a simulated machine: slow and small first, then faster and larger.
+#![allow(clippy::print_stdout, reason = "an example prints")]
 
 use tpm_runtime::experiment::Experiment;
 use tpm_runtime::session;
@@ -8,7 +9,6 @@ tpm_runtime::model! {
         coordinate x [m];
         input u [N];
         parameter m [kg], d [N*s/m], k [N/m];
-
         m*ddot(x) + d*dot(x) + k*x = u;
 
         pattern {
