@@ -1,11 +1,12 @@
 //! Identification of system A (Feng, Eqn 3.24): a whole campaign with its simulated machine, a record reduced to harmonics, and an
 //! update from there to new parameters.
 //!
-//! Reduction needs the record: its spectra (transform, phasors, covariance of their noise), then `Estimator::reduce` (rows and
-//! their derivatives along the reference or the measured motion, harmonics of the feed-forward, and the noise of the equations, read
-//! bin by bin at a first estimate, which is an update without that). The update, `Estimator::update`, has harmonics, their noise,
-//! the parameters behind the feed-forward and the pool of earlier runs alone: right-hand sides, weights, least squares, pooling, rank,
-//! covariance; measured motion repeats it with weights at the new parameters until they stand still.
+//! Reduction needs the record. It takes the record's spectra (transform, phasors, covariance of their noise), then runs
+//! `Estimator::reduce`: rows and their derivatives along the reference or the measured motion, harmonics of the
+//! feed-forward, and the noise of the equations, read bin by bin at a first estimate, which is an update without that
+//! noise. The update, `Estimator::update`, needs only harmonics, their noise, the parameters behind the feed-forward and
+//! the pool of earlier runs. It consists of right-hand sides, weights, least squares, pooling, rank and covariance.
+//! With measured motion, the update is repeated with weights at the new parameters until the parameters stand still.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;

@@ -52,12 +52,12 @@ pub struct Bank {
     turn_sin: [f64; 16],
     /// Sums of the signal times cosine of 1, 2, ... times the phase.
     pub cosines: [f64; 16],
-    /// The same with sines.
+    /// Sums of the signal times sine of 1, 2, ... times the phase.
     pub sines: [f64; 16],
 }
 
 impl Bank {
-    /// At phase zero, for a fundamental that advances so far from sample to sample.
+    /// A bank at phase zero, for a fundamental that advances by `step` radians from sample to sample.
     #[must_use]
     pub fn new(step: f64) -> Self {
         let turn = |k: usize| (k as f64 + 1.0) * step;
@@ -104,7 +104,7 @@ impl Default for Control {
 }
 
 impl Control {
-    /// Amplitude 0.3 m, 3 rad/s.
+    /// The controller for an amplitude of 0.3 m and a fundamental of 3 rad/s.
     #[must_use]
     pub fn new() -> Self {
         Self { amplitude: 0.3, w: 3.0, m: 2.0, k1: 40.0, k2: 1.5, kp: 2000.0, kd: 120.0, sums: [0.0; 6] }

@@ -15,7 +15,7 @@ pub struct Cube {
 }
 
 impl Cube {
-    /// For so many carts.
+    /// The cube for a chain of `carts` carts.
     #[must_use]
     pub fn new(carts: u32) -> Self {
         Self { carts }

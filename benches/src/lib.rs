@@ -1,4 +1,4 @@
-//! Workloads for the benchmarks, the same written by hand, and the comparison with other tools.
+//! Workloads for the benchmarks, code written by hand as their measure, and the comparison with other tools.
 
 pub mod by_hand;
 pub mod catalogue;

@@ -32,11 +32,11 @@ impl Workload {
         self.table(&self.form)
     }
 
-    /// The same from the model as it was declared, sorted into its parameters first; nothing where coordinates were eliminated on
-    /// the way.
+    /// The table from the model as it was declared, sorted into its parameters first; `None` where coordinates were
+    /// eliminated on the way.
     ///
     /// # Panics
-    /// As [`expand`](Self::expand).
+    /// When the workload does not expand, which would be a fault of this crate.
     #[must_use]
     pub fn derive(&self) -> Option<HarmonicTable> {
         self.model.eliminations.is_empty().then(|| self.table(&sorted(&self.model)))
@@ -74,12 +74,13 @@ pub fn listing(table: &HarmonicTable) -> Vec<String> {
         .collect()
 }
 
-/// What a table is worked out from, for tools that are to start there too: per coordinate and part of its motion a line
-/// `motion coordinate symbol harmonic:coefficient ...` (cosines), per node of the equations' expressions, each after those
-/// that it needs, a line `node number kind ...`, and per equation a line `equation name node ...`, its terms.
+/// The input of an expansion as lines, for other tools that start there too. Every coordinate and part of its motion
+/// has a line `motion coordinate symbol harmonic:coefficient ...` (cosines). Every node of the equations' expressions
+/// has a line `node number kind ...` after the nodes that it needs. Every equation has a line `equation name node ...`
+/// with its terms.
 ///
 /// # Panics
-/// When a motion has sines, or an expression functions, which no workload has.
+/// When a motion has sines or an expression has functions, which no workload has.
 #[must_use]
 pub fn source(workload: &Workload) -> Vec<String> {
     let Workload { model, pattern, .. } = workload;
@@ -112,7 +113,7 @@ pub fn source(workload: &Workload) -> Vec<String> {
     lines
 }
 
-/// A node by the numbers of those that it needs.
+/// The text of a node, with the numbers of the nodes that it needs.
 fn written(model: &Model, node: &Node, numbers: &BTreeMap<ExprId, usize>) -> String {
     let all = |kind: &str, operands: &[ExprId]| {
         let operands = operands.iter().map(|operand| format!(" {}", numbers[operand]));
@@ -155,14 +156,14 @@ impl Builder {
         names.map(|name| self.quantity(name, Kind::Parameter))
     }
 
-    /// sum of terms = input.
+    /// Adds the equation: sum of terms = input.
     pub(crate) fn equation(&mut self, input: &str, mut terms: Vec<ExprId>) {
         let input_expr = self.quantity(input, Kind::Input);
         terms.push(self.model.graph.neg(input_expr));
         self.free_equation(input, terms);
     }
 
-    /// sum of terms = 0.
+    /// Adds the equation: sum of terms = 0.
     pub(crate) fn free_equation(&mut self, name: &str, terms: Vec<ExprId>) {
         let terms = terms.into_iter().map(|expr| {
             self.next += 1;

@@ -5,8 +5,8 @@
 //! expansion WORKLOAD list            the table, one entry a line
 //! expansion WORKLOAD source          the model and the pattern, for other tools
 //! expansion WORKLOAD time SECONDS    the least time, in microseconds, of repetitions over so many seconds
-//! expansion WORKLOAD derive SECONDS  the same from the model as it was declared, which is sorted into its parameters first
-//! expansion WORKLOAD run COUNT       so many expansions and nothing else; run-derive the same from the model
+//! expansion WORKLOAD derive SECONDS  the least time from the declared model, which is sorted into its parameters first
+//! expansion WORKLOAD run COUNT       so many expansions and nothing else; run-derive starts from the declared model
 //! ```
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program whose result is its output")]
@@ -89,7 +89,7 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// The least time of a run, over batches of a millisecond: a virtual machine halves its speed now and then.
+/// The least time of a run, over batches of a millisecond, since a virtual machine halves its speed now and then.
 fn least_microseconds(budget: Duration, mut work: impl FnMut()) -> f64 {
     let mut batch_of = |count: u32| {
         let start = Instant::now();

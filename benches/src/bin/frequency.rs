@@ -5,7 +5,7 @@
 //! ```
 //!
 //! 180 s at 1 kHz of the simulated pendulum hanging down (Fong, section 3.2), 2000 counts; H1 over segments of 32768 samples;
-//! J1, J2, C1 and C2 from the lines between 0.2 and 23 Hz, started half as large again.
+//! J1, J2, C1 and C2 from the lines between 0.2 and 23 Hz, started at 1.5 times their values in Table 1.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program whose result is its output")]
 

@@ -22,7 +22,7 @@ use layout::doc;
 /// Header and source.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Files {
-    /// Their name, without the extension.
+    /// The name of both files, without the extension.
     pub name: String,
     /// The header.
     pub header: String,
@@ -33,7 +33,8 @@ pub struct Files {
 /// Header and source of an estimator.
 ///
 /// # Errors
-/// When the prefix is none, a number is beyond the scalar's precision, or the model has nothing that a structure could hold.
+/// When the prefix cannot begin names of C, a number is beyond the scalar's precision, or the model has nothing that a
+/// structure could hold.
 pub fn files(estimator: &Estimator, options: &Options<'_>) -> Result<Files, EmitError> {
     let mut context = Context::new(estimator, options)?;
     if let Some(lost) = estimator.numbers().find(|value| context.scalar.loses(value)) {

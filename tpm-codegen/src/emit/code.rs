@@ -32,7 +32,8 @@ pub(super) enum Operator {
 }
 
 impl Operator {
-    /// How tightly it binds; a left operand may bind as loosely, a right one binds at least as [`Self::right`].
+    /// How tightly the operator binds. A left operand must bind at least as tightly, a right operand at least as
+    /// tightly as [`Self::right`].
     pub(super) fn level(self) -> Level {
         match self {
             Self::Add | Self::Sub => Level::Sum,
@@ -57,7 +58,7 @@ pub(super) enum Expression {
     Pi,
     /// A leaf of the plan.
     Leaf(Leaf),
-    /// What [`Statement::Let`] has named.
+    /// The intermediate result that a [`Statement::Let`] has named.
     Temporary(usize),
     Binary(Operator, Box<Expression>, Box<Expression>),
     Negated(Box<Expression>),
@@ -67,7 +68,7 @@ pub(super) enum Expression {
 }
 
 impl Expression {
-    /// How tightly it binds; a number counts as an atom, however a language spells it.
+    /// How tightly the expression binds; a number counts as an atom, however a language spells it.
     pub(super) fn level(&self) -> Level {
         match self {
             Self::Binary(operator, ..) => operator.level(),
@@ -80,16 +81,16 @@ impl Expression {
 /// Where a result goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {
-    /// A scalar of a structure, in its order.
+    /// A field of a structure, by its position.
     Value(usize),
     /// Row and column of a matrix.
     Entry(usize, usize),
 }
 
-/// A step.
+/// A step of straight-line code.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Statement {
-    /// What the next steps are for.
+    /// A comment on the steps that follow.
     Comment(String),
     /// A named intermediate result.
     Let(usize, Expression),
@@ -97,7 +98,7 @@ pub(super) enum Statement {
     Store(Place, Expression),
 }
 
-/// What a power in a [`Table`] is of.
+/// The base of a power in a [`Table`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Base {
     /// Amplitude, frequency or constant.
@@ -112,7 +113,7 @@ pub(super) enum Base {
 pub(super) struct Term {
     pub(super) place: Place,
     pub(super) coefficient: Rational,
-    /// Of the table's bases, in their order.
+    /// The exponents of the table's bases, in the order of the bases.
     pub(super) powers: Vec<i32>,
 }
 
@@ -129,7 +130,7 @@ pub(super) struct Table {
 pub(super) struct Reader<'a> {
     plan: &'a Plan,
     uses: Vec<u32>,
-    /// What stands for every operation so far, and its size.
+    /// The expression that stands for every operation so far, and its size in leaves.
     ready: Vec<(Expression, usize)>,
     names: usize,
 }

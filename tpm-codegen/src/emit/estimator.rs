@@ -28,7 +28,7 @@ pub struct Estimator {
     pub model: Model,
     /// Its regressor form.
     pub form: RegressorForm,
-    /// What its code computes.
+    /// The plans of what its code computes.
     pub plan: EstimatorPlan,
     /// What the tables, and only they, replace by Taylor polynomials, in whole sentences.
     pub replaced: Vec<String>,
@@ -79,7 +79,8 @@ impl Estimator {
     /// they hold for the tables, whereas the dynamics stay exact.
     ///
     /// # Errors
-    /// The same faults as [`Self::new`], and a Taylor polynomial that does not exist, at their places in the text.
+    /// When a coordinate cannot be eliminated, the model is not linear in its parameters, a number is beyond double
+    /// precision, or a declared Taylor polynomial does not exist; the place in the text is named.
     pub fn of(parsed: &Parsed) -> Result<Self, Diagnostic> {
         let at = |error: &PrepareError| parsed.locate(error);
         let Prepared { model, form, .. } = prepare(parsed.model.clone()).map_err(|error| at(&error))?;
@@ -125,7 +126,7 @@ impl Estimator {
         }
     }
 
-    /// What this code will not have, and why: parts of the patterns, in whole sentences.
+    /// The parts of the patterns that this code lacks, and why, in whole sentences.
     #[must_use]
     pub fn gaps(&self) -> Vec<String> {
         let of = |pattern: &PatternPlan| {
@@ -211,7 +212,7 @@ pub struct IdentifiedParameter {
     pub value: f64,
     /// Its standard deviation, when the data determine it.
     pub std: Option<f64>,
-    /// As the identification reports it.
+    /// The status that the identification reports.
     pub status: String,
 }
 
@@ -227,10 +228,10 @@ pub struct Identified {
 /// Why the result of an identification cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum IdentifiedError {
-    /// Not the schema.
+    /// The file does not have the schema of an identification result.
     #[error("the identified values are of none of the schemas that can be read, {known}: {0}", known = READABLE_SCHEMAS.join(", "))]
     Schema(String),
-    /// Another model's.
+    /// The result belongs to another model.
     #[error("the identified values are of the model `{found}`, not of `{expected}`")]
     Model {
         /// The model in the file.
@@ -266,7 +267,7 @@ impl Identified {
     /// Reads the JSON that `tpm identify --json` prints.
     ///
     /// # Errors
-    /// When the text is not of that schema, or a parameter has neither an identified nor a prior value.
+    /// When the text is not of a readable schema, or a parameter has neither an identified nor a prior value.
     #[cfg(feature = "generate")]
     pub fn from_json(text: &str) -> Result<Self, IdentifiedError> {
         #[derive(serde::Deserialize)]

@@ -27,9 +27,9 @@ pub struct LowPass {
 pub struct Filters {
     /// Time between samples, s.
     pub sample_time: Rational,
-    /// Of the motion-dependent part; of everything in the common scheme.
+    /// The filter of the motion-dependent part; in the common scheme, of the whole feed-forward.
     pub dependent: LowPass,
-    /// Of the motion-independent part in the split scheme, when it has one.
+    /// The filter of the motion-independent part in the split scheme, when that part is filtered.
     pub independent: Option<LowPass>,
 }
 
@@ -45,9 +45,9 @@ pub enum FilterError {
         "a low pass of {natural_frequency} rad/s needs more than two samples per turn: samples every {sample_time} s allow less than pi/{sample_time} rad/s"
     )]
     TooFast {
-        /// rad/s.
+        /// The natural frequency, rad/s.
         natural_frequency: String,
-        /// s.
+        /// The time between samples, s.
         sample_time: String,
     },
     /// The model has no parts to filter.
@@ -60,9 +60,9 @@ pub enum FilterError {
 /// The filter's coefficients.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Coefficients {
-    /// g.
+    /// The gain g.
     pub(super) gain: Rational,
-    /// a_1, a_2.
+    /// The feedback coefficients a_1, a_2.
     pub(super) feedback: [Rational; 2],
 }
 
@@ -77,7 +77,7 @@ impl LowPass {
             }
         }
         let half = &self.natural_frequency * sample_time / rational::integer(2);
-        // Below pi/2 by more than the remainders of the series.
+        // The bound lies below pi/2 by more than the remainders of the series.
         if half >= rational::ratio(157_079, 100_000) {
             return Err(FilterError::TooFast {
                 natural_frequency: rational::display(&self.natural_frequency),
@@ -104,7 +104,7 @@ impl Filters {
     /// Checks that both filters exist.
     ///
     /// # Errors
-    /// [`FilterError`].
+    /// When a value is not positive, or a natural frequency is too high for the sample time.
     pub fn check(&self) -> Result<(), FilterError> {
         self.coefficients().map(|_| ())
     }
@@ -115,10 +115,10 @@ impl Filters {
         Ok((self.dependent.coefficients(&self.sample_time)?, independent))
     }
 
-    /// What the common scheme is.
+    /// The documentation of the common scheme.
     pub(super) const COMMON: &str = "Feed-forward of which everything passes the low pass (Feng, Figure 6.3)";
 
-    /// What the split scheme is.
+    /// The documentation of the split scheme.
     pub(super) const fn split(&self) -> &'static str {
         match self.independent {
             Some(_) => {
@@ -133,7 +133,7 @@ impl Filters {
     /// In words, the part of the feed-forward that the filter [`independent`](Self::independent) is for.
     pub(super) const INDEPENDENT: &str = "the motion-independent part";
 
-    /// What the documentation of one of them says.
+    /// The documentation of one filter, which is for the given part.
     pub(super) fn about(&self, filter: &LowPass, part: &str) -> String {
         format!(
             "The low pass of {part}: {}, for a sample every {} s.\n\n\

@@ -41,7 +41,7 @@ pub(super) enum Role {
     Reference(usize),
     /// The estimator matrix of a pattern.
     EstimatorMatrix(usize),
-    /// One sample of a pattern's harmonics.
+    /// The addition of one sample to the sums of a pattern's harmonics.
     Accumulate(usize),
 }
 
@@ -55,7 +55,7 @@ pub(super) struct Reads {
     pub(super) cos: bool,
     /// sin w t
     pub(super) sin: bool,
-    /// Amplitudes, frequency or physical parameters: what the function belongs to.
+    /// Fields of what the function belongs to: amplitudes and frequency, or physical parameters.
     pub(super) own: bool,
 }
 
@@ -317,7 +317,7 @@ pub(super) fn unlump(estimator: &Estimator) -> Option<Function> {
         let product = inverse.display_product(map, intermediate);
         let formula = format!("{product} = {}", inverse.display(map, &intermediate.value));
         statements.push(Statement::Comment(formula));
-        // What is used again has its name among these.
+        // Intermediate results that later outputs use again are named in these statements.
         statements.extend(reader.output(output).0);
     }
     for (place, parameter) in estimator.model.parameters().enumerate() {
@@ -347,7 +347,7 @@ pub(super) fn unlump(estimator: &Estimator) -> Option<Function> {
     Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
 }
 
-/// What the reference motion at a phase is.
+/// The documentation of the reference motion at a phase.
 pub(super) fn reference_at(estimator: &Estimator, pattern: &PatternPlan) -> String {
     let w = &estimator.model.quantity(pattern.frequency).name;
     format!("The reference motion at a phase `{w}*t` in radians: one sine and one cosine.")
@@ -364,7 +364,7 @@ pub(super) fn reference(estimator: &Estimator, pattern: &PatternPlan, plan: &Pla
     Function::values(estimator, plan, about)
 }
 
-/// B Lambda.
+/// The estimator matrix B Lambda.
 pub(super) fn estimator_matrix(estimator: &Estimator, table: &TablePlan) -> Function {
     let entries = table.places.iter().filter(|(_, column)| column.is_some()).count();
     let about = "The estimator matrix B Lambda: the exact harmonic coefficients of every parameter's regressor.\n\n\
@@ -496,7 +496,7 @@ pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Stat
     (Reads::of(estimator, &table.bank), statements, addends)
 }
 
-/// The terms of a table that belong somewhere, with the bases of their powers.
+/// The terms of a table for which `place` gives a place, with the bases of their powers.
 fn looped(table: &TablePlan, place: impl Fn(usize, &Entry) -> Option<Place>) -> Table {
     let entries = table.table.entries().filter_map(|entry| Some((place(table.row_of(&entry), &entry)?, entry)));
     let entries: Vec<(Place, Entry)> = entries.collect();

@@ -174,7 +174,8 @@ impl Language {
     }
 }
 
-/// Letters that C compilers take in different ways as their code points: older ones read identifiers as ASCII only.
+/// The name with every letter beyond ASCII replaced by its code point: older C compilers read identifiers as ASCII
+/// only.
 fn ascii(name: &str) -> String {
     let mut text = String::with_capacity(name.len() + 4);
     for letter in name.chars() {
@@ -194,7 +195,7 @@ pub struct Namer {
 }
 
 impl Namer {
-    /// An empty namespace with some names that stay free for others.
+    /// An empty namespace that never gives out the `reserved` names.
     #[must_use]
     pub fn new(language: Language, reserved: &[&str]) -> Self {
         Self { language, taken: reserved.iter().map(|&name| name.to_owned()).collect() }

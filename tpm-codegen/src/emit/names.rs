@@ -48,10 +48,10 @@ pub(super) struct Names<N> {
     pub(super) unusual: bool,
 }
 
-/// What languages name in different ways.
+/// The parts of naming in which languages differ.
 pub(super) struct Style<'a> {
     pub(super) language: Language,
-    /// A new type of a name in the model and a suffix.
+    /// Makes the name of a new type from a name in the model and a suffix.
     pub(super) type_name: &'a mut dyn FnMut(&str, &str) -> String,
     /// Names that no pattern's part takes.
     pub(super) reserved: &'a [&'a str],

@@ -70,7 +70,7 @@ pub fn items(estimator: &Estimator, options: &Options<'_>, extra: &TokenStream) 
     }
 }
 
-/// The name of the module, raw where it is a keyword; without `r#` that of the file.
+/// The name of the module, raw where it is a keyword. The file has the same name without `r#`.
 #[must_use]
 pub fn module_name(estimator: &Estimator) -> String {
     names::names(estimator).module.to_string()
@@ -79,7 +79,7 @@ pub fn module_name(estimator: &Estimator) -> String {
 /// A whole source file.
 ///
 /// # Errors
-/// Never for a model that came through the language; the error of the formatter otherwise.
+/// When the formatter cannot read the items, which never happens for a model that came through the language.
 #[cfg(feature = "generate")]
 pub fn file(estimator: &Estimator, options: &Options<'_>) -> Result<String, syn::Error> {
     let context = Context::new(estimator, options, true);
@@ -132,7 +132,7 @@ pub fn file(estimator: &Estimator, options: &Options<'_>) -> Result<String, syn:
     Ok(text)
 }
 
-/// What the header of a file says that stands alone.
+/// The sentence that only the header of a standalone file contains.
 #[cfg(feature = "generate")]
 const ALONE: &str = "\nBeside `core` it needs the crate `libm`, and nothing else.\n";
 

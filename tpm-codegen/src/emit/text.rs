@@ -222,7 +222,7 @@ fn push_term(text: &mut String, coefficient: &tpm_symbolic::number::rational::Ra
     }
 }
 
-/// In what the estimator matrix of a pattern differs from the exact equations.
+/// The differences between the estimator matrix of a pattern and the exact equations.
 fn approximations(estimator: &Estimator, pattern: &PatternPlan) -> Vec<String> {
     let Ok(plan) = &pattern.table else { return Vec::new() };
     let replaced =
@@ -231,7 +231,7 @@ fn approximations(estimator: &Estimator, pattern: &PatternPlan) -> Vec<String> {
     replaced.chain(left_out).map(|sentence| format!("{sentence}.")).collect()
 }
 
-/// What a parameter is.
+/// The description of a parameter.
 pub(super) fn column(estimator: &Estimator, index: usize) -> String {
     let column = &estimator.form.columns[index];
     let definition = match column.parameter {
@@ -241,31 +241,31 @@ pub(super) fn column(estimator: &Estimator, index: usize) -> String {
     format!("`{}`{definition}{}.", column.name, in_unit(column.unit.as_ref()))
 }
 
-/// What a symbol of the model is.
+/// The description of a symbol of the model.
 pub(super) fn quantity(estimator: &Estimator, symbol: Symbol) -> String {
     let quantity = estimator.model.quantity(symbol);
     format!("`{}`{}.", quantity.name, in_unit(quantity.unit.as_ref()))
 }
 
-/// What an amplitude, or the frequency, of a pattern is.
+/// The description of an amplitude, or of the frequency, of a pattern.
 pub(super) fn pattern_symbol(estimator: &Estimator, pattern: &PatternPlan, symbol: Symbol) -> String {
     let what = if symbol == pattern.frequency { "Fundamental angular frequency" } else { "Amplitude" };
     format!("{what} {}", quantity(estimator, symbol))
 }
 
-/// What a derivative of a coordinate is.
+/// The description of a derivative of a coordinate.
 pub(super) fn derivative(estimator: &Estimator, coordinate: Coordinate, order: u32) -> String {
     let info = &estimator.model.coordinates[coordinate.0 as usize];
     let unit = rate(info.unit.as_ref(), order);
     format!("`{}`{}.", derivative_text(&info.name, order), in_unit(unit.as_ref()))
 }
 
-/// What the number of an equation is.
+/// The description of the number of an equation.
 pub(super) fn equation(estimator: &Estimator, row: usize) -> String {
     format!("Equation `{}`{}.", estimator.form.rows[row].name, in_unit(row_unit(estimator, row)))
 }
 
-/// What a harmonic is.
+/// The description of a harmonic.
 pub(super) fn harmonic(harmonic: usize, function: Trig) -> String {
     match harmonic {
         0 => "Mean.".to_owned(),
@@ -282,7 +282,7 @@ pub(super) fn row_unit(estimator: &Estimator, row: usize) -> Option<&Unit> {
     }
 }
 
-/// What is left out for a pattern, and in what its matrix differs from the exact equations.
+/// The parts left out for a pattern, and the differences between its matrix and the exact equations.
 pub(super) fn remarks(estimator: &Estimator, pattern: &PatternPlan) -> Vec<String> {
     gaps(pattern).into_iter().chain(approximations(estimator, pattern)).collect()
 }

@@ -14,7 +14,7 @@ pub type Matrix<E> = Vec<Vec<E>>;
 
 /// Arithmetic of a commutative ring that contains the rationals.
 pub trait Ring {
-    /// An element.
+    /// The ring element that equals a rational number.
     type Element: Clone;
     /// The element of a rational number.
     fn number(&mut self, value: &Rational) -> Self::Element;

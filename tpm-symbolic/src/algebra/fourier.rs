@@ -46,7 +46,8 @@ impl Fourier {
         Self::from_parts(Vec::new(), sin)
     }
 
-    /// From the cosine coefficients of harmonics 0, 1, ... and the sine coefficients of harmonics 1, 2, ...
+    /// The polynomial with the given cosine coefficients of harmonics 0, 1, ... and sine coefficients of
+    /// harmonics 1, 2, ...
     #[must_use]
     pub fn from_parts(mut cos: Vec<Rational>, mut sin: Vec<Rational>) -> Self {
         for list in [&mut cos, &mut sin] {
@@ -119,7 +120,7 @@ impl Fourier {
         result
     }
 
-    /// The phase multiplied by a positive whole number: f(n theta).
+    /// The function f(n theta), the phase being multiplied by a positive whole number n.
     #[must_use]
     pub fn with_multiple(&self, n: usize) -> Self {
         let mut cos = vec![Rational::zero(); self.cos.len().saturating_sub(1) * n + 1];
@@ -153,7 +154,7 @@ impl Fourier {
         cos.chain(sin).sum()
     }
 
-    /// The coefficients that are not zero, of cosines, then of sines.
+    /// The non-zero coefficients: first those of the cosines, then those of the sines.
     pub(crate) fn coefficients(&self) -> impl Iterator<Item = &Rational> {
         self.cos.iter().chain(&self.sin).filter(|value| !value.is_zero())
     }

@@ -97,7 +97,7 @@ impl<V: Ord + Clone> Fraction<V> {
         Self { numerator, denominator: common }.cancelled()
     }
 
-    /// The numerator that belongs to a denominator divisible by this one's.
+    /// The numerator of this fraction over `common`, which is a multiple of its denominator.
     fn over(&self, common: &BTreeMap<Polynomial<V>, u32>) -> Polynomial<V> {
         let mut numerator = self.numerator.clone();
         for (factor, exponent) in common {
@@ -236,8 +236,8 @@ impl<V: Ord + Clone> Fraction<V> {
         result
     }
 
-    /// The numerator as a polynomial without negative exponents, and the product that it stands over beside the factors of
-    /// [`Self::denominator`]: as one would write it.
+    /// The fraction as one would write it: the numerator without negative exponents, and the monomial that stands in
+    /// the denominator beside the factors of [`Self::denominator`].
     #[must_use]
     pub fn cleared(&self) -> (Polynomial<V>, Monomial<V>) {
         let content = least_exponents(&self.numerator);
@@ -345,8 +345,8 @@ fn substitute_polynomial<V: Ord + Clone, W: Ord + Clone>(
     Some(sum)
 }
 
-/// monomial, coefficient and rest of a non-zero Laurent polynomial: the rest has no monomial content, no negative
-/// exponents and coefficient 1 on its first term.
+/// The monomial, the coefficient and the rest whose product is a non-zero Laurent polynomial: the rest has no monomial
+/// content, no negative exponents and coefficient 1 on its first term.
 #[must_use]
 pub fn primitive_part<V: Ord + Clone>(polynomial: &Polynomial<V>) -> Option<(Monomial<V>, Rational, Polynomial<V>)> {
     let (_, lead) = polynomial.terms().next()?;

@@ -37,7 +37,7 @@ impl<V: Ord + Clone> Monomial<V> {
         Self(factors)
     }
 
-    /// From factors in increasing order of the variables, without zero exponents.
+    /// The monomial with these factors, given in increasing order of the variables and without zero exponents.
     pub(crate) fn from_sorted(list: Factorisation<V>) -> Self {
         debug_assert!(list.is_sorted_by(|a, b| a.0 < b.0) && list.iter().all(|factor| factor.1 != 0));
         Self(list)

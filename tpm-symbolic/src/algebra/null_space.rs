@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 const MAX_TERMS: usize = 2000;
 
 /// A basis of the null space over a field of rational functions, each vector with a 1 at its own free column; `None`
-/// when a numerator grows beyond 2000 terms, of which no reader would make use.
+/// when a numerator grows beyond 2000 terms, which no reader could use.
 #[must_use]
 pub fn null_space_of_fractions<V: Ord + Clone>(
     mut rows: Vec<Vec<Fraction<V>>>,
@@ -22,7 +22,7 @@ pub fn null_space_of_fractions<V: Ord + Clone>(
     let mut pivots = Vec::new();
     for column in 0..columns {
         let top = pivots.len();
-        // The shortest pivot keeps the others short.
+        // The shortest pivot keeps the other rows short.
         let found = (top..rows.len()).filter(|&r| !rows[r][column].is_zero()).min_by_key(|&r| size(&rows[r][column]));
         let Some(found) = found else { continue };
         rows.swap(top, found);
@@ -59,13 +59,13 @@ pub fn null_space_of_fractions<V: Ord + Clone>(
     Some(vectors.collect())
 }
 
-/// The vector times whatever makes its components polynomials with whole coefficients and no common factor that is a
-/// number or a monomial, the first one leading with a positive coefficient.
+/// The vector scaled so that its components are polynomials with whole coefficients and no common factor that is a
+/// number or a monomial; the first component leads with a positive coefficient.
 #[must_use]
 pub fn primitive_vector<V: Ord + Clone>(vector: Vec<Fraction<V>>) -> Vec<Polynomial<V>> {
     let mut common = Fraction::one();
     for value in &vector {
-        // Multiply by the denominators that remain after what was multiplied so far.
+        // Multiply by the factors of the component's denominator that the multiplier does not contain yet.
         for (factor, exponent) in value.mul(&common).denominator() {
             common = common.mul(&Fraction::polynomial(factor.pow(exponent)));
         }

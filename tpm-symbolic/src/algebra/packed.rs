@@ -8,7 +8,7 @@
 use smallvec::{SmallVec, smallvec};
 use std::hash::Hash;
 
-/// Widths of the fields and numbers of words.
+/// The number of variables and the width of the field that holds the exponent of one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Layout {
     /// Bits of a field: 4, 8, 16, 32 or 64.
@@ -18,7 +18,7 @@ pub(crate) struct Layout {
 }
 
 impl Layout {
-    /// For `variables` exponents of magnitude at most `largest`.
+    /// The layout for `variables` exponents of magnitude at most `largest`.
     pub(crate) fn new(variables: usize, largest: u64) -> Self {
         let bits = [4, 8, 16, 32].into_iter().find(|bits| largest < 1 << (bits - 1)).unwrap_or(64);
         Self { bits, variables }
@@ -36,7 +36,7 @@ pub(crate) trait Key: Clone + Ord {
     fn variable(layout: Layout, variable: usize) -> Self;
     /// self += times * other.
     fn add(&mut self, other: &Self, times: i64);
-    /// Calls back with the variables, from the first, and their exponents, at least up to the last that is not zero.
+    /// Calls `each` with every variable, from the first, and its exponent, at least up to the last non-zero exponent.
     fn exponents(&self, layout: Layout, each: impl FnMut(usize, i64));
 }
 
@@ -46,17 +46,18 @@ pub(crate) trait ShortKey: Key + Copy + Default + Hash {
     type Present: ExactSizeIterator<Item = (usize, i64)>;
     /// A one in every field.
     fn ones(layout: Layout) -> Self;
-    /// The factors that there are.
+    /// The factors whose exponent is not zero.
     fn present(&self, layout: Layout, ones: Self) -> Self::Present;
-    /// A word that compares as the lists of factors do, the last variable's first: by the first one that is in one of them only, a
-    /// list being larger without it unless it has ended; by the exponent where both have it.
+    /// A word whose order is that of the lists of factors, the last variable's factor first. At the first variable that
+    /// only one of two lists contains, the list without the variable is the larger one unless it has ended. Where both
+    /// lists contain a variable, its exponents decide.
     ///
-    /// The fields are 0 once the list has ended, all ones for a variable that is left out before, and otherwise the exponent,
-    /// counted from the lowest one on without the exponent 0.
+    /// A field is 0 once the list has ended, all ones for a variable that the list skips before its end, and otherwise
+    /// the exponent, counted from the lowest one on without the exponent 0.
     fn listed(&self, layout: Layout, ones: Self) -> Self;
 }
 
-/// What all fields of a key are, at once.
+/// All fields of a key, unpacked together.
 pub(crate) struct Fields<K> {
     /// Bits of a field.
     bits: u32,
@@ -114,7 +115,8 @@ macro_rules! short_key {
             fn next(&mut self) -> Option<(usize, i64)> {
                 let top = self.present.checked_ilog2()?;
                 self.present ^= 1 << top;
-                // A field is as wide as a power of two.
+                // The width of a field is a power of two, so the mask gives the first bit of the field that holds bit
+                // `top`.
                 let field = self.raised >> (top & !(self.bits - 1));
                 let half = 1 << (self.bits - 1);
                 let exponent = (field as u64 & (half - 1 + half)).wrapping_sub(half) as i64;
@@ -151,7 +153,7 @@ macro_rules! short_key {
                 let (high, sign) = (ones << (layout.bits - 1), layout.bits - 1);
                 let coded = raised - ((raised & present) >> sign);
                 let absent = high ^ present;
-                // All ones of the fields that are absent, modulo 2^BITS.
+                // All ones in the fields that are absent, modulo 2^BITS.
                 let absent = (absent << 1).wrapping_sub(absent >> sign);
                 let ended = present.trailing_zeros() >> layout.bits.trailing_zeros() << layout.bits.trailing_zeros();
                 (coded | absent) & (<$key>::MAX << ended)

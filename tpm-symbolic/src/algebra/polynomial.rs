@@ -31,7 +31,7 @@ impl<V: Ord> Default for Polynomial<V> {
     }
 }
 
-/// Sorts terms and adds up those of one monomial.
+/// Sorts terms and adds up the terms of equal monomials.
 fn collected<V: Ord>(mut terms: Terms<V>) -> Terms<V> {
     if !terms.is_sorted_by(|a, b| a.0 < b.0) {
         terms.sort_unstable_by(|a, b| a.0.cmp(&b.0));
@@ -111,7 +111,7 @@ impl<V: Ord + Clone> Polynomial<V> {
         Self(terms)
     }
 
-    /// From terms in any order, several of one monomial among them.
+    /// The polynomial with these terms, given in any order; terms of equal monomials are added up.
     pub(crate) fn from_terms(terms: Terms<V>) -> Self {
         Self(collected(terms))
     }
@@ -383,7 +383,7 @@ mod tests {
         )
     }
 
-    /// Negative exponents, and enough terms for packing.
+    /// Polynomials with negative exponents and with enough terms for packing.
     fn laurent() -> impl Strategy<Value = P> {
         prop::collection::vec((prop::collection::vec((0u8..6, -40i32..40), 0..5), -9i64..10, 1i64..6), 0..20).prop_map(
             |terms| {

@@ -13,7 +13,7 @@ use num_traits::{FromPrimitive, One, Zero};
 use rustc_hash::FxHashMap;
 use std::ops::AddAssign;
 
-/// The largest number of sums for which room is made before they are known.
+/// The largest number of sums for which memory is reserved before they are known.
 const LARGEST: usize = 1 << 16;
 
 /// A term of a polynomial.
@@ -34,7 +34,7 @@ pub(crate) fn product_of_powers<V: Ord + Clone>(factors: &[Factor<'_, V>]) -> Op
 
 /// Variables and the width of their exponents.
 struct Packing<'v, V> {
-    /// In descending order, so that the first variable of a monomial has the highest field.
+    /// The variables in descending order, so that the first variable of a monomial has the highest field.
     variables: Vec<&'v V>,
     layout: Layout,
 }
@@ -72,7 +72,7 @@ impl<'v, V: Ord + Clone> Packing<'v, V> {
         self.terms(product, |numerator| Rational::from_wide(numerator, denominator))
     }
 
-    /// The product with these coefficients, in no order.
+    /// The terms of the product with these coefficients, in no order.
     fn product<K: ShortKey, C: Coefficient>(
         &self,
         factors: &[Factor<'_, V>],
@@ -114,7 +114,7 @@ impl<'v, V: Ord + Clone> Packing<'v, V> {
     }
 }
 
-/// What multiplies packed monomials.
+/// A coefficient of a packed monomial.
 trait Coefficient: Clone + Zero + One + AddAssign {
     fn times(&self, other: &Self) -> Self;
 }
@@ -135,8 +135,8 @@ impl<C: Copy + Zero + One + AddAssign + FromPrimitive> Coefficient for C {
 trait Integer: Coefficient + Copy + FromPrimitive {}
 impl<C: Coefficient + Copy + FromPrimitive> Integer for C {}
 
-/// The coefficients of every factor as whole numbers, a bound of all sums of their products, and the denominator of the product;
-/// `None` when they might not fit.
+/// The coefficients of every factor as whole numbers, a bound of all sums of their products, and the denominator of the
+/// product; `None` when one of these might not fit.
 fn over_one_denominator<V>(factors: &[Factor<'_, V>]) -> Option<(Vec<Vec<i128>>, i128, i128)> {
     let (mut lists, mut largest, mut below) = (Vec::with_capacity(factors.len()), 1i128, 1i128);
     for (terms, power) in factors {
@@ -206,16 +206,16 @@ fn integer_power<K: ShortKey, C: Integer>(base: Vec<(K, C)>, exponent: u32) -> V
     power
 }
 
-/// How many products of `exponent` out of `terms` terms there are, whatever their order.
+/// The number of products of `exponent` factors out of `terms` terms, whatever their order.
 fn products(terms: usize, exponent: u32) -> Option<u64> {
     let more = (terms as u64).checked_sub(1)?;
     (1..=u64::from(exponent)).try_fold(1u64, |count, i| Some(count.checked_mul(more.checked_add(i)?)? / i))
 }
 
-/// base^exponent, `count` products.
+/// The terms of base^exponent by the multinomial theorem, which takes `count` products.
 fn multinomial<K: ShortKey, C: Integer>(base: &[(K, C)], exponent: u32, count: u64) -> Vec<(K, C)> {
     let mut sums = FxHashMap::default();
-    // Many of them are equal.
+    // Many products have equal monomials.
     sums.reserve(usize::try_from(count / 2).unwrap_or(LARGEST).min(LARGEST));
     add_products(base, exponent, K::default(), C::one(), &mut sums);
     sums.into_iter().filter(|(_, sum)| !sum.is_zero()).collect()
@@ -238,7 +238,7 @@ fn add_products<K: ShortKey, C: Integer>(
         return;
     }
     for (i, (own, value)) in base.iter().enumerate() {
-        // The terms before this one are done with; it occurs once, twice, ...
+        // Products with an earlier term are added already; the present term now occurs once, twice, ...
         let (mut key, mut power, mut ways) = (key, coefficient, 1u64);
         for times in 1..=exponent {
             key.add(own, 1);

@@ -38,7 +38,7 @@ pub(crate) struct Base {
     highest: usize,
     /// An upper bound of the bits of the denominator.
     denominator_bits: u64,
-    /// The sum over k = -highest..highest of |C_k| + |S_k| is at most 2^this.
+    /// The sum over k = -highest..highest of |C_k| + |S_k| is at most 2^norm_bits.
     norm_bits: u64,
     denominator: Denominator,
 }
@@ -55,7 +55,7 @@ type Terms<T> = SmallVec<[(usize, T, T); 4]>;
 /// (harmonic, C, S) and their common denominator.
 type Parts<T> = (Terms<T>, Denominator);
 
-/// a * b when it and its negative fit.
+/// The product a * b, when the product and its negative fit.
 fn checked<T: Zero + CheckedMul + CheckedSub>(a: &T, b: &T) -> Option<T> {
     a.checked_mul(b).filter(|product| T::zero().checked_sub(product).is_some())
 }
@@ -152,7 +152,8 @@ fn reduce<T: Numerator>(terms: &mut [(usize, T, T)], denominator: &mut Denominat
     });
 }
 
-/// The sum over k = -highest..highest of |C_k| + |S_k|, and a mask of each that is 0 when all are; `None` beyond a word.
+/// The sum over k = -highest..highest of |C_k| + |S_k|, then the bitwise or of all C_k and that of all S_k, each of
+/// which is 0 only when all its operands are; `None` when the sum exceeds a word.
 fn norm(terms: &[(usize, i64, i64)]) -> Option<(u64, i64, i64)> {
     terms.iter().try_fold((0u64, 0, 0), |(sum, cos, sin), (k, c, s)| {
         let once = c.unsigned_abs().checked_add(s.unsigned_abs())?;
@@ -164,7 +165,7 @@ fn norm(terms: &[(usize, i64, i64)]) -> Option<(u64, i64, i64)> {
 /// A Fourier polynomial whose phase derivatives are wanted as factors.
 pub(crate) struct Whole<'a> {
     fourier: &'a Fourier,
-    /// Over one denominator, when machine integers hold it.
+    /// The terms over one denominator, when machine integers hold them.
     small: Option<Parts<i64>>,
 }
 
@@ -194,7 +195,7 @@ impl<'a> Whole<'a> {
         {
             let mut denominator = denominator.clone();
             let mut denominator_bits = factors.bits(&denominator);
-            // In products that fit into a word to the end, common factors cost nothing.
+            // As long as every product fits into a word, common factors cost nothing.
             if degree.saturating_mul(norm_bits(norm_of_all) + denominator_bits) > 62 {
                 reduce(&mut terms, &mut denominator, factors);
                 denominator_bits = factors.bits(&denominator);
@@ -288,7 +289,7 @@ impl Spectrum {
         Self { values: Values::One(vec![1]), ..Self::factor_one() }
     }
 
-    /// The constant 1 without its value written down, which [`Self::multiply`] does not read.
+    /// The constant 1 without a stored value, which [`Self::multiply`] does not read.
     pub(crate) fn factor_one() -> Self {
         let values = Values::One(Vec::new());
         Self { first: 0, stride: 2, len: 1, cos: true, sin: false, bits: 1, values, empty: true }
@@ -398,7 +399,7 @@ impl Spectrum {
         Self { first: 0, stride: 1, len: self.first + 2 * self.len - 1, values, empty: false, ..*self }
     }
 
-    /// The product with a base; the denominators multiply too.
+    /// The product with a base; the caller multiplies the denominators.
     pub(crate) fn multiply(&self, base: &Base, rooms: &mut Rooms) -> Self {
         if self.empty {
             return Self::of(base, rooms);
@@ -600,7 +601,7 @@ impl Spectrum {
         out
     }
 
-    /// Back to coefficients, over the given denominator.
+    /// The Fourier polynomial with these numerators over the given denominator.
     pub(crate) fn to_fourier(&self, denominator: &BigInt) -> Fourier {
         let values = self.values.to_big();
         let mut lists = [Vec::new(), Vec::new()];
@@ -642,7 +643,7 @@ struct Shape {
 }
 
 impl Shape {
-    /// Numbers in both parts.
+    /// The number of numerators in both parts together.
     fn size(self) -> usize {
         self.len * (usize::from(self.cos) + usize::from(self.sin))
     }

@@ -49,7 +49,7 @@ pub fn bessel_j(n: u32, x: f64) -> Option<f64> {
             let factorial: BigInt = (1..=n).map(BigInt::from).product();
             let above = sum * half.numer().pow(n);
             let below = (half.denom().pow(n) * factorial) << bits;
-            // Not in lowest terms: a common divisor would cost more than the division that rounds.
+            // The quotient is not in lowest terms: a common divisor would cost more than the division that rounds.
             return Some(rational::quotient_to_f64(&above, &below));
         }
         bits *= 2;
@@ -160,7 +160,7 @@ pub struct JacobiAnger {
     pub cos: Wave,
     /// The sine of the phase.
     pub sin: Wave,
-    /// The largest value of what was left out of either is at most this.
+    /// An upper bound of the magnitude of what is left out of either function.
     pub tail: f64,
 }
 
@@ -185,7 +185,7 @@ pub fn jacobi_anger(phase: &Wave, harmonics: usize) -> Option<JacobiAnger> {
     Some(JacobiAnger { cos, sin, tail: tail + left_out })
 }
 
-/// Leaves out what is above a harmonic and returns a bound of it.
+/// Removes the harmonics above the given one and returns a bound of their sum.
 fn cut(wave: &mut Wave, harmonics: usize) -> f64 {
     let keep = |list: &mut Vec<f64>| -> f64 {
         let rest = if list.len() > harmonics + 1 { list.split_off(harmonics + 1) } else { Vec::new() };
@@ -233,7 +233,7 @@ fn exponential(phase: &Wave) -> Option<(Spectrum, f64)> {
 /// The order at which the series for an amplitude is cut, and a bound of the rest: 2 sum_{n > order} |a/2|^n / n!.
 fn truncation(amplitude: f64) -> (usize, f64) {
     let half = amplitude.abs() / 2.0;
-    // Logarithms: the terms rise to e^|a| before they fall.
+    // Logarithms of the terms do not overflow, although the terms rise to e^|a| before they fall.
     let (mut order, mut logarithm) = (0usize, 0.0f64);
     loop {
         let next = (order + 1) as f64;
@@ -253,15 +253,15 @@ pub enum BesselError {
     /// A factor is neither a polynomial of the motion nor sine or cosine of one.
     #[error("{source}; besides polynomials, only sin and cos of polynomials of the motion have a Jacobi-Anger series")]
     Motion {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
-        /// What is wrong.
+        /// Why the factor has no finite Fourier series.
         source: MotionError,
     },
     /// An amplitude is too large.
     #[error("the amplitude of `{atom}` is beyond {MAX_ARGUMENT} rad or not a number")]
     Amplitude {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
         /// The function.
         atom: String,
@@ -287,7 +287,7 @@ pub struct NumericColumn {
     pub column: Option<usize>,
     /// The factor, up to the stated harmonic.
     pub wave: Wave,
-    /// The largest value of what was left out is at most this.
+    /// An upper bound of the magnitude of what is left out.
     pub tail: f64,
 }
 

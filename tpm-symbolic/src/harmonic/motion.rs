@@ -16,10 +16,10 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum MotionError {
-    /// It is no polynomial.
+    /// The expression is no polynomial.
     #[error("`{found}` is no polynomial of the motion and of constants")]
     NotPolynomial {
-        /// What was found.
+        /// The expression that was found.
         found: String,
     },
     /// A coordinate has no motion.
@@ -30,10 +30,10 @@ pub enum MotionError {
     },
 }
 
-/// A polynomial of derivatives of coordinates and constants, under the pattern.
+/// The motion of a polynomial of derivatives of coordinates and constants, under the pattern.
 ///
 /// # Errors
-/// When it is no such polynomial or a coordinate has no motion.
+/// When the expression is no such polynomial or a coordinate has no motion.
 pub fn motion_of(model: &Model, pattern: &Pattern, expr: ExprId) -> Result<Motion, MotionError> {
     let mut sum = Motion::zero();
     for (monomial, coefficient) in model.graph.polynomial(expr).terms() {
@@ -46,10 +46,10 @@ pub fn motion_of(model: &Model, pattern: &Pattern, expr: ExprId) -> Result<Motio
     Ok(sum)
 }
 
-/// A power of one atom, under the pattern.
+/// The motion of a power of one atom, under the pattern.
 ///
 /// # Errors
-/// When it is no polynomial of the motion or a coordinate has no motion.
+/// When the power is no polynomial of the motion or a coordinate has no motion.
 pub fn power_of(model: &Model, pattern: &Pattern, atom: ExprId, exponent: i32) -> Result<Motion, MotionError> {
     let not_polynomial = || MotionError::NotPolynomial { found: model.display(atom) };
     let one = || Fourier::constant(Rational::one());

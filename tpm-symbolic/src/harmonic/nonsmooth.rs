@@ -35,8 +35,8 @@ fn is_nonsmooth(model: &Model, atom: ExprId) -> bool {
     matches!(model.graph.node(atom), Node::Function(Function::Sign | Function::Abs, _))
 }
 
-/// The form's terms without and with signs and absolute values, as two forms of the same columns; `None` when there are
-/// none with.
+/// Splits the terms of a form into those without and those with signs and absolute values, as two forms of the same
+/// columns; `None` when no term has a sign or an absolute value.
 #[must_use]
 pub fn split(model: &Model, form: &RegressorForm) -> Option<(RegressorForm, RegressorForm)> {
     let nonsmooth = |term: &Term| term.atoms.factors().any(|(&atom, _)| is_nonsmooth(model, atom));
@@ -58,14 +58,14 @@ pub fn split(model: &Model, form: &RegressorForm) -> Option<(RegressorForm, Regr
     Some((part(false), part(true)))
 }
 
-/// What the harmonics of one group of terms are called by in the table.
+/// The key of the harmonics of one group of terms: equation, column, powers, signs.
 type Group = (usize, Option<usize>, Monomial<usize>, Monomial<usize>);
 
 /// Expands terms with signs and absolute values up to the harmonic of the options, with a bound of what is left out.
 ///
 /// # Errors
-/// The term whose sign changes have no exact series under the pattern, and why; or that so many harmonics would take more
-/// memory than the options allow.
+/// When the sign changes of a term have no exact series under the pattern, or when so many harmonics would take more
+/// memory than the options allow; the source term is named.
 pub fn expand(
     model: &Model,
     form: &RegressorForm,
@@ -121,7 +121,7 @@ pub fn expand(
     Ok((entries, tails.into_values().collect()))
 }
 
-/// Every harmonic of a term takes an entry of its own.
+/// Refuses tables beyond the memory limit; every harmonic of a term takes an entry of its own.
 fn refuse_too_large(form: &RegressorForm, harmonics: usize, options: &ExpandOptions<'_>) -> Result<(), ExpandError> {
     let mut terms = form.rows.iter().flat_map(|row| &row.terms);
     let Some(first) = terms.next() else { return Ok(()) };
@@ -186,7 +186,7 @@ fn apply_sign(
     let sign = QuadrantSign::of(fourier).ok_or_else(|| SignError::Phase { argument: argument() })?;
     parts.sign = parts.sign.times(&sign).ok_or_else(|| SignError::Multiples { argument: argument() })?;
     for (&symbol, exponent) in monomial.factors() {
-        // w is positive; two flips cancel.
+        // The frequency is positive, and two flips cancel.
         if exponent % 2 != 0 && symbol != pattern.frequency {
             let present = parts.flips.exponent(&(symbol.0 as usize));
             let change = if present == 0 { 1 } else { -1 };

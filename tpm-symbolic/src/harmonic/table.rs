@@ -43,8 +43,8 @@ impl Entry {
     }
 }
 
-/// What a table leaves out of an infinite series: its harmonics above the last one kept. Values are multiplied by the
-/// magnitude of prod symbol^power.
+/// What a table leaves out of an infinite series: its harmonics above the last one kept. The bounds are multiplied by
+/// the magnitude of prod symbol^power.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tail {
     /// Index of the equation.
@@ -59,7 +59,8 @@ pub struct Tail {
     pub harmonics: usize,
     /// An upper bound of the root mean square of what is left out, over a period.
     pub rms: f64,
-    /// An upper bound of its largest value; `None` when the term jumps, so that no number of harmonics makes it small.
+    /// An upper bound of the magnitude of what is left out; `None` when the term jumps, so that no number of harmonics
+    /// makes it small.
     pub maximum: Option<f64>,
 }
 
@@ -70,7 +71,7 @@ pub(crate) struct Series {
     pub(crate) column: Option<usize>,
     pub(crate) pi: i32,
     pub(crate) powers: Monomial<usize>,
-    /// Empty for nearly every table, hence not in place.
+    /// The signs of amplitudes, in a box since nearly every table has none.
     pub(crate) sign: Option<Box<Monomial<usize>>>,
     /// Harmonics first, first + stride, ..., `len` of them.
     pub(crate) first: usize,
@@ -215,7 +216,7 @@ impl HarmonicTable {
         Self::from_series(model, [equations, parameters, symbols], series, words, merged.len())
     }
 
-    /// From finished series in any order, with `len` non-zero coefficients in all.
+    /// The table of finished series in any order, with `len` non-zero coefficients in all.
     pub(crate) fn from_series(
         model: EcoString,
         [equations, parameters, symbols]: [Vec<EcoString>; 3],

@@ -21,17 +21,17 @@ pub type Index = SmallVec<[u32; 4]>;
 /// A truncated power series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Jet<E> {
-    /// The coefficient of every multi-index that has one.
+    /// The coefficients by multi-index; a multi-index that is missing has the coefficient 0.
     pub coefficients: BTreeMap<Index, E>,
 }
 
 /// A ring with analytic functions, each defined on a part of it.
 pub trait Analytic: Ring {
-    /// The value at a leaf that is no variable, or of pi.
+    /// The value of pi, or of a leaf that is not a variable.
     fn leaf(&mut self, node: &Node, id: ExprId) -> Option<Self::Element>;
     /// An integer power; `None` where it is singular.
     fn power(&mut self, base: &Self::Element, exponent: i32) -> Option<Self::Element>;
-    /// A function's value; `None` where it has none or, if it is to be `smooth`, where it is not analytic.
+    /// The value of a function; `None` where the function has no value or, when `smooth` is set, is not analytic.
     fn function(&mut self, function: Function, argument: &Self::Element, smooth: bool) -> Option<Self::Element>;
     /// The angle of a point; `None` where it is not analytic.
     fn atan2(&mut self, y: &Self::Element, x: &Self::Element) -> Option<Self::Element>;
@@ -58,7 +58,7 @@ impl<A: Analytic> Jets<'_, A> {
     /// may have to change the graph meanwhile.
     ///
     /// # Errors
-    /// The node that has no Taylor series at the point.
+    /// When a node has no Taylor series at the point; the error holds that node.
     pub fn of(&mut self, nodes: &[(ExprId, Node)]) -> Result<Jet<A::Element>, Singular> {
         let mut memo: HashMap<ExprId, Jet<A::Element>> = HashMap::new();
         let mut last = None;
@@ -197,7 +197,8 @@ impl<A: Analytic> Jets<'_, A> {
         sum
     }
 
-    /// The angle of (x0 + dx, y0 + dy) is that of (x0, y0) and the one between, whose tangent is small.
+    /// The angle of (x0 + dx, y0 + dy) is the angle of (x0, y0) plus the angle between the two points, whose tangent is
+    /// small.
     fn angle(&mut self, y: &Jet<A::Element>, x: &Jet<A::Element>) -> Option<Jet<A::Element>> {
         let ((y0, dy), (x0, dx)) = (self.split(y), self.split(x));
         let start = self.domain.atan2(&y0, &x0)?;

@@ -44,13 +44,13 @@ pub enum LinearizeError {
     NotEquilibrium {
         /// The equation.
         equation: String,
-        /// What is left of it.
+        /// The residual of the equation at the point.
         residual: String,
     },
     /// A term has no derivative at the point.
     #[error("`{atom}` has no derivative at the point, so equation {equation} has no linearisation there")]
     NotSmooth {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
         /// The equation.
         equation: String,
@@ -62,11 +62,11 @@ pub enum LinearizeError {
         "equation {equation} contains `{found}`; only models of second order are linearised, so eliminate nothing first"
     )]
     Order {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
         /// The equation.
         equation: String,
-        /// The derivative.
+        /// The derivative that was found.
         found: String,
     },
     /// The numbers of equations and coordinates differ.
@@ -95,19 +95,19 @@ pub enum LinearizeError {
 pub struct Linearization {
     /// The inputs, columns of F and of the last rows of B.
     pub inputs: Vec<Symbol>,
-    /// M.
+    /// The mass matrix M.
     pub mass: Matrix<ExprId>,
-    /// D.
+    /// The damping matrix D.
     pub damping: Matrix<ExprId>,
-    /// K.
+    /// The stiffness matrix K.
     pub stiffness: Matrix<ExprId>,
-    /// F.
+    /// The input matrix F.
     pub input: Matrix<ExprId>,
     /// det M, the common denominator of A and B.
     pub determinant: ExprId,
     /// A for the state (coordinates, velocities), in order of declaration.
     pub a: Matrix<ExprId>,
-    /// B.
+    /// B, the input matrix of the state space.
     pub b: Matrix<ExprId>,
 }
 
@@ -435,7 +435,7 @@ pub enum SubstituteError {
         /// The offset.
         offset: String,
     },
-    /// The pattern's motion of the old coordinate cannot be carried over.
+    /// The pattern's motion of the old coordinate has no counterpart in the new one.
     #[error(
         "the motion of `{coordinate}` under a pattern cannot be moved by `{offset}`, which is not a polynomial of constants; give the pattern in the new coordinate"
     )]
@@ -451,7 +451,7 @@ pub enum SubstituteError {
 /// Fong, Eqn 25); trigonometric functions are brought to their normal form, so that quarter turns disappear.
 ///
 /// # Errors
-/// When the scale is zero, the offset moves, or a pattern's motion cannot be carried over.
+/// When the scale is zero, the offset is not constant, or a pattern's motion cannot be carried over.
 pub fn substitute_coordinate(
     model: &mut Model,
     coordinate: Coordinate,
@@ -505,7 +505,7 @@ pub fn substitute_coordinate(
     Ok(())
 }
 
-/// The offset as a motion that stays: a polynomial of symbols.
+/// The offset as a constant motion, which is a polynomial of symbols.
 fn offset_motion(model: &Model, offset: ExprId) -> Option<Motion> {
     let mut motion = Motion::zero();
     for (monomial, coefficient) in model.graph.polynomial(offset).terms() {

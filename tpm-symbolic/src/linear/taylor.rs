@@ -34,9 +34,9 @@ pub struct Expansion {
 /// A Taylor polynomial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// What was expanded.
+    /// The function that was expanded.
     pub function: ExprId,
-    /// In which coordinates and about which point.
+    /// The coordinates of the expansion and the point about which it is made.
     pub expansions: Vec<Expansion>,
     /// c_a by the exponents of the coordinates, in the order of `expansions`; what is missing is 0.
     pub coefficients: BTreeMap<Index, ExprId>,
@@ -73,7 +73,7 @@ pub enum SeriesError {
 /// The Taylor series of an expression of a model's graph.
 ///
 /// # Errors
-/// When the expression is singular at the point, or the point is not constant.
+/// When the expression is singular at the point, the point is not constant, or a coordinate is given twice.
 pub fn series(model: &mut Model, function: ExprId, expansions: &[Expansion]) -> Result<Series, SeriesError> {
     check_points(model, expansions)?;
     let degree = expansions.iter().map(|expansion| expansion.order).max().unwrap_or(0);

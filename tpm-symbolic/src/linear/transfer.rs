@@ -17,7 +17,7 @@ use crate::linear::linearize::Linearization;
 use crate::mechanics::model::Model;
 use crate::number::rational::Rational;
 
-/// One coordinate over one input.
+/// The transfer function from one input to one coordinate.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SymbolicTransfer {
     /// Coefficients of the numerator; empty when the input does not move the coordinate.
@@ -65,7 +65,7 @@ impl Ring for InS<'_> {
     }
 }
 
-/// Every coordinate (rows) over every input (columns).
+/// The transfer functions to every coordinate (rows) from every input (columns).
 #[must_use]
 pub fn transfer_functions(model: &mut Model, linear: &Linearization) -> Matrix<SymbolicTransfer> {
     let graph = &mut model.graph;
@@ -107,7 +107,7 @@ fn trimmed(graph: &mut Graph, mut polynomial: Element) -> Element {
     while polynomial.last().is_some_and(|coefficient| trigonometric::numerator(graph, coefficient).is_zero()) {
         polynomial.pop();
     }
-    // What is shown to be zero is zero, not an expression that vanishes.
+    // A coefficient that is identically zero becomes the number 0.
     for coefficient in &mut polynomial {
         if trigonometric::numerator(graph, coefficient).is_zero() {
             *coefficient = Polynomial::zero();

@@ -27,7 +27,7 @@ pub struct Implicit {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ImplicitError {
-    /// Their number is wrong.
+    /// The numbers of constraints and of dependent coordinates differ.
     #[error("{constraints} constraints do not determine {dependents} dependent coordinates")]
     Count {
         /// Number of constraints.
@@ -35,7 +35,7 @@ pub enum ImplicitError {
         /// Number of dependent coordinates.
         dependents: usize,
     },
-    /// They are dependent.
+    /// The matrix dg/dy is singular everywhere.
     #[error("the constraints do not determine the dependent coordinates: their derivatives are linearly dependent")]
     Singular,
 }

@@ -25,7 +25,7 @@ pub struct Obstacle {
     pub equation: String,
     /// The term at fault.
     pub term: TermId,
-    /// What is wrong with it.
+    /// Why the term stands in the way.
     pub reason: Reason,
 }
 
@@ -42,7 +42,7 @@ pub enum Reason {
     MovingFactor(String),
     /// The coordinate's factor is identically zero.
     ZeroFactor,
-    /// The equation serves for another coordinate already.
+    /// The equation is already solved for another coordinate.
     Taken(String),
 }
 
@@ -70,21 +70,21 @@ impl fmt::Display for Obstacle {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum EliminateError {
-    /// No equation can be solved for it.
+    /// No equation can be solved for the coordinate.
     #[error("the coordinate `{coordinate}` cannot be eliminated: {}; keep it, or eliminate another coordinate", list(.obstacles))]
     Impossible {
         /// The coordinate.
         coordinate: String,
-        /// One obstacle for every equation that contains it.
+        /// One obstacle for every equation that contains the coordinate.
         obstacles: Vec<Obstacle>,
     },
-    /// It is in no equation.
+    /// The coordinate stands in no equation.
     #[error("the coordinate `{coordinate}` is to be eliminated but stands in no equation")]
     Absent {
         /// The coordinate.
         coordinate: String,
     },
-    /// Every equation was used up.
+    /// Every equation was solved for a coordinate, so that none is left.
     #[error("after elimination no equation is left")]
     NothingLeft,
     /// The search over the order of elimination was given up.
@@ -92,7 +92,7 @@ pub enum EliminateError {
         "no order of elimination was found among the {tried} that were tried; eliminate fewer coordinates, `{coordinate}` for one stays"
     )]
     TooManyOrders {
-        /// A coordinate that stayed.
+        /// A coordinate that was not eliminated.
         coordinate: String,
         /// How many steps were tried.
         tried: usize,
@@ -138,7 +138,7 @@ pub(crate) struct Solution {
     pub(crate) value: Fraction<ExprId>,
     /// The equation that was solved.
     pub(crate) equation: String,
-    /// What was divided by.
+    /// The divisor, which is the coordinate's factor in the equation.
     pub(crate) divisor: Fraction<ExprId>,
 }
 
@@ -199,7 +199,7 @@ fn row_of(model: &Model, index: usize) -> RemainingRow {
     RemainingRow { terms: terms.collect(), name: equation.name.clone(), input }
 }
 
-/// Constants with a value become numbers, so that what cancels does cancel.
+/// Replaces constants of known value by numbers, so that terms which cancel do cancel.
 fn with_known_values(model: &Model, polynomial: &Polynomial<ExprId>) -> Polynomial<ExprId> {
     let known = |atom: &ExprId| match model.graph.node(*atom) {
         Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
@@ -264,7 +264,7 @@ struct Candidate {
     coordinate: Coordinate,
     factor: Fraction<ExprId>,
     rest: Fraction<ExprId>,
-    /// Smaller is tried first.
+    /// Candidates of smaller cost are tried first.
     cost: (usize, usize, usize),
 }
 
@@ -304,7 +304,7 @@ fn total(row: &RemainingRow) -> Fraction<ExprId> {
     row.terms.iter().fold(Fraction::zero(), |sum, term| sum.add(&term.value))
 }
 
-/// The row as a x + r, or what is in the way.
+/// The row as a x + r, or the reason why it cannot be solved for the coordinate.
 fn candidate(graph: &Graph, state: &State, index: usize, coordinate: Coordinate) -> Result<Candidate, Reasons> {
     let row = &state.rows[index];
     if row.input.is_some() {
@@ -357,7 +357,7 @@ fn same_signs(polynomial: &Polynomial<ExprId>) -> bool {
     signs.all(|sign| Some(sign) == first)
 }
 
-/// Why a row is no candidate, before it is put into words.
+/// Why a row is no candidate, before the reason is put into words.
 enum Reasons {
     Input,
     Zero,
@@ -419,7 +419,7 @@ fn explain(model: &mut Model, state: &State, target: Coordinate) -> EliminateErr
             obstacles.push(Obstacle { equation: solution.equation.clone(), term, reason: taken });
         }
     }
-    // An equation that could be solved had it no input is the least of the reasons.
+    // Equations that only their input keeps from being solved come last.
     obstacles.sort_by_key(|obstacle| matches!(obstacle.reason, Reason::Input(_)));
     if obstacles.is_empty() {
         EliminateError::Absent { coordinate }
@@ -501,7 +501,7 @@ impl Substitution {
             let factors: Vec<(&Fraction<ExprId>, u32)> = factors.iter().map(|(value, power)| (value, *power)).collect();
             sum = sum.add(&Fraction::product_of_powers(&factors));
         }
-        // The denominator holds parameters only, so that it is the same before and after.
+        // The denominator holds parameters only, so that the substitution leaves it as it is.
         value.denominator().fold(sum, |sum, (factor, exponent)| {
             let exponent = i32::try_from(exponent).expect("invariant: exponents are small");
             let inverse = Fraction::polynomial(factor.clone()).pow(-exponent);
@@ -509,12 +509,12 @@ impl Substitution {
         })
     }
 
-    /// What a power of an atom that contains the coordinate becomes: a value and its power.
+    /// The replacement of a power of an atom that contains the coordinate, as a value and an exponent.
     fn power(&mut self, model: &mut Model, atom: ExprId, exponent: i32) -> (Fraction<ExprId>, u32) {
         if let (&Node::Derivative(_, order), Ok(exponent)) = (model.graph.node(atom), u32::try_from(exponent)) {
             return (self.derivative(model, order), exponent);
         }
-        // A function or quotient of the coordinate stays one, of the coordinate's expression.
+        // A function or quotient of the coordinate becomes the same one of the coordinate's expression.
         let mut replacement: HashMap<ExprId, ExprId> = HashMap::new();
         for leaf in model.graph.leaves(atom) {
             if let Node::Derivative(found, order) = *model.graph.node(leaf)

@@ -41,17 +41,17 @@ pub struct Lagrangian {
 pub struct EulerLagrange {
     /// One equation per coordinate: left minus right-hand side.
     pub equations: Vec<Equation>,
-    /// M(q).
+    /// The mass matrix M(q).
     pub mass: Vec<Vec<ExprId>>,
-    /// C(q, q'): Coriolis, centrifugal and gyroscopic.
+    /// The matrix C(q, q') of Coriolis, centrifugal and gyroscopic terms.
     pub coriolis: Vec<Vec<ExprId>>,
-    /// dR/dq'.
+    /// The dissipative forces dR/dq'.
     pub dissipation: Vec<ExprId>,
-    /// D(q) with dR/dq' = D q', when the dissipation is quadratic in the velocities.
+    /// The damping matrix D(q) with dR/dq' = D q', when the dissipation is quadratic in the velocities.
     pub damping: Option<Vec<Vec<ExprId>>>,
-    /// G(q).
+    /// The vector G(q) = d(V - T_0)/dq.
     pub gravity: Vec<ExprId>,
-    /// Q.
+    /// The generalised forces Q.
     pub forces: Vec<ExprId>,
 }
 
@@ -62,32 +62,32 @@ pub enum LagrangeError {
     /// An energy depends on a derivative that it must not depend on.
     #[error("the {energy} energy must not depend on `{found}`: it is a function of {allowed}")]
     Argument {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
-        /// Which energy.
+        /// The name of the energy.
         energy: &'static str,
         /// The derivative that was found.
         found: String,
-        /// What is allowed.
+        /// The arguments that the energy may have.
         allowed: &'static str,
     },
     /// The kinetic energy is of higher than second degree in the velocities.
     #[error("the kinetic energy `{found}` is not of second degree in the velocities")]
     NotQuadratic {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
-        /// The term.
+        /// The term as it was found.
         found: String,
     },
     /// An input stands in an energy.
     #[error("the input `{input}` stands in an energy; give it as a generalised force")]
     InputInEnergy {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
         /// The input.
         input: String,
     },
-    /// Nothing acts on a coordinate.
+    /// A coordinate occurs in no energy and no force.
     #[error("no energy or force depends on the coordinate `{coordinate}`, so it has no equation of motion")]
     NoEquation {
         /// The coordinate.

@@ -17,9 +17,9 @@ use serde::{Deserialize, Serialize};
 pub enum Kind {
     /// An actuating force, torque or voltage.
     Input,
-    /// To be identified.
+    /// An unknown quantity to be identified.
     Parameter,
-    /// Known: exactly when there is a value, otherwise at run time only.
+    /// A known quantity; without an exact value it is given at run time.
     Constant {
         /// The exact value.
         value: Option<Rational>,
@@ -37,7 +37,7 @@ pub struct Quantity {
     pub name: EcoString,
     /// The unit, when declared.
     pub unit: Option<Unit>,
-    /// What it is.
+    /// The role of the quantity in the model.
     pub kind: Kind,
 }
 
@@ -57,7 +57,7 @@ pub struct TermId(pub u32);
 /// A term of an equation as written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SourceTerm {
-    /// Where it came from.
+    /// The identifier that leads back to the place of the term in the source.
     pub id: TermId,
     /// The term, with the sign it has on the left-hand side.
     pub expr: ExprId,
@@ -88,7 +88,7 @@ pub struct Lump {
     pub name: String,
     /// Its expression in the parameters.
     pub expr: ExprId,
-    /// Where it was declared.
+    /// The identifier of its declaration.
     pub id: TermId,
 }
 
@@ -142,7 +142,7 @@ impl Model {
         Some(Symbol(u32::try_from(index).expect("invariant: fewer than 2^32 symbols")))
     }
 
-    /// The symbols of one kind, in order of declaration.
+    /// The symbols whose kind satisfies `keep`, in order of declaration.
     pub fn symbols_where(&self, mut keep: impl FnMut(&Kind) -> bool) -> impl Iterator<Item = Symbol> {
         let symbols: Vec<Symbol> =
             (0u32..).zip(&self.symbols).filter(|(_, quantity)| keep(&quantity.kind)).map(|(i, _)| Symbol(i)).collect();

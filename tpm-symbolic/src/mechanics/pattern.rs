@@ -90,7 +90,7 @@ pub struct Pattern {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum ShapeError {
-    /// The order must be odd.
+    /// The order is not odd.
     #[error("the order of a rest-to-rest pattern is its highest harmonic and must be odd and at least 1, not {0}")]
     NotOdd(u32),
     /// The order is beyond what a controller could play.

@@ -17,7 +17,7 @@ pub(crate) trait Buffered: Numerator {
 #[derive(Debug)]
 pub(crate) struct Room<T> {
     spare: SmallVec<[Vec<T>; 2]>,
-    /// For a list continued to both sides.
+    /// A buffer for a list that is continued to both sides.
     pub(crate) padded: Vec<T>,
 }
 
@@ -30,19 +30,19 @@ impl<T> Default for Room<T> {
 impl<T> Room<T> {
     /// An empty list with room for `len`.
     pub(crate) fn take(&mut self, len: usize) -> Vec<T> {
-        // Products grow: a little more than now needed saves asking again.
+        // Later products are longer: a little more room than needed now saves an allocation.
         let Some(mut list) = self.spare.pop() else { return Vec::with_capacity(len.max(16)) };
         list.clear();
         list
     }
 }
 
-/// Buffers of every width: small products cost less than asking for their memory.
+/// Buffers of every width: allocating memory would cost more than a small product.
 #[derive(Debug, Default)]
 pub(crate) struct Rooms {
     one: Room<i64>,
     two: Room<i128>,
-    /// Most tables never need them.
+    /// The buffers beyond two words, which most tables never need.
     wide: Option<Box<WideRooms>>,
 }
 
@@ -56,7 +56,7 @@ struct WideRooms {
 }
 
 impl Rooms {
-    /// Takes back what is not needed any more.
+    /// Takes back the buffer of values that are not needed any more.
     pub(crate) fn recycle(&mut self, values: Values) {
         fn give<T: Buffered>(rooms: &mut Rooms, list: Vec<T>) {
             if list.capacity() > 0 {

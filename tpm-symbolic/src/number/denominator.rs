@@ -14,13 +14,13 @@ use num_integer::Integer;
 use num_traits::{One, ToPrimitive};
 use smallvec::SmallVec;
 
-/// The bound of trial division; what then remains is prime when it is below the square of this.
+/// The bound of trial division; a remainder below the square of the bound is prime.
 const TRIAL: u64 = 1024;
 
 /// The odd primes and cofactors met so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Factors {
-    /// Beyond [`OddPrime::SMALL`], which come first in the numbering.
+    /// The primes beyond [`OddPrime::SMALL`], whose primes come first in the numbering.
     primes: Vec<OddPrime>,
     cofactors: Vec<BigUint>,
 }
@@ -31,19 +31,21 @@ static SMALL: [OddPrime; 9] = OddPrime::SMALL;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Denominator {
     two: u32,
-    /// Of the first primes.
+    /// The exponents of the first odd primes.
     odd: [u32; FIRST],
-    /// Of all others, when there are any: most denominators are copied and multiplied without a look at them.
+    /// The exponents of all other factors, when there are any: most denominators are copied and multiplied without
+    /// them.
     rare: Option<Box<Rare>>,
 }
 
 /// The number of odd primes whose exponents are stored without an allocation.
 const FIRST: usize = 8;
 
-/// Exponents of what occurs seldom. The lists end with a non-zero entry or are empty, and one is not empty.
+/// Exponents of factors that occur seldom. A list is empty or ends with a non-zero entry, and at least one list is not
+/// empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Rare {
-    /// Of the primes after the first.
+    /// The exponents of the odd primes after the first [`FIRST`].
     more: Vec<u32>,
     cofactors: Vec<u32>,
 }
@@ -57,7 +59,8 @@ fn combine(into: &mut Vec<u32>, from: &[u32], combine: impl Fn(u32, u32) -> u32)
 }
 
 impl Denominator {
-    /// self * other^times. Exponents saturate; whoever goes that far is refused for the size of the numbers.
+    /// self * other^times. Exponents saturate; an expansion that reaches such exponents is refused for the size of its
+    /// numbers.
     pub(crate) fn multiply(&mut self, other: &Self, times: u32) {
         let raise = |into: u32, from: u32| into.saturating_add(from.saturating_mul(times));
         self.two = raise(self.two, other.two);
@@ -91,7 +94,7 @@ impl Denominator {
         self.two += 1;
     }
 
-    /// Divides by 2 while it goes, at most `most` times, and says how often it went.
+    /// Divides by 2 as often as possible, at most `most` times, and returns how often.
     pub(crate) fn halve(&mut self, most: u32) -> u32 {
         let times = self.two.min(most);
         self.two -= times;
@@ -117,7 +120,7 @@ impl Denominator {
         self.rare.as_ref().map_or(&[], |rare| rare.cofactors.as_slice())
     }
 
-    /// Calls back with the index of every prime and its exponent where this is not 0.
+    /// Calls `each` with the index and the exponent of every prime whose exponent is not 0.
     #[inline]
     fn primes(&self, mut each: impl FnMut(usize, u32)) {
         for (index, &exponent) in self.odd.iter().enumerate() {
@@ -278,8 +281,8 @@ impl Factors {
         Scalar::from_big(&BigInt::from(value))
     }
 
-    /// Divides by every odd prime as often as it is in there and `divide` says that the numerators were divided by it
-    /// too. Cofactors stay.
+    /// Divides by every odd prime as often as the denominator contains it and `divide` reports that the numerators were
+    /// divided by it too. Cofactors stay.
     pub(crate) fn reduce(&self, denominator: &mut Denominator, mut divide: impl FnMut(&OddPrime) -> bool) {
         let mut by = |index: usize, exponent: &mut u32| {
             while *exponent > 0 && divide(self.known(index)) {
@@ -330,7 +333,7 @@ pub(crate) struct Reduction<'a> {
     odd: SmallVec<[(&'a OddPrime, u32); 4]>,
     cofactor: Option<BigUint>,
     words: usize,
-    /// The product of the odd primes' powers, when all is within two words.
+    /// The product of the odd primes' powers, when the whole denominator fits two words.
     product: u128,
 }
 
@@ -413,7 +416,7 @@ impl Reduction<'_> {
         if negative { magnitude.negated().write_words(above) } else { magnitude.write_words(above) }
     }
 
-    /// Divides by the prime while it goes, at most `exponent` times, and tells each time.
+    /// Divides by the prime as often as possible, at most `exponent` times, and calls `each` after every division.
     #[inline]
     fn divide<T: Numerator>(&self, magnitude: &mut T, prime: &OddPrime, exponent: u32, mut each: impl FnMut()) {
         for _ in 0..exponent {
@@ -423,7 +426,7 @@ impl Reduction<'_> {
         }
     }
 
-    /// The denominator's words when there are more than two: 2^two first, then the rest.
+    /// Writes a denominator of more than two words: 2^two first, then the other factors.
     fn write_long<T: Numerator>(&self, magnitude: &mut T, two: u32, below: &mut [u64]) {
         let low = (two / 64) as usize;
         below.fill(0);

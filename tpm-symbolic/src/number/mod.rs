@@ -1,4 +1,5 @@
-//! Exact numbers: rationals of any size, and the bounded integers over common denominators that tables are multiplied out in.
+//! Exact numbers: rationals of any size, and the bounded integers over common denominators in which tables are
+//! multiplied out.
 //!
 //! [`rational`] has the type, its constructors and the one rounding to a float; how a rational is stored is private.
 

@@ -17,7 +17,7 @@ pub(crate) trait Numerator: Clone {
     fn zero() -> Self;
     fn is_zero(&self) -> bool;
     fn is_negative(&self) -> bool;
-    /// From little-endian words in two's complement, as many as there are.
+    /// The integer of all the given little-endian words in two's complement.
     fn from_words(words: &[u64]) -> Self;
     /// Fills `out` with the low words of the two's complement.
     fn write_words(&self, out: &mut [u64]);
@@ -29,9 +29,9 @@ pub(crate) trait Numerator: Clone {
     fn bit_length(values: &[Self]) -> u64;
     /// Number of trailing zero bits; the value is not zero.
     fn trailing_zeros(&self) -> u32;
-    /// Divided by 2^count, which divides it.
+    /// The value divided by 2^count, which must divide it.
     fn shifted_right(&self, count: u32) -> Self;
-    /// The quotient when the non-negative `self` is divisible.
+    /// The quotient of the non-negative `self` by the prime, when the prime divides it.
     fn divided_exactly(&self, prime: &OddPrime) -> Option<Self>;
     /// The value as a machine word, for the width of one word only.
     fn as_word(&self) -> Option<i64>;

@@ -11,7 +11,7 @@ pub(crate) struct OddPrime {
     pub(super) inverse: u64,
     /// 1/value modulo 2^128.
     pub(super) inverse_wide: u128,
-    /// The largest quotients there are in one and in two words.
+    /// The largest quotient by the prime that a word can have; `largest_wide` is that of two words.
     largest: u64,
     pub(super) largest_wide: u128,
     /// The binary logarithm in units of 2^-20, rounded up.
@@ -69,7 +69,7 @@ impl OddPrime {
         multiple.wrapping_mul(self.inverse_wide)
     }
 
-    /// The quotient when a word is divisible.
+    /// The quotient of a word by the prime, when the prime divides it.
     #[inline]
     pub(crate) fn divide_exactly(&self, word: u64) -> Option<u64> {
         // n is divisible exactly when n/p modulo 2^64 is not above the largest quotient there is.

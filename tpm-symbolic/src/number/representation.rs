@@ -127,7 +127,7 @@ impl Rational {
         }
     }
 
-    /// The whole number nearest to this towards zero.
+    /// The whole part, rounded towards zero.
     #[must_use]
     pub fn to_integer(&self) -> BigInt {
         match &self.0 {
@@ -139,7 +139,7 @@ impl Rational {
     /// The reciprocal.
     ///
     /// # Panics
-    /// For zero.
+    /// When the number is zero.
     #[must_use]
     pub fn recip(&self) -> Self {
         match &self.0 {

@@ -4,7 +4,7 @@ use crate::number::numerator::Numerator;
 use crate::number::wide::Wide;
 use num_bigint::BigInt;
 
-/// Numerators of one width. Which one is chosen by [`Values::hold`].
+/// Numerators of one width, which [`Values::hold`] chooses.
 #[derive(Clone, Debug)]
 pub(crate) enum Values {
     One(Vec<i64>),
@@ -45,7 +45,7 @@ macro_rules! for_width {
 pub(crate) use for_width;
 
 impl Values {
-    /// Magnitudes below 2^this are represented.
+    /// The number of bits b such that the width holds every magnitude below 2^b.
     pub(crate) fn capacity(&self) -> u64 {
         fn bits<T: Numerator>(_: &[T]) -> u64 {
             T::BITS

@@ -32,8 +32,9 @@ pub(crate) fn bank(rows: &[TableRow]) -> Plan {
 /// harmonics below.
 const FIRST: usize = 4;
 
-/// Phasors of harmonics, alone or times a signal, operation by operation: harmonics in a row are made alike from those before
-/// them, and compilers put them into vectors unless the algebra has made each of them shorter in its own way.
+/// Phasors of harmonics, alone or times a signal, operation by operation. Consecutive harmonics take the same
+/// operations on earlier ones, so that compilers can put them into vectors; algebra that shortens each harmonic in its
+/// own way prevents that.
 struct Bank {
     merger: Merger,
     known: BTreeMap<(Option<usize>, usize), (Slot, Slot)>,
@@ -43,7 +44,7 @@ impl Bank {
     fn plan(rows: &[TableRow], carried: &BTreeSet<usize>) -> Plan {
         let mut bank = Self { merger: Merger::default(), known: BTreeMap::new() };
         let add = |&(equation, harmonic, function): &TableRow| {
-            // A mean is the signal itself.
+            // A mean needs no phasor: its term is the signal itself.
             let through = (harmonic == 0 || carried.contains(&equation)).then_some(equation);
             let (cos, sin) = bank.at(through, harmonic);
             let base = if function == Trig::Cos { cos } else { sin };
@@ -83,7 +84,8 @@ impl Bank {
                 (self.merger.emit(Op::Mul(signal, cos)), self.merger.emit(Op::Mul(signal, sin)))
             }
             _ => match (harmonic.checked_sub(FIRST).and_then(known), harmonic.checked_sub(2 * FIRST).and_then(known)) {
-                // The three-term recurrence doubles the rounding errors over two steps, and grows them as k^2 over many: two it is.
+                // The three-term recurrence doubles the rounding errors over two steps and grows them as k^2 over many,
+                // so it runs over two steps at most.
                 (Some(near), Some(far)) if (2 * FIRST + 1..=4 * FIRST).contains(&harmonic) => {
                     let (cos, _) = self.at(None, FIRST);
                     let twice = self.merger.emit(Op::Add(cos, cos));

@@ -17,7 +17,8 @@ impl Plan {
         Self::with_leaves(graph, roots, Leaf::of_model)
     }
 
-    /// The plan in which every product is put together from left to right: what an expression costs as it is written.
+    /// The plan in which every product is multiplied from left to right, which counts what an expression costs as it is
+    /// written.
     pub(crate) fn unshared(graph: &Graph, roots: &[ExprId]) -> Self {
         compiled(graph, roots, Leaf::of_model, SharedProducts::default())
     }
@@ -43,7 +44,7 @@ fn compiled<L: Clone + PartialEq>(
 
 struct Builder<'a, L, F> {
     graph: &'a Graph,
-    /// What a leaf of the graph is to the plan.
+    /// Gives the leaf of the plan for a leaf of the graph.
     leaf: F,
     products: SharedProducts,
     merger: Merger<L>,
@@ -149,7 +150,8 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
         }
     }
 
-    /// The product of a node's atoms, of which other products may hold some; `None` for a node without several factors.
+    /// The slot of the product of a node's atoms, parts of which other products may share; `None` for a node without
+    /// several factors.
     fn shared(&mut self, id: ExprId) -> Option<Slot> {
         let atoms = self.products.atoms(id)?.to_vec();
         if let [Atom::Two, single] | [single, Atom::Two] = atoms.as_slice() {

@@ -6,7 +6,7 @@ use crate::plan::draft::Draft;
 use crate::plan::leaf::Leaf;
 use std::collections::HashMap;
 
-/// Replaces stated constants by their values, also inside functions, where the regressor form leaves them.
+/// Replaces stated constants by their values, also inside functions, where the regressor form keeps them as symbols.
 pub(crate) fn substitute_values(model: &Model, graph: &mut Graph, expr: ExprId) -> ExprId {
     let mut replacement = HashMap::new();
     for leaf in graph.leaves(expr) {

@@ -8,17 +8,17 @@ use crate::plan::factored;
 use crate::regressor::form::RegressorForm;
 use std::collections::BTreeMap;
 
-/// The entries behind the plans, as expressions.
+/// The expressions from which the plans are compiled.
 pub(crate) struct Entries {
     pub(crate) graph: Graph,
     /// The coordinates that the rows use, each with its highest time derivative there.
     pub(crate) coordinates: Vec<(Coordinate, u32)>,
     pub(crate) inputs: Vec<Symbol>,
-    /// Rows times columns.
+    /// The regressor, rows times columns.
     pub(crate) regressor: Vec<ExprId>,
-    /// One per row.
+    /// The known terms, one per row.
     pub(crate) known: Vec<ExprId>,
-    /// Rows times inputs.
+    /// The input map, rows times inputs.
     pub(crate) input_map: Vec<ExprId>,
 }
 

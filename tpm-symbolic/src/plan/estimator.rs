@@ -25,14 +25,14 @@ pub struct EstimatorPlan {
     pub inverse_dynamics: Plan,
     /// The inputs, when every input stands in exactly one equation and alone there.
     pub feed_forward: Option<Plan>,
-    /// The feed-forward in two parts that add up, the motion-independent one first ([`crate::plan::split`]); `None` where there is no
-    /// feed-forward, or its terms cannot be shared out.
+    /// The feed-forward in two parts that add up, the motion-independent one first ([`crate::plan::split`]); `None`
+    /// where there is no feed-forward, or where its terms cannot be divided between the two.
     pub feed_forward_parts: Option<[Plan; 2]>,
     /// The columns from the physical parameters; `None` when every column is one of them.
     pub lumping: Option<Plan>,
     /// The physical parameters from the columns, when `lumping` is some.
     pub unlumping: Option<Result<Unlumping, UnlumpGap>>,
-    /// One per pattern of the model.
+    /// The plans of every pattern of the model.
     pub patterns: Vec<PatternPlan>,
 }
 
@@ -44,8 +44,9 @@ impl EstimatorPlan {
         Self::with_tables(model, form, model.patterns.iter().map(table))
     }
 
-    /// The plans of `form`, which belongs to `model`, with tables that were made elsewhere, one per pattern of the model: of declared Taylor polynomials, or with
-    /// a declared number of harmonics. Their symbols and columns are the model's and the form's.
+    /// The plans of `form`, which belongs to `model`, with one given table per pattern of the model. A table may come
+    /// from declared Taylor polynomials or have a declared number of harmonics; its symbols are the model's and its
+    /// columns are the form's.
     #[must_use]
     pub fn with_tables(
         model: &Model,
@@ -86,7 +87,8 @@ fn inverse_dynamics(merger: &mut Merger, evaluation: &Evaluation, form: &Regress
                 continue;
             }
             let theta = merger.load(Leaf::Column(c));
-            // Subtracted where something stands before it; a first term takes the entry as it is, which the regressor has.
+            // A negative entry is subtracted from the terms before it. As the first term it is used as it is, since the
+            // regressor computes it.
             let (factor, negative) = match *merger.op(entry) {
                 Op::Neg(positive) if total.is_some() || merger.is_number(positive, One::is_one) => (positive, true),
                 _ => (entry, false),

@@ -24,7 +24,7 @@ pub(crate) fn entry(
     (row, column): (usize, Option<usize>),
     polynomial: &Polynomial<ExprId>,
 ) -> Option<ExprId> {
-    // One term is as short as it gets; eliminated models have other rows than they declare.
+    // A single term cannot be shortened, and the rows that are left after eliminations are not the declared ones.
     if polynomial.len() < 2 || !model.eliminations.is_empty() {
         return None;
     }
@@ -46,7 +46,7 @@ pub(crate) fn entry(
     };
     // The form has exact constants as numbers.
     let written = substitute_values(model, graph, written);
-    // The row of the form may be scaled, so that its input stands alone.
+    // The row of the form may be scaled so that its input stands alone.
     let found = graph.polynomial(written);
     let (monomial, coefficient) = polynomial.terms().next()?;
     let present = found.coefficient(monomial);

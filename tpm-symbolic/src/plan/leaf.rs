@@ -1,4 +1,4 @@
-//! What plans read.
+//! The leaves of plans.
 
 use crate::expr::graph::{Coordinate, Node, Symbol};
 use serde::{Deserialize, Serialize};

@@ -21,7 +21,7 @@ pub enum UnlumpGap {
     /// Different physical parameters have the same columns.
     #[error("the estimated parameters do not determine {}", quoted(.0))]
     NotDetermined(Vec<String>),
-    /// The columns determine the parameters, at least locally, but not by a rational function that was found.
+    /// The columns determine the parameters, at least locally, but no rational function for them was found.
     #[error("no rational function of the estimated parameters was found that gives {}", quoted(.0))]
     NoClosedForm(Vec<String>),
 }
@@ -33,13 +33,13 @@ fn quoted(names: &[String]) -> String {
 /// The exact inverse of the lumping.
 #[derive(Clone, Debug)]
 pub struct Unlumping {
-    /// The lumping.
+    /// The map from the physical parameters to the columns.
     pub map: ParameterMap,
-    /// Its inverse, complete: every parameter of the model is solved.
+    /// The inverse of `map`, complete: every parameter of the model is solved.
     pub inverse: Inverse,
     /// The intermediate quantities of the inverse that a parameter needs.
     pub intermediates: Vec<usize>,
-    /// The outputs are those intermediates, then the model's parameters; leaves are columns and constants.
+    /// The outputs are the `intermediates`, then the model's parameters; leaves are columns and constants.
     pub plan: Plan,
 }
 
@@ -86,7 +86,7 @@ pub(crate) fn unlumping(model: &Model, form: &RegressorForm) -> Option<Result<Un
             false => UnlumpGap::NotDetermined(open),
         }));
     }
-    // An intermediate is made of those before it.
+    // An intermediate is computed from earlier intermediates.
     let mut needed = vec![false; inverse.intermediates.len()];
     let mark = |needed: &mut Vec<bool>, value: &Fraction<Variable>| {
         let factors = value.denominator().map(|(factor, _)| factor);
@@ -119,8 +119,8 @@ pub(crate) fn unlumping(model: &Model, form: &RegressorForm) -> Option<Result<Un
     Some(Ok(Unlumping { map, inverse, intermediates, plan }))
 }
 
-/// What a variable of the inverse is: a number that is given, or an intermediate quantity, which is a leaf of its own until
-/// [`closed`], so that what follows from it is computed from it, as the formulas say.
+/// A variable of the inverse: a given number, or an intermediate quantity. An intermediate stays a leaf until
+/// [`closed`] connects it to the output that computes it, so that later formulas use the computed value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Part {
     Given(Leaf),

@@ -1,4 +1,5 @@
-//! Straight-line plans: what interpreter and writers execute, operation by operation, with exact constants.
+//! Straight-line plans: what the interpreter executes and the writers print, operation by operation, with exact
+//! constants.
 
 pub mod bank;
 mod compile;

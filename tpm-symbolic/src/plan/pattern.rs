@@ -26,22 +26,22 @@ use crate::plan::table::{TablePlan, table_symbol};
 use num_traits::Zero;
 use thiserror::Error;
 
-/// Why a part that depends on the pattern cannot be had.
+/// Why a part that depends on the pattern does not exist.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum PatternGap {
     /// A coordinate of the equations does not move by the pattern.
     #[error("the pattern gives the coordinate `{0}` no motion")]
     NoMotion(String),
-    /// The table does not exist.
+    /// The harmonic table does not exist.
     #[error(transparent)]
     Expand(#[from] ExpandError),
     /// The declared Taylor polynomials lump the parameters otherwise than the equations do.
     #[error("with the declared Taylor polynomials the parameters are {table}, not {exact}")]
     Columns {
-        /// Those of the equations.
+        /// The columns of the equations.
         exact: String,
-        /// Those of the table.
+        /// The columns of the table.
         table: String,
     },
 }
@@ -108,14 +108,14 @@ pub struct PseudoInverse {
     pub numbers: Vec<Vec<Rational>>,
     /// s, one scale per parameter.
     pub scales: Vec<Scale>,
-    /// theta, one output per parameter; leaves are the harmonics, amplitudes, frequency and constants. None of those in a scale
-    /// may be zero.
+    /// theta, one output per parameter; leaves are the harmonics, amplitudes, frequency and constants. No quantity in a
+    /// scale may be zero.
     pub plan: Plan,
 }
 
 impl PseudoInverse {
-    /// `None` where a column's entries differ in more than a number, the columns depend on each other, there are terms without an
-    /// unknown parameter, or the matrix has more than [`MOST_ENTRIES`] entries.
+    /// `None` where the entries of a column differ by more than a numeric factor, the columns depend on each other,
+    /// there are terms without an unknown parameter, or the matrix has more than [`MOST_ENTRIES`] entries.
     fn new(model: &Model, table: &TablePlan) -> Option<Self> {
         let columns = table.table.parameters.len();
         if table.places.iter().any(|(_, column)| column.is_none()) || table.places.len() > MOST_ENTRIES {

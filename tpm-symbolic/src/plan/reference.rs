@@ -57,8 +57,8 @@ impl<'d> Phasors<'d> {
     }
 }
 
-/// The plan of every coordinate of `coordinates` with its derivatives 0, 1, ... up to its own order, one coordinate after the
-/// other; the first coordinate that the pattern does not move where there is one.
+/// The plan of every coordinate of `coordinates` with its derivatives 0, 1, ... up to its own order, one coordinate
+/// after the other; or else the first coordinate that the pattern does not move.
 pub(crate) fn reference(
     model: &Model,
     coordinates: &[(Coordinate, u32)],

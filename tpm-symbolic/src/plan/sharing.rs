@@ -34,7 +34,7 @@ pub(crate) enum Atom {
 pub(crate) struct SharedProducts {
     products: HashMap<ExprId, Vec<Atom>>,
     pairs: Vec<(Atom, Atom)>,
-    /// In how many places of products and of other pairs every pair stands.
+    /// For every pair, the number of places in products and in other pairs where it stands.
     places: Vec<usize>,
 }
 
@@ -136,7 +136,7 @@ impl SharedProducts {
                         places.insert((a, b), place);
                         found.push(((a, b), 0));
                     }
-                    // Once a product, however often a power holds it.
+                    // A pair counts once per product, however often a power repeats it.
                     if !counted.contains(&place) {
                         counted.push(place);
                         found[place].1 += 1;

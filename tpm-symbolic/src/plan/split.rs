@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! motion-independent part   f_i with q_d = const for every d in D(i), all derivatives of q_d being 0
-//! motion-dependent part     f_i minus that
+//! motion-dependent part     f_i minus the motion-independent part
 //! ```
 //!
 //! The first is a reaction: an actuator gives it standing still, as fast as its amplifier is; the second also fights the
@@ -57,10 +57,10 @@ pub struct Split {
 /// Why the inputs of a model cannot be split.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum SplitError {
-    /// There is nothing to split.
+    /// The model has no input.
     #[error("the model has no input")]
     NoInput,
-    /// Fewer rows with inputs than inputs.
+    /// There are fewer equations with an input than inputs.
     #[error(
         "{inputs} inputs stand in {rows} equations only, so that the motion does not determine them; combine inputs that act together into one"
     )]
@@ -70,18 +70,18 @@ pub enum SplitError {
         /// Number of equations with an input.
         rows: usize,
     },
-    /// Inputs that act on the same equations in the same proportion.
+    /// Some inputs act on the same equations in the same proportion.
     #[error("the inputs act on the same equations in the same proportion, so that the motion does not determine them")]
     Dependent,
     /// An input does not enter linearly.
     #[error("`{input}` does not enter linearly here")]
     NotLinear {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
         /// The input.
         input: String,
     },
-    /// It does not follow from the equations which coordinate an input drives.
+    /// The equations do not tell which coordinate an input drives.
     #[error(
         "it does not follow from the equations which coordinate `{input}` drives; say so: --motion {input}=COORDINATE"
     )]
@@ -92,7 +92,7 @@ pub enum SplitError {
     /// A term has no value when the joint stands still.
     #[error("`{atom}` has no value while `{input}`'s coordinate stands still, so there is no motion-independent part")]
     Singular {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
         /// The input.
         input: String,
@@ -112,14 +112,16 @@ impl SplitError {
     }
 }
 
-/// Splits every input of a model. `motions` says which coordinates an input drives; for the others it is found: the row of
-/// an input belongs to the coordinate whose highest derivative it determines, and where that is no motion (a current, whose
-/// highest derivative is the first) the input drives the motions that move in its row.
+/// Splits every input of a model. `motions` names the coordinates that an input drives. For an input that is not
+/// listed, its row belongs to the coordinate whose highest derivative the row determines. Where that coordinate is no
+/// motion (a current, whose highest derivative is the first), the input drives the motions whose derivatives stand in
+/// its row.
 ///
 /// Inputs that act on more rows than there are inputs are solved for by least squares, as the feed-forward does.
 ///
 /// # Errors
-/// [`SplitError`].
+/// When the model has no input, the equations do not determine the inputs or the coordinate that an input drives, an
+/// input does not enter linearly, or a term has no value when the joint stands still.
 pub fn split(model: &Model, motions: &[(Symbol, Vec<Coordinate>)]) -> Result<Split, SplitError> {
     let mut model = model.clone();
     let inputs: Vec<Symbol> = model.inputs().collect();
@@ -174,7 +176,7 @@ impl Split {
     }
 
     /// A model with one equation for every part that is not 0, `F_independent = ...` and `F_dependent = ...`, ready for
-    /// regressor form and expansion. Coordinates that the model asks to eliminate are replaced by what they are.
+    /// regressor form and expansion. Coordinates that the model asks to eliminate are replaced by their solutions.
     ///
     /// # Errors
     /// When a coordinate cannot be eliminated.
@@ -194,7 +196,7 @@ impl Split {
             }
         }
         model.eliminations.clear();
-        // The parts are lumped anew: a name given to a lump of the whole need not fit any of theirs.
+        // The parts are lumped anew: a name given to a lump of the whole need not fit any lump of the parts.
         model.lumps.clear();
         model.equations.clear();
         for input in &self.inputs {
@@ -228,9 +230,9 @@ impl Split {
 pub struct NumericPart {
     /// Index of the part's equation in the model of [`Split::parts`].
     pub equation: usize,
-    /// Its harmonics.
+    /// The harmonics of the part.
     pub wave: Wave,
-    /// The largest value of what was left out is at most this.
+    /// An upper bound of the magnitude of what the harmonics leave out.
     pub tail: f64,
 }
 
@@ -261,8 +263,8 @@ pub fn numeric_parts(
     Ok(found)
 }
 
-/// The regressor form in its two parts, the motion-independent and the motion-dependent one, for rows that each hold one input:
-/// the terms of every row are shared out, so that Phi theta + known of both add up to the whole.
+/// The regressor form in its two parts, the motion-independent and the motion-dependent one, for rows that each hold
+/// one input. Every term of a row goes to one of the parts, so that Phi theta + known of both add up to the whole.
 ///
 /// `None` where that cannot be done term by term: a row holds several inputs, an input's coordinate does not follow from the
 /// equations or is eliminated, or a term has a share in both parts.
@@ -311,7 +313,7 @@ pub fn split_form(model: &Model, form: &RegressorForm) -> Option<[RegressorForm;
     Some(parts)
 }
 
-/// Zero in the place of every derivative of coordinates that stand still.
+/// Maps every derivative of the coordinates that stand still to zero.
 fn standing_still(graph: &mut Graph, coordinates: &[Coordinate], order: u32) -> HashMap<ExprId, ExprId> {
     let zero = graph.integer(0);
     let mut still = HashMap::new();
@@ -498,7 +500,7 @@ fn driven(model: &Model, pairs: Option<&[usize]>, acts: impl Iterator<Item = usi
         let own = pairs[equation];
         let mut coordinates = vec![own];
         if orders[own] < 2 {
-            // A current or the like: the machine's motion is what moves in its row.
+            // A coordinate of first order, such as a current, is no motion: the input drives the motions in its row.
             let moving = (0..orders.len()).filter(|&c| orders[c] >= 2);
             let moving: Vec<usize> = moving.filter(|&c| stands(model, &model.equations[equation], c, 1)).collect();
             if !moving.is_empty() {

@@ -10,7 +10,7 @@ use num_traits::Zero;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
-/// A list of operations, some of whose results are asked for. `L` is what its leaves are.
+/// A list of operations, some of whose results are asked for. `L` is the type of its leaves.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Plan<L = Leaf> {
     /// The leaves that the plan reads, in order of first use.

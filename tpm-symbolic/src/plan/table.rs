@@ -14,7 +14,7 @@ use crate::plan::straight_line::Plan;
 pub struct TablePlan {
     /// The table itself.
     pub table: HarmonicTable,
-    /// Its rows.
+    /// The rows of the table.
     pub rows: Vec<TableRow>,
     /// Row and column (`None`: the terms without unknown parameters) of every output of `matrix`.
     pub places: Vec<(usize, Option<usize>)>,
@@ -107,7 +107,7 @@ pub fn entry_formula(table: &HarmonicTable, entry: &Entry) -> String {
             above.push(format!("sign({})", table.symbols[symbol]));
         }
     }
-    // A factor 1 is left out where something else stands.
+    // A factor 1 is left out beside other factors.
     if above.len() > 1 && (above[0] == "1" || above[0] == "-1") {
         let minus = if above.remove(0) == "-1" { "-" } else { "" };
         above[0].insert_str(0, minus);

@@ -20,9 +20,9 @@ pub enum RegressorError {
     /// A parameter stands inside a function of the motion.
     #[error("the model is not linear in `{parameter}`: it stands inside `{inside}`, which depends on the motion")]
     InsideFunction {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
-        /// Which parameter.
+        /// The parameter.
         parameter: String,
         /// The function.
         inside: String,
@@ -30,9 +30,9 @@ pub enum RegressorError {
     /// An input is multiplied by a motion or by another input, or stands inside a function.
     #[error("the input `{input}` must stand alone, multiplied by parameters and constants only, not as in `{found}`")]
     InputNotLinear {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
-        /// Which input.
+        /// The input.
         input: String,
         /// The term as it was found.
         found: String,
@@ -42,9 +42,9 @@ pub enum RegressorError {
         "the factor `{factor}` of the input `{input}` has unknown parameters and cannot be divided out of its equation; declare them as constants"
     )]
     InputFactor {
-        /// Where.
+        /// The source term at fault.
         term: TermId,
-        /// Which input.
+        /// The input.
         input: String,
         /// Its factor.
         factor: String,
@@ -52,7 +52,7 @@ pub enum RegressorError {
     /// No equation has an input.
     #[error("no equation has an input, so nothing fixes the scale of the parameters")]
     NoInput,
-    /// Nothing is left of an equation.
+    /// The terms of an equation cancel, so that nothing is left of it.
     #[error("equation {name} cancels to nothing")]
     Empty {
         /// The equation.
@@ -85,7 +85,7 @@ enum Class {
     /// A run-time constant, pi, or a function of constants.
     Constant,
     Motion,
-    /// Depends on both a parameter (or input) and the motion.
+    /// A factor that depends on both a parameter (or input) and the motion.
     Mixed(Symbol),
 }
 
@@ -210,7 +210,7 @@ pub(crate) fn collect_terms(
             }
         }
     }
-    // Stable, so that the first source of a pair stays.
+    // The sort is stable, so that a pair keeps its first source term.
     terms.sort_by(|a, b| a.sides().cmp(&b.sides()));
     terms.dedup_by(|next, kept| {
         let same = next.sides() == kept.sides();

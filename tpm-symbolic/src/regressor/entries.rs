@@ -1,8 +1,8 @@
 //! What a regressor form consists of: columns, and rows of terms.
 //!
 //! Invariants of [`RegressorForm`]: terms of a row are sorted by column, then monomial, with no zero coefficient and no
-//! two terms of equal column and monomial; no column is empty; a row with inputs that have only rational coefficients
-//! and just one input is scaled so that this coefficient is 1.
+//! two terms of equal column and monomial; no column is empty; a row with a single input, whose coefficient is rational,
+//! is scaled so that this coefficient is 1.
 
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{ExprId, Symbol};
@@ -35,7 +35,7 @@ pub struct Term {
     pub coefficient: Rational,
     /// Constants and motion atoms, by their ids in the model's graph.
     pub atoms: Monomial<ExprId>,
-    /// A source term that it came from.
+    /// A source term from which this term came.
     pub source: TermId,
 }
 

@@ -10,7 +10,7 @@ use crate::number::rational::Rational;
 use crate::regressor::parameter_map::ParameterMap;
 use num_traits::One;
 
-/// An expression of more terms in its numerator is of no use as a closed form.
+/// The largest number of terms in the numerator of a closed form; a longer one is of no use.
 pub(super) const MAX_TERMS: usize = 500;
 
 /// A variable of an inverse: `Variable(j)` is column j; beyond the columns come the constants that are known at run time,
@@ -47,7 +47,7 @@ pub struct Inverse {
     pub intermediates: Vec<Intermediate>,
     /// Parameters with a closed form, in order of declaration.
     pub solved: Vec<(Symbol, Fraction<Variable>)>,
-    /// Parameters for which none was found.
+    /// Parameters without a known closed form.
     pub unsolved: Vec<Symbol>,
     /// Relations among the columns.
     pub constraints: Vec<Constraint>,

@@ -1,10 +1,10 @@
 //! The search for the inverse of a parameter map.
 //!
-//! Values of products of parameters that are known in terms of the c form a multiplicative lattice of exponent vectors:
-//! with k2 and k2 m2/k3 also m2/k3 is known, and its powers. Modulo this lattice every definition is a linear equation
+//! Values of products of parameters that are known in terms of the columns c form a multiplicative lattice of exponent
+//! vectors: with k2 and k2 m2/k3 also m2/k3 is known, and its powers. Modulo this lattice every definition is a linear equation
 //! in the products that are not known yet. Gauss elimination isolates products, whose values join the lattice, until it
 //! contains every parameter or nothing is found any more. Two carts: k1 = c6, k2 = c7, m2/k3 = c3/(3 c7), m1 = c1 k3/m2,
-//! m2 = c2 - m1 - k1 m2/k3. A definition that reduces to nothing is a constraint among the c (c4 = c3^2/(3 c7),
+//! m2 = c2 - m1 - k1 m2/k3. A definition that reduces to nothing is a constraint among the columns (c4 = c3^2/(3 c7),
 //! c5 = c3^3/(27 c7^2)). Sums that divide several definitions, such as m2/g1 + m3/g1 + m3/g2 in three carts, count as
 //! quantities of their own, so that relations between their powers come out as short as they are. A value that is more than
 //! a single product becomes an intermediate quantity with a name of its own, so that expressions do not grow from step to
@@ -82,7 +82,7 @@ fn with_shared_factors(graph: &mut Graph, definitions: &[Polynomial<ExprId>]) ->
     factored.into_iter().map(definition).collect()
 }
 
-/// sum over unknown products of (known coefficient) * product = right-hand side.
+/// The linear equation: sum over unknown products of (known coefficient) * product = right-hand side.
 #[derive(Clone)]
 struct LinearEquation {
     /// Index into the equations of the inversion.
@@ -100,7 +100,7 @@ enum Origin {
     Sum(ExprId),
 }
 
-/// polynomial in the parameters = known value.
+/// The equation: polynomial in the parameters = known value.
 struct Equation {
     polynomial: Polynomial<ExprId>,
     origin: Origin,
@@ -115,7 +115,7 @@ struct Inversion<'a> {
     graph: Graph,
     atoms: Vec<ExprId>,
     equations: Vec<Equation>,
-    /// Known at run time.
+    /// The constants that are known at run time only.
     constants: Vec<Symbol>,
     lattice: Lattice,
     intermediates: Vec<Intermediate>,
@@ -158,7 +158,7 @@ impl<'a> Inversion<'a> {
             let Node::Symbol(symbol) = *graph.node(atom) else { continue };
             let Kind::Constant { value } = &map.quantities[symbol.0 as usize].kind else { continue };
             let known = match value {
-                // A product that is zero has no place among those that are divided by.
+                // A constant that is zero cannot join the lattice, whose products are divided by.
                 Some(value) if value.is_zero() => continue,
                 Some(value) => Fraction::constant(value.clone()),
                 None => {
@@ -340,7 +340,7 @@ impl<'a> Inversion<'a> {
                 equation.right = equation.right.sub(&pivot.right.mul(&factor));
                 equation.terms.retain(|_, value| !self.vanishes(value));
             }
-            // What grows beyond use is given up; a later round may find it in another way.
+            // An equation that grows beyond use is given up; a later round may find its product in another way.
             let grown = |value: &Fraction<Variable>| value.numerator().len() > MAX_TERMS;
             equations.retain(|equation| !grown(&equation.right) && !equation.terms.values().any(grown));
             done.push(pivot);

@@ -24,7 +24,7 @@ pub(crate) struct Group {
 /// A parameter monomial's regressor over the whole system: its terms, row by row.
 type Regressor<'a> = SmallVec<[(usize, &'a [CollectedTerm]); 2]>;
 
-/// What `regressor` is as a multiple of `first`, when it is one.
+/// The ratio of `regressor` to `first`, when the two are proportional.
 fn multiple(regressor: &Regressor<'_>, first: &Regressor<'_>) -> Option<Rational> {
     let mut pairs = Vec::new();
     for ((row, terms), (first_row, first_terms)) in regressor.iter().zip(first) {
@@ -58,7 +58,7 @@ pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
     order.sort_by_key(|(_, place, _)| *place);
     // A group with the regressor of its first member.
     let mut groups: Vec<(Group, &Regressor<'_>)> = Vec::with_capacity(order.len());
-    // Groups by where, and on which motion, they begin.
+    // Groups by the row and the motion monomial of their first term.
     let mut seen: BTreeMap<(usize, &Monomial<ExprId>), SmallVec<[usize; 1]>> = BTreeMap::new();
     for (parameters, _, regressor) in &order {
         let Some((row, terms)) = regressor.first() else { continue };
@@ -126,7 +126,7 @@ pub(crate) fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group
             };
             terms.push(Term { column, coefficient, atoms, source });
         }
-        // Within a column they are sorted by what they multiply already.
+        // The sort is stable: terms of one column stay in the order of their motion monomials.
         terms.sort_by_key(|term| term.column);
         Row { name: row.name, terms, inputs: row.inputs }
     });

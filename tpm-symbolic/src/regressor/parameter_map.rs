@@ -136,7 +136,7 @@ impl ParameterMap {
         self.definitions.iter().map(|definition| self.exact(definition, &value)).collect()
     }
 
-    /// The Jacobian, exactly; `None` as in [`Self::evaluate_exact`].
+    /// The Jacobian, exactly; `None` where a division by zero or a function without a rational value is met.
     #[must_use]
     pub fn jacobian_exact(&self, value: impl Fn(Symbol) -> Rational) -> Option<Vec<Vec<Rational>>> {
         let row = |row: &Vec<Polynomial<ExprId>>| row.iter().map(|entry| self.exact(entry, &value)).collect();
@@ -225,7 +225,7 @@ impl Names for ParameterMap {
     }
 }
 
-/// The atoms that occur.
+/// The atoms that occur in the polynomials.
 pub(super) fn atoms_of(polynomials: &[Polynomial<ExprId>]) -> BTreeSet<ExprId> {
     let monomials = polynomials.iter().flat_map(Polynomial::terms).map(|(monomial, _)| monomial);
     monomials.flat_map(|monomial| monomial.factors().map(|(&atom, _)| atom)).collect()

@@ -33,7 +33,7 @@ pub struct Reconstruction {
     pub expr: ExprId,
     /// The equation that was solved for it.
     pub equation: String,
-    /// What was divided by: the elimination holds where this is not zero.
+    /// The divisor of the solution: the elimination holds where it is not zero.
     pub divisor: ExprId,
 }
 
@@ -287,7 +287,7 @@ fn unit_of(model: &Model, monomial: &Monomial<ExprId>) -> Option<Unit> {
 /// A motion monomial, its factors in the order in which the rule looks at them.
 type MotionKey = Vec<(Factor, i32)>;
 
-/// Derivatives before everything else, the highest first.
+/// A factor of a motion monomial. Derivatives come before everything else, the highest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Factor {
     Derivative(Reverse<u32>, Coordinate),
@@ -317,7 +317,7 @@ fn compare(left: &[(Factor, i32)], right: &[(Factor, i32)]) -> Ordering {
     let degree = |key: &[(Factor, i32)]| key.iter().map(|(_, exponent)| exponent).sum::<i32>();
     match (left.split_first(), right.split_first()) {
         (None, None) => Ordering::Equal,
-        // What is at rest comes last.
+        // A monomial whose factors have ended comes last.
         (None, Some(_)) => Ordering::Greater,
         (Some(_), None) => Ordering::Less,
         (Some(((a, p), rest_a)), Some(((b, q), rest_b))) => {

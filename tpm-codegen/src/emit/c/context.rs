@@ -18,9 +18,9 @@ use super::layout::{comment, doc, signature, statement};
 /// How C is emitted.
 #[derive(Clone, Debug)]
 pub struct Options<'a> {
-    /// What the reader must run to get this code again; stands in the header.
+    /// The command that generates this code again; it stands in the header.
     pub command: &'a str,
-    /// What names and files begin with; the model's name in small letters when not given.
+    /// The prefix of names and files; the model's name in small letters when not given.
     pub prefix: Option<&'a str>,
     /// The scalar.
     pub scalar: Scalar,
@@ -30,7 +30,7 @@ pub struct Options<'a> {
     pub filters: Option<&'a Filters>,
 }
 
-/// What the functions and types of the dynamics are called behind the prefix: no name of a model may be one of them.
+/// The names of the functions and types of the dynamics, without the prefix: no name of a model may be one of them.
 const DYNAMICS: [&str; 34] = [
     "common_feed_forward",
     "common_feed_forward_settle",
@@ -68,7 +68,7 @@ const DYNAMICS: [&str; 34] = [
     "unlump",
 ];
 
-/// What the functions and types of a pattern are called behind the prefix and the pattern's own name.
+/// The names of the functions and types of a pattern, without the prefix and the pattern's own name.
 const PATTERN: [&str; 20] = [
     "accumulate",
     "accumulate_at",
@@ -148,7 +148,7 @@ impl<'a> Context<'a> {
             reserved: &[],
         };
         let mut names = Names::new(&mut style, &estimator.model, &estimator.form, &estimator.plan);
-        // A pattern's name stands between others, so that no keyword can meet it.
+        // A pattern's name stands between other words, so that it never forms a keyword.
         let mut taken: Vec<String> = Vec::new();
         for (index, (pattern, names)) in estimator.plan.patterns.iter().zip(&mut names.patterns).enumerate() {
             if let Some(module) = &mut names.module {
@@ -413,7 +413,7 @@ fn is_prefix(prefix: &str) -> bool {
         && !prefix.ends_with('_')
 }
 
-/// What a function reads of constants, as a parameter.
+/// Adds the parameter `constants`, where the model has any; `reads` tells whether the function reads it.
 pub(super) fn push_constants(parameters: &mut Vec<Parameter>, context: &Context<'_>, reads: Reads) {
     parameters.extend(context.constants_parameter(reads.constants));
 }

@@ -32,7 +32,7 @@ pub(super) fn size_macro(context: &Context<'_>, name: &str, size: usize, about: 
     format!("{}#define {} {size}\n", doc(0, about), context.constant(name))
 }
 
-/// All of it.
+/// Writes all declarations and functions that need no pattern.
 pub(super) fn write(context: &mut Context<'_>) {
     records(context);
     labels(context);
@@ -251,7 +251,7 @@ fn matrix(
     parameters.push(Parameter::new(format!("{} matrix{dims}", context.scalar.name())));
     let mut body = String::new();
     if with_motion && function.reads.motion {
-        // A copy: what is stored into the matrix might otherwise be the motion itself, for all the compiler knows.
+        // The copy tells the compiler that no store into the matrix changes the motion.
         body.push_str(&statement(1, &format!("const {} at = *motion;", context.global("motion"))));
     }
     let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "", &[], "at."));

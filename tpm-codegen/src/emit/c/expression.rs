@@ -47,7 +47,7 @@ impl Scalar {
 
     /// A literal of a finite number of this scalar.
     pub(super) fn literal(self, value: f64) -> String {
-        // The caller's number is a single already where the scalar is one.
+        // For single precision, the caller passes a number that is a single already.
         #[allow(clippy::cast_possible_truncation)]
         match self {
             Self::Float => format!("{}f", digits_single(value as f32)),

@@ -107,7 +107,7 @@ fn low_pass(
     context.function(&context.global(name), &about, real, &parameters, &body);
 }
 
-/// What is done for an input of a number and a field.
+/// The code for one input, given its number and its field.
 type OfInput<'a> = dyn Fn(usize, &str) -> String + 'a;
 
 fn scheme(context: &mut Context<'_>, name: &str, about: &str, state: &str, settle: &OfInput<'_>, next: &OfInput<'_>) {

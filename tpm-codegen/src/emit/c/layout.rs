@@ -43,7 +43,7 @@ pub(super) fn statement(indent: usize, text: &str) -> String {
     wrapped(text, &first, &" ".repeat(4 * indent + 8))
 }
 
-/// What begins a function, broken between parameters only.
+/// The signature of a function, broken between parameters only.
 pub(super) fn signature(result: &str, name: &str, parameters: &[&str]) -> String {
     let whole = |text: &str| text.replace(' ', "\u{a0}");
     let list: Vec<String> = parameters.iter().map(|parameter| whole(parameter)).collect();

@@ -17,7 +17,7 @@ use super::expression::Writer;
 use super::layout::{doc, statement};
 use super::solve;
 
-/// All patterns.
+/// Writes the declarations and functions of all patterns.
 pub(super) fn write(context: &mut Context<'_>) {
     let patterns = &context.estimator.plan.patterns;
     if patterns.iter().any(|pattern| pattern.table.is_ok()) {
@@ -169,7 +169,7 @@ fn estimator_matrix(context: &mut Context<'_>, index: usize, table: &TablePlan) 
     let spell = |leaf: &_| context.leaf(leaf, "own.", &context.names.patterns[index].fields, "");
     let mut text = String::new();
     if reads.own {
-        // A copy: what is stored into the matrix might otherwise be the pattern itself, for all the compiler knows.
+        // The copy tells the compiler that no store into the matrix changes the pattern.
         text.push_str(&statement(1, &format!("const {pattern} own = *pattern;")));
     }
     text.push_str(&match &body {
@@ -239,7 +239,7 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
 
     let (reads, statements, addends) = function::bank(context.estimator, table);
     let writer = Writer::new(scalar, |leaf| context.leaf(leaf, "", &[], ""));
-    // A copy: the sums might otherwise be the sample itself, for all the compiler knows.
+    // The copy tells the compiler that no store into the sums changes the sample.
     let mut body = statement(1, &format!("const {} now = *sample;", context.global("forces")));
     body.push_str(&context.statements(&statements, &writer, |_| String::new()));
     let storage = function::storage(table);

@@ -15,7 +15,7 @@ use super::names::{self, Names};
 /// How a module is emitted.
 #[derive(Clone, Debug)]
 pub struct Options<'a> {
-    /// What the reader must run to get this code again; stands in the header.
+    /// The command that generates this code again; it stands in the header.
     pub command: &'a str,
     /// Path of the runtime crate in the emitted code.
     pub runtime: &'a str,

@@ -48,7 +48,7 @@ pub(super) fn imports(context: &Context<'_>) -> TokenStream {
     }
 }
 
-/// All items.
+/// All items that need no pattern.
 pub(super) fn items(context: &Context<'_>) -> TokenStream {
     let parts = [
         model_type(context),
@@ -484,14 +484,15 @@ fn feed_forward_with_regressor(context: &Context<'_>) -> TokenStream {
     let values = locals(fields.len());
     let owner = ident("self");
     let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &[]));
-    // As one expression: a matrix that is first filled with zeros keeps compilers from packing stores and sums well.
+    // The matrix is one expression: a matrix that is first filled with zeros keeps compilers from packing stores and
+    // sums well.
     let mut matrix = vec![vec![quote!(T::ZERO); columns]; rows];
     let mut steps: Vec<Statement> = Vec::new();
     for statement in statements {
         match statement {
             Statement::Store(Place::Entry(row, column), value) => {
                 matrix[row][column] = writer.expression(&value);
-                // What an entry is called stays where something is computed for it.
+                // The comment with an entry's formula stays only where a step computes something for the entry.
                 steps.pop_if(|step| matches!(step, Statement::Comment(_)));
             }
             step => steps.push(step),

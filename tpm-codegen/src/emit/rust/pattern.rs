@@ -342,7 +342,7 @@ fn parameters(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     }
 }
 
-/// What an estimate is made of.
+/// The type of an estimate.
 fn estimate(context: &Context<'_>) -> TokenStream {
     let columns = count(context.names.columns.len());
     quote! {

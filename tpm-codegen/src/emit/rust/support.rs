@@ -4,7 +4,7 @@
 
 use tpm_core::source::SUPPORT;
 
-/// The module `support`; with what solves where a pattern has a table.
+/// The module `support`; `solves` adds least squares, which a pattern with a table needs.
 pub(super) fn text(solves: bool) -> String {
     let mut text = String::from(
         "\n/// What the functions above need beside `core` and the crate `libm`.\n#[allow(dead_code, unused_imports, reason = \"no model needs all of it\")]\npub mod support {\n    pub use self::label::Label;\n    pub use self::real::Real;\n",
