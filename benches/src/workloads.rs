@@ -7,7 +7,7 @@ use tpm_symbolic::expr::graph::{ExprId, Graph, Names as _, Node};
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::linear::jet::nodes_of;
-use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::number::rational::{Rational, integer, ratio};
 use tpm_symbolic::regressor::form::{RegressorForm, regressor_form};
@@ -15,7 +15,7 @@ use tpm_symbolic::regressor::form::{RegressorForm, regressor_form};
 /// A workload ready to expand.
 pub struct Workload {
     /// The model; its equations are not read any more.
-    pub model: Model,
+    pub model: ExactModel,
     /// The model sorted into its parameters.
     pub form: RegressorForm,
     /// The trajectory pattern.
@@ -47,7 +47,7 @@ impl Workload {
     }
 }
 
-fn sorted(model: &Model) -> RegressorForm {
+fn sorted(model: &ExactModel) -> RegressorForm {
     regressor_form(model).expect("invariant: workloads are linear in their parameters")
 }
 
@@ -114,7 +114,7 @@ pub fn source(workload: &Workload) -> Vec<String> {
 }
 
 /// The text of a node, with the numbers of the nodes that it needs.
-fn written(model: &Model, node: &Node, numbers: &BTreeMap<ExprId, usize>) -> String {
+fn written(model: &ExactModel, node: &Node, numbers: &BTreeMap<ExprId, usize>) -> String {
     let all = |kind: &str, operands: &[ExprId]| {
         let operands = operands.iter().map(|operand| format!(" {}", numbers[operand]));
         format!("{kind}{}", operands.collect::<String>())
@@ -138,13 +138,13 @@ fn written(model: &Model, node: &Node, numbers: &BTreeMap<ExprId, usize>) -> Str
 }
 
 pub(crate) struct Builder {
-    pub(crate) model: Model,
+    pub(crate) model: ExactModel,
     next: u32,
 }
 
 impl Builder {
     pub(crate) fn new(name: &str) -> Self {
-        Self { model: Model { name: name.to_owned(), ..Model::default() }, next: 0 }
+        Self { model: ExactModel { name: name.to_owned(), ..ExactModel::default() }, next: 0 }
     }
 
     pub(crate) fn quantity(&mut self, name: &str, kind: Kind) -> ExprId {
@@ -184,7 +184,7 @@ impl Builder {
     pub(crate) fn finish_with(
         mut self,
         motions: Vec<Option<(&str, Option<&str>, Fourier)>>,
-        sort: impl FnOnce(Model) -> (Model, RegressorForm),
+        sort: impl FnOnce(ExactModel) -> (ExactModel, RegressorForm),
     ) -> Workload {
         let mut amplitudes = Vec::new();
         for (name, ..) in motions.iter().flatten() {

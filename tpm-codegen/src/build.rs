@@ -19,7 +19,7 @@
 //! With [`Language::C`] a header and a source go to the same folder, for the crate `cc` to compile.
 
 use crate::diagnostic::Diagnostics;
-use crate::emit::estimator::{EmitError, Estimator};
+use crate::emit::estimator::{EmitError, EstimatorSource};
 use crate::emit::rust;
 use crate::generate::{File, Language, Options, generate};
 use crate::language::parse_model;
@@ -88,7 +88,7 @@ pub fn write(path: &Path, options: &Options<'_>, folder: &Path) -> Result<Vec<Pa
     let source = Source::from_bytes(path.display().to_string(), bytes);
     let faults = |diagnostics: &Diagnostics| BuildError::Model(diagnostics.render(&source));
     let parsed = parse_model(&source).map_err(|diagnostics| faults(&diagnostics))?;
-    let estimator = Estimator::of(&parsed).map_err(|diagnostic| faults(&Diagnostics::from_iter([diagnostic])))?;
+    let estimator = EstimatorSource::of(&parsed).map_err(|diagnostic| faults(&Diagnostics::from_iter([diagnostic])))?;
     let mut files = generate(&estimator, options)?;
     if options.language == Language::Rust {
         // Inner attributes may stand at the head of a module, but not of what is included.

@@ -3,7 +3,7 @@
 //! Invariant: equal models and options give equal bytes; nothing is written to disk here.
 
 pub use crate::emit::c::Scalar;
-use crate::emit::estimator::{EmitError, Estimator, Identified};
+use crate::emit::estimator::{EmitError, EstimatorSource, Identified};
 use crate::emit::filter::FilterError;
 pub use crate::emit::filter::{Filters, LowPass};
 use crate::emit::{c, rust};
@@ -70,7 +70,7 @@ pub struct File {
 /// # Errors
 /// [`EmitError`] when the identified values are of another model, a filter is out of range or has no feed-forward to pass, or the
 /// target language cannot express the model.
-pub fn generate(estimator: &Estimator, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
+pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
     if let Some(identified) = options.identified {
         identified.in_order(estimator)?;
     }

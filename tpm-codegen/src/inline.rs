@@ -7,7 +7,7 @@ use quote::{quote, quote_spanned};
 use std::path::Path;
 
 use crate::diagnostic::{Diagnostics, Severity};
-use crate::emit::estimator::Estimator;
+use crate::emit::estimator::EstimatorSource;
 use crate::emit::rust;
 use crate::language::{parse_model, parse_tokens};
 use crate::source::Source;
@@ -41,7 +41,7 @@ pub fn model(input: TokenStream) -> TokenStream {
         Err(errors) => return errors,
     };
     let text = parsed.ast.to_string();
-    match Estimator::of(&parsed) {
+    match EstimatorSource::of(&parsed) {
         Ok(estimator) => {
             let options = rust::Options {
                 command: "tpm_runtime::model!",
@@ -83,7 +83,7 @@ pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
         Ok(parsed) => parsed,
         Err(diagnostics) => return errors(at_places(&source, &diagnostics, literal)),
     };
-    match Estimator::of(&parsed) {
+    match EstimatorSource::of(&parsed) {
         Ok(estimator) => {
             let options = rust::Options {
                 command: "tpm_runtime::model_file!",

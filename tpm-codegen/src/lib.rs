@@ -6,7 +6,7 @@
 //! ```
 //! # #[cfg(feature = "generate")]
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! use tpm_codegen::emit::estimator::Estimator;
+//! use tpm_codegen::emit::estimator::EstimatorSource;
 //! use tpm_codegen::generate::{Language, Options, generate};
 //! use tpm_codegen::{Source, parse_model};
 //!
@@ -21,7 +21,7 @@
 //!      }",
 //! );
 //! let parsed = parse_model(&source)?;
-//! let files = generate(&Estimator::new(parsed.model)?, &Options::new(Language::C, "an example"))?;
+//! let files = generate(&EstimatorSource::new(parsed.model)?, &Options::new(Language::C, "an example"))?;
 //! assert_eq!([&files[0].name, &files[1].name], ["mass_spring_drag.h", "mass_spring_drag.c"]);
 //! # Ok(())
 //! # }
@@ -33,8 +33,8 @@
 //! command line `tpm` call this crate too, which stands between the text and the exact algebra of `tpm-symbolic`:
 //!
 //! ```text
-//! Source --lex, parse--> ast::ModelDeclaration --check--> names, structure, units --lower--> tpm_symbolic::mechanics::model::Model
-//! Model --> emit::estimator::Estimator --emit--> tables, Rust, C
+//! Source --lex, parse--> ast::ModelDeclaration --check--> names, structure, units --lower--> tpm_symbolic::mechanics::model::ExactModel
+//! ExactModel --> emit::estimator::EstimatorSource --emit--> tables, Rust, C
 //! ```
 //!
 //! Every stage collects all independent faults and reports them together as [`Diagnostics`], each at its place in the text or on

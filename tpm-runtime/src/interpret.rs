@@ -13,7 +13,7 @@ use tpm_core::model::{
     require_len, split_workspace,
 };
 use tpm_symbolic::expr::graph::{Function, Symbol};
-use tpm_symbolic::mechanics::model::Model as Declared;
+use tpm_symbolic::mechanics::model::ExactModel as Declared;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::evaluation::Evaluation;
 use tpm_symbolic::plan::leaf::Leaf;
@@ -429,7 +429,7 @@ mod tests {
     use std::vec;
     use tpm_core::model::{EvalError, Model, difference_workspace_len, forward_by_differences};
     use tpm_symbolic::expr::graph::Function;
-    use tpm_symbolic::mechanics::model::{Equation, Kind, Model as Declared, SourceTerm, TermId};
+    use tpm_symbolic::mechanics::model::{Equation, ExactModel as Declared, Kind, SourceTerm, TermId};
     use tpm_symbolic::regressor::form::regressor_form;
 
     /// M q'' + Fv q' + Fc sign(q') + OF = force.

@@ -17,13 +17,13 @@
 //! ```
 //! use tpm_symbolic::algebra::{fourier::Trig, polynomial::Monomial};
 //! use tpm_symbolic::harmonic::{expand::expand, identifiability::{Experiment, identifiability}};
-//! use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+//! use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 //! use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 //! use tpm_symbolic::number::rational::integer;
 //! use tpm_symbolic::regressor::form::regressor_form;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let mut model = Model { name: "Drag".to_owned(), ..Model::default() };
+//! let mut model = ExactModel { name: "Drag".to_owned(), ..ExactModel::default() };
 //! let x = model.declare_coordinate("x", None);
 //! let [m, c, k] = ["m", "c", "k"].map(|name| model.declare(name, None, Kind::Parameter));
 //! let force = model.declare("F", None, Kind::Input);
@@ -77,7 +77,7 @@
 //! parameter errors. This crate computes it exactly:
 //!
 //! ```text
-//! Model --prepare--> RegressorForm --expand(Pattern)--> HarmonicTable --identifiability--> rank, directions
+//! ExactModel --prepare--> RegressorForm --expand(Pattern)--> HarmonicTable --identifiability--> rank, directions
 //!                    |             \--Plan------------> straight-line evaluation
 //!                    \--ParameterMap--> lumped from physical parameters, and back
 //! ```

@@ -11,7 +11,7 @@ use generated::filtered::{Common, Split};
 use generated::support::Real;
 use generated::{Inputs, Motion, Parameters, Pattern, feed_forward_dependent, feed_forward_independent};
 use std::process::Command;
-use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::generate::{Filters, Language, LowPass, Options, Scalar, generate};
 use tpm_codegen::{Source, parse_model};
 use tpm_runtime::filter::SecondOrder;
@@ -30,13 +30,13 @@ fn filters() -> Filters {
     }
 }
 
-fn estimator() -> Estimator {
+fn estimator() -> EstimatorSource {
     let source = Source::from_bytes(
         "cart_pendulum.tpm",
         std::fs::read(root().join("models/cart_pendulum.tpm")).expect("shipped"),
     );
     let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
-    Estimator::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
+    EstimatorSource::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::support::model;
 use tpm_runtime::estimate::{Along, LineTable, PatternTables};
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::model::Model;
-use tpm_runtime::run::trajectory::{HarmonicSeries, Line, Pattern};
+use tpm_runtime::run::trajectory::{HarmonicSeries, Line, ReferencePattern};
 use tpm_symbolic::regressor::prepare::prepare;
 
 /// Amplitudes, frequency and constants of no special proportion.
@@ -19,7 +19,7 @@ const AGREE: f64 = 1e-12;
 /// A model before elimination, its patterns, and its tables.
 struct Tabulated {
     model: Interpreted,
-    patterns: Vec<Pattern>,
+    patterns: Vec<ReferencePattern>,
     tables: PatternTables,
 }
 
@@ -28,9 +28,10 @@ fn tabulated(name: &str) -> Tabulated {
     declared.eliminations.clear();
     let prepared = prepare(declared).expect("linear in the parameters");
     let model = Interpreted::new(&prepared.model, &prepared.form);
-    let played =
-        |symbolic| Pattern::of_rows(symbolic, &prepared.model, &prepared.form, |_| Some(CONSTANT)).expect("has values");
-    let mut patterns: Vec<Pattern> = prepared.model.patterns.iter().map(played).collect();
+    let played = |symbolic| {
+        ReferencePattern::of_rows(symbolic, &prepared.model, &prepared.form, |_| Some(CONSTANT)).expect("has values")
+    };
+    let mut patterns: Vec<ReferencePattern> = prepared.model.patterns.iter().map(played).collect();
     patterns[0].others = patterns[1..].to_vec();
     let tables = PatternTables::new(&prepared, &model, &patterns[0]);
     Tabulated { model, patterns, tables }

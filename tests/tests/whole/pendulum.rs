@@ -12,7 +12,7 @@ use tpm_runtime::machine::regulator::{Regulator, RegulatorWeights};
 use tpm_runtime::machine::simulated::{Actuator, Regulation, Rig, Sensor, regulate};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::Ending;
-use tpm_runtime::run::trajectory::Pattern;
+use tpm_runtime::run::trajectory::ReferencePattern;
 use tpm_runtime::session::{Identification, identify_simulated};
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
@@ -25,7 +25,7 @@ struct Pendulum {
     model: Interpreted,
     written: Experiment,
     experiment: Experiment,
-    pattern: Pattern,
+    pattern: ReferencePattern,
 }
 
 fn pendulum(overrides: &[(&str, &str)]) -> Pendulum {
@@ -36,7 +36,8 @@ fn pendulum(overrides: &[(&str, &str)]) -> Pendulum {
         written.apply_override(key, value).expect("known");
     }
     let pattern = prepared.model.pattern(None).expect("has a pattern");
-    let pattern = Pattern::of_rows(pattern, &prepared.model, &prepared.form, |_| None).expect("no open constants");
+    let pattern =
+        ReferencePattern::of_rows(pattern, &prepared.model, &prepared.form, |_| None).expect("no open constants");
     let experiment = written.lumped(&prepared);
     Pendulum { prepared, model, written, experiment, pattern }
 }

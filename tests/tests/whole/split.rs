@@ -9,14 +9,14 @@ use tpm_symbolic::algebra::polynomial::Monomial;
 use tpm_symbolic::expr::graph::{ExprId, Node};
 use tpm_symbolic::harmonic::bessel::bessel_j;
 use tpm_symbolic::harmonic::expand::expand;
-use tpm_symbolic::mechanics::model::{Kind, Model, SourceTerm};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind, SourceTerm};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern};
 use tpm_symbolic::number::rational::{integer, to_f64};
 use tpm_symbolic::plan::split::{Split, numeric_parts, split};
 use tpm_symbolic::regressor::prepare::prepare;
 
 /// A random state and random quantities of a model; what is known exactly has its value.
-fn random_leaves(model: &Model, rng: &mut ChaCha8Rng) -> HashMap<Node, f64> {
+fn random_leaves(model: &ExactModel, rng: &mut ChaCha8Rng) -> HashMap<Node, f64> {
     let mut leaves = HashMap::new();
     for (index, quantity) in (0u32..).zip(&model.symbols) {
         let value = match &quantity.kind {
@@ -34,7 +34,7 @@ fn random_leaves(model: &Model, rng: &mut ChaCha8Rng) -> HashMap<Node, f64> {
     leaves
 }
 
-fn value(model: &Model, expr: ExprId, leaves: &HashMap<Node, f64>) -> f64 {
+fn value(model: &ExactModel, expr: ExprId, leaves: &HashMap<Node, f64>) -> f64 {
     model.graph.evaluate(expr, |leaf| leaves[leaf])
 }
 
@@ -114,7 +114,7 @@ fn shown(name: &str) -> Vec<[String; 2]> {
 }
 
 /// Whether two expressions of a model's language are equal as functions.
-fn same(model: &Model, left: &str, right: ExprId, terms: impl Fn(&mut Model) -> ExprId) {
+fn same(model: &ExactModel, left: &str, right: ExprId, terms: impl Fn(&mut ExactModel) -> ExprId) {
     let mut model = model.clone();
     let expected = terms(&mut model);
     let difference = model.graph.sub(expected, right);
@@ -130,7 +130,7 @@ fn the_parts_are_those_of_feng_6_6_and_6_7() {
     let mut found = split(&model("cart_pendulum"), &[]).expect("can be split");
     let inputs = found.inputs.clone();
     let [force, torque] = inputs.as_slice() else { panic!("two inputs") };
-    let symbol = |model: &mut Model, name: &str| {
+    let symbol = |model: &mut ExactModel, name: &str| {
         let symbol = model.find_symbol(name).expect("declared");
         model.graph.symbol(symbol)
     };

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use tpm_codegen::source::Source;
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::harmonic::table::HarmonicTable;
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::regressor::prepare::prepare;
 
 /// The workspace's folder.
@@ -17,7 +17,7 @@ pub(crate) fn root() -> PathBuf {
 }
 
 /// Parses the text of a faultless model.
-pub(crate) fn parse(name: &str, text: &str) -> Model {
+pub(crate) fn parse(name: &str, text: &str) -> ExactModel {
     let source = Source::new(name, text);
     match tpm_codegen::parse_model(&source) {
         Ok(parsed) => parsed.model,
@@ -26,13 +26,13 @@ pub(crate) fn parse(name: &str, text: &str) -> Model {
 }
 
 /// A model of the folder `models`.
-pub(crate) fn model(name: &str) -> Model {
+pub(crate) fn model(name: &str) -> ExactModel {
     let path = root().join("models").join(format!("{name}.tpm"));
     parse(name, &std::fs::read_to_string(path).expect("a shipped model"))
 }
 
 /// The table of a model under its first pattern.
-pub(crate) fn expanded(model: &Model) -> HarmonicTable {
+pub(crate) fn expanded(model: &ExactModel) -> HarmonicTable {
     let prepared = prepare(model.clone()).expect("linear in the parameters");
     expand(&prepared.model, &prepared.form, &model.patterns[0]).expect("expands finitely")
 }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
 use tpm_symbolic::expr::graph::Symbol;
-use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// The path of a file, by which messages name it, and what the file holds.
@@ -72,7 +72,7 @@ impl Input {
     }
 
     /// Values of a model's parameters and run-time constants from NAME = VALUE lines, exactly as their decimals are written.
-    pub(super) fn values(&self, model: &Model) -> Result<BTreeMap<Symbol, Rational>, Failure> {
+    pub(super) fn values(&self, model: &ExactModel) -> Result<BTreeMap<Symbol, Rational>, Failure> {
         let table: toml::Table = self.text()?.parse().map_err(|error: toml::de::Error| self.fault(error))?;
         let mut values = BTreeMap::new();
         for (name, value) in table {

@@ -11,7 +11,7 @@ use tpm_runtime::machine::simulated::{Actuator, Rig, Sensor};
 use tpm_runtime::model::Model as _;
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::linear::linearize::{Linearization, OperatingPoint, StateSpace, linearize};
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
@@ -23,7 +23,7 @@ pub(super) struct Machine {
     pub(super) prepared: Prepared,
     /// The sorted model, evaluated without compiling.
     pub(super) interpreted: Interpreted,
-    linear_model: Model,
+    linear_model: ExactModel,
     linear: Linearization,
     values: BTreeMap<Symbol, Rational>,
 }
@@ -112,7 +112,7 @@ impl Machine {
     }
 
     /// The linearised model with its symbols, for a fit.
-    pub(super) const fn linearized(&self) -> (&Model, &Linearization) {
+    pub(super) const fn linearized(&self) -> (&ExactModel, &Linearization) {
         (&self.linear_model, &self.linear)
     }
 

@@ -4,11 +4,11 @@ use crate::failure::Failure;
 use crate::output::file;
 use std::path::Path;
 use tpm_codegen::diagnostic::{self, Diagnostic};
-use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
@@ -35,7 +35,7 @@ impl Loaded {
     }
 
     /// The model.
-    pub(crate) fn model(&self) -> &Model {
+    pub(crate) fn model(&self) -> &ExactModel {
         &self.parsed.model
     }
 
@@ -51,7 +51,7 @@ impl Loaded {
     }
 
     /// The model with the declared Taylor polynomials in place. Remarks on standard error name the replaced terms.
-    pub(crate) fn model_for_tables(&self) -> Result<Model, Failure> {
+    pub(crate) fn model_for_tables(&self) -> Result<ExactModel, Failure> {
         let (model, truncations) = self.parsed.for_tables().map_err(|error| self.at(&error))?;
         for replaced in Parsed::replacements(&model, &truncations) {
             file::remark(&format!("remark: {replaced}"));
@@ -66,8 +66,8 @@ impl Loaded {
     }
 
     /// The estimator from which source code is generated.
-    pub(crate) fn estimator(&self) -> Result<Estimator, Failure> {
-        Estimator::of(&self.parsed).map_err(|diagnostic| Failure::Model(self.rendered(&diagnostic)))
+    pub(crate) fn estimator(&self) -> Result<EstimatorSource, Failure> {
+        EstimatorSource::of(&self.parsed).map_err(|diagnostic| Failure::Model(self.rendered(&diagnostic)))
     }
 
     /// A fault of the model as a whole, placed at the model's name.

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::READABLE_SCHEMAS;
 use tpm_symbolic::expr::graph::Symbol;
-use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::{self, Rational};
 
@@ -38,12 +38,12 @@ pub(crate) struct Values(BTreeMap<Symbol, Rational>);
 
 impl Values {
     /// Reads the given values of parameters and run-time constants.
-    pub(crate) fn load(args: &ValueArgs, model: &Model) -> Result<Self, Failure> {
+    pub(crate) fn load(args: &ValueArgs, model: &ExactModel) -> Result<Self, Failure> {
         Self::load_with(args, model, None)
     }
 
     /// Reads the given values, which may include the amplitudes and the frequency of a pattern.
-    pub(crate) fn load_with(args: &ValueArgs, model: &Model, pattern: Option<&Pattern>) -> Result<Self, Failure> {
+    pub(crate) fn load_with(args: &ValueArgs, model: &ExactModel, pattern: Option<&Pattern>) -> Result<Self, Failure> {
         let mut values = BTreeMap::new();
         if let Some(path) = &args.params {
             let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
@@ -74,7 +74,7 @@ impl Values {
     }
 
     /// Names of the parameters and run-time constants, and of a pattern's amplitudes and frequency, that have no value.
-    pub(crate) fn missing(&self, model: &Model, pattern: Option<&Pattern>) -> Vec<String> {
+    pub(crate) fn missing(&self, model: &ExactModel, pattern: Option<&Pattern>) -> Vec<String> {
         model
             .parameters()
             .chain(model.run_time_constants())
@@ -90,7 +90,7 @@ fn motion(pattern: Option<&Pattern>) -> impl Iterator<Item = Symbol> + '_ {
     pattern.into_iter().flat_map(|pattern| pattern.amplitudes.iter().copied().chain([pattern.frequency]))
 }
 
-fn symbol(model: &Model, pattern: Option<&Pattern>, name: &str, place: &str) -> Result<Symbol, Failure> {
+fn symbol(model: &ExactModel, pattern: Option<&Pattern>, name: &str, place: &str) -> Result<Symbol, Failure> {
     let motion: Vec<Symbol> = motion(pattern).collect();
     let known = model.find_symbol(name);
     match known.map(|symbol| (symbol, &model.quantity(symbol).kind)) {
@@ -149,7 +149,7 @@ pub(crate) fn identification(path: &Path, text: &str) -> Result<serde_json::Valu
 
 /// The identified values whose names the model knows; values of lumped parameters give way to those of the physical
 /// ones.
-fn identified(path: &Path, text: &str, model: &Model) -> Result<Vec<(String, Rational)>, Failure> {
+fn identified(path: &Path, text: &str, model: &ExactModel) -> Result<Vec<(String, Rational)>, Failure> {
     let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
     let whole = identification(path, text)?;
     let mut values = Vec::new();

@@ -17,7 +17,7 @@ use tpm_runtime::machine::actuator::{
 use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::expr::graph::Symbol;
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::split::split;
 
@@ -63,7 +63,7 @@ pub(crate) struct MachineArgs {
 
 /// A machine with its motion.
 pub(crate) struct Moved {
-    pub(crate) model: Model,
+    pub(crate) model: ExactModel,
     pub(crate) machine: MotorizedMachine,
     /// Names of the amplitudes.
     pub(crate) names: Vec<String>,

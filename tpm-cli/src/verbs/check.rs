@@ -6,7 +6,7 @@ use crate::output::file;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::regressor::form::{RegressorForm, canonical};
 
 /// Options of `tpm check`.
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     file::print(&text)
 }
 
-fn describe(model: &Model, form: &RegressorForm) -> String {
+fn describe(model: &ExactModel, form: &RegressorForm) -> String {
     let mut text = format!("model {}\n", model.name);
     let list = |names: Vec<String>| if names.is_empty() { "none".to_owned() } else { names.join(", ") };
     let with_unit =

@@ -16,7 +16,7 @@ use tpm_runtime::frequency::{
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational;
 
 /// Options of `tpm fit`.
@@ -322,7 +322,7 @@ fn fit_json(fit: &RationalFit) -> Value {
 
 /// A model with the start values, fixed values and constants of its parameters.
 struct Physical {
-    model: Model,
+    model: ExactModel,
     linear: tpm_symbolic::linear::linearize::Linearization,
     input: Symbol,
     coordinate: tpm_symbolic::expr::graph::Coordinate,

@@ -16,7 +16,7 @@ use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
 use tpm_symbolic::linear::linearize::{self, Linearization, OperatingPoint, StateSpace};
 use tpm_symbolic::linear::transfer::{SymbolicTransfer, transfer_functions};
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// Largest distance of a pole from a zero, as a share of their size, at which they are said nearly to cancel.
@@ -96,7 +96,7 @@ type Complex = tpm_runtime::frequency::Complex;
 
 /// The result of the command, as it is printed.
 struct Linear {
-    model: Model,
+    model: ExactModel,
     linear: Linearization,
     /// The operating point: every coordinate and input with its value.
     point: Vec<(String, ExprId)>,
@@ -123,7 +123,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 impl Linear {
-    fn new(args: &Args, mut model: Model) -> Result<Self, Failure> {
+    fn new(args: &Args, mut model: ExactModel) -> Result<Self, Failure> {
         let fault = |text: String| Failure::Input(format!("{}: {text}", args.file.display()));
         let coordinates: Vec<String> = model.coordinates.iter().map(|c| c.name.clone()).collect();
         let symbols: Vec<_> = model.inputs().collect();
@@ -410,7 +410,7 @@ impl Linear {
 /// The operating point from the coordinates and inputs that were given.
 fn operating_point(
     args: &Args,
-    model: &mut Model,
+    model: &mut ExactModel,
     coordinates: &[String],
     inputs: &[String],
 ) -> Result<OperatingPoint, Failure> {
@@ -444,7 +444,7 @@ fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>
 
 /// A and B in rational numbers, and whether they are exact; `None` when no values were given.
 fn state_space(
-    model: &Model,
+    model: &ExactModel,
     linear: &Linearization,
     values: &Values,
 ) -> Result<Option<(StateSpace<Rational>, bool)>, Failure> {

@@ -14,7 +14,7 @@ use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
-use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::split::{NumericPart, Split, numeric_parts, split};
@@ -48,7 +48,10 @@ pub(crate) struct Args {
 }
 
 /// The coordinates given with `--motion`, by input symbol.
-pub(crate) fn motions(model: &Model, given: &[(String, String)]) -> Result<Vec<(Symbol, Vec<Coordinate>)>, Failure> {
+pub(crate) fn motions(
+    model: &ExactModel,
+    given: &[(String, String)],
+) -> Result<Vec<(Symbol, Vec<Coordinate>)>, Failure> {
     let inputs: Vec<Symbol> = model.inputs().collect();
     let mut motions = Vec::new();
     for (input, coordinates) in &once("--motion", given)? {

@@ -12,7 +12,7 @@ mod layout;
 mod pattern;
 mod solve;
 
-use super::estimator::{EmitError, Estimator};
+use super::estimator::{EmitError, EstimatorSource};
 use super::header;
 use context::Context;
 pub use context::Options;
@@ -35,7 +35,7 @@ pub struct Files {
 /// # Errors
 /// When the prefix cannot begin names of C, a number is beyond the scalar's precision, or the model has nothing that a
 /// structure could hold.
-pub fn files(estimator: &Estimator, options: &Options<'_>) -> Result<Files, EmitError> {
+pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files, EmitError> {
     let mut context = Context::new(estimator, options)?;
     if let Some(lost) = estimator.numbers().find(|value| context.scalar.loses(value)) {
         return Err(EmitError::OutOfScalar(Scalar::display(lost)));

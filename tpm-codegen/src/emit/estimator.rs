@@ -1,12 +1,12 @@
 //! A model with everything that its source code is made of.
 //!
-//! Invariant of [`Estimator`]: the form belongs to the model, the plans to both, and every number of the plans has a finite,
+//! Invariant of [`EstimatorSource`]: the form belongs to the model, the plans to both, and every number of the plans has a finite,
 //! non-vanishing double.
 
 use thiserror::Error;
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::plan::estimator::EstimatorPlan;
 use tpm_symbolic::plan::operation::Op;
@@ -23,9 +23,9 @@ use crate::language::Parsed;
 
 /// A model, its regressor form and its plans.
 #[derive(Clone, Debug)]
-pub struct Estimator {
+pub struct EstimatorSource {
     /// The model.
-    pub model: Model,
+    pub model: ExactModel,
     /// Its regressor form.
     pub form: RegressorForm,
     /// The plans of what its code computes.
@@ -65,12 +65,12 @@ pub enum EmitError {
     Layout(String),
 }
 
-impl Estimator {
+impl EstimatorSource {
     /// Everything that follows from a model.
     ///
     /// # Errors
     /// When a coordinate cannot be eliminated, the model is not linear in its parameters, or it holds a number beyond double precision.
-    pub fn new(model: Model) -> Result<Self, EmitError> {
+    pub fn new(model: ExactModel) -> Result<Self, EmitError> {
         let prepared = prepare(model)?;
         Self::from_form(prepared.model, prepared.form)
     }
@@ -86,7 +86,7 @@ impl Estimator {
         let Prepared { model, form, .. } = prepare(parsed.model.clone()).map_err(|error| at(&error))?;
         let (truncated, truncations) = parsed.for_tables().map_err(|error| parsed.locate(&error))?;
         let replaced = Parsed::replacements(&truncated, &truncations);
-        let table = |model: &Model, form: &RegressorForm, index: usize| {
+        let table = |model: &ExactModel, form: &RegressorForm, index: usize| {
             let mut options = ExpandOptions { harmonics: parsed.harmonics_of(index), ..ExpandOptions::default() };
             expand_with(model, form, &model.patterns[index], &mut options).map_err(PatternGap::from)
         };
@@ -113,7 +113,7 @@ impl Estimator {
     ///
     /// # Errors
     /// When a number is beyond double precision.
-    pub fn from_form(model: Model, form: RegressorForm) -> Result<Self, EmitError> {
+    pub fn from_form(model: ExactModel, form: RegressorForm) -> Result<Self, EmitError> {
         let plan = EstimatorPlan::new(&model, &form);
         Self { model, form, plan, replaced: Vec::new() }.in_range()
     }
@@ -170,7 +170,7 @@ impl Estimator {
 }
 
 /// Names and definitions of the columns.
-fn columns(model: &Model, form: &RegressorForm) -> Vec<String> {
+fn columns(model: &ExactModel, form: &RegressorForm) -> Vec<String> {
     let definition = |column: &Column| match column.parameter {
         Some(_) => column.name.to_string(),
         None => format!("{} = {}", column.name, canonical(model, &column.definition)),
@@ -252,7 +252,7 @@ pub const READABLE_SCHEMAS: [&str; 2] = ["tpm.identification/1", SCHEMA];
 
 impl Identified {
     /// One value per column of `estimator`, in its order.
-    pub(crate) fn in_order(&self, estimator: &Estimator) -> Result<Vec<&IdentifiedParameter>, IdentifiedError> {
+    pub(crate) fn in_order(&self, estimator: &EstimatorSource) -> Result<Vec<&IdentifiedParameter>, IdentifiedError> {
         if self.model != estimator.model.name {
             let expected = estimator.model.name.clone();
             return Err(IdentifiedError::Model { found: self.model.clone(), expected });

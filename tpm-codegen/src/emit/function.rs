@@ -17,7 +17,7 @@ use tpm_symbolic::plan::table::{TablePlan, entry_formula, table_symbol};
 use tpm_symbolic::regressor::form::canonical;
 
 use super::code::{Base, Expression, Place, Reader, Statement, Table, Term};
-use super::estimator::Estimator;
+use super::estimator::EstimatorSource;
 use super::names::{harmonic_function, harmonic_name};
 use super::number::Rounded;
 use super::text;
@@ -60,7 +60,7 @@ pub(super) struct Reads {
 }
 
 impl Reads {
-    fn of(estimator: &Estimator, plan: &Plan) -> Self {
+    fn of(estimator: &EstimatorSource, plan: &Plan) -> Self {
         let mut reads = Self::default();
         for leaf in &plan.inputs {
             match *leaf {
@@ -76,7 +76,7 @@ impl Reads {
         reads
     }
 
-    fn of_table(estimator: &Estimator, table: &Table) -> Self {
+    fn of_table(estimator: &EstimatorSource, table: &Table) -> Self {
         let mut reads = Self::default();
         for base in &table.bases {
             match base {
@@ -87,7 +87,7 @@ impl Reads {
         reads
     }
 
-    fn symbol(&mut self, estimator: &Estimator, symbol: Symbol) {
+    fn symbol(&mut self, estimator: &EstimatorSource, symbol: Symbol) {
         match estimator.plan.evaluation.constants.contains(&symbol) {
             true => self.constants = true,
             false => self.own = true,
@@ -115,14 +115,14 @@ pub(super) struct Function {
 }
 
 impl Function {
-    fn values(estimator: &Estimator, plan: &Plan, about: String) -> Self {
+    fn values(estimator: &EstimatorSource, plan: &Plan, about: String) -> Self {
         let (statements, values) = Reader::new(plan).outputs();
         Self { about, reads: Reads::of(estimator, plan), body: Body::Values(statements, values) }
     }
 }
 
 /// Names of the functions with their plans, in the order of a module.
-pub(super) fn plans(estimator: &Estimator) -> Vec<(Role, &Plan)> {
+pub(super) fn plans(estimator: &EstimatorSource) -> Vec<(Role, &Plan)> {
     let plan = &estimator.plan;
     let mut list = vec![
         (Role::Regressor, &plan.evaluation.regressor),
@@ -148,7 +148,7 @@ pub(super) fn plans(estimator: &Estimator) -> Vec<(Role, &Plan)> {
 }
 
 /// Phi, rows times columns.
-pub(super) fn regressor(estimator: &Estimator) -> Function {
+pub(super) fn regressor(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.evaluation.regressor;
     let mut about = String::from(
         "The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u.\n",
@@ -190,14 +190,14 @@ fn entries(plan: &Plan, columns: usize, formula: impl Fn(usize, usize) -> String
 }
 
 /// The terms without an unknown parameter.
-pub(super) fn known(estimator: &Estimator) -> Function {
+pub(super) fn known(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.evaluation.known;
     let about = format!("The terms without an unknown parameter, on the left-hand side.{}", text::operations(plan));
     Function::values(estimator, plan, about)
 }
 
 /// B, rows times inputs.
-pub(super) fn input_map(estimator: &Estimator) -> Function {
+pub(super) fn input_map(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.evaluation.input_map;
     let about = format!("The input map B, one row per equation and one column per input.{}", text::operations(plan));
     let statements = entries(plan, estimator.plan.evaluation.inputs.len(), |row, input| {
@@ -208,7 +208,7 @@ pub(super) fn input_map(estimator: &Estimator) -> Function {
 }
 
 /// Phi theta + known.
-pub(super) fn inverse_dynamics(estimator: &Estimator) -> Function {
+pub(super) fn inverse_dynamics(estimator: &EstimatorSource) -> Function {
     let plan = &estimator.plan.inverse_dynamics;
     let about = format!(
         "Phi theta + known: the generalised force of every equation that the motion needs.{}",
@@ -218,7 +218,7 @@ pub(super) fn inverse_dynamics(estimator: &Estimator) -> Function {
 }
 
 /// The inputs, where every input follows from one equation.
-pub(super) fn feed_forward(estimator: &Estimator) -> Option<Function> {
+pub(super) fn feed_forward(estimator: &EstimatorSource) -> Option<Function> {
     let plan = estimator.plan.feed_forward.as_ref()?;
     let free = estimator.form.rows.iter().filter(|row| row.inputs.is_empty()).map(|row| format!("`{}`", row.name));
     let free: Vec<String> = free.collect();
@@ -233,7 +233,7 @@ pub(super) fn feed_forward(estimator: &Estimator) -> Option<Function> {
 /// Inputs (as values) and regressor (as entries) together, each shared operation once, equation by equation: what an input is
 /// made of has just been computed, and a C compiler that may not move stores past each other has no reason to pack the inputs of
 /// several equations into vectors, which takes more shuffling than it saves (closed-loop arm: 113 instructions, now 96).
-pub(super) fn feed_forward_with_regressor(estimator: &Estimator) -> Option<Function> {
+pub(super) fn feed_forward_with_regressor(estimator: &EstimatorSource) -> Option<Function> {
     let (feed_forward, phi) = (estimator.plan.feed_forward.as_ref()?, &estimator.plan.evaluation.regressor);
     let inputs = &estimator.plan.evaluation.inputs;
     let columns = estimator.form.columns.len();
@@ -273,7 +273,7 @@ pub(super) fn feed_forward_with_regressor(estimator: &Estimator) -> Option<Funct
 }
 
 /// The motion-independent and the motion-dependent part of the feed-forward.
-pub(super) fn feed_forward_parts(estimator: &Estimator) -> Option<[Function; 2]> {
+pub(super) fn feed_forward_parts(estimator: &EstimatorSource) -> Option<[Function; 2]> {
     let [independent, dependent] = estimator.plan.feed_forward_parts.as_ref()?;
     let part =
         |plan: &Plan, about: &str| Function::values(estimator, plan, format!("{about}{}", text::operations(plan)));
@@ -292,7 +292,7 @@ pub(super) fn feed_forward_parts(estimator: &Estimator) -> Option<[Function; 2]>
 }
 
 /// The estimated parameters from the physical ones, when they differ.
-pub(super) fn lump(estimator: &Estimator) -> Option<Function> {
+pub(super) fn lump(estimator: &EstimatorSource) -> Option<Function> {
     let plan = estimator.plan.lumping.as_ref()?;
     let mut reader = Reader::new(plan);
     let mut statements = Vec::new();
@@ -308,7 +308,7 @@ pub(super) fn lump(estimator: &Estimator) -> Option<Function> {
 }
 
 /// The physical parameters from the estimated ones, where they follow by a rational function.
-pub(super) fn unlump(estimator: &Estimator) -> Option<Function> {
+pub(super) fn unlump(estimator: &EstimatorSource) -> Option<Function> {
     let Unlumping { map, inverse, intermediates, plan } = estimator.plan.unlumping.as_ref()?.as_ref().ok()?;
     let mut reader = Reader::new(plan);
     let mut statements = Vec::new();
@@ -348,13 +348,13 @@ pub(super) fn unlump(estimator: &Estimator) -> Option<Function> {
 }
 
 /// The documentation of the reference motion at a phase.
-pub(super) fn reference_at(estimator: &Estimator, pattern: &PatternPlan) -> String {
+pub(super) fn reference_at(estimator: &EstimatorSource, pattern: &PatternPlan) -> String {
     let w = &estimator.model.quantity(pattern.frequency).name;
     format!("The reference motion at a phase `{w}*t` in radians: one sine and one cosine.")
 }
 
 /// The reference motion where cosine and sine of the phase are known.
-pub(super) fn reference(estimator: &Estimator, pattern: &PatternPlan, plan: &Plan) -> Function {
+pub(super) fn reference(estimator: &EstimatorSource, pattern: &PatternPlan, plan: &Plan) -> Function {
     let about = format!(
         "The reference motion where cosine and sine of the phase `{}*t` are known, with every derivative that the equations \
          read.{}",
@@ -365,7 +365,7 @@ pub(super) fn reference(estimator: &Estimator, pattern: &PatternPlan, plan: &Pla
 }
 
 /// The estimator matrix B Lambda.
-pub(super) fn estimator_matrix(estimator: &Estimator, table: &TablePlan) -> Function {
+pub(super) fn estimator_matrix(estimator: &EstimatorSource, table: &TablePlan) -> Function {
     let entries = table.places.iter().filter(|(_, column)| column.is_some()).count();
     let about = "The estimator matrix B Lambda: the exact harmonic coefficients of every parameter's regressor.\n\n\
                  Rows are in the order of [`Harmonics`], columns in the order of [`Parameters`].";
@@ -395,7 +395,7 @@ pub(super) fn estimator_matrix(estimator: &Estimator, table: &TablePlan) -> Func
 }
 
 /// Harmonics of the terms without an unknown parameter, when there are any.
-pub(super) fn known_harmonics(estimator: &Estimator, table: &TablePlan) -> Option<Function> {
+pub(super) fn known_harmonics(estimator: &EstimatorSource, table: &TablePlan) -> Option<Function> {
     let about = "Harmonics of the terms without an unknown parameter, on the left-hand side.".to_owned();
     let known = table.places.iter().enumerate().filter(|(_, (_, column))| column.is_none());
     let known: Vec<(usize, usize)> = known.map(|(output, &(row, _))| (output, row)).collect();
@@ -423,7 +423,7 @@ pub(super) fn known_harmonics(estimator: &Estimator, table: &TablePlan) -> Optio
 
 /// The parameters from harmonics by the exact pseudo-inverse; `None` where there is none, or single precision does not hold its
 /// numbers.
-pub(super) fn direct(estimator: &Estimator, pattern: &PatternPlan, table: &TablePlan) -> Option<Function> {
+pub(super) fn direct(estimator: &EstimatorSource, pattern: &PatternPlan, table: &TablePlan) -> Option<Function> {
     let inverse = pattern.pseudo_inverse.as_ref()?;
     let fits = |op: &Op| match op {
         Op::Constant(value) => {
@@ -453,7 +453,7 @@ pub(super) fn direct(estimator: &Estimator, pattern: &PatternPlan, table: &Table
 }
 
 /// `m = (-2*u.cos1 - ...)/(lambda*w^2)`: a parameter as the pseudo-inverse gives it.
-fn direct_formula(estimator: &Estimator, table: &TablePlan, inverse: &PseudoInverse, column: usize) -> String {
+fn direct_formula(estimator: &EstimatorSource, table: &TablePlan, inverse: &PseudoInverse, column: usize) -> String {
     let (factors, scale) = (&inverse.numbers[column], &inverse.scales[column]);
     let mut terms = Vec::new();
     for (row, factor) in factors.iter().enumerate().filter(|(_, factor)| !factor.is_zero()) {
@@ -488,7 +488,7 @@ pub(super) fn storage(table: &TablePlan) -> Vec<usize> {
 }
 
 /// What a sample adds to every sum, in the order of [`storage`].
-pub(super) fn bank(estimator: &Estimator, table: &TablePlan) -> (Reads, Vec<Statement>, Vec<Expression>) {
+pub(super) fn bank(estimator: &EstimatorSource, table: &TablePlan) -> (Reads, Vec<Statement>, Vec<Expression>) {
     let (statements, addends) = Reader::new(&table.bank).outputs();
     let mut placed: Vec<(usize, Expression)> = storage(table).into_iter().zip(addends).collect();
     placed.sort_by_key(|(place, _)| *place);

@@ -4,7 +4,7 @@
 
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::plan::estimator::EstimatorPlan;
 use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::regressor::form::RegressorForm;
@@ -58,7 +58,7 @@ pub(super) struct Style<'a> {
 }
 
 impl Names<String> {
-    pub(super) fn new(style: &mut Style<'_>, model: &Model, form: &RegressorForm, plan: &EstimatorPlan) -> Self {
+    pub(super) fn new(style: &mut Style<'_>, model: &ExactModel, form: &RegressorForm, plan: &EstimatorPlan) -> Self {
         let language = style.language;
         let mut unusual = false;
         let mut fields = |names: &mut dyn Iterator<Item = &str>| -> Vec<String> {

@@ -20,7 +20,7 @@ use quote::quote;
 #[cfg(feature = "generate")]
 use std::cell::RefCell;
 
-use super::estimator::Estimator;
+use super::estimator::EstimatorSource;
 use super::header;
 #[cfg(feature = "generate")]
 use super::text;
@@ -55,7 +55,7 @@ fn module(context: &Context<'_>) -> Module {
 
 /// The module `model_name` and the model's type, as items for a macro to expand to. `extra` goes into the module.
 #[must_use]
-pub fn items(estimator: &Estimator, options: &Options<'_>, extra: &TokenStream) -> TokenStream {
+pub fn items(estimator: &EstimatorSource, options: &Options<'_>, extra: &TokenStream) -> TokenStream {
     let context = Context::new(estimator, options, false);
     let Module { docs, attributes, items } = module(&context);
     let (name, model_type, docs) = (&context.names.module, &context.names.model_type, doc(&docs));
@@ -72,7 +72,7 @@ pub fn items(estimator: &Estimator, options: &Options<'_>, extra: &TokenStream) 
 
 /// The name of the module, raw where it is a keyword. The file has the same name without `r#`.
 #[must_use]
-pub fn module_name(estimator: &Estimator) -> String {
+pub fn module_name(estimator: &EstimatorSource) -> String {
     names::names(estimator).module.to_string()
 }
 
@@ -81,7 +81,7 @@ pub fn module_name(estimator: &Estimator) -> String {
 /// # Errors
 /// When the formatter cannot read the items, which never happens for a model that came through the language.
 #[cfg(feature = "generate")]
-pub fn file(estimator: &Estimator, options: &Options<'_>) -> Result<String, syn::Error> {
+pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String, syn::Error> {
     let context = Context::new(estimator, options, true);
     let Module { docs, attributes, items } = module(&context);
     let parsed: syn::File = syn::parse2(items)?;

@@ -9,7 +9,7 @@ use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::regressor::form::canonical;
 
-use super::estimator::{Estimator, gaps};
+use super::estimator::{EstimatorSource, gaps};
 use super::names::{derivative_text, harmonic_function};
 use super::table::left_out;
 
@@ -86,28 +86,28 @@ fn rate(unit: Option<&Unit>, order: u32) -> Option<Unit> {
     unit.map(|unit| unit.mul(&per_second))
 }
 
-fn display(estimator: &Estimator, polynomial: &Polynomial<ExprId>) -> String {
+fn display(estimator: &EstimatorSource, polynomial: &Polynomial<ExprId>) -> String {
     let mut graph = estimator.model.graph.clone();
     let expr = graph.from_polynomial(polynomial);
     graph.display(expr, &estimator.model)
 }
 
 /// The entry of the regressor in a row and column, or the known terms.
-pub(super) fn entry(estimator: &Estimator, row: usize, column: Option<usize>) -> String {
+pub(super) fn entry(estimator: &EstimatorSource, row: usize, column: Option<usize>) -> String {
     let terms = estimator.form.rows[row].terms.iter().filter(|term| term.column == column);
     let polynomial: Polynomial<ExprId> = terms.map(|term| (term.atoms.clone(), term.coefficient.clone())).collect();
     display(estimator, &polynomial)
 }
 
 /// The factor of an input in a row.
-pub(super) fn input_factor(estimator: &Estimator, row: usize, input: usize) -> String {
+pub(super) fn input_factor(estimator: &EstimatorSource, row: usize, input: usize) -> String {
     let symbol = estimator.plan.evaluation.inputs[input];
     let found = estimator.form.rows[row].inputs.iter().find(|(present, _)| *present == symbol);
     found.map_or_else(|| "0".to_owned(), |(_, factor)| display(estimator, factor))
 }
 
 /// The equations, one after the other, as the model language writes them, over the parameters that are estimated.
-pub(super) fn equations(estimator: &Estimator) -> String {
+pub(super) fn equations(estimator: &EstimatorSource) -> String {
     let mut text = String::new();
     for (r, row) in estimator.form.rows.iter().enumerate() {
         let mut parts: Vec<String> = Vec::new();
@@ -160,7 +160,7 @@ pub(super) fn equations(estimator: &Estimator) -> String {
 }
 
 /// The pattern's motions, one line per coordinate that has one.
-pub(super) fn motions(estimator: &Estimator, index: usize) -> String {
+pub(super) fn motions(estimator: &EstimatorSource, index: usize) -> String {
     let mut text = String::new();
     let Some(pattern) = estimator.model.patterns.get(index) else { return text };
     let w = &estimator.model.quantity(pattern.frequency).name;
@@ -223,7 +223,7 @@ fn push_term(text: &mut String, coefficient: &tpm_symbolic::number::rational::Ra
 }
 
 /// The differences between the estimator matrix of a pattern and the exact equations.
-fn approximations(estimator: &Estimator, pattern: &PatternPlan) -> Vec<String> {
+fn approximations(estimator: &EstimatorSource, pattern: &PatternPlan) -> Vec<String> {
     let Ok(plan) = &pattern.table else { return Vec::new() };
     let replaced =
         estimator.replaced.iter().map(|replaced| format!("{replaced} in the estimator matrix, and only there"));
@@ -232,7 +232,7 @@ fn approximations(estimator: &Estimator, pattern: &PatternPlan) -> Vec<String> {
 }
 
 /// The description of a parameter.
-pub(super) fn column(estimator: &Estimator, index: usize) -> String {
+pub(super) fn column(estimator: &EstimatorSource, index: usize) -> String {
     let column = &estimator.form.columns[index];
     let definition = match column.parameter {
         Some(_) => String::new(),
@@ -242,26 +242,26 @@ pub(super) fn column(estimator: &Estimator, index: usize) -> String {
 }
 
 /// The description of a symbol of the model.
-pub(super) fn quantity(estimator: &Estimator, symbol: Symbol) -> String {
+pub(super) fn quantity(estimator: &EstimatorSource, symbol: Symbol) -> String {
     let quantity = estimator.model.quantity(symbol);
     format!("`{}`{}.", quantity.name, in_unit(quantity.unit.as_ref()))
 }
 
 /// The description of an amplitude, or of the frequency, of a pattern.
-pub(super) fn pattern_symbol(estimator: &Estimator, pattern: &PatternPlan, symbol: Symbol) -> String {
+pub(super) fn pattern_symbol(estimator: &EstimatorSource, pattern: &PatternPlan, symbol: Symbol) -> String {
     let what = if symbol == pattern.frequency { "Fundamental angular frequency" } else { "Amplitude" };
     format!("{what} {}", quantity(estimator, symbol))
 }
 
 /// The description of a derivative of a coordinate.
-pub(super) fn derivative(estimator: &Estimator, coordinate: Coordinate, order: u32) -> String {
+pub(super) fn derivative(estimator: &EstimatorSource, coordinate: Coordinate, order: u32) -> String {
     let info = &estimator.model.coordinates[coordinate.0 as usize];
     let unit = rate(info.unit.as_ref(), order);
     format!("`{}`{}.", derivative_text(&info.name, order), in_unit(unit.as_ref()))
 }
 
 /// The description of the number of an equation.
-pub(super) fn equation(estimator: &Estimator, row: usize) -> String {
+pub(super) fn equation(estimator: &EstimatorSource, row: usize) -> String {
     format!("Equation `{}`{}.", estimator.form.rows[row].name, in_unit(row_unit(estimator, row)))
 }
 
@@ -275,7 +275,7 @@ pub(super) fn harmonic(harmonic: usize, function: Trig) -> String {
 }
 
 /// The unit of an equation whose right-hand side is one input.
-pub(super) fn row_unit(estimator: &Estimator, row: usize) -> Option<&Unit> {
+pub(super) fn row_unit(estimator: &EstimatorSource, row: usize) -> Option<&Unit> {
     match estimator.form.rows[row].inputs.as_slice() {
         [(symbol, factor)] if factor.as_constant().is_some() => estimator.model.quantity(*symbol).unit.as_ref(),
         _ => None,
@@ -283,13 +283,13 @@ pub(super) fn row_unit(estimator: &Estimator, row: usize) -> Option<&Unit> {
 }
 
 /// The parts left out for a pattern, and the differences between its matrix and the exact equations.
-pub(super) fn remarks(estimator: &Estimator, pattern: &PatternPlan) -> Vec<String> {
+pub(super) fn remarks(estimator: &EstimatorSource, pattern: &PatternPlan) -> Vec<String> {
     gaps(pattern).into_iter().chain(approximations(estimator, pattern)).collect()
 }
 
 /// A number that changes with the model: 64 bits of FNV-1a over its equations, quantities and patterns. Logs and results that
 /// carry it can be told to belong to this code.
-pub(super) fn fingerprint(estimator: &Estimator) -> u64 {
+pub(super) fn fingerprint(estimator: &EstimatorSource) -> u64 {
     let model = &estimator.model;
     let mut text = format!("{}\n{}", model.name, equations(estimator));
     for coordinate in &model.coordinates {

@@ -14,7 +14,7 @@ pub use expression::HIGHEST_ORDER;
 use std::collections::HashMap;
 
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
-use tpm_symbolic::mechanics::model::{Elimination, Kind, Lump, Model, TermId};
+use tpm_symbolic::mechanics::model::{Elimination, ExactModel, Kind, Lump, TermId};
 use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
 use tpm_symbolic::number::rational::Rational;
 
@@ -61,7 +61,7 @@ pub struct Taylor {
 
 /// What lowering gives.
 pub(crate) struct Lowered {
-    pub(crate) model: Model,
+    pub(crate) model: ExactModel,
     pub(crate) terms: Terms,
     pub(crate) taylor: Vec<Taylor>,
     /// How many harmonics each pattern keeps of terms with infinitely many.
@@ -73,7 +73,7 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
     let mut lowering = Lowering {
         checked,
         diagnostics,
-        model: Model { name: model.name.name.clone(), ..Model::default() },
+        model: ExactModel { name: model.name.name.clone(), ..ExactModel::default() },
         terms: Terms::default(),
         names: HashMap::new(),
         sizes: expression::Sizes::default(),
@@ -90,7 +90,7 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
 }
 
 /// Lowers an expression of a model's parameters and constants; faults go to `diagnostics`.
-pub(crate) fn lower_value(expr: &ast::Expr, model: &mut Model, diagnostics: &mut Diagnostics) -> Option<ExprId> {
+pub(crate) fn lower_value(expr: &ast::Expr, model: &mut ExactModel, diagnostics: &mut Diagnostics) -> Option<ExprId> {
     let known: Vec<(String, Symbol)> = model
         .symbols_where(|kind| matches!(kind, Kind::Parameter | Kind::Constant { .. }))
         .map(|symbol| (model.symbol_name(symbol), symbol))
@@ -121,7 +121,7 @@ pub(crate) fn lower_value(expr: &ast::Expr, model: &mut Model, diagnostics: &mut
 struct Lowering<'a, 'c, 'd> {
     checked: &'c Checked<'a>,
     diagnostics: &'d mut Diagnostics,
-    model: Model,
+    model: ExactModel,
     terms: Terms,
     /// What every name of the model stands for.
     names: HashMap<&'a str, ExprId>,

@@ -22,7 +22,7 @@ use tpm_symbolic::harmonic::bessel::BesselError;
 use tpm_symbolic::harmonic::expand::ExpandError;
 use tpm_symbolic::linear::taylor::{self, Expansion, SeriesError, Truncation};
 use tpm_symbolic::mechanics::lagrange::LagrangeError;
-use tpm_symbolic::mechanics::model::{Model, TermId};
+use tpm_symbolic::mechanics::model::{ExactModel, TermId};
 use tpm_symbolic::plan::split::SplitError;
 use tpm_symbolic::regressor::form::RegressorError;
 use tpm_symbolic::regressor::prepare::PrepareError;
@@ -49,7 +49,7 @@ pub fn parse(source: &Source) -> Result<ast::ModelDeclaration, Diagnostics> {
 #[derive(Clone, Debug)]
 pub struct Parsed {
     /// The exact model.
-    pub model: Model,
+    pub model: ExactModel,
     /// The model as it was written.
     pub ast: ast::ModelDeclaration,
     /// Declared Taylor orders, for tables.
@@ -124,7 +124,7 @@ impl Parsed {
     ///
     /// # Errors
     /// [`SeriesError`] when a function is singular at the declared point.
-    pub fn for_tables(&self) -> Result<(Cow<'_, Model>, Vec<Truncation>), SeriesError> {
+    pub fn for_tables(&self) -> Result<(Cow<'_, ExactModel>, Vec<Truncation>), SeriesError> {
         if self.taylor.is_empty() {
             return Ok((Cow::Borrowed(&self.model), Vec::new()));
         }
@@ -140,7 +140,7 @@ impl Parsed {
 
     /// Sentences that say what [`Self::for_tables`] replaced, one for each function.
     #[must_use]
-    pub fn replacements(model: &Model, truncations: &[Truncation]) -> Vec<String> {
+    pub fn replacements(model: &ExactModel, truncations: &[Truncation]) -> Vec<String> {
         let mut said: Vec<ExprId> = Vec::new();
         let mut sentences = Vec::new();
         for Truncation { series, .. } in truncations {
@@ -197,7 +197,7 @@ pub fn parse_model(source: &Source) -> Result<Parsed, Diagnostics> {
 ///
 /// # Errors
 /// Every fault of the text, and every name that is neither a parameter nor a constant of the model.
-pub fn parse_value(source: &Source, model: &mut Model) -> Result<ExprId, Diagnostics> {
+pub fn parse_value(source: &Source, model: &mut ExactModel) -> Result<ExprId, Diagnostics> {
     let mut diagnostics = Diagnostics::new();
     let expr = parse::parse_expression(source, &mut diagnostics);
     let value = match expr {

@@ -11,7 +11,7 @@ use crate::support::{estimator, models_in, skipped};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::generate::{File, Language, Options, Scalar, generate};
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::expr::graph::Symbol;
@@ -35,7 +35,7 @@ fn model_files() -> Vec<PathBuf> {
     models_in("models").into_iter().chain(models_in("tests/fixtures/emit")).collect()
 }
 
-fn generated(estimator: &Estimator, scalar: Scalar) -> Vec<File> {
+fn generated(estimator: &EstimatorSource, scalar: Scalar) -> Vec<File> {
     let options = Options { scalar, prefix: Some("t"), ..Options::new(Language::C, "tpm generate --lang c") };
     generate(estimator, &options).expect("nothing stands in the way")
 }
@@ -119,7 +119,7 @@ impl Case {
 }
 
 /// The driver: a program that calls every generated function on the numbers that it reads, and prints their results.
-fn driver(estimator: &Estimator, scalar: Scalar) -> String {
+fn driver(estimator: &EstimatorSource, scalar: Scalar) -> String {
     let plan = &estimator.plan;
     let real = scalar.name();
     let constants = if plan.evaluation.constants.is_empty() { "" } else { ", &constants" };
@@ -280,17 +280,17 @@ int main(void)
 }
 
 /// Map from the columns back to the physical parameters, where one exists.
-fn unlumping(estimator: &Estimator) -> Option<&Unlumping> {
+fn unlumping(estimator: &EstimatorSource) -> Option<&Unlumping> {
     estimator.plan.unlumping.as_ref()?.as_ref().ok()
 }
 
 /// Whether the code has the exact pseudo-inverse.
-fn has_direct(estimator: &Estimator) -> bool {
+fn has_direct(estimator: &EstimatorSource) -> bool {
     generated(estimator, Scalar::Double).iter().any(|file| file.text.contains("identify_direct("))
 }
 
 /// Prefix of a pattern's names.
-fn part(estimator: &Estimator, pattern: &PatternPlan) -> String {
+fn part(estimator: &EstimatorSource, pattern: &PatternPlan) -> String {
     match &pattern.name {
         // C keeps the word for itself; the prefix frees it, and the namer has marked it all the same.
         Some(name) if estimator.plan.patterns.len() > 1 => format!("{name}_"),
@@ -364,7 +364,7 @@ impl Found<'_> {
     }
 }
 
-fn cases(estimator: &Estimator, scalar: Scalar, count: u64) -> Vec<Case> {
+fn cases(estimator: &EstimatorSource, scalar: Scalar, count: u64) -> Vec<Case> {
     let plan = &estimator.plan;
     let motion: usize = plan.evaluation.coordinates.iter().map(|(_, order)| *order as usize + 1).sum();
     let physical = if plan.lumping.is_some() { estimator.model.parameters().count() } else { 0 };
@@ -426,7 +426,7 @@ fn cases(estimator: &Estimator, scalar: Scalar, count: u64) -> Vec<Case> {
 }
 
 fn pattern_value(
-    estimator: &Estimator,
+    estimator: &EstimatorSource,
     pattern: &PatternPlan,
     constants: &[f64],
     values: &[f64],
@@ -449,7 +449,7 @@ fn forces_harmonic(table: &TablePlan, row: usize, theta: &[f64], value: &dyn Fn(
     sum
 }
 
-fn check_dynamics(estimator: &Estimator, case: &Case, found: &mut Found<'_>) {
+fn check_dynamics(estimator: &EstimatorSource, case: &Case, found: &mut Found<'_>) {
     let point = Point { estimator, motion: &case.motion, constants: &case.constants, physical: &case.physical };
     let columns: Vec<Option<usize>> = (0..estimator.form.columns.len()).map(Some).collect();
     for (name, columns) in [("regressor", columns.as_slice()), ("known", &[None])] {
@@ -526,7 +526,7 @@ fn check_dynamics(estimator: &Estimator, case: &Case, found: &mut Found<'_>) {
     }
 }
 
-fn check_pattern(estimator: &Estimator, index: usize, case: &Case, scalar: Scalar, found: &mut Found<'_>) {
+fn check_pattern(estimator: &EstimatorSource, index: usize, case: &Case, scalar: Scalar, found: &mut Found<'_>) {
     let pattern = &estimator.plan.patterns[index];
     let own = &case.patterns[index];
     let value = |symbol: Symbol| pattern_value(estimator, pattern, &case.constants, &own.values, symbol);

@@ -1,16 +1,16 @@
 //! Emitted source files of models built by hand.
 
-use tpm_codegen::emit::estimator::{EmitError, Estimator, Identified, IdentifiedError};
+use tpm_codegen::emit::estimator::{EmitError, EstimatorSource, Identified, IdentifiedError};
 use tpm_codegen::generate::{Language, Options, generate};
 use tpm_symbolic::algebra::polynomial::Monomial;
 use tpm_symbolic::expr::graph::ExprId;
-use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::mechanics::unit::Unit;
 
 /// Feng, Eqn 3.24: m x'' + k1 x + k2 x'^2 = u.
-fn mass_spring_drag() -> Model {
-    let mut model = Model { name: "MassSpringDrag".to_owned(), ..Model::default() };
+fn mass_spring_drag() -> ExactModel {
+    let mut model = ExactModel { name: "MassSpringDrag".to_owned(), ..ExactModel::default() };
     let (newton, metre, second) = (Unit::named("N"), Unit::named("m"), Unit::named("s"));
     let x = model.declare_coordinate("x", Some(metre.clone()));
     let mut quantity = |name: &str, unit: Unit, kind: Kind| {
@@ -41,11 +41,11 @@ fn options() -> Options<'static> {
 
 #[test]
 fn mass_spring_drag_as_a_file() {
-    let estimator = Estimator::new(mass_spring_drag()).expect("linear");
+    let estimator = EstimatorSource::new(mass_spring_drag()).expect("linear");
     let files = generate(&estimator, &options()).expect("emits");
     assert_eq!(files.len(), 1);
     assert_eq!(files[0].name, "mass_spring_drag.rs");
-    let again = generate(&Estimator::new(mass_spring_drag()).expect("linear"), &options()).expect("emits");
+    let again = generate(&EstimatorSource::new(mass_spring_drag()).expect("linear"), &options()).expect("emits");
     assert_eq!(files, again, "equal models give equal bytes");
     for formula in ["u, cos 0, k2: 5/9*lambda^2*w^2", "u, cos 1, m: -lambda*w^2", "u, cos 6, k2: -1/18*lambda^2*w^2"] {
         assert!(files[0].text.contains(formula), "{formula} is missing");
@@ -61,7 +61,7 @@ const RESULT: &str = r#"{"schema": "tpm.identification/1", "model": "MassSpringD
 
 #[test]
 fn identified_values_are_baked_in_by_name() {
-    let estimator = Estimator::new(mass_spring_drag()).expect("linear");
+    let estimator = EstimatorSource::new(mass_spring_drag()).expect("linear");
     let identified = Identified::from_json(RESULT).expect("the contract's schema");
     let files = generate(&estimator, &Options { identified: Some(&identified), ..options() }).expect("emits");
     let constant =
@@ -72,7 +72,7 @@ fn identified_values_are_baked_in_by_name() {
 
 #[test]
 fn identified_values_that_do_not_fit_are_refused() {
-    let estimator = Estimator::new(mass_spring_drag()).expect("linear");
+    let estimator = EstimatorSource::new(mass_spring_drag()).expect("linear");
     let refused = |text: &str| {
         let identified = match Identified::from_json(text) {
             Ok(identified) => identified,
@@ -97,7 +97,7 @@ fn numbers_beyond_double_precision_are_refused() {
     let large = tpm_symbolic::number::rational::power(&tpm_symbolic::number::rational::integer(10), 400);
     let first = model.equations[0].terms[0].expr;
     model.equations[0].terms[0].expr = model.graph.scale(first, large);
-    let error = Estimator::new(model).expect_err("1e400 is no double");
+    let error = EstimatorSource::new(model).expect_err("1e400 is no double");
     assert!(error.to_string().contains("beyond double precision"), "{error}");
 }
 
@@ -105,7 +105,7 @@ fn numbers_beyond_double_precision_are_refused() {
 fn header_of(text: &str) -> String {
     let source = tpm_codegen::Source::from_bytes("model.tpm", text.as_bytes().to_vec());
     let parsed = tpm_codegen::parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
-    let estimator = Estimator::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message));
+    let estimator = EstimatorSource::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message));
     let files = generate(&estimator, &Options::new(Language::C, "tpm generate")).expect("emits");
     // Lines are broken anywhere.
     files[0].text.replace("\n * ", " ")
@@ -130,7 +130,7 @@ fn the_way_back_to_physical_parameters_is_there_or_said_to_be_missing() {
 fn a_model_without_a_pattern_is_whole_for_logs() {
     let mut model = mass_spring_drag();
     model.patterns.clear();
-    let files = generate(&Estimator::new(model).expect("linear"), &options()).expect("emits");
+    let files = generate(&EstimatorSource::new(model).expect("linear"), &options()).expect("emits");
     let text = &files[0].text;
     assert!(text.contains("pub fn feed_forward") && text.contains("pub trait Real"));
     // It stands alone: the runtime's trait and solver are for those who have them.

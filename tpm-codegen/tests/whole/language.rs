@@ -11,7 +11,7 @@ use tpm_codegen::diagnostic::Diagnostics;
 use tpm_codegen::language;
 use tpm_codegen::parse_value;
 use tpm_codegen::source::Source;
-use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -321,7 +321,7 @@ proptest! {
 
 #[test]
 fn values_are_exact_expressions_of_parameters_and_constants() {
-    let mut model = Model::default();
+    let mut model = ExactModel::default();
     for name in ["m", "g", "k"] {
         model.declare(name, None, Kind::Parameter);
     }

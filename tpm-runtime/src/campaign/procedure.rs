@@ -13,7 +13,7 @@ use crate::machine::actuator::{Demand, LimitUse, Mounted, requirements, stronges
 use crate::machine::stability::natural_modes;
 use crate::numerics::fourier::analyse;
 use crate::run::held;
-use crate::run::trajectory::{Pattern, Trajectory};
+use crate::run::trajectory::{ReferencePattern, Trajectory};
 use crate::run::{Ending, Record, RecordError, RunEnding};
 use crate::run::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
 use crate::run::{Spectra, SpectrumError};
@@ -47,7 +47,7 @@ const EXTENSIONS: usize = 3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
     /// Pattern of the stage; the campaign's pattern where none is given.
-    pub pattern: Option<Pattern>,
+    pub pattern: Option<ReferencePattern>,
     /// Amplitudes, in the order of the pattern.
     pub amplitudes: Vec<f64>,
     /// Fundamental angular frequency asked for, rad/s.
@@ -61,14 +61,14 @@ pub struct Stage {
 impl Stage {
     /// The stage's own pattern, or the pattern of the campaign where the stage has none.
     #[must_use]
-    pub fn pattern<'p>(&'p self, campaign: &'p Pattern) -> &'p Pattern {
+    pub fn pattern<'p>(&'p self, campaign: &'p ReferencePattern) -> &'p ReferencePattern {
         self.pattern.as_ref().unwrap_or(campaign)
     }
 
     /// The reference of the stage with its amplitudes times `scale`. A stage without a pattern plays that of the
     /// campaign.
     #[must_use]
-    pub fn trajectory(&self, campaign: &Pattern, scale: f64) -> Trajectory {
+    pub fn trajectory(&self, campaign: &ReferencePattern, scale: f64) -> Trajectory {
         let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
         let mut trajectory = self.pattern(campaign).trajectory(&amplitudes, self.frequency);
         for (series, &multiple) in trajectory.coordinates.iter_mut().zip(&self.multiples) {
@@ -124,7 +124,7 @@ pub struct Procedure {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// Pattern of the reference.
-    pub pattern: Pattern,
+    pub pattern: ReferencePattern,
     /// Constants of the model.
     pub constants: Vec<f64>,
     /// Estimates before the first run.

@@ -5,7 +5,7 @@
 //! no table.
 
 use crate::estimate::table::{LineTable, RowLines};
-use crate::run::trajectory::{Pattern, Trajectory};
+use crate::run::trajectory::{ReferencePattern, Trajectory};
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
@@ -25,7 +25,7 @@ pub struct PatternTables {
 /// The table of one pattern.
 #[derive(Clone, Debug)]
 struct Tabulated {
-    pattern: Pattern,
+    pattern: ReferencePattern,
     table: HarmonicTable,
     /// Where the value of each of the table's symbols comes from; nothing for symbols that have none in a run, such as the
     /// unknown parameters.
@@ -44,7 +44,7 @@ impl PatternTables {
     /// Expands a model under those of its patterns that are played, `played` and its others; `model` is made of `prepared`. A
     /// pattern under which the model is no finite Fourier series, or whose table is too large, has no table.
     #[must_use]
-    pub fn new(prepared: &Prepared, model: &dyn Model<f64>, played: &Pattern) -> Self {
+    pub fn new(prepared: &Prepared, model: &dyn Model<f64>, played: &ReferencePattern) -> Self {
         let tables = prepared.model.patterns.iter().filter_map(|symbolic| {
             let mut patterns = core::iter::once(played).chain(&played.others);
             let pattern = patterns.find(|pattern| pattern.name.as_deref() == symbolic.name.as_deref())?;
@@ -73,7 +73,7 @@ impl LineTable for PatternTables {
 
 impl Tabulated {
     /// Nothing for a table that leaves harmonics out.
-    fn new(pattern: &Pattern, table: HarmonicTable, model: &dyn Model<f64>) -> Option<Self> {
+    fn new(pattern: &ReferencePattern, table: HarmonicTable, model: &dyn Model<f64>) -> Option<Self> {
         if !table.tails.is_empty() {
             return None;
         }
@@ -86,7 +86,7 @@ impl Tabulated {
             amplitude.map(Source::Amplitude).or_else(|| constant().map(Source::Constant))
         };
         let symbols = table.symbols.iter().map(|name| source(name)).collect();
-        Some(Tabulated { pattern: Pattern { others: Vec::new(), ..pattern.clone() }, table, symbols })
+        Some(Tabulated { pattern: ReferencePattern { others: Vec::new(), ..pattern.clone() }, table, symbols })
     }
 
     fn is_along(&self, reference: &Trajectory, amplitudes: &[f64]) -> bool {

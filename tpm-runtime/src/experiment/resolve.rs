@@ -9,7 +9,7 @@ use crate::experiment::names::{Names, coordinates, inputs, near, parameters, pos
 use crate::machine::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
 use crate::machine::stability::{self, LoopStability, Range, StabilityDomain};
 use crate::run::smoothing::Smoothing;
-use crate::run::trajectory::Pattern;
+use crate::run::trajectory::ReferencePattern;
 use crate::run::{Loop, Velocity};
 use std::collections::BTreeMap;
 use std::string::{String, ToString};
@@ -25,7 +25,7 @@ const LOOKED_AT: usize = 1024;
 /// Requires that a stage's reference keeps within the bounds of positions and velocities, at [`LOOKED_AT`] phases of its period.
 fn within(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     stage: &Stage,
     index: usize,
     positions: &[(f64, f64)],
@@ -52,7 +52,11 @@ fn within(
 }
 
 /// The pattern of the given name, which a stage asks for.
-fn pattern_of<'p>(pattern: &'p Pattern, place: &str, name: &str) -> Result<&'p Pattern, ExperimentError> {
+fn pattern_of<'p>(
+    pattern: &'p ReferencePattern,
+    place: &str,
+    name: &str,
+) -> Result<&'p ReferencePattern, ExperimentError> {
     pattern.named(name).ok_or_else(|| {
         let all = std::iter::once(pattern).chain(&pattern.others);
         let available: Vec<String> = all.filter_map(|pattern| pattern.name.clone()).collect();
@@ -254,7 +258,7 @@ impl Experiment {
     pub fn stable_setup(
         &self,
         model: &dyn Model<f64>,
-        pattern: &Pattern,
+        pattern: &ReferencePattern,
     ) -> Result<(Setup, LoopStability), ExperimentError> {
         let setup = self.setup(model, pattern, Hold::Zoh)?;
         let stability = self.check_stability(model, &setup)?;
@@ -265,7 +269,12 @@ impl Experiment {
     ///
     /// # Errors
     /// [`ExperimentError`] when a name is unknown, a value is missing or makes no sense, or a reference passes a limit.
-    pub fn setup(&self, model: &dyn Model<f64>, pattern: &Pattern, hold: Hold) -> Result<Setup, ExperimentError> {
+    pub fn setup(
+        &self,
+        model: &dyn Model<f64>,
+        pattern: &ReferencePattern,
+        hold: Hold,
+    ) -> Result<Setup, ExperimentError> {
         let (parameters, coordinates, inputs) = (parameters(model), coordinates(model), inputs(model));
         positive("control.sample_time", self.control.sample_time)?;
         let velocity = match (self.control.derivative_filter, self.control.smoothing) {
@@ -329,7 +338,7 @@ impl Experiment {
             positive(&std::format!("{place}.{}", played.frequency), frequency)?;
             let mut multiples = multiples.clone();
             set_multiples(&mut multiples, &coordinates, &std::format!("{place}.multiples"), &stage.multiples)?;
-            let own = own.map(|own| Pattern { others: Vec::new(), ..own.clone() });
+            let own = own.map(|own| ReferencePattern { others: Vec::new(), ..own.clone() });
             let gain = schedule.gains.get(i).copied().unwrap_or(1.0);
             positive(&std::format!("schedule.gains.{i}"), gain)?;
             stages.push(Stage { pattern: own, amplitudes, frequency, multiples, gain });

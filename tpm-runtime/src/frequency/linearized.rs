@@ -10,7 +10,7 @@ use std::vec;
 use std::vec::Vec;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Node, Symbol};
 use tpm_symbolic::linear::linearize::Linearization;
-use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational;
 
 /// Why a linearised model has no response.
@@ -42,7 +42,7 @@ pub enum LinearizedError {
 /// One coordinate of a linearised model over one input.
 #[derive(Clone, Debug)]
 pub struct LinearizedResponse<'a> {
-    model: &'a Model,
+    model: &'a ExactModel,
     linearization: &'a Linearization,
     coordinate: usize,
     input: usize,
@@ -57,7 +57,7 @@ impl<'a> LinearizedResponse<'a> {
     /// # Errors
     /// [`LinearizedError`] that names what is missing.
     pub fn new(
-        model: &'a Model,
+        model: &'a ExactModel,
         linearization: &'a Linearization,
         coordinate: Coordinate,
         input: Symbol,

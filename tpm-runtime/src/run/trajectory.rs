@@ -1,7 +1,7 @@
 //! Trajectory patterns with numbers in them, and the motions that they prescribe.
 //!
 //! Invariant: a [`Trajectory`] is `q_c(t) = mean_c + sum_k [cos_ck cos(k w t) + sin_ck sin(k w t)]` for every coordinate of a
-//! model, in the model's units, with one fundamental w (rad/s) for all; a [`Pattern`] is such a sum whose
+//! model, in the model's units, with one fundamental w (rad/s) for all; a [`ReferencePattern`] is such a sum whose
 //! coefficients still hold powers of amplitudes. Derivatives are taken term by term and are exact.
 
 use num_complex::Complex;
@@ -101,7 +101,7 @@ impl Trajectory {
 /// A series multiplied by powers of amplitudes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// Amplitudes by index into [`Pattern::amplitudes`], with their powers.
+    /// Amplitudes by index into [`ReferencePattern::amplitudes`], with their powers.
     pub powers: Vec<(usize, i32)>,
     /// What they multiply.
     pub series: HarmonicSeries,
@@ -109,7 +109,7 @@ pub struct Part {
 
 /// A trajectory pattern whose amplitudes and frequency are open (Feng, chapter 2).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pattern {
+pub struct ReferencePattern {
     /// Name of the pattern; nothing for a pattern without a name.
     pub name: Option<String>,
     /// Names of the amplitudes.
@@ -119,13 +119,13 @@ pub struct Pattern {
     /// Per coordinate, the parts that add up to its motion; none where the pattern leaves the coordinate open.
     pub coordinates: Vec<Vec<Part>>,
     /// Further patterns of the same model: a stage of a campaign may play one of them by its name.
-    pub others: Vec<Pattern>,
+    pub others: Vec<ReferencePattern>,
 }
 
-impl Pattern {
+impl ReferencePattern {
     /// This pattern, or the one of the others, that has a name.
     #[must_use]
-    pub fn named(&self, name: &str) -> Option<&Pattern> {
+    pub fn named(&self, name: &str) -> Option<&ReferencePattern> {
         core::iter::once(self).chain(&self.others).find(|pattern| pattern.name.as_deref() == Some(name))
     }
 
@@ -186,7 +186,7 @@ pub enum PatternError {
 }
 
 #[cfg(feature = "interpret")]
-impl Pattern {
+impl ReferencePattern {
     /// The pattern of a model with the values of its constants; each exact coefficient is rounded once.
     ///
     /// `constant` gives the value of a run-time constant by name.
@@ -196,7 +196,7 @@ impl Pattern {
     /// know a constant of the pattern.
     pub fn of_symbolic(
         pattern: &tpm_symbolic::mechanics::pattern::Pattern,
-        model: &tpm_symbolic::mechanics::model::Model,
+        model: &tpm_symbolic::mechanics::model::ExactModel,
         constant: impl Fn(&str) -> Option<f64>,
     ) -> Result<Self, PatternError> {
         let all: Vec<usize> = (0..model.coordinates.len()).collect();
@@ -214,7 +214,7 @@ impl Pattern {
     /// [`PatternError::NoValue`] when `constant` does not know a constant of the pattern.
     pub fn of_rows(
         pattern: &tpm_symbolic::mechanics::pattern::Pattern,
-        model: &tpm_symbolic::mechanics::model::Model,
+        model: &tpm_symbolic::mechanics::model::ExactModel,
         form: &tpm_symbolic::regressor::form::RegressorForm,
         constant: impl Fn(&str) -> Option<f64>,
     ) -> Result<Self, PatternError> {
@@ -225,7 +225,7 @@ impl Pattern {
 
     fn of_coordinates(
         pattern: &tpm_symbolic::mechanics::pattern::Pattern,
-        model: &tpm_symbolic::mechanics::model::Model,
+        model: &tpm_symbolic::mechanics::model::ExactModel,
         coordinates: &[usize],
         constant: impl Fn(&str) -> Option<f64>,
     ) -> Result<Self, PatternError> {
@@ -274,7 +274,7 @@ impl Pattern {
             }
             motions.push(parts);
         }
-        Ok(Pattern {
+        Ok(ReferencePattern {
             name: pattern.name.as_deref().map(Into::into),
             amplitudes: pattern.amplitudes.iter().map(|&a| model.quantity(a).name.as_str().into()).collect(),
             frequency: model.quantity(pattern.frequency).name.as_str().into(),
@@ -286,15 +286,15 @@ impl Pattern {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use super::{HarmonicSeries, Line, Part, Pattern};
+    use super::{HarmonicSeries, Line, Part, ReferencePattern};
     use std::f64::consts::PI;
     use std::string::ToString;
     use std::vec;
 
     /// lambda (cos th - 1/9 cos 3 th), the rest-to-rest pattern of order 3 (Feng, Eqn 2.21), for one coordinate.
-    pub(crate) fn rest_to_rest_3() -> Pattern {
+    pub(crate) fn rest_to_rest_3() -> ReferencePattern {
         let lines = vec![Line { harmonic: 1, cos: 1.0, sin: 0.0 }, Line { harmonic: 3, cos: -1.0 / 9.0, sin: 0.0 }];
-        Pattern {
+        ReferencePattern {
             name: None,
             amplitudes: vec!["lambda".to_string()],
             frequency: "w".to_string(),

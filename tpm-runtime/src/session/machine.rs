@@ -10,7 +10,7 @@ use crate::estimate::{Eliminated, Method, PatternTables, Weights};
 use crate::experiment::{Equations, Experiment, ExperimentError, StageSection};
 use crate::interpret::Interpreted;
 use crate::run::Trial;
-use crate::run::trajectory::Pattern;
+use crate::run::trajectory::ReferencePattern;
 use crate::session::error::{MachineError, SessionError};
 use crate::session::identification::{Identification, Source};
 use crate::session::play::{Watch, play_campaign, play_simulated};
@@ -25,7 +25,7 @@ use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 #[derive(Clone, Debug)]
 pub struct Machine {
     plant: Interpreted,
-    pattern: Pattern,
+    pattern: ReferencePattern,
     eliminated: Option<Arc<Eliminated>>,
     /// The plant's equations in exact form.
     source: Prepared,
@@ -56,7 +56,7 @@ impl Machine {
         };
         let plant = Interpreted::new(&whole.model, &whole.form);
         let constant = |name: &str| experiment.constants.get(name).copied();
-        let of_rows = |pattern| Pattern::of_rows(pattern, &whole.model, &whole.form, constant);
+        let of_rows = |pattern| ReferencePattern::of_rows(pattern, &whole.model, &whole.form, constant);
         let mut others = Vec::new();
         for other in prepared.model.patterns.iter().filter(|other| other.name.is_some() && other.name != pattern.name) {
             let named = |stage: &StageSection| stage.pattern.as_deref() == other.name.as_deref();
@@ -67,7 +67,7 @@ impl Machine {
                 Err(_) => {}
             }
         }
-        let pattern = Pattern { others, ..of_rows(pattern)? };
+        let pattern = ReferencePattern { others, ..of_rows(pattern)? };
         let eliminated = if prepared.model.eliminations.is_empty() {
             None
         } else {
@@ -90,7 +90,7 @@ impl Machine {
 
     /// The pattern of the motion. Coordinates that the model's pattern leaves open are open here too.
     #[must_use]
-    pub const fn pattern(&self) -> &Pattern {
+    pub const fn pattern(&self) -> &ReferencePattern {
         &self.pattern
     }
 

@@ -3,7 +3,7 @@
 use crate::campaign::{Campaign, RunReport, Store};
 use crate::experiment::{Experiment, ExperimentError};
 use crate::machine::simulated::simulate;
-use crate::run::trajectory::Pattern;
+use crate::run::trajectory::ReferencePattern;
 use crate::run::{Record, RunEnding, Trial};
 use crate::session::error::SessionError;
 use crate::session::identification::{Identification, Source};
@@ -68,7 +68,7 @@ pub fn play_campaign(
 /// [`SessionError`].
 pub fn identify_simulated(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     experiment: &Experiment,
     progress: &mut dyn FnMut(&RunReport) -> bool,
 ) -> Result<Identification, SessionError> {

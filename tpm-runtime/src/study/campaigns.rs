@@ -6,7 +6,7 @@
 use crate::campaign::RunReport;
 use crate::estimate::Status;
 use crate::experiment::Experiment;
-use crate::run::trajectory::Pattern;
+use crate::run::trajectory::ReferencePattern;
 use crate::session::{Identification, Session, SessionError, identify_simulated};
 use crate::study::design::bounds;
 use rayon::prelude::*;
@@ -83,7 +83,7 @@ pub type Identify<'a> =
 /// [`SessionError`] of the first seed whose campaign fails.
 pub fn study(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     experiment: &Experiment,
     campaigns: usize,
     progress: &(dyn Fn(usize) -> bool + Sync),
@@ -116,7 +116,7 @@ pub fn study_session(
 /// [`SessionError`] of the first seed whose campaign fails.
 pub fn study_campaigns(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     experiment: &Experiment,
     campaigns: usize,
     identify: &Identify<'_>,

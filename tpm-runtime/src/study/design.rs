@@ -13,7 +13,7 @@ use crate::machine::simulated::{Rig, Sensor, simulate};
 use crate::numerics::DMatrix;
 use crate::numerics::fourier::analyse;
 use crate::numerics::singular::{Singular, unit_columns};
-use crate::run::trajectory::{HarmonicSeries, Pattern, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, ReferencePattern, Trajectory};
 use crate::run::{Record, RunEnding, Trial, TrialError, TrialSettings};
 use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
@@ -109,7 +109,11 @@ fn by_name<T: Serialize, S: Serializer>(pairs: &[(String, T)], serializer: S) ->
 /// # Errors
 /// [`ExperimentError`] when the experiment does not fit the model, has no stage, or no candidate's motion can be
 /// predicted.
-pub fn design(model: &dyn Model<f64>, pattern: &Pattern, experiment: &Experiment) -> Result<Design, ExperimentError> {
+pub fn design(
+    model: &dyn Model<f64>,
+    pattern: &ReferencePattern,
+    experiment: &Experiment,
+) -> Result<Design, ExperimentError> {
     let setup = experiment.setup(model, pattern, Hold::Zoh)?;
     let bench = experiment.bench(model)?;
     let dims = model.dims();
@@ -233,7 +237,7 @@ fn shown(root: &DMatrix<f64>) -> Shown {
 /// run.
 pub(super) fn bounds(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     experiment: &Experiment,
     runs: &[RunReport],
 ) -> Result<Option<Vec<Option<f64>>>, ExperimentError> {
@@ -298,7 +302,7 @@ fn motion(trial: &Trial, record: &Record) -> Trajectory {
 /// The trial of one run of a stage.
 fn trial(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     setup: &Setup,
     stage: &Stage,
     periods: usize,
@@ -326,7 +330,7 @@ fn trial(
 
 fn judge(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     stage: &Stage,
     trial: &Trial,
     theta: &[f64],

@@ -9,7 +9,7 @@ use crate::estimate::Method;
 use crate::experiment::{Experiment, ExperimentError};
 use crate::machine::simulated::simulate_continuous;
 use crate::run::HoldCompensation;
-use crate::run::trajectory::Pattern;
+use crate::run::trajectory::ReferencePattern;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -60,7 +60,7 @@ pub struct Updates {
 /// [`ExperimentError`] of the first estimator and stage that fail.
 pub fn updates(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     experiment: &Experiment,
     most: usize,
 ) -> Result<Updates, ExperimentError> {
@@ -109,7 +109,7 @@ fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> 
 /// [`ExperimentError`] when the experiment does not fit the model, or a run fails.
 pub fn convergence(
     model: &dyn Model<f64>,
-    pattern: &Pattern,
+    pattern: &ReferencePattern,
     experiment: &Experiment,
     method: Method,
     stage: usize,

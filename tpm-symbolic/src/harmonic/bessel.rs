@@ -13,7 +13,7 @@
 use crate::algebra::fourier::Trig;
 use crate::expr::graph::{Function, Node, Symbol};
 use crate::harmonic::motion::{MotionError, motion_of, power_of};
-use crate::mechanics::model::{Model, TermId};
+use crate::mechanics::model::{ExactModel, TermId};
 use crate::mechanics::pattern::{Motion, Pattern};
 use crate::number::rational::{self, Rational};
 use crate::regressor::form::{RegressorForm, Term};
@@ -298,7 +298,7 @@ pub struct NumericColumn {
 /// When a term has factors other than polynomials of the motion and sines and cosines of such, or an amplitude is too
 /// large; the source term is named.
 pub fn numeric_table(
-    model: &Model,
+    model: &ExactModel,
     form: &RegressorForm,
     pattern: &Pattern,
     harmonics: usize,
@@ -325,7 +325,7 @@ pub fn numeric_table(
 
 /// A term as a wave of full width, and a bound of what the series of its functions left out.
 fn numeric_term(
-    model: &Model,
+    model: &ExactModel,
     pattern: &Pattern,
     term: &Term,
     value: &mut impl FnMut(Symbol) -> f64,

@@ -28,7 +28,7 @@ use crate::harmonic::expand::atoms::Atoms;
 use crate::harmonic::expand::expansion::Expansion;
 use crate::harmonic::nonsmooth;
 use crate::harmonic::table::HarmonicTable;
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::mechanics::pattern::Pattern;
 use crate::regressor::form::RegressorForm;
 use std::borrow::Cow;
@@ -40,7 +40,7 @@ pub use crate::harmonic::options::{ExpandOptions, Progress};
 ///
 /// # Errors
 /// When a coordinate has no motion, a term does not expand finitely, or the table would be too large; nothing is dropped.
-pub fn expand(model: &Model, form: &RegressorForm, pattern: &Pattern) -> Result<HarmonicTable, ExpandError> {
+pub fn expand(model: &ExactModel, form: &RegressorForm, pattern: &Pattern) -> Result<HarmonicTable, ExpandError> {
     expand_with(model, form, pattern, &mut ExpandOptions::default())
 }
 
@@ -50,7 +50,7 @@ pub fn expand(model: &Model, form: &RegressorForm, pattern: &Pattern) -> Result<
 /// When a coordinate has no motion, a term does not expand finitely, the table would be too large and large ones are not
 /// allowed, or the progress callback says to stop; nothing is dropped.
 pub fn expand_with(
-    model: &Model,
+    model: &ExactModel,
     form: &RegressorForm,
     pattern: &Pattern,
     options: &mut ExpandOptions<'_>,

@@ -6,7 +6,7 @@
 use crate::algebra::fourier::Fourier;
 use crate::algebra::polynomial::Monomial;
 use crate::expr::graph::{ExprId, Node};
-use crate::mechanics::model::{Kind, Model};
+use crate::mechanics::model::{ExactModel, Kind};
 use crate::mechanics::pattern::{Motion, Pattern};
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Zero};
@@ -34,7 +34,7 @@ pub enum MotionError {
 ///
 /// # Errors
 /// When the expression is no such polynomial or a coordinate has no motion.
-pub fn motion_of(model: &Model, pattern: &Pattern, expr: ExprId) -> Result<Motion, MotionError> {
+pub fn motion_of(model: &ExactModel, pattern: &Pattern, expr: ExprId) -> Result<Motion, MotionError> {
     let mut sum = Motion::zero();
     for (monomial, coefficient) in model.graph.polynomial(expr).terms() {
         let mut product = Motion::term(Monomial::one(), Fourier::constant(coefficient.clone()));
@@ -50,7 +50,7 @@ pub fn motion_of(model: &Model, pattern: &Pattern, expr: ExprId) -> Result<Motio
 ///
 /// # Errors
 /// When the power is no polynomial of the motion or a coordinate has no motion.
-pub fn power_of(model: &Model, pattern: &Pattern, atom: ExprId, exponent: i32) -> Result<Motion, MotionError> {
+pub fn power_of(model: &ExactModel, pattern: &Pattern, atom: ExprId, exponent: i32) -> Result<Motion, MotionError> {
     let not_polynomial = || MotionError::NotPolynomial { found: model.display(atom) };
     let one = || Fourier::constant(Rational::one());
     match *model.graph.node(atom) {

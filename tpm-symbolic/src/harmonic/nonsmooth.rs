@@ -18,7 +18,7 @@ use crate::harmonic::motion::{motion_of, power_of};
 use crate::harmonic::options::ExpandOptions;
 use crate::harmonic::table::{Entry, Tail};
 use crate::harmonic::tail::{maximum, root_mean_square};
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::mechanics::pattern::{Motion, Pattern};
 use crate::number::rational::Rational;
 use crate::regressor::form::{RegressorForm, Row, Term};
@@ -31,14 +31,14 @@ pub use crate::harmonic::options::DEFAULT_HARMONICS;
 pub use crate::harmonic::sign::QuadrantSign;
 
 /// Whether an atom of a term is a sign or an absolute value.
-fn is_nonsmooth(model: &Model, atom: ExprId) -> bool {
+fn is_nonsmooth(model: &ExactModel, atom: ExprId) -> bool {
     matches!(model.graph.node(atom), Node::Function(Function::Sign | Function::Abs, _))
 }
 
 /// Splits the terms of a form into those without and those with signs and absolute values, as two forms of the same
 /// columns; `None` when no term has a sign or an absolute value.
 #[must_use]
-pub fn split(model: &Model, form: &RegressorForm) -> Option<(RegressorForm, RegressorForm)> {
+pub fn split(model: &ExactModel, form: &RegressorForm) -> Option<(RegressorForm, RegressorForm)> {
     let nonsmooth = |term: &Term| term.atoms.factors().any(|(&atom, _)| is_nonsmooth(model, atom));
     if !form.rows.iter().flat_map(|row| &row.terms).any(nonsmooth) {
         return None;
@@ -67,7 +67,7 @@ type Group = (usize, Option<usize>, Monomial<usize>, Monomial<usize>);
 /// When the sign changes of a term have no exact series under the pattern, or when so many harmonics would take more
 /// memory than the options allow; the source term is named.
 pub fn expand(
-    model: &Model,
+    model: &ExactModel,
     form: &RegressorForm,
     pattern: &Pattern,
     options: &ExpandOptions<'_>,
@@ -140,7 +140,7 @@ struct Parts {
     pi: i32,
 }
 
-fn term_parts(model: &Model, pattern: &Pattern, term: &Term) -> Result<Parts, SignError> {
+fn term_parts(model: &ExactModel, pattern: &Pattern, term: &Term) -> Result<Parts, SignError> {
     let mut parts = Parts {
         smooth: Motion::term(Monomial::one(), Fourier::constant(term.coefficient.clone())),
         sign: QuadrantSign::POSITIVE,
@@ -172,7 +172,7 @@ fn term_parts(model: &Model, pattern: &Pattern, term: &Term) -> Result<Parts, Si
 }
 
 fn apply_sign(
-    model: &Model,
+    model: &ExactModel,
     pattern: &Pattern,
     argument: ExprId,
     motion: &Motion,

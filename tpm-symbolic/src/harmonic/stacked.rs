@@ -7,7 +7,7 @@ use crate::algebra::fourier::Trig;
 use crate::algebra::generic_point;
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::harmonic::table::HarmonicTable;
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::number::rational::{self, Rational};
 use ecow::EcoString;
 use num_traits::{Signed, Zero};
@@ -37,7 +37,7 @@ impl<'a> Experiment<'a> {
 
     /// An experiment in which the model's run-time constants are shared with the other experiments.
     #[must_use]
-    pub fn of(name: &str, model: &Model, table: &'a HarmonicTable) -> Self {
+    pub fn of(name: &str, model: &ExactModel, table: &'a HarmonicTable) -> Self {
         let mut experiment = Self::new(name, table);
         experiment.shared = model.run_time_constants().map(|symbol| model.quantity(symbol).name.to_string()).collect();
         experiment

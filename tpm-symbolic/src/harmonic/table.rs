@@ -66,7 +66,7 @@ pub struct Tail {
 
 /// The coefficients of one equation, column and product of powers: a lattice of harmonics, cosines before sines.
 #[derive(Clone, Debug)]
-pub(crate) struct Series {
+pub(crate) struct CoefficientSeries {
     pub(crate) equation: usize,
     pub(crate) column: Option<usize>,
     pub(crate) pi: i32,
@@ -89,7 +89,7 @@ pub(crate) struct Series {
 /// Equation, column, power of pi, powers, signs, first harmonic.
 type SeriesKey<'a> = (usize, Option<usize>, i32, &'a Monomial<usize>, Option<&'a Monomial<usize>>, usize);
 
-impl Series {
+impl CoefficientSeries {
     fn key(&self) -> SeriesKey<'_> {
         (self.equation, self.column, self.pi, &self.powers, self.sign.as_deref(), self.first)
     }
@@ -135,8 +135,8 @@ pub struct HarmonicTable {
     pub symbols: Vec<EcoString>,
     /// What is left out, one for every infinite series in the table; empty when the table is the whole.
     pub tails: Vec<Tail>,
-    /// Sorted by [`Series::key`].
-    series: Vec<Series>,
+    /// Sorted by [`CoefficientSeries::key`].
+    series: Vec<CoefficientSeries>,
     words: Vec<u64>,
     len: usize,
 }
@@ -187,7 +187,7 @@ impl HarmonicTable {
                 chunk.iter().map(|e| e.coefficient.numer().bits() / 64 + 1).max().unwrap_or(1) as usize;
             let denominator_words = chunk.iter().map(|e| e.coefficient.denom().bits().div_ceil(64)).max().unwrap_or(1);
             let denominator_words = denominator_words as usize;
-            let item = Series {
+            let item = CoefficientSeries {
                 equation: head.equation,
                 column: head.column,
                 pi: head.pi,
@@ -220,7 +220,7 @@ impl HarmonicTable {
     pub(crate) fn from_series(
         model: EcoString,
         [equations, parameters, symbols]: [Vec<EcoString>; 3],
-        mut series: Vec<Series>,
+        mut series: Vec<CoefficientSeries>,
         words: Vec<u64>,
         len: usize,
     ) -> Self {
@@ -273,11 +273,11 @@ impl HarmonicTable {
         })
     }
 
-    fn is_zero(&self, series: &Series, at: usize) -> bool {
+    fn is_zero(&self, series: &CoefficientSeries, at: usize) -> bool {
         self.words[at..at + series.numerator_words].iter().all(|&word| word == 0)
     }
 
-    fn entry(&self, series: &Series, harmonic: usize, function: Trig, at: usize) -> Entry {
+    fn entry(&self, series: &CoefficientSeries, harmonic: usize, function: Trig, at: usize) -> Entry {
         let (numerator, rest) = self.words[at..].split_at(series.numerator_words);
         let denominator = unsigned_from_words(&rest[..series.denominator_words]);
         Entry {
@@ -364,8 +364,8 @@ impl ExactSizeIterator for Entries<'_> {}
 #[derive(Clone, Debug)]
 struct Positions<'a> {
     /// The series of the present equation, and those of the equations behind it.
-    block: &'a [Series],
-    rest: &'a [Series],
+    block: &'a [CoefficientSeries],
+    rest: &'a [CoefficientSeries],
     harmonic: usize,
     function: Trig,
     /// The next series to look at in the block.
@@ -389,7 +389,7 @@ impl<'a> Positions<'a> {
 }
 
 impl<'a> Iterator for Positions<'a> {
-    type Item = (&'a Series, usize, Trig, usize);
+    type Item = (&'a CoefficientSeries, usize, Trig, usize);
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {

@@ -17,7 +17,7 @@ use crate::expr::graph::{Coordinate, ExprId, Node, Symbol};
 use crate::expr::normal_form::NormalForms;
 use crate::expr::singularity::first_singularity;
 use crate::expr::trigonometric;
-use crate::mechanics::model::{Kind, Model, TermId};
+use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::mechanics::pattern::Motion;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Zero};
@@ -116,7 +116,7 @@ pub struct Linearization {
 /// # Errors
 /// When the point is no equilibrium or the model is not smooth there, not of second order, or has a singular mass
 /// matrix; the equation is named.
-pub fn linearize(model: &mut Model, point: &OperatingPoint) -> Result<Linearization, LinearizeError> {
+pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linearization, LinearizeError> {
     let n = model.coordinates.len();
     if model.equations.len() != n {
         return Err(LinearizeError::Shape { equations: model.equations.len(), coordinates: n });
@@ -148,7 +148,7 @@ pub fn linearize(model: &mut Model, point: &OperatingPoint) -> Result<Linearizat
         }
         rows.push(row);
     }
-    let jacobian = |model: &mut Model, leaves: &[ExprId], sign: i64| -> Vec<Vec<Polynomial<ExprId>>> {
+    let jacobian = |model: &mut ExactModel, leaves: &[ExprId], sign: i64| -> Vec<Vec<Polynomial<ExprId>>> {
         let mut matrix = Vec::with_capacity(n);
         for &row in &rows {
             let mut entries = Vec::with_capacity(leaves.len());
@@ -174,7 +174,7 @@ pub fn linearize(model: &mut Model, point: &OperatingPoint) -> Result<Linearizat
 }
 
 fn replacements(
-    model: &mut Model,
+    model: &mut ExactModel,
     point: &OperatingPoint,
     inputs: &[Symbol],
 ) -> Result<HashMap<ExprId, ExprId>, LinearizeError> {
@@ -212,7 +212,7 @@ fn replacements(
 }
 
 /// Every constant whose value is known exactly, with that value.
-fn exact_constants(model: &mut Model) -> HashMap<ExprId, ExprId> {
+fn exact_constants(model: &mut ExactModel) -> HashMap<ExprId, ExprId> {
     let mut known = HashMap::new();
     for (index, quantity) in (0u32..).zip(&model.symbols) {
         if let Kind::Constant { value: Some(value) } = &quantity.kind {
@@ -226,7 +226,7 @@ fn exact_constants(model: &mut Model) -> HashMap<ExprId, ExprId> {
 }
 
 fn state_space(
-    model: &mut Model,
+    model: &mut ExactModel,
     inputs: Vec<Symbol>,
     [mass, damping, stiffness, input]: [Vec<Vec<Polynomial<ExprId>>>; 4],
 ) -> Result<Linearization, LinearizeError> {
@@ -280,7 +280,7 @@ pub struct StateSpace<T> {
 impl Linearization {
     /// A and B in double precision, given the leaves that are left (parameters and run-time constants).
     #[must_use]
-    pub fn evaluate(&self, model: &Model, mut leaf: impl FnMut(Symbol) -> f64) -> StateSpace<f64> {
+    pub fn evaluate(&self, model: &ExactModel, mut leaf: impl FnMut(Symbol) -> f64) -> StateSpace<f64> {
         let mut value = |expr: ExprId| {
             model.graph.evaluate(expr, |node| match node {
                 Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
@@ -299,7 +299,7 @@ impl Linearization {
     #[must_use]
     pub fn evaluate_exact(
         &self,
-        model: &Model,
+        model: &ExactModel,
         mut leaf: impl FnMut(Symbol) -> Option<Rational>,
     ) -> Option<StateSpace<Rational>> {
         let mut value = |expr: ExprId| {
@@ -453,7 +453,7 @@ pub enum SubstituteError {
 /// # Errors
 /// When the scale is zero, the offset is not constant, or a pattern's motion cannot be carried over.
 pub fn substitute_coordinate(
-    model: &mut Model,
+    model: &mut ExactModel,
     coordinate: Coordinate,
     new_name: &str,
     scale: &Rational,
@@ -506,7 +506,7 @@ pub fn substitute_coordinate(
 }
 
 /// The offset as a constant motion, which is a polynomial of symbols.
-fn offset_motion(model: &Model, offset: ExprId) -> Option<Motion> {
+fn offset_motion(model: &ExactModel, offset: ExprId) -> Option<Motion> {
     let mut motion = Motion::zero();
     for (monomial, coefficient) in model.graph.polynomial(offset).terms() {
         let mut symbols = Monomial::one();

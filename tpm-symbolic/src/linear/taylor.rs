@@ -12,7 +12,7 @@ use crate::algebra::characteristic::Ring;
 use crate::expr::graph::{Coordinate, ExprId, Function, Graph, Node};
 use crate::expr::trigonometric;
 use crate::linear::jet::{Analytic, Index, Jets, Singular, nodes_of};
-use crate::mechanics::model::{Kind, Model, TermId};
+use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::number::rational::Rational;
 use num_traits::Zero;
 use std::collections::hash_map::Entry;
@@ -33,7 +33,7 @@ pub struct Expansion {
 
 /// A Taylor polynomial.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Series {
+pub struct TaylorSeries {
     /// The function that was expanded.
     pub function: ExprId,
     /// The coordinates of the expansion and the point about which it is made.
@@ -74,7 +74,7 @@ pub enum SeriesError {
 ///
 /// # Errors
 /// When the expression is singular at the point, the point is not constant, or a coordinate is given twice.
-pub fn series(model: &mut Model, function: ExprId, expansions: &[Expansion]) -> Result<Series, SeriesError> {
+pub fn series(model: &mut ExactModel, function: ExprId, expansions: &[Expansion]) -> Result<TaylorSeries, SeriesError> {
     check_points(model, expansions)?;
     let degree = expansions.iter().map(|expansion| expansion.order).max().unwrap_or(0);
     let nodes = nodes_of(&model.graph, function);
@@ -87,10 +87,10 @@ pub fn series(model: &mut Model, function: ExprId, expansions: &[Expansion]) -> 
     let jet = jet.map_err(|Singular(atom)| SeriesError::Singular { term: None, atom: model.display(atom) })?;
     let kept = |index: &Index| index.iter().zip(expansions).all(|(&exponent, e)| exponent <= e.order);
     let coefficients = jet.coefficients.into_iter().filter(|(index, _)| kept(index)).collect();
-    Ok(Series { function, expansions: expansions.to_vec(), coefficients })
+    Ok(TaylorSeries { function, expansions: expansions.to_vec(), coefficients })
 }
 
-fn check_points(model: &Model, expansions: &[Expansion]) -> Result<(), SeriesError> {
+fn check_points(model: &ExactModel, expansions: &[Expansion]) -> Result<(), SeriesError> {
     for (i, expansion) in expansions.iter().enumerate() {
         let coordinate = || model.coordinates[expansion.coordinate.0 as usize].name.clone();
         if expansions[..i].iter().any(|other| other.coordinate == expansion.coordinate) {
@@ -108,7 +108,7 @@ fn check_points(model: &Model, expansions: &[Expansion]) -> Result<(), SeriesErr
     Ok(())
 }
 
-impl Series {
+impl TaylorSeries {
     /// sum c_a (q - q0)^a as an expression.
     pub fn polynomial(&self, graph: &mut Graph) -> ExprId {
         let coefficients = self.coefficients.clone();
@@ -139,7 +139,7 @@ impl Series {
     /// with the exponents: `a0`, `a1` in one coordinate, `a0_1` in several.
     pub fn with_parameters(
         &self,
-        model: &mut Model,
+        model: &mut ExactModel,
         prefix: &str,
     ) -> (ExprId, Vec<(crate::expr::graph::Symbol, ExprId)>) {
         let mut definitions = Vec::with_capacity(self.coefficients.len());
@@ -160,7 +160,7 @@ pub struct Truncation {
     /// The source term.
     pub term: TermId,
     /// The Taylor polynomial of the part that does not expand finitely.
-    pub series: Series,
+    pub series: TaylorSeries,
 }
 
 /// Replaces, in every equation, what does not expand finitely in the given coordinates (sin q, 1/(1 + q), ...) by its
@@ -170,10 +170,10 @@ pub struct Truncation {
 ///
 /// # Errors
 /// When a term is singular at the point; the model is then left as it was.
-pub fn truncate(model: &mut Model, expansions: &[Expansion]) -> Result<Vec<Truncation>, SeriesError> {
+pub fn truncate(model: &mut ExactModel, expansions: &[Expansion]) -> Result<Vec<Truncation>, SeriesError> {
     check_points(model, expansions)?;
     let mut truncations = Vec::new();
-    let mut known: HashMap<ExprId, (ExprId, Series)> = HashMap::new();
+    let mut known: HashMap<ExprId, (ExprId, TaylorSeries)> = HashMap::new();
     let mut equations = model.equations.clone();
     for source in equations.iter_mut().flat_map(|equation| &mut equation.terms) {
         let polynomial = model.graph.polynomial(source.expr);
@@ -214,7 +214,7 @@ pub fn truncate(model: &mut Model, expansions: &[Expansion]) -> Result<Vec<Trunc
 }
 
 /// Whether a power of an atom depends on one of the coordinates and is not a polynomial.
-fn is_infinite(model: &Model, atom: ExprId, exponent: i32, expansions: &[Expansion]) -> bool {
+fn is_infinite(model: &ExactModel, atom: ExprId, exponent: i32, expansions: &[Expansion]) -> bool {
     match model.graph.node(atom) {
         Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Placeholder(_) => false,
         Node::Derivative(coordinate, order) => {

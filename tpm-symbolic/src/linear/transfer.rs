@@ -14,7 +14,7 @@ use crate::expr::graph::{ExprId, Graph};
 use crate::expr::normal_form::NormalForms;
 use crate::expr::trigonometric;
 use crate::linear::linearize::Linearization;
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::number::rational::Rational;
 
 /// The transfer function from one input to one coordinate.
@@ -67,7 +67,7 @@ impl Ring for InS<'_> {
 
 /// The transfer functions to every coordinate (rows) from every input (columns).
 #[must_use]
-pub fn transfer_functions(model: &mut Model, linear: &Linearization) -> Matrix<SymbolicTransfer> {
+pub fn transfer_functions(model: &mut ExactModel, linear: &Linearization) -> Matrix<SymbolicTransfer> {
     let graph = &mut model.graph;
     let n = linear.mass.len();
     let mut dynamic: Matrix<Element> = Vec::with_capacity(n);

@@ -11,7 +11,7 @@
 use crate::algebra::fraction::Fraction;
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
-use crate::mechanics::model::{Kind, Model, TermId};
+use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Signed};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -150,7 +150,7 @@ const MAX_STEPS: usize = 500;
 /// # Errors
 /// When no order of elimination works; the coordinate and the terms at fault are named.
 pub(crate) fn eliminate(
-    model: &mut Model,
+    model: &mut ExactModel,
     targets: &[Coordinate],
 ) -> Result<(Vec<RemainingRow>, Vec<Solution>), EliminateError> {
     let targets: BTreeSet<Coordinate> = targets.iter().copied().collect();
@@ -178,11 +178,11 @@ pub(crate) fn eliminate(
     }
 }
 
-fn coordinate_name(model: &Model, coordinate: Coordinate) -> String {
+fn coordinate_name(model: &ExactModel, coordinate: Coordinate) -> String {
     model.coordinates[coordinate.0 as usize].name.clone()
 }
 
-fn row_of(model: &Model, index: usize) -> RemainingRow {
+fn row_of(model: &ExactModel, index: usize) -> RemainingRow {
     let equation = &model.equations[index];
     let mut input = None;
     let terms = equation.terms.iter().map(|term| {
@@ -200,7 +200,7 @@ fn row_of(model: &Model, index: usize) -> RemainingRow {
 }
 
 /// Replaces constants of known value by numbers, so that terms which cancel do cancel.
-fn with_known_values(model: &Model, polynomial: &Polynomial<ExprId>) -> Polynomial<ExprId> {
+fn with_known_values(model: &ExactModel, polynomial: &Polynomial<ExprId>) -> Polynomial<ExprId> {
     let known = |atom: &ExprId| match model.graph.node(*atom) {
         Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
             Kind::Constant { value: Some(value) } => Some(value),
@@ -269,7 +269,7 @@ struct Candidate {
 }
 
 impl Search {
-    fn run(&mut self, model: &mut Model, state: State) -> Option<State> {
+    fn run(&mut self, model: &mut ExactModel, state: State) -> Option<State> {
         if state.remaining.is_empty() {
             return Some(state);
         }
@@ -370,7 +370,7 @@ enum What {
     MovingFactor,
 }
 
-fn explain(model: &mut Model, state: &State, target: Coordinate) -> EliminateError {
+fn explain(model: &mut ExactModel, state: &State, target: Coordinate) -> EliminateError {
     let coordinate = coordinate_name(model, target);
     let mut obstacles = Vec::new();
     for (index, row) in state.rows.iter().enumerate() {
@@ -429,7 +429,7 @@ fn explain(model: &mut Model, state: &State, target: Coordinate) -> EliminateErr
 }
 
 /// Solves one row and substitutes into all others.
-fn step(model: &mut Model, state: &State, candidate: &Candidate) -> State {
+fn step(model: &mut ExactModel, state: &State, candidate: &Candidate) -> State {
     let value = candidate
         .rest
         .scale(&-Rational::one())
@@ -475,7 +475,7 @@ impl Substitution {
         Self { coordinate, derivatives: vec![value] }
     }
 
-    fn derivative(&mut self, model: &mut Model, order: u32) -> Fraction<ExprId> {
+    fn derivative(&mut self, model: &mut ExactModel, order: u32) -> Fraction<ExprId> {
         while self.derivatives.len() <= order as usize {
             let last = self.derivatives.last().expect("invariant: the value itself is present").clone();
             let numerator = time_derivative(&mut model.graph, last.numerator());
@@ -484,7 +484,7 @@ impl Substitution {
         self.derivatives[order as usize].clone()
     }
 
-    fn apply(&mut self, model: &mut Model, value: &Fraction<ExprId>) -> Fraction<ExprId> {
+    fn apply(&mut self, model: &mut ExactModel, value: &Fraction<ExprId>) -> Fraction<ExprId> {
         // Terms that share their factors of the eliminated coordinate are multiplied out together.
         let mut groups: BTreeMap<Monomial<ExprId>, Vec<(Monomial<ExprId>, Rational)>> = BTreeMap::new();
         for (monomial, coefficient) in value.numerator().terms() {
@@ -510,7 +510,7 @@ impl Substitution {
     }
 
     /// The replacement of a power of an atom that contains the coordinate, as a value and an exponent.
-    fn power(&mut self, model: &mut Model, atom: ExprId, exponent: i32) -> (Fraction<ExprId>, u32) {
+    fn power(&mut self, model: &mut ExactModel, atom: ExprId, exponent: i32) -> (Fraction<ExprId>, u32) {
         if let (&Node::Derivative(_, order), Ok(exponent)) = (model.graph.node(atom), u32::try_from(exponent)) {
             return (self.derivative(model, order), exponent);
         }

@@ -16,7 +16,7 @@
 
 use crate::expr::graph::{Coordinate, ExprId, Node};
 use crate::expr::trigonometric;
-use crate::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 use crate::number::rational::{self, Rational};
 use num_traits::Zero;
 use serde::{Deserialize, Serialize};
@@ -114,13 +114,13 @@ impl LagrangeError {
 /// # Errors
 /// When an energy has arguments that it must not have, the kinetic energy is not quadratic in the velocities, or a
 /// coordinate occurs nowhere; the source term is named.
-pub fn euler_lagrange(model: &mut Model, lagrangian: &Lagrangian) -> Result<EulerLagrange, LagrangeError> {
+pub fn euler_lagrange(model: &mut ExactModel, lagrangian: &Lagrangian) -> Result<EulerLagrange, LagrangeError> {
     check_arguments(model, "kinetic", &lagrangian.kinetic, 1)?;
     check_arguments(model, "potential", &lagrangian.potential, 0)?;
     check_arguments(model, "dissipation", &lagrangian.dissipation, 1)?;
     let n = model.coordinates.len();
     let coordinates: Vec<Coordinate> = (0u32..).take(n).map(Coordinate).collect();
-    let leaves = |model: &mut Model, order: u32| -> Vec<ExprId> {
+    let leaves = |model: &mut ExactModel, order: u32| -> Vec<ExprId> {
         coordinates.iter().map(|&c| model.graph.derivative_of(c, order)).collect()
     };
     let (positions, velocities) = (leaves(model, 0), leaves(model, 1));
@@ -159,7 +159,7 @@ pub fn euler_lagrange(model: &mut Model, lagrangian: &Lagrangian) -> Result<Eule
         equations.push(Equation { name: equation_name(model, &terms, i), terms });
     }
 
-    let total = |model: &mut Model, sources: &[SourceTerm]| {
+    let total = |model: &mut ExactModel, sources: &[SourceTerm]| {
         let exprs: Vec<ExprId> = sources.iter().map(|source| source.expr).collect();
         model.graph.sum(&exprs)
     };
@@ -196,7 +196,7 @@ pub fn euler_lagrange(model: &mut Model, lagrangian: &Lagrangian) -> Result<Eule
 
 impl EulerLagrange {
     /// M q'' + C q' + dR/dq' + G - Q, row by row; equal to the equations as functions.
-    pub fn residual(&self, model: &mut Model) -> Vec<ExprId> {
+    pub fn residual(&self, model: &mut ExactModel) -> Vec<ExprId> {
         let mut rows = Vec::with_capacity(self.mass.len());
         for i in 0..self.mass.len() {
             let mut parts = vec![self.dissipation[i], self.gravity[i], model.graph.neg(self.forces[i])];
@@ -212,14 +212,14 @@ impl EulerLagrange {
     }
 }
 
-fn push(model: &Model, terms: &mut Vec<SourceTerm>, id: TermId, expr: ExprId) {
+fn push(model: &ExactModel, terms: &mut Vec<SourceTerm>, id: TermId, expr: ExprId) {
     if !model.graph.as_number(expr).is_some_and(Zero::is_zero) {
         terms.push(SourceTerm { id, expr });
     }
 }
 
 fn check_arguments(
-    model: &Model,
+    model: &ExactModel,
     energy: &'static str,
     terms: &[SourceTerm],
     highest: u32,
@@ -243,7 +243,7 @@ fn check_arguments(
 }
 
 /// The second derivatives by the velocities must not depend on the velocities.
-fn check_quadratic(model: &mut Model, source: &SourceTerm, velocities: &[ExprId]) -> Result<(), LagrangeError> {
+fn check_quadratic(model: &mut ExactModel, source: &SourceTerm, velocities: &[ExprId]) -> Result<(), LagrangeError> {
     for (i, &left) in velocities.iter().enumerate() {
         let first = model.graph.differentiate(source.expr, left);
         for (j, &middle) in velocities.iter().enumerate().skip(i) {
@@ -259,7 +259,7 @@ fn check_quadratic(model: &mut Model, source: &SourceTerm, velocities: &[ExprId]
     Ok(())
 }
 
-fn hessian(model: &mut Model, expr: ExprId, variables: &[ExprId]) -> Vec<Vec<ExprId>> {
+fn hessian(model: &mut ExactModel, expr: ExprId, variables: &[ExprId]) -> Vec<Vec<ExprId>> {
     let mut rows = Vec::with_capacity(variables.len());
     for &left in variables {
         let slope = model.graph.differentiate(expr, left);
@@ -268,7 +268,7 @@ fn hessian(model: &mut Model, expr: ExprId, variables: &[ExprId]) -> Vec<Vec<Exp
     rows
 }
 
-fn depends_only_on(model: &Model, matrix: &[Vec<ExprId>], positions: &[ExprId]) -> bool {
+fn depends_only_on(model: &ExactModel, matrix: &[Vec<ExprId>], positions: &[ExprId]) -> bool {
     matrix
         .iter()
         .flatten()
@@ -278,7 +278,7 @@ fn depends_only_on(model: &Model, matrix: &[Vec<ExprId>], positions: &[ExprId]) 
 
 /// C_ij = 1/2 sum_k (dM_ij/dq_k + dM_ik/dq_j - dM_jk/dq_i) q'_k + db_i/dq_j - db_j/dq_i.
 fn christoffel(
-    model: &mut Model,
+    model: &mut ExactModel,
     mass: &[Vec<ExprId>],
     linear: &[ExprId],
     positions: &[ExprId],
@@ -313,7 +313,7 @@ fn christoffel(
 }
 
 /// The input's name when exactly one input stands in the equation, otherwise `eq1`, `eq2`, ... by position.
-fn equation_name(model: &Model, terms: &[SourceTerm], index: usize) -> String {
+fn equation_name(model: &ExactModel, terms: &[SourceTerm], index: usize) -> String {
     let mut inputs: Vec<String> = terms
         .iter()
         .flat_map(|term| model.graph.leaves(term.expr))

@@ -1,6 +1,6 @@
 //! A declared dynamics model, still as it was written: equations, not yet sorted into regressors.
 //!
-//! Invariants of [`Model`]: every [`Symbol`] and [`Coordinate`] in the graph indexes `symbols` and `coordinates`; each
+//! Invariants of [`ExactModel`]: every [`Symbol`] and [`Coordinate`] in the graph indexes `symbols` and `coordinates`; each
 //! equation is the list of its source terms, whose sum is zero on every motion (left minus right-hand side), and every
 //! source term carries a [`TermId`] by which whoever read the model finds the place it came from.
 
@@ -94,7 +94,7 @@ pub struct Lump {
 
 /// A dynamics model.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Model {
+pub struct ExactModel {
     /// The model's name.
     pub name: String,
     /// Inputs, parameters, constants, amplitudes and frequencies, in order of declaration.
@@ -113,7 +113,7 @@ pub struct Model {
     pub patterns: Vec<Pattern>,
 }
 
-impl Model {
+impl ExactModel {
     /// Declares a quantity.
     pub fn declare(&mut self, name: &str, unit: Option<Unit>, kind: Kind) -> Symbol {
         let symbol = Symbol(u32::try_from(self.symbols.len()).expect("invariant: fewer than 2^32 symbols"));
@@ -194,7 +194,7 @@ impl Model {
     }
 }
 
-impl Names for Model {
+impl Names for ExactModel {
     fn symbol_name(&self, symbol: Symbol) -> String {
         self.quantity(symbol).name.to_string()
     }

@@ -110,7 +110,7 @@ impl Degrees {
 mod tests {
     use super::Dynamics;
     use crate::expr::graph::Function;
-    use crate::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+    use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
     use crate::number::rational::{self, Rational};
     use crate::plan::entries::Entries;
     use crate::plan::leaf::Leaf;
@@ -118,8 +118,8 @@ mod tests {
 
     /// An arm whose inertia depends on its angle, a cart that couples to it, and a term of degree `power` in the acceleration:
     /// (J + m q2^2) q1'' + m q2 q2'' + k q1 + c s(q1)^power = u, m q2 q1'' + m q2'' - 3 q2'^2 = 0 (c known at run time).
-    fn model(power: i32, inside: bool) -> Model {
-        let mut model = Model { name: "Arm".into(), ..Model::default() };
+    fn model(power: i32, inside: bool) -> ExactModel {
+        let mut model = ExactModel { name: "Arm".into(), ..ExactModel::default() };
         let [q1, q2] = ["q1", "q2"].map(|name| model.declare_coordinate(name, None));
         let u = model.declare("u", None, Kind::Input);
         let [inertia, mass, spring] = ["J", "m", "k"].map(|name| model.declare(name, None, Kind::Parameter));

@@ -2,7 +2,7 @@
 
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::plan::constants::substitute_values;
 use crate::plan::factored;
 use crate::regressor::form::RegressorForm;
@@ -23,7 +23,7 @@ pub(crate) struct Entries {
 }
 
 impl Entries {
-    pub(crate) fn new(model: &Model, form: &RegressorForm) -> Self {
+    pub(crate) fn new(model: &ExactModel, form: &RegressorForm) -> Self {
         let mut graph = model.graph.clone();
         let inputs: Vec<Symbol> = model.inputs().collect();
         let mut coordinates: BTreeMap<Coordinate, u32> = BTreeMap::new();

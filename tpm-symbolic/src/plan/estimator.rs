@@ -5,7 +5,7 @@
 
 use crate::harmonic::expand::expand;
 use crate::harmonic::table::HarmonicTable;
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::plan::evaluation::Evaluation;
 use crate::plan::leaf::Leaf;
 use crate::plan::lumping::{UnlumpGap, Unlumping, lumping, unlumping};
@@ -39,7 +39,7 @@ pub struct EstimatorPlan {
 impl EstimatorPlan {
     /// The plans of `form`, which belongs to `model`.
     #[must_use]
-    pub fn new(model: &Model, form: &RegressorForm) -> Self {
+    pub fn new(model: &ExactModel, form: &RegressorForm) -> Self {
         let table = |pattern| expand(model, form, pattern).map_err(PatternGap::from);
         Self::with_tables(model, form, model.patterns.iter().map(table))
     }
@@ -49,7 +49,7 @@ impl EstimatorPlan {
     /// columns are the form's.
     #[must_use]
     pub fn with_tables(
-        model: &Model,
+        model: &ExactModel,
         form: &RegressorForm,
         tables: impl IntoIterator<Item = Result<HarmonicTable, PatternGap>>,
     ) -> Self {
@@ -129,7 +129,7 @@ fn feed_forward(mut merger: Merger, forces: &[Slot], evaluation: &Evaluation, fo
 }
 
 /// The feed-forward of each part of the rows.
-fn feed_forward_parts(model: &Model, form: &RegressorForm) -> Option<[Plan; 2]> {
+fn feed_forward_parts(model: &ExactModel, form: &RegressorForm) -> Option<[Plan; 2]> {
     let [resting, moving] = split_form(model, form)?;
     let plan = |part: &RegressorForm| {
         let evaluation = Evaluation::new(model, part);
@@ -146,7 +146,7 @@ mod tests {
     use crate::algebra::fourier::{Fourier, Trig};
     use crate::algebra::polynomial::Monomial;
     use crate::expr::graph::ExprId;
-    use crate::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+    use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
     use crate::mechanics::pattern::{Motion, Pattern, rest_to_rest};
     use crate::number::rational::{Rational, integer, ratio};
     use crate::plan::leaf::Leaf;
@@ -154,8 +154,8 @@ mod tests {
     use crate::regressor::form::regressor_form;
 
     /// m x'' - k x^2 - 3 g = G u with x on the pattern of order 5 about the constant x0.
-    fn model() -> Model {
-        let mut model = Model { name: "Test".to_owned(), ..Model::default() };
+    fn model() -> ExactModel {
+        let mut model = ExactModel { name: "Test".to_owned(), ..ExactModel::default() };
         let x = model.declare_coordinate("x", None);
         let mut quantity = |name: &str, kind: Kind| model.declare(name, None, kind);
         let constant = || Kind::Constant { value: None };
@@ -187,13 +187,13 @@ mod tests {
         model
     }
 
-    fn value(model: &Model, name: &str) -> Rational {
+    fn value(model: &ExactModel, name: &str) -> Rational {
         let position = model.symbols.iter().position(|quantity| quantity.name == name).expect("declared");
         ratio(i64::try_from(position).expect("small") + 2, 7)
     }
 
     /// Leaves at fixed rational values; the phase is the one with tan(theta/2) = 1/2.
-    fn leaf(model: &Model, leaf: &Leaf) -> Option<Rational> {
+    fn leaf(model: &ExactModel, leaf: &Leaf) -> Option<Rational> {
         Some(match *leaf {
             Leaf::Motion(_, order) => ratio(i64::from(order) + 3, 5),
             Leaf::Symbol(symbol) => value(model, &model.quantity(symbol).name),
@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn a_power_of_a_difference_stays_one() {
         // k (x - x0)^2 x'' - 2 c (x - x0)^3 = u
-        let mut model = Model { name: "Test".to_owned(), ..Model::default() };
+        let mut model = ExactModel { name: "Test".to_owned(), ..ExactModel::default() };
         let x = model.declare_coordinate("x", None);
         let u = model.declare("u", None, Kind::Input);
         let k = model.declare("k", None, Kind::Parameter);

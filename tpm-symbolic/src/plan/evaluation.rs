@@ -5,7 +5,7 @@
 //! listed coordinates and the listed constants, nothing else.
 
 use crate::expr::graph::{Coordinate, ExprId, Symbol};
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::plan::dynamics::Dynamics;
 use crate::plan::entries::Entries;
 use crate::plan::straight_line::Plan;
@@ -32,21 +32,21 @@ pub struct Evaluation {
 impl Evaluation {
     /// The plans of `form`, which belongs to `model`.
     #[must_use]
-    pub fn new(model: &Model, form: &RegressorForm) -> Self {
+    pub fn new(model: &ExactModel, form: &RegressorForm) -> Self {
         Self::of_entries(model, &Entries::new(model, form))
     }
 
     /// The plans of `form`, which belongs to `model`, and the plan of its forward dynamics: `None` where the rows are not as
     /// many as the coordinates, or not written as affine in the highest derivatives.
     #[must_use]
-    pub fn with_dynamics(model: &Model, form: &RegressorForm) -> (Self, Option<Dynamics>) {
+    pub fn with_dynamics(model: &ExactModel, form: &RegressorForm) -> (Self, Option<Dynamics>) {
         let entries = Entries::new(model, form);
         let evaluation = Self::of_entries(model, &entries);
         let dynamics = Dynamics::new(entries);
         (evaluation, dynamics)
     }
 
-    fn of_entries(model: &Model, entries: &Entries) -> Self {
+    fn of_entries(model: &ExactModel, entries: &Entries) -> Self {
         let plan = |roots: &[ExprId]| Plan::new(&entries.graph, roots);
         Self {
             coordinates: entries.coordinates.clone(),

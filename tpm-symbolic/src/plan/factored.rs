@@ -8,7 +8,7 @@
 
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Graph};
-use crate::mechanics::model::{Kind, Model};
+use crate::mechanics::model::{ExactModel, Kind};
 use crate::plan::constants::substitute_values;
 use crate::plan::operation::OperationCounts;
 use crate::plan::straight_line::Plan;
@@ -18,7 +18,7 @@ use std::collections::HashMap;
 
 /// The entry of a row and column (`None`: the known terms) from the declared equation, when that is exact and shorter.
 pub(crate) fn entry(
-    model: &Model,
+    model: &ExactModel,
     form: &RegressorForm,
     graph: &mut Graph,
     (row, column): (usize, Option<usize>),

@@ -3,7 +3,7 @@
 use crate::algebra::fraction::Fraction;
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Graph, Symbol};
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::plan::constants::substitute_values;
 use crate::plan::draft::Draft;
 use crate::plan::leaf::Leaf;
@@ -44,7 +44,7 @@ pub struct Unlumping {
 }
 
 /// The columns from the physical parameters; `None` when every column is one of them.
-pub(crate) fn lumping(model: &Model, form: &RegressorForm) -> Option<Plan> {
+pub(crate) fn lumping(model: &ExactModel, form: &RegressorForm) -> Option<Plan> {
     if form.columns.iter().all(|column| column.parameter.is_some()) {
         return None;
     }
@@ -61,7 +61,7 @@ pub(crate) fn lumping(model: &Model, form: &RegressorForm) -> Option<Plan> {
 }
 
 /// The physical parameters from the columns; `None` when every column is a parameter.
-pub(crate) fn unlumping(model: &Model, form: &RegressorForm) -> Option<Result<Unlumping, UnlumpGap>> {
+pub(crate) fn unlumping(model: &ExactModel, form: &RegressorForm) -> Option<Result<Unlumping, UnlumpGap>> {
     if form.columns.iter().all(|column| column.parameter.is_some()) {
         return None;
     }

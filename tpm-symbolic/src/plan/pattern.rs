@@ -13,7 +13,7 @@ use crate::algebra::linear;
 use crate::expr::graph::{ExprId, Function, Graph, Symbol};
 use crate::harmonic::expand::ExpandError;
 use crate::harmonic::table::HarmonicTable;
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::mechanics::pattern::Pattern;
 use crate::number::rational::{self, Rational};
 use crate::plan::constants;
@@ -67,7 +67,7 @@ pub struct PatternPlan {
 impl PatternPlan {
     /// The plans of a pattern of the model; `table` is its harmonic table, or why there is none.
     pub(crate) fn new(
-        model: &Model,
+        model: &ExactModel,
         evaluation: &Evaluation,
         pattern: &Pattern,
         table: Result<HarmonicTable, PatternGap>,
@@ -116,7 +116,7 @@ pub struct PseudoInverse {
 impl PseudoInverse {
     /// `None` where the entries of a column differ by more than a numeric factor, the columns depend on each other,
     /// there are terms without an unknown parameter, or the matrix has more than [`MOST_ENTRIES`] entries.
-    fn new(model: &Model, table: &TablePlan) -> Option<Self> {
+    fn new(model: &ExactModel, table: &TablePlan) -> Option<Self> {
         let columns = table.table.parameters.len();
         if table.places.iter().any(|(_, column)| column.is_none()) || table.places.len() > MOST_ENTRIES {
             return None;
@@ -161,7 +161,7 @@ fn scaled_matrix(table: &TablePlan, columns: usize) -> Option<(Vec<Vec<Rational>
 }
 
 /// The sum of harmonics times `factors`, divided by the scale.
-fn parameter(model: &Model, draft: &mut Draft, scale: &Scale, factors: &[Rational]) -> ExprId {
+fn parameter(model: &ExactModel, draft: &mut Draft, scale: &Scale, factors: &[Rational]) -> ExprId {
     let mut terms = Vec::new();
     for (row, factor) in factors.iter().enumerate().filter(|(_, factor)| !factor.is_zero()) {
         let harmonic = draft.leaf(Leaf::Harmonic(row));

@@ -2,7 +2,7 @@
 
 use crate::algebra::fourier::{Fourier, Trig};
 use crate::expr::graph::{Coordinate, ExprId, Graph};
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::mechanics::pattern::{Motion, Pattern};
 use crate::plan::constants;
 use crate::plan::draft::Draft;
@@ -60,7 +60,7 @@ impl<'d> Phasors<'d> {
 /// The plan of every coordinate of `coordinates` with its derivatives 0, 1, ... up to its own order, one coordinate
 /// after the other; or else the first coordinate that the pattern does not move.
 pub(crate) fn reference(
-    model: &Model,
+    model: &ExactModel,
     coordinates: &[(Coordinate, u32)],
     pattern: &Pattern,
 ) -> Result<Plan, Coordinate> {
@@ -79,7 +79,7 @@ pub(crate) fn reference(
     Ok(draft.plan(&roots))
 }
 
-fn motion_expr(model: &Model, draft: &mut Draft, motion: &Motion) -> ExprId {
+fn motion_expr(model: &ExactModel, draft: &mut Draft, motion: &Motion) -> ExprId {
     let mut terms = Vec::with_capacity(motion.terms().len());
     for (monomial, fourier) in motion.terms() {
         let mut factors = vec![Phasors::new(draft).series(fourier)];

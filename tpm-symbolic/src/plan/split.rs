@@ -22,7 +22,7 @@ use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
 use crate::expr::normal_form::NormalForms;
 use crate::expr::trigonometric;
 use crate::harmonic::bessel::{BesselError, Wave, numeric_table};
-use crate::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 use crate::mechanics::pattern::Pattern;
 use crate::number::rational::{self, Rational};
 use crate::regressor::form::RegressorForm;
@@ -49,7 +49,7 @@ pub struct InputParts {
 #[derive(Clone, Debug)]
 pub struct Split {
     /// The model whose graph holds the expressions; its equations are those that were given.
-    pub model: Model,
+    pub model: ExactModel,
     /// The inputs in order of declaration.
     pub inputs: Vec<InputParts>,
 }
@@ -122,7 +122,7 @@ impl SplitError {
 /// # Errors
 /// When the model has no input, the equations do not determine the inputs or the coordinate that an input drives, an
 /// input does not enter linearly, or a term has no value when the joint stands still.
-pub fn split(model: &Model, motions: &[(Symbol, Vec<Coordinate>)]) -> Result<Split, SplitError> {
+pub fn split(model: &ExactModel, motions: &[(Symbol, Vec<Coordinate>)]) -> Result<Split, SplitError> {
     let mut model = model.clone();
     let inputs: Vec<Symbol> = model.inputs().collect();
     if inputs.is_empty() {
@@ -180,7 +180,7 @@ impl Split {
     ///
     /// # Errors
     /// When a coordinate cannot be eliminated.
-    pub fn parts(&self) -> Result<Model, PrepareError> {
+    pub fn parts(&self) -> Result<ExactModel, PrepareError> {
         let mut model = self.model.clone();
         let mut replacement = HashMap::new();
         if !model.eliminations.is_empty() {
@@ -269,7 +269,7 @@ pub fn numeric_parts(
 /// `None` where that cannot be done term by term: a row holds several inputs, an input's coordinate does not follow from the
 /// equations or is eliminated, or a term has a share in both parts.
 #[must_use]
-pub fn split_form(model: &Model, form: &RegressorForm) -> Option<[RegressorForm; 2]> {
+pub fn split_form(model: &ExactModel, form: &RegressorForm) -> Option<[RegressorForm; 2]> {
     let pairs = pairing(model)?;
     let mut graph = model.graph.clone();
     let zero = graph.integer(0);
@@ -334,7 +334,7 @@ struct Solved {
 }
 
 /// The rows with inputs, solved for these: u_j = sum_r weight_jr rest_r.
-fn solved_for(model: &mut Model, inputs: &[Symbol]) -> Result<Vec<Solved>, SplitError> {
+fn solved_for(model: &mut ExactModel, inputs: &[Symbol]) -> Result<Vec<Solved>, SplitError> {
     let leaves: Vec<ExprId> = inputs.iter().map(|&input| model.graph.symbol(input)).collect();
     let mut rows: Vec<Solved> = Vec::new();
     let mut map: Matrix<Polynomial<ExprId>> = Vec::new();
@@ -427,7 +427,7 @@ fn solved_for(model: &mut Model, inputs: &[Symbol]) -> Result<Vec<Solved>, Split
 }
 
 /// The highest derivative of every coordinate in the equations.
-fn orders(model: &Model) -> Vec<u32> {
+fn orders(model: &ExactModel) -> Vec<u32> {
     let mut orders = vec![0; model.coordinates.len()];
     for term in model.equations.iter().flat_map(|equation| &equation.terms) {
         for leaf in model.graph.leaves(term.expr) {
@@ -441,7 +441,7 @@ fn orders(model: &Model) -> Vec<u32> {
 }
 
 /// Whether a derivative of at least this order stands in an equation.
-fn stands(model: &Model, equation: &Equation, coordinate: usize, order: u32) -> bool {
+fn stands(model: &ExactModel, equation: &Equation, coordinate: usize, order: u32) -> bool {
     equation.terms.iter().any(|term| {
         model.graph.leaves(term.expr).into_iter().any(|leaf| match *model.graph.node(leaf) {
             Node::Derivative(other, n) => other.0 as usize == coordinate && n >= order,
@@ -452,7 +452,7 @@ fn stands(model: &Model, equation: &Equation, coordinate: usize, order: u32) -> 
 
 /// For every equation the coordinate whose highest derivative it determines: by position where that fits, as it does for
 /// Euler-Lagrange equations, otherwise the only way that fits; `None` when there is none or more than one.
-fn pairing(model: &Model) -> Option<Vec<usize>> {
+fn pairing(model: &ExactModel) -> Option<Vec<usize>> {
     let n = model.coordinates.len();
     if model.equations.len() != n {
         return None;
@@ -492,7 +492,7 @@ fn search(fits: &[Vec<bool>], chosen: &mut Vec<usize>, ways: &mut Vec<Vec<usize>
 }
 
 /// The coordinates that an input acting on these equations drives.
-fn driven(model: &Model, pairs: Option<&[usize]>, acts: impl Iterator<Item = usize>) -> Option<Vec<Coordinate>> {
+fn driven(model: &ExactModel, pairs: Option<&[usize]>, acts: impl Iterator<Item = usize>) -> Option<Vec<Coordinate>> {
     let pairs = pairs?;
     let orders = orders(model);
     let mut found = Vec::new();
@@ -518,7 +518,7 @@ fn driven(model: &Model, pairs: Option<&[usize]>, acts: impl Iterator<Item = usi
 }
 
 /// The two parts of a product or sum; the atom at fault when it has no value at rest.
-fn parts_of(model: &mut Model, expr: ExprId, still: &HashMap<ExprId, ExprId>) -> Result<(ExprId, ExprId), String> {
+fn parts_of(model: &mut ExactModel, expr: ExprId, still: &HashMap<ExprId, ExprId>) -> Result<(ExprId, ExprId), String> {
     let graph = &mut model.graph;
     let polynomial = graph.polynomial(expr);
     let (mut stays, mut moves) = (Vec::new(), Vec::new());
@@ -576,10 +576,10 @@ fn without_value(graph: &mut Graph, expr: ExprId, still: &HashMap<ExprId, ExprId
 mod tests {
     use super::{SplitError, split};
     use crate::expr::graph::{ExprId, Symbol};
-    use crate::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+    use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 
     struct Two {
-        model: Model,
+        model: ExactModel,
         a: [ExprId; 2],
         u: [ExprId; 2],
         k: ExprId,
@@ -587,7 +587,7 @@ mod tests {
 
     /// Two coordinates with their accelerations, two inputs, one parameter.
     fn two() -> Two {
-        let mut model = Model { name: "Two".into(), ..Model::default() };
+        let mut model = ExactModel { name: "Two".into(), ..ExactModel::default() };
         let q = ["q", "p"].map(|name| model.declare_coordinate(name, None));
         let u = ["u", "v"].map(|name| model.declare(name, None, Kind::Input));
         let k = model.declare("k", None, Kind::Parameter);
@@ -597,13 +597,13 @@ mod tests {
         Two { model, a, u, k }
     }
 
-    fn equation(model: &mut Model, terms: &[ExprId]) {
+    fn equation(model: &mut ExactModel, terms: &[ExprId]) {
         let first = model.equations.len() * 10;
         let terms = (first..).zip(terms).map(|(id, &expr)| SourceTerm { id: TermId(id as u32), expr }).collect();
         model.equations.push(Equation { name: format!("eq{}", model.equations.len() + 1), terms });
     }
 
-    fn shown(model: &Model, motions: &[(Symbol, Vec<crate::expr::graph::Coordinate>)]) -> Vec<[String; 2]> {
+    fn shown(model: &ExactModel, motions: &[(Symbol, Vec<crate::expr::graph::Coordinate>)]) -> Vec<[String; 2]> {
         let mut parts = split(model, motions).expect("can be split");
         let inputs = parts.inputs.clone();
         inputs
@@ -644,7 +644,7 @@ mod tests {
     #[test]
     fn least_squares_where_an_input_acts_on_more_rows() {
         // q'' = u, p'' = 2 u, no second input: u = (q'' + 2 p'')/5.
-        let mut model = Model { name: "One".into(), ..Model::default() };
+        let mut model = ExactModel { name: "One".into(), ..ExactModel::default() };
         let q = ["q", "p"].map(|name| model.declare_coordinate(name, None));
         let symbol = model.declare("u", None, Kind::Input);
         let a = q.map(|q| model.graph.derivative_of(q, 2));
@@ -680,6 +680,6 @@ mod tests {
             matches!(&error, SplitError::Singular { term: TermId(7), atom, .. } if atom.contains("dot(q)")),
             "{error}"
         );
-        assert_eq!(split(&Model::default(), &[]).err(), Some(SplitError::NoInput));
+        assert_eq!(split(&ExactModel::default(), &[]).err(), Some(SplitError::NoInput));
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::expr::graph::{ExprId, Function, Graph, Symbol};
 use crate::harmonic::table::{Entry, HarmonicTable};
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::number::rational;
 use crate::plan::bank::{TableRow, bank};
 use crate::plan::constants;
@@ -27,7 +27,7 @@ pub struct TablePlan {
 
 impl TablePlan {
     /// The plans of a table whose symbols are the model's.
-    pub(crate) fn new(model: &Model, table: HarmonicTable) -> Self {
+    pub(crate) fn new(model: &ExactModel, table: HarmonicTable) -> Self {
         let rows = table.rows();
         let mut draft = Draft::new(Graph::new());
         let mut places: Vec<(usize, Option<usize>)> = Vec::new();
@@ -62,7 +62,7 @@ impl TablePlan {
     }
 }
 
-fn entry_expr(model: &Model, draft: &mut Draft, entry: &Entry) -> ExprId {
+fn entry_expr(model: &ExactModel, draft: &mut Draft, entry: &Entry) -> ExprId {
     let mut factors = vec![draft.graph.number(entry.coefficient.clone())];
     if entry.pi != 0 {
         let pi = draft.graph.pi();

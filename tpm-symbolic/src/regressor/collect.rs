@@ -6,7 +6,7 @@
 use crate::algebra::monomial::{Factorisation, Monomial};
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{ExprId, Names, Node, Symbol};
-use crate::mechanics::model::{Kind, Model, TermId};
+use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::number::rational::{self, Rational};
 use ecow::EcoString;
 use num_traits::{One, Zero};
@@ -89,7 +89,7 @@ enum Class {
     Mixed(Symbol),
 }
 
-fn classify(model: &Model, atom: ExprId) -> Class {
+fn classify(model: &ExactModel, atom: ExprId) -> Class {
     match model.graph.node(atom) {
         Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
             Kind::Input => Class::Input(*symbol),
@@ -158,7 +158,7 @@ pub(crate) struct WrittenTerm {
 /// # Errors
 /// When a parameter or an input does not enter linearly, or the equation vanishes.
 pub(crate) fn collect_terms(
-    model: &Model,
+    model: &ExactModel,
     name: &str,
     written: &[WrittenTerm],
 ) -> Result<CollectedRow, RegressorError> {
@@ -239,7 +239,7 @@ pub(crate) fn collect_terms(
 /// Divides the row by the factor of its input when that factor has unknown parameters, or is the row's only one and a
 /// plain number.
 fn normalise(
-    model: &Model,
+    model: &ExactModel,
     terms: &mut Vec<CollectedTerm>,
     inputs: &mut BTreeMap<Symbol, (Polynomial<ExprId>, TermId)>,
 ) -> Result<(), RegressorError> {
@@ -294,6 +294,6 @@ fn normalise(
     Ok(())
 }
 
-fn input_not_linear(model: &Model, term: TermId, symbol: Symbol, found: ExprId) -> RegressorError {
+fn input_not_linear(model: &ExactModel, term: TermId, symbol: Symbol, found: ExprId) -> RegressorError {
     RegressorError::InputNotLinear { term, input: model.symbol_name(symbol), found: model.display(found) }
 }

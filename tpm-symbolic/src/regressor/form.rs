@@ -3,7 +3,7 @@
 //! Products of parameters become *lumped* parameters, so that the result is linear in what is estimated; the map from
 //! physical to lumped parameters is kept exactly.
 
-use crate::mechanics::model::Model;
+use crate::mechanics::model::ExactModel;
 use crate::regressor::collect::{WrittenTerm, collect_terms};
 use crate::regressor::lump::{assemble, merge_proportional};
 
@@ -15,7 +15,7 @@ pub use crate::regressor::lump::canonical;
 ///
 /// # Errors
 /// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
-pub fn regressor_form(model: &Model) -> Result<RegressorForm, RegressorError> {
+pub fn regressor_form(model: &ExactModel) -> Result<RegressorForm, RegressorError> {
     // Equations share functions of the motion, such as the elements of an inertia matrix.
     let terms = model.equations.iter().flat_map(|equation| &equation.terms);
     let mut polynomials = model.graph.polynomials(terms.map(|term| term.expr)).into_iter();

@@ -7,7 +7,7 @@
 use crate::algebra::fraction::display_polynomial;
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{ExprId, Node, Symbol};
-use crate::mechanics::model::{Model, TermId};
+use crate::mechanics::model::{ExactModel, TermId};
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
 use crate::regressor::collect::{CollectedRow, CollectedTerm, ParameterMonomial};
@@ -75,7 +75,7 @@ pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
 }
 
 /// The form with a column for every group of parameter monomials.
-pub(crate) fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group>) -> RegressorForm {
+pub(crate) fn assemble(model: &ExactModel, rows: Vec<CollectedRow>, groups: Vec<Group>) -> RegressorForm {
     let single = |group: &Group| match group.members.as_slice() {
         [(monomial, ratio)] if ratio.is_one() => {
             let mut factors = monomial.factors();
@@ -134,12 +134,12 @@ pub(crate) fn assemble(model: &Model, rows: Vec<CollectedRow>, groups: Vec<Group
 }
 
 /// All names that a model has already.
-pub(crate) fn names(model: &Model) -> BTreeSet<String> {
+pub(crate) fn names(model: &ExactModel) -> BTreeSet<String> {
     let symbols = model.symbols.iter().map(|quantity| quantity.name.to_string());
     symbols.chain(model.coordinates.iter().map(|coordinate| coordinate.name.clone())).collect()
 }
 
-fn monomial_unit(model: &Model, monomial: &ParameterMonomial) -> Option<Unit> {
+fn monomial_unit(model: &ExactModel, monomial: &ParameterMonomial) -> Option<Unit> {
     let mut unit = Unit::one();
     for (&atom, exponent) in monomial.factors() {
         let Node::Symbol(symbol) = model.graph.node(atom) else { return None };
@@ -149,7 +149,7 @@ fn monomial_unit(model: &Model, monomial: &ParameterMonomial) -> Option<Unit> {
 }
 
 /// The user's name when one was given by `lump`, otherwise the canonical expression spelled as an identifier.
-fn lumped_name(model: &Model, definition: &Polynomial<ExprId>, taken: &mut BTreeSet<String>) -> String {
+fn lumped_name(model: &ExactModel, definition: &Polynomial<ExprId>, taken: &mut BTreeSet<String>) -> String {
     for lump in &model.lumps {
         if model.graph.polynomial(lump.expr) == *definition {
             taken.insert(lump.name.clone());
@@ -165,7 +165,7 @@ fn lumped_name(model: &Model, definition: &Polynomial<ExprId>, taken: &mut BTree
 
 /// The canonical expression of a lumped parameter: factors and terms in order of declaration, such as `m2*c2^2`.
 #[must_use]
-pub fn canonical(model: &Model, definition: &Polynomial<ExprId>) -> String {
+pub fn canonical(model: &ExactModel, definition: &Polynomial<ExprId>) -> String {
     // The member that was met first leads; the polynomial's own order is by declaration, since symbols are interned so.
     display_polynomial(definition, |&atom| match model.graph.node(atom) {
         Node::Symbol(_) | Node::Function(..) | Node::Pi | Node::Atan2(..) => model.display(atom),

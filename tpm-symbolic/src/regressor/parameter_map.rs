@@ -8,7 +8,7 @@ use crate::algebra::generic_point;
 use crate::algebra::linear;
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{Coordinate, ExprId, Graph, Names, Node, Symbol};
-use crate::mechanics::model::{Kind, Model, Quantity};
+use crate::mechanics::model::{ExactModel, Kind, Quantity};
 use crate::number::rational::{self, Rational};
 use crate::regressor::form::RegressorForm;
 use crate::regressor::prepare::Prepared;
@@ -44,7 +44,7 @@ impl ParameterMap {
 
     /// The map of a regressor form that belongs to `model`.
     #[must_use]
-    pub fn of(model: &Model, form: &RegressorForm) -> Self {
+    pub fn of(model: &ExactModel, form: &RegressorForm) -> Self {
         let mut graph = model.graph.clone();
         let definitions: Vec<Polynomial<ExprId>> =
             form.columns.iter().map(|column| column.definition.clone()).collect();

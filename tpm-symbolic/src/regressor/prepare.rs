@@ -10,7 +10,7 @@ use crate::algebra::fraction::Fraction;
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
 use crate::mechanics::eliminate::{EliminateError, RemainingRow, eliminate, expression, moves, over_atoms};
-use crate::mechanics::model::{Kind, Model, TermId};
+use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
 use crate::regressor::collect::{CollectedRow, CollectedTerm, RegressorError, WrittenTerm, collect_terms};
@@ -41,7 +41,7 @@ pub struct Reconstruction {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Prepared {
     /// The model as declared, its equations untouched; the graph also holds the atoms of `form`.
-    pub model: Model,
+    pub model: ExactModel,
     /// The equations that remain, sorted into their parameters.
     pub form: RegressorForm,
     /// The eliminated coordinates.
@@ -80,7 +80,7 @@ impl PrepareError {
 ///
 /// # Errors
 /// When a coordinate cannot be eliminated, or a parameter or an input does not enter linearly.
-pub fn prepare(mut model: Model) -> Result<Prepared, PrepareError> {
+pub fn prepare(mut model: ExactModel) -> Result<Prepared, PrepareError> {
     let targets: Vec<Coordinate> = model.eliminations.iter().flat_map(|e| e.coordinates.iter().copied()).collect();
     if targets.is_empty() {
         let form = regressor_form(&model)?;
@@ -175,7 +175,7 @@ struct Lumped {
     source: TermId,
 }
 
-fn lump(model: &Model, rows: Vec<CollectedRow>, prefix: &str) -> RegressorForm {
+fn lump(model: &ExactModel, rows: Vec<CollectedRow>, prefix: &str) -> RegressorForm {
     let mut lumped: Vec<Lumped> = Vec::new();
     let mut result: Vec<Row> = Vec::with_capacity(rows.len());
     for (index, row) in rows.into_iter().enumerate() {
@@ -230,7 +230,7 @@ fn lump(model: &Model, rows: Vec<CollectedRow>, prefix: &str) -> RegressorForm {
 }
 
 fn column(
-    model: &Model,
+    model: &ExactModel,
     prefix: &str,
     index: usize,
     definition: &Polynomial<ExprId>,
@@ -259,7 +259,7 @@ fn column(
     Column { name: name.into(), unit, definition: definition.clone(), parameter }
 }
 
-fn symbol_of(model: &Model, atom: ExprId) -> Option<Symbol> {
+fn symbol_of(model: &ExactModel, atom: ExprId) -> Option<Symbol> {
     match model.graph.node(atom) {
         Node::Symbol(symbol) if model.quantity(*symbol).kind == Kind::Parameter => Some(*symbol),
         _ => None,
@@ -267,7 +267,7 @@ fn symbol_of(model: &Model, atom: ExprId) -> Option<Symbol> {
 }
 
 /// The unit of a product; every term of a sum has the unit of the first.
-fn unit_of(model: &Model, monomial: &Monomial<ExprId>) -> Option<Unit> {
+fn unit_of(model: &ExactModel, monomial: &Monomial<ExprId>) -> Option<Unit> {
     let mut unit = Unit::one();
     for (&atom, exponent) in monomial.factors() {
         let factor = match model.graph.node(atom) {

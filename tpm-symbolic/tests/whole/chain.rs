@@ -2,7 +2,7 @@
 
 use tpm_symbolic::algebra::polynomial::Monomial;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
-use tpm_symbolic::mechanics::model::{Elimination, Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::model::{Elimination, Equation, ExactModel, Kind, SourceTerm, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 
 /// What to build.
@@ -17,13 +17,13 @@ pub(crate) struct Chain {
 }
 
 /// The chain with all coordinates but the last to be eliminated, under the rest-to-rest pattern of the last.
-pub(crate) fn chain(shape: Chain) -> Model {
+pub(crate) fn chain(shape: Chain) -> ExactModel {
     let Chain { masses: l, cubic, dampers } = shape;
-    let mut model = Model { name: "Chain".to_owned(), ..Model::default() };
+    let mut model = ExactModel { name: "Chain".to_owned(), ..ExactModel::default() };
     let x: Vec<Coordinate> = (1..=l).map(|i| model.declare_coordinate(&format!("x{i}"), None)).collect();
     let input = model.declare("F", None, Kind::Input);
     let input = model.graph.symbol(input);
-    let parameter = |model: &mut Model, name: String| -> ExprId {
+    let parameter = |model: &mut ExactModel, name: String| -> ExprId {
         let symbol = model.declare(&name, None, Kind::Parameter);
         model.graph.symbol(symbol)
     };
@@ -82,6 +82,6 @@ pub(crate) fn chain(shape: Chain) -> Model {
 }
 
 /// Two carts or more with a cubic ground spring and no dampers.
-pub(crate) fn cubic(masses: u32) -> Model {
+pub(crate) fn cubic(masses: u32) -> ExactModel {
     chain(Chain { masses, cubic: true, dampers: false })
 }

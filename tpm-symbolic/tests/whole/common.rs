@@ -5,12 +5,12 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 use std::rc::Rc;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Graph, Node, Symbol};
 use tpm_symbolic::expr::trigonometric;
-use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// A model under construction.
 #[derive(Clone, Default)]
-pub(crate) struct Build(Rc<RefCell<(Model, u32)>>);
+pub(crate) struct Build(Rc<RefCell<(ExactModel, u32)>>);
 
 /// An expression of a model under construction.
 #[derive(Clone)]
@@ -24,7 +24,7 @@ impl Build {
         Self::default()
     }
 
-    pub(crate) fn model<T>(&self, f: impl FnOnce(&mut Model) -> T) -> T {
+    pub(crate) fn model<T>(&self, f: impl FnOnce(&mut ExactModel) -> T) -> T {
         f(&mut self.0.borrow_mut().0)
     }
 
@@ -32,7 +32,7 @@ impl Build {
         self.model(|model| f(&mut model.graph))
     }
 
-    pub(crate) fn take(&self) -> Model {
+    pub(crate) fn take(&self) -> ExactModel {
         std::mem::take(&mut self.0.borrow_mut().0)
     }
 

@@ -9,7 +9,7 @@ use tpm_symbolic::algebra::polynomial::Polynomial;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Node, Symbol};
 use tpm_symbolic::harmonic::expand::expand;
 use tpm_symbolic::mechanics::eliminate::{EliminateError, Reason};
-use tpm_symbolic::mechanics::model::{Elimination, Equation, Kind, Lump, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::model::{Elimination, Equation, ExactModel, Kind, Lump, SourceTerm, TermId};
 use tpm_symbolic::number::rational::{Rational, binomial, integer, parse, ratio};
 use tpm_symbolic::regressor::form::canonical;
 use tpm_symbolic::regressor::inverse::Constraint;
@@ -67,7 +67,7 @@ fn two_carts_lump_as_in_feng_4_34_to_4_41() {
 }
 
 /// (derivative, exponent) of a motion monomial, sorted.
-fn orders(model: &Model, term: &tpm_symbolic::regressor::form::Term) -> Vec<(u32, i32)> {
+fn orders(model: &ExactModel, term: &tpm_symbolic::regressor::form::Term) -> Vec<(u32, i32)> {
     let mut orders: Vec<(u32, i32)> = term
         .atoms
         .factors()
@@ -311,7 +311,7 @@ fn jacobian_agrees_with_differences() {
 
 /// Values of a coordinate and all its time derivatives at one instant, from the remaining coordinates' own.
 struct Jet<'a> {
-    model: Model,
+    model: ExactModel,
     parameters: &'a dyn Fn(Symbol) -> Rational,
     free: BTreeMap<(Coordinate, u32), Rational>,
 }
@@ -406,14 +406,14 @@ fn a_damper_between_the_masses_makes_elimination_an_integration() {
 
 /// Faulty models, and models that are no chains.
 struct Small {
-    model: Model,
+    model: ExactModel,
     x: Vec<Coordinate>,
     next: u32,
 }
 
 impl Small {
     fn new(coordinates: &[&str], eliminated: &[usize]) -> Self {
-        let mut model = Model { name: "Small".to_owned(), ..Model::default() };
+        let mut model = ExactModel { name: "Small".to_owned(), ..ExactModel::default() };
         let x: Vec<Coordinate> = coordinates.iter().map(|name| model.declare_coordinate(name, None)).collect();
         let coordinates = eliminated.iter().map(|&i| x[i]).collect();
         model.eliminations.push(Elimination { coordinates, prefix: "c".to_owned() });

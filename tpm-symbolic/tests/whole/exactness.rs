@@ -12,21 +12,21 @@ use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
 use tpm_symbolic::expr::graph::{ExprId, Symbol};
 use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, Progress, expand, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
-use tpm_symbolic::mechanics::model::{Kind, Model, TermId};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::number::rational::{Rational, integer, ratio};
 use tpm_symbolic::regressor::form::{Column, RegressorForm, Row, Term};
 
 /// A model whose regressor form is written term by term.
 struct Builder {
-    model: Model,
+    model: ExactModel,
     form: RegressorForm,
     next: u32,
 }
 
 impl Builder {
     fn new(coordinates: usize, equations: usize) -> Self {
-        let mut model = Model { name: "Test".to_owned(), ..Model::default() };
+        let mut model = ExactModel { name: "Test".to_owned(), ..ExactModel::default() };
         for i in 0..coordinates {
             model.declare_coordinate(&format!("q{i}"), None);
         }

@@ -4,19 +4,19 @@ use tpm_symbolic::algebra::fourier::{Fourier, Trig};
 use tpm_symbolic::algebra::polynomial::Monomial;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Function, Symbol};
 use tpm_symbolic::harmonic::expand::{ExpandError, expand};
-use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::number::rational::ratio;
 use tpm_symbolic::regressor::form::{RegressorError, regressor_form};
 
 struct Builder {
-    model: Model,
+    model: ExactModel,
     next: u32,
 }
 
 impl Builder {
     fn new() -> Self {
-        Self { model: Model { name: "Test".to_owned(), ..Model::default() }, next: 0 }
+        Self { model: ExactModel { name: "Test".to_owned(), ..ExactModel::default() }, next: 0 }
     }
 
     fn quantity(&mut self, name: &str, kind: Kind) -> ExprId {
@@ -44,7 +44,7 @@ impl Builder {
 }
 
 /// Feng, Eqn 3.24: m x'' + k1 x + k2 x'^2 = u.
-fn mass_spring_drag() -> Model {
+fn mass_spring_drag() -> ExactModel {
     let mut b = Builder::new();
     let x = b.model.declare_coordinate("x", None);
     let u = b.quantity("u", Kind::Input);
@@ -98,7 +98,8 @@ fn tables_survive_json() {
     assert_eq!(json["entries"][0]["coefficient"], "5/9");
     let back: tpm_symbolic::harmonic::table::HarmonicTable = serde_json::from_value(json.clone()).expect("own output");
     assert_eq!(serde_json::to_value(&back).expect("a table is plain data"), json);
-    let model: Model = serde_json::from_str(&serde_json::to_string(&model).expect("plain data")).expect("own output");
+    let model: ExactModel =
+        serde_json::from_str(&serde_json::to_string(&model).expect("plain data")).expect("own output");
     assert_eq!(regressor_form(&model).expect("linear in the parameters"), form);
 }
 

@@ -11,7 +11,7 @@ use tpm_symbolic::harmonic::identifiability::{
 };
 use tpm_symbolic::harmonic::report::Report;
 use tpm_symbolic::harmonic::table::HarmonicTable;
-use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm, TermId};
+use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::number::rational::{Rational, integer, ratio};
 use tpm_symbolic::regressor::form::{RegressorForm, Row, regressor_form};
@@ -20,14 +20,14 @@ use tpm_symbolic::regressor::prepare::prepare;
 
 /// A model under construction: terms (parameter name, motion factors) of one equation each.
 struct Builder {
-    model: Model,
+    model: ExactModel,
     x: Vec<Coordinate>,
     next: u32,
 }
 
 impl Builder {
     fn new(coordinates: &[&str]) -> Self {
-        let mut model = Model { name: "Test".to_owned(), ..Model::default() };
+        let mut model = ExactModel { name: "Test".to_owned(), ..ExactModel::default() };
         let x = coordinates.iter().map(|name| model.declare_coordinate(name, None)).collect();
         Self { model, x, next: 0 }
     }
@@ -59,7 +59,7 @@ impl Builder {
     }
 
     fn pattern(&mut self, motions: &[(&str, Fourier)]) {
-        let find = |model: &mut Model, name: &str, kind: Kind| {
+        let find = |model: &mut ExactModel, name: &str, kind: Kind| {
             model.find_symbol(name).unwrap_or_else(|| model.declare(name, None, kind))
         };
         let frequency = find(&mut self.model, "w", Kind::Frequency);
@@ -313,7 +313,7 @@ fn experiments_that_do_not_fit_are_refused() {
 }
 
 /// The harmonics of every term of the first equation: its column's name, its motion and the harmonics that it reaches.
-fn contents(model: &Model, form: &RegressorForm) -> Vec<(String, String, Vec<usize>)> {
+fn contents(model: &ExactModel, form: &RegressorForm) -> Vec<(String, String, Vec<usize>)> {
     let mut graph = model.graph.clone();
     let terms = form.rows[0].terms.iter().map(|term| {
         let factors: Vec<ExprId> = term.atoms.factors().map(|(&atom, exponent)| graph.pow(atom, exponent)).collect();

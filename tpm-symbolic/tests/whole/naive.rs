@@ -6,7 +6,7 @@ use num_traits::{One, Zero};
 use std::collections::BTreeMap;
 use tpm_symbolic::algebra::fourier::{Fourier, Trig};
 use tpm_symbolic::expr::graph::{Node, Symbol};
-use tpm_symbolic::mechanics::model::Model;
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern};
 use tpm_symbolic::regressor::form::RegressorForm;
 
@@ -108,7 +108,7 @@ fn motion_sum(motion: &Motion, order: u32, frequency: Symbol) -> Sum {
 pub(crate) type Row = (usize, usize, bool, Option<usize>, Vec<(u32, i32)>, BigRational);
 
 /// Every non-zero coefficient, sorted.
-pub(crate) fn expand(model: &Model, form: &RegressorForm, pattern: &Pattern) -> Vec<Row> {
+pub(crate) fn expand(model: &ExactModel, form: &RegressorForm, pattern: &Pattern) -> Vec<Row> {
     let mut rows = Vec::new();
     for (equation, row) in form.rows.iter().enumerate() {
         let mut columns: BTreeMap<Option<usize>, Sum> = BTreeMap::new();

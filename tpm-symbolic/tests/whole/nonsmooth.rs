@@ -9,13 +9,13 @@ use tpm_symbolic::expr::graph::{Function, Node};
 use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::nonsmooth::{QuadrantSign, SignError};
 use tpm_symbolic::harmonic::table::HarmonicTable;
-use tpm_symbolic::mechanics::model::{Kind, Model, TermId};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind, TermId};
 use tpm_symbolic::mechanics::pattern::{Motion, Pattern, rest_to_rest};
 use tpm_symbolic::number::rational::{Rational, integer, ratio};
 use tpm_symbolic::regressor::form::regressor_form;
 
 /// k * term(x, x') = u, with x = lambda * shape.
-fn model_of(shape: Fourier, term: impl Fn(&E, &E) -> E) -> Model {
+fn model_of(shape: Fourier, term: impl Fn(&E, &E) -> E) -> ExactModel {
     let b = Build::new();
     let x = b.coordinate("x");
     let u = b.quantity("u", Kind::Input);
@@ -30,7 +30,7 @@ fn model_of(shape: Fourier, term: impl Fn(&E, &E) -> E) -> Model {
     b.take()
 }
 
-fn table_of(model: &Model, harmonics: usize) -> Result<HarmonicTable, ExpandError> {
+fn table_of(model: &ExactModel, harmonics: usize) -> Result<HarmonicTable, ExpandError> {
     let form = regressor_form(model).expect("linear in the parameters");
     let mut options = ExpandOptions { harmonics: Some(harmonics), ..ExpandOptions::default() };
     expand_with(model, &form, &model.patterns[0], &mut options)
@@ -230,7 +230,7 @@ fn integral(f: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// The regressor and its table at numbers: (value at a phase, symbols).
-fn check_against_quadrature(model: &Model, lambda: f64, w: f64, harmonics: usize) -> Result<(), String> {
+fn check_against_quadrature(model: &ExactModel, lambda: f64, w: f64, harmonics: usize) -> Result<(), String> {
     let table = table_of(model, harmonics).map_err(|error| error.to_string())?;
     let symbols: Vec<f64> = model
         .symbols

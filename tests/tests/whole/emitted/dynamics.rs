@@ -2,7 +2,7 @@
 
 use super::{Sum, corners, dyadic, estimator, exact, runner};
 use proptest::prelude::*;
-use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_models as models;
 use tpm_runtime::interpret::Interpreted;
 use tpm_runtime::{Model, Real};
@@ -12,7 +12,12 @@ use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::form::Term;
 
 /// The exact value of constants and motion atoms.
-fn monomial(estimator: &Estimator, atoms: &Monomial<ExprId>, motion: &[f64], constants: &[f64]) -> Option<Rational> {
+fn monomial(
+    estimator: &EstimatorSource,
+    atoms: &Monomial<ExprId>,
+    motion: &[f64],
+    constants: &[f64],
+) -> Option<Rational> {
     let evaluation = &estimator.plan.evaluation;
     let leaf = |node: &Node| match node {
         Node::Derivative(coordinate, order) => {
@@ -40,7 +45,7 @@ fn monomial(estimator: &Estimator, atoms: &Monomial<ExprId>, motion: &[f64], con
 }
 
 fn entry(
-    estimator: &Estimator,
+    estimator: &EstimatorSource,
     terms: &[Term],
     column: Option<usize>,
     motion: &[f64],

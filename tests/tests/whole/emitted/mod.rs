@@ -15,7 +15,7 @@ mod truncation;
 
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
-use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::{Source, parse_model};
 use tpm_runtime::Real;
 use tpm_symbolic::number::rational::{self, Rational};
@@ -23,12 +23,12 @@ use tpm_symbolic::number::rational::{self, Rational};
 /// Roundings that any entry of the shipped models may gather.
 const ROUNDINGS: f64 = 64.0;
 
-fn estimator(file: &str) -> Estimator {
+fn estimator(file: &str) -> EstimatorSource {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = folder.join(if file.contains('/') { "." } else { "../models" }).join(file);
     let source = Source::from_bytes(file, std::fs::read(&path).expect("a model file"));
     let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
-    Estimator::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
+    EstimatorSource::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
 }
 
 /// A runner that draws equal cases in every run.

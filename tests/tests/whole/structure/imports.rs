@@ -201,7 +201,7 @@ impl Contents {
                         self.paths.push(path);
                     }
                 }
-                TokenTree::Group(group) if !restricted(tokens, at) => {
+                TokenTree::Group(group) if !restricted(tokens, at) && !quoted(tokens, at) => {
                     let mut inner = without_tests(group.stream());
                     if variants && group.delimiter() == Delimiter::Brace {
                         // Names of variants are declared here; what they hold stands in brackets.
@@ -337,6 +337,12 @@ fn restricted(tokens: &[TokenTree], at: usize) -> bool {
     let bracket =
         matches!(tokens.get(at), Some(TokenTree::Group(group)) if group.delimiter() == Delimiter::Parenthesis);
     bracket && at > 0 && is_ident(tokens.get(at - 1), "pub")
+}
+
+/// Whether a group is the argument of `quote!`: its tokens are those of another program.
+fn quoted(tokens: &[TokenTree], at: usize) -> bool {
+    let [quote, mark] = [2, 1].map(|back| at.checked_sub(back).and_then(|at| tokens.get(at)));
+    is_ident(quote, "quote") && is_punct(mark, '!')
 }
 
 fn is_punct(token: Option<&TokenTree>, character: char) -> bool {

@@ -7,7 +7,7 @@ use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::plan::leaf::Leaf;
 
 use super::super::code::{Base, Expression, Place, Statement, Table};
-use super::super::estimator::{EmitError, Estimator, Identified};
+use super::super::estimator::{EmitError, EstimatorSource, Identified};
 use super::super::filter::Filters;
 use super::super::function::{Reads, Role};
 use super::super::name::{Language, Namer, snake};
@@ -94,7 +94,7 @@ const PATTERN: [&str; 20] = [
 
 /// What the writers of the parts share, and what they have written.
 pub(super) struct Context<'a> {
-    pub(super) estimator: &'a Estimator,
+    pub(super) estimator: &'a EstimatorSource,
     pub(super) scalar: Scalar,
     pub(super) names: Names<String>,
     pub(super) prefix: String,
@@ -126,7 +126,7 @@ impl Parameter {
 }
 
 impl<'a> Context<'a> {
-    pub(super) fn new(estimator: &'a Estimator, options: &Options<'a>) -> Result<Self, EmitError> {
+    pub(super) fn new(estimator: &'a EstimatorSource, options: &Options<'a>) -> Result<Self, EmitError> {
         let prefix = match options.prefix {
             Some(prefix) if is_prefix(prefix) => prefix.to_owned(),
             Some(prefix) => return Err(EmitError::Prefix(prefix.to_owned())),

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::plan::leaf::Leaf;
 
-use super::super::estimator::{Estimator, Identified};
+use super::super::estimator::{EstimatorSource, Identified};
 use super::super::filter::Filters;
 use super::super::function::{Reads, Role};
 use super::names::{self, Names};
@@ -44,7 +44,7 @@ impl Default for Options<'_> {
 
 /// What the writers of the parts share.
 pub(super) struct Context<'a> {
-    pub(super) estimator: &'a Estimator,
+    pub(super) estimator: &'a EstimatorSource,
     pub(super) options: &'a Options<'a>,
     pub(super) names: Names,
     pub(super) runtime: TokenStream,
@@ -53,7 +53,7 @@ pub(super) struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    pub(super) fn new(estimator: &'a Estimator, options: &'a Options<'a>, comments: bool) -> Self {
+    pub(super) fn new(estimator: &'a EstimatorSource, options: &'a Options<'a>, comments: bool) -> Self {
         let names = names::names(estimator);
         let runtime = match options.standalone {
             true => quote!(self::support),

@@ -7,7 +7,7 @@ use tpm_symbolic::mechanics::unit::Unit;
 use tpm_symbolic::plan::leaf::Leaf;
 
 use super::super::code::{Place, Statement};
-use super::super::estimator::Estimator;
+use super::super::estimator::EstimatorSource;
 use super::super::function::{self, Body, Function, Reads};
 use super::super::text;
 use super::context::Context;
@@ -93,7 +93,7 @@ fn label(runtime_label: &Ident, name: &str, unit: Option<&Unit>) -> TokenStream 
 }
 
 fn labels(context: &Context<'_>) -> TokenStream {
-    let Estimator { model, form, plan, .. } = context.estimator;
+    let EstimatorSource { model, form, plan, .. } = context.estimator;
     let label_type = ident("Label");
     let quantities = |symbols: &[Symbol]| -> Vec<TokenStream> {
         let quantities = symbols.iter().map(|symbol| model.quantity(*symbol));

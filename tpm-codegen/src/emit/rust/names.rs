@@ -3,7 +3,7 @@
 use proc_macro2::Ident;
 use tpm_symbolic::algebra::fourier::Trig;
 
-use super::super::estimator::Estimator;
+use super::super::estimator::EstimatorSource;
 use super::super::name::{Language, Namer};
 use super::super::names::{self, Style, derivative_name, harmonic_name};
 
@@ -46,7 +46,7 @@ pub(super) type Names = names::Names<Ident>;
 pub(super) type PatternNames = names::PatternNames<Ident>;
 
 /// Every name of the module.
-pub(super) fn names(estimator: &Estimator) -> Names {
+pub(super) fn names(estimator: &EstimatorSource) -> Names {
     let mut types = Namer::new(Language::Rust, &TYPES);
     let mut style = Style {
         language: Language::Rust,

@@ -5,7 +5,7 @@
 
 use tpm_symbolic::expr::graph::Node;
 use tpm_symbolic::mechanics::lagrange::{self, Lagrangian};
-use tpm_symbolic::mechanics::model::{Equation, Kind, Model, SourceTerm};
+use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm};
 
 use super::Lowering;
 use super::expression::Lower;
@@ -105,7 +105,7 @@ fn signed_terms(expr: &Expr) -> Vec<(Sign, &Expr)> {
 }
 
 /// The inputs in some terms, each once.
-fn inputs(model: &Model, terms: &[SourceTerm]) -> Vec<String> {
+fn inputs(model: &ExactModel, terms: &[SourceTerm]) -> Vec<String> {
     let mut names = Vec::new();
     for leaf in terms.iter().flat_map(|term| model.graph.leaves(term.expr)) {
         if let Node::Symbol(symbol) = model.graph.node(leaf) {

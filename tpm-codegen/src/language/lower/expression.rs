@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use num_traits::{One, Signed, Zero};
 use tpm_symbolic::expr::graph::{self, ExprId, Graph, Node};
-use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational::Rational;
 
 use crate::diagnostic::Diagnostic;
@@ -73,7 +73,7 @@ fn multiset(terms: f64, exponent: i32) -> f64 {
 
 /// The graph with the names that an expression may use.
 pub(super) struct Environment<'e, 'a> {
-    pub(super) model: &'e mut Model,
+    pub(super) model: &'e mut ExactModel,
     pub(super) names: &'e HashMap<&'a str, ExprId>,
     pub(super) sizes: &'e mut Sizes,
 }
@@ -232,7 +232,7 @@ impl Environment<'_, '_> {
 }
 
 /// Requires an expression to have a value: no division by zero, no root of a negative number, no angle of the origin.
-pub(super) fn regular(model: &Model, id: ExprId, span: Span) -> Lower<()> {
+pub(super) fn regular(model: &ExactModel, id: ExprId, span: Span) -> Lower<()> {
     let graph = &model.graph;
     let mut open = vec![id];
     let mut seen = std::collections::HashSet::new();

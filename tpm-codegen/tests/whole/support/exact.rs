@@ -1,11 +1,11 @@
 //! Exact values of a model's terms at a point, with the sum of their magnitudes.
 
-use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::algebra::fraction::Fraction;
 use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
 use tpm_symbolic::expr::graph::{ExprId, Node, Symbol};
-use tpm_symbolic::mechanics::model::{Kind, Model};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational;
 use tpm_symbolic::number::rational::Rational;
 use tpm_symbolic::regressor::form::{Column, Row};
@@ -74,7 +74,7 @@ pub(crate) fn harmonic_power(cosine: f64, sine: f64, harmonic: usize, function: 
 /// the rounding errors of numerators and denominators, and to first order what those of intermediates come to. `None` where a
 /// denominator is zero.
 pub(crate) fn unlumped(
-    model: &Model,
+    model: &ExactModel,
     inverse: &Inverse,
     columns: &[Rational],
     constants: impl FnMut(Symbol) -> Rational,
@@ -118,7 +118,7 @@ pub(crate) fn unlumped(
 
 /// Where a model is evaluated.
 pub(crate) struct Point<'a> {
-    pub(crate) estimator: &'a Estimator,
+    pub(crate) estimator: &'a EstimatorSource,
     /// One coordinate after the other, each with its derivatives.
     pub(crate) motion: &'a [f64],
     pub(crate) constants: &'a [f64],

@@ -8,7 +8,7 @@ pub(crate) use skipped::skipped;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use tpm_codegen::emit::estimator::Estimator;
+use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::{Parsed, Source, parse_model};
 
 /// The workspace's folder.
@@ -24,11 +24,11 @@ pub(crate) fn models_in(folder: &str) -> BTreeSet<PathBuf> {
 }
 
 /// The estimator of a model file, from which source code is written.
-pub(crate) fn estimator(path: &Path) -> Estimator {
+pub(crate) fn estimator(path: &Path) -> EstimatorSource {
     let name = path.file_name().expect("a file").to_string_lossy().into_owned();
     let source = Source::from_bytes(name.as_str(), std::fs::read(path).expect("a model file"));
     let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
-    Estimator::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
+    EstimatorSource::of(&parsed).unwrap_or_else(|fault| panic!("{}", fault.message))
 }
 
 /// Parses the text of a faultless model.

@@ -116,13 +116,13 @@ mod tests {
     use crate::machine::actuator::demand::Demand;
     use crate::machine::actuator::motor::tests::feng;
     use crate::machine::actuator::motor::{Limit, Limits, Motor};
-    use crate::run::trajectory::{HarmonicSeries, Line, Part, Pattern};
+    use crate::run::trajectory::{HarmonicSeries, Line, Part, ReferencePattern};
     use crate::test_models::MassSpringDrag;
     use std::vec;
 
-    fn cosine() -> Pattern {
+    fn cosine() -> ReferencePattern {
         let series = HarmonicSeries { mean: 0.0, lines: vec![Line { harmonic: 1, cos: 1.0, sin: 0.0 }] };
-        Pattern {
+        ReferencePattern {
             name: None,
             amplitudes: vec!["lambda".into()],
             frequency: "w".into(),

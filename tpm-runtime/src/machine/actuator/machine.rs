@@ -7,7 +7,7 @@
 use crate::interpret::Interpreted;
 use crate::machine::actuator::demand::Demand;
 use crate::numerics::fourier;
-use crate::run::trajectory::{HarmonicSeries, Line, Pattern, PatternError, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Line, PatternError, ReferencePattern, Trajectory};
 use std::collections::BTreeMap;
 use std::string::String;
 use std::vec;
@@ -49,7 +49,7 @@ pub struct MotorizedMachine {
     parameters: Vec<f64>,
     constants: Vec<f64>,
     driven: Vec<Vec<usize>>,
-    pattern: Pattern,
+    pattern: ReferencePattern,
     graph: Graph,
     /// Coordinate, in the order of the rows, with its value in terms of the others.
     reconstructed: Vec<(usize, ExprId)>,
@@ -103,7 +103,7 @@ impl MotorizedMachine {
         let of = |symbol: Symbol| values.get(&symbol).copied().unwrap_or(f64::NAN);
         let parameters = ParameterMap::new(&prepared).evaluate(of);
         let constant = |name: &str| prepared.model.find_symbol(name).map(of);
-        let pattern = Pattern::of_symbolic(&pattern, &prepared.model, constant)?;
+        let pattern = ReferencePattern::of_symbolic(&pattern, &prepared.model, constant)?;
         let interpreted = Interpreted::new(&prepared.model, &prepared.form);
         let dims = interpreted.dims();
         let declared: Vec<u32> = (0..dims.coordinates)

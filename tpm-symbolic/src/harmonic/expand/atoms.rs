@@ -11,7 +11,7 @@ use crate::expr::graph::{Coordinate, ExprId, Node, Symbol};
 use crate::harmonic::error::ExpandError;
 use crate::harmonic::expand::coefficient::numerator_of;
 use crate::harmonic::options::ExpandOptions;
-use crate::mechanics::model::{Kind, Model, TermId};
+use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::mechanics::pattern::Pattern;
 use crate::number::rational;
 use crate::number::scalar::Scalar;
@@ -50,7 +50,7 @@ pub(super) struct Atoms<'a> {
     pub(super) list: SmallVec<[Atom; 8]>,
     /// Index into `list` of every node of the graph that occurs.
     pub(super) index: SmallVec<[u32; 64]>,
-    /// Model symbols that occur in parts, and [`PI`].
+    /// Symbols of the model that occur in parts, and [`PI`].
     pub(super) symbols: SmallVec<[usize; 8]>,
     pub(super) shapes: SmallVec<[Shape<'a>; 4]>,
     /// No exponent of a symbol or shape in any product is larger.
@@ -92,7 +92,7 @@ impl<'a> Atoms<'a> {
     /// Resolves all atoms that occur.
     pub(super) fn resolve(
         &mut self,
-        model: &Model,
+        model: &ExactModel,
         form: &RegressorForm,
         pattern: &'a Pattern,
     ) -> Result<(), ExpandError> {
@@ -187,7 +187,7 @@ impl<'a> Atoms<'a> {
     }
 
     /// Writes an atom as a sum of parts.
-    fn add(&mut self, model: &Model, pattern: &'a Pattern, id: ExprId, term: TermId) -> Result<(), ExpandError> {
+    fn add(&mut self, model: &ExactModel, pattern: &'a Pattern, id: ExprId, term: TermId) -> Result<(), ExpandError> {
         let start = self.parts.len();
         match *model.graph.node(id) {
             Node::Pi => self.constant(PI),
@@ -211,7 +211,7 @@ impl<'a> Atoms<'a> {
 
     fn motion(
         &mut self,
-        model: &Model,
+        model: &ExactModel,
         pattern: &'a Pattern,
         coordinate: Coordinate,
         order: u32,
@@ -254,6 +254,6 @@ impl<'a> Atoms<'a> {
     }
 }
 
-fn is_constant(model: &Model, symbol: Symbol) -> bool {
+fn is_constant(model: &ExactModel, symbol: Symbol) -> bool {
     matches!(model.quantity(symbol).kind, Kind::Constant { .. } | Kind::Amplitude | Kind::Frequency)
 }

@@ -11,8 +11,8 @@ use crate::harmonic::expand::atoms::{Atom, Atoms, PI};
 use crate::harmonic::expand::coefficient::{common_denominator, numerator_over};
 use crate::harmonic::expand::product::{Product, merge};
 use crate::harmonic::options::ExpandOptions;
-use crate::harmonic::table::Series;
-use crate::mechanics::model::{Model, TermId};
+use crate::harmonic::table::CoefficientSeries;
+use crate::mechanics::model::{ExactModel, TermId};
 use crate::number::buffers::Rooms;
 use crate::number::denominator::{Denominator, Factors};
 use crate::number::scalar::Scalar;
@@ -60,7 +60,7 @@ pub(super) struct Contribution<K> {
 /// The expansion of one regressor form: first its terms are collected as contributions to groups, then the contributions are
 /// multiplied out into series.
 pub(super) struct Expansion<'a, 'p, K> {
-    pub(super) model: &'a Model,
+    pub(super) model: &'a ExactModel,
     pub(super) form: &'a RegressorForm,
     pub(super) atoms: &'a Atoms<'p>,
     pub(super) shape_layout: Layout,
@@ -83,7 +83,7 @@ pub(super) struct Expansion<'a, 'p, K> {
     pub(super) factor_bits: u64,
     pub(super) common_bits: u64,
     pub(super) rooms: Rooms,
-    pub(super) series: Vec<Series>,
+    pub(super) series: Vec<CoefficientSeries>,
     pub(super) words: Vec<u64>,
     pub(super) entries: usize,
 }
@@ -91,7 +91,7 @@ pub(super) struct Expansion<'a, 'p, K> {
 impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
     #[inline(always)]
     pub(super) fn new(
-        model: &'a Model,
+        model: &'a ExactModel,
         form: &'a RegressorForm,
         atoms: &'a Atoms<'p>,
         shape_layout: Layout,
@@ -218,7 +218,7 @@ impl<'a, 'p, K: Key> Expansion<'a, 'p, K> {
             let (shapes, factor) = (product.shapes.clone(), product.factor.clone());
             self.contributions.push(Contribution { shapes, group, factor });
         }
-        self.series.push(Series {
+        self.series.push(CoefficientSeries {
             equation: place.equation,
             column: place.column,
             pi,

@@ -8,7 +8,7 @@ use crate::algebra::spectrum::Spectrum;
 use crate::harmonic::error::ExpandError;
 use crate::harmonic::expand::expansion::{Contribution, Expansion};
 use crate::harmonic::options::ExpandOptions;
-use crate::harmonic::table::Series;
+use crate::harmonic::table::CoefficientSeries;
 use crate::number::denominator::{Denominator, Reduction};
 use crate::number::numerator::Numerator;
 use crate::number::scalar::Scalar;
@@ -136,7 +136,7 @@ impl<K: Key> Expansion<'_, '_, K> {
 /// is even, otherwise twice the numerator.
 fn store<T: Numerator>(
     values: &[T],
-    series: &Series,
+    series: &CoefficientSeries,
     factor: &Scalar,
     reduction: &Reduction<'_>,
     out: &mut Vec<u64>,
