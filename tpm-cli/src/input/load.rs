@@ -10,6 +10,7 @@ use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::plan::split::SplitError;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 /// A parsed model with the text it came from, so that later stages can still point at places.
@@ -87,6 +88,14 @@ impl Loaded {
     /// An error of a later stage, placed at its term in the text, with what to do about it.
     pub(crate) fn at_with_help(&self, error: &impl AtTerm, help: &str) -> Failure {
         Failure::Model(self.rendered(&self.parsed.locate(error).help(help)))
+    }
+
+    /// A fault of splitting the inputs, at its place in the text, with the flag that would help.
+    pub(crate) fn at_split(&self, error: &SplitError) -> Failure {
+        match error {
+            SplitError::Motion { input } => self.at_with_help(error, &format!("--motion {input}=COORDINATE")),
+            _ => self.at(error),
+        }
     }
 
     /// A remark on an error that prevents one use of the model but is no fault of it, placed at its term in the text.

@@ -2,6 +2,7 @@
 
 use tpm_runtime::experiment::ExperimentError;
 use tpm_runtime::log::{Adjustment, LogError};
+use tpm_runtime::machine::actuator::FileFault;
 use tpm_runtime::report::Remedy;
 use tpm_runtime::session::{SessionError, Setting};
 
@@ -44,6 +45,11 @@ pub(crate) fn log_error(error: &LogError) -> String {
         }
         other => with(&other.to_string(), other.remedy()),
     }
+}
+
+/// The message of a fault in a motor file, with the flag that would help.
+pub(crate) fn file_fault(fault: &FileFault) -> String {
+    with(&fault.to_string(), fault.remedy.clone())
 }
 
 /// The message of an experiment's fault, with the flag that caused it.

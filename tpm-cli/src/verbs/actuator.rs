@@ -6,6 +6,7 @@ use crate::input::assignments::assignment;
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
 use crate::output::{file, picture};
+use crate::render::flags;
 use crate::verbs::split::motions;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -83,7 +84,7 @@ impl MachineArgs {
         let model = loaded.model().clone();
         let pattern = loaded.pattern(self.pattern.as_deref())?.clone();
         let values = Values::load_with(&self.values, &model, Some(&pattern))?;
-        let symbolic = split(&model, &motions(&model, &self.motion)?).map_err(|error| loaded.at(&error))?;
+        let symbolic = split(&model, &motions(&model, &self.motion)?).map_err(|error| loaded.at_split(&error))?;
         let missing = values.missing(&model, Some(&pattern));
         if !missing.is_empty() {
             return Err(Failure::Input(format!(
@@ -133,7 +134,7 @@ impl Moved {
         let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
         MotorFile::parse(&text)
             .and_then(|file| file.motors(self.machine.model(), self.machine.driven()))
-            .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
+            .map_err(|fault| Failure::Input(format!("{}: {}", path.display(), flags::file_fault(&fault))))
     }
 
     /// Parameters of the machine with other values of some of them; for an unknown name, an error with the name and a

@@ -91,7 +91,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let model = loaded.model();
     let motions = motions(model, &args.motion)?;
-    let mut parts = split(model, &motions).map_err(|error| loaded.at(&error))?;
+    let mut parts = split(model, &motions).map_err(|error| loaded.at_split(&error))?;
     let pattern = match (&args.pattern, model.patterns.is_empty()) {
         (None, true) => None,
         (name, _) => Some(loaded.pattern(name.as_deref())?),
@@ -121,7 +121,7 @@ fn exact(
     harmonics: Option<usize>,
 ) -> Result<Option<HarmonicTable>, Failure> {
     let model = loaded.model_for_tables()?;
-    let parts = split(&model, motions).map_err(|error| loaded.at(&error))?;
+    let parts = split(&model, motions).map_err(|error| loaded.at_split(&error))?;
     let parts = parts.parts().and_then(prepare).map_err(|error| loaded.at(&error))?;
     let harmonics = harmonics.or_else(|| loaded.harmonics(pattern));
     let mut options = ExpandOptions { harmonics, ..ExpandOptions::default() };

@@ -10,7 +10,6 @@ mod read;
 
 pub use error::{Adjustment, LogError};
 pub use fingerprint::fingerprint;
-pub(crate) use periodic::PeriodicFault;
-pub use periodic::{Periodic, find_periodic};
+pub use periodic::{Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
 pub use read::{Log, LogOptions, Rates};

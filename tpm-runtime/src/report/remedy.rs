@@ -6,7 +6,7 @@ use tpm_core::harmonics::Hold;
 
 /// A setting that would remove a warning or an error. The library states it as data; a front end spells it in its own words, such
 /// as the name of a flag.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "setting", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Remedy {

@@ -82,9 +82,7 @@ pub enum SplitError {
         input: String,
     },
     /// The equations do not tell which coordinate an input drives.
-    #[error(
-        "it does not follow from the equations which coordinate `{input}` drives; say so: --motion {input}=COORDINATE"
-    )]
+    #[error("it does not follow from the equations which coordinate `{input}` drives; say which")]
     Motion {
         /// The input.
         input: String,

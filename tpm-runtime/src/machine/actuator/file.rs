@@ -26,6 +26,7 @@
 
 use crate::machine::actuator::motor::{Amplifier, Limits, Motor};
 use crate::machine::actuator::placed::{self, FileFault, Placed, Table};
+use crate::report::Remedy;
 use crate::run::Dynamics;
 use crate::run::LowPass;
 use std::format;
@@ -120,9 +121,10 @@ impl MotorFile {
             let [coordinate] = driven.get(input).map_or(&[][..], Vec::as_slice) else {
                 let (name, count) = (model.input(input).name, driven.get(input).map_or(0, Vec::len));
                 let message = format!(
-                    "input `{name}` drives {count} coordinates; a motor needs the one that its rotor turns with: --motion {name}=COORDINATE, or motion = {{ {name} = \"COORDINATE\" }} in an experiment"
+                    "input `{name}` drives {count} coordinates; a motor needs the one that its rotor turns with (in an experiment, motion = {{ {name} = \"COORDINATE\" }} says so)"
                 );
-                return Err(FileFault::at(&self.text, offset, message));
+                let remedy = Some(Remedy::DrivenCoordinate { input: name.into() });
+                return Err(FileFault { remedy, ..FileFault::at(&self.text, offset, message) });
             };
             motors[input] = Some(self.motor(section, offset, model, (input, *coordinate))?);
         }
@@ -237,6 +239,7 @@ impl MotorFile {
 #[cfg(test)]
 mod tests {
     use super::MotorFile;
+    use crate::report::Remedy;
     use crate::test_models::TwoCarts;
     use std::string::{String, ToString};
 
@@ -288,6 +291,7 @@ mod tests {
         assert!(fault("").contains("lacks `motors`"));
         let file = MotorFile::parse(GOOD).expect("a motor file");
         let found = file.motors(&TwoCarts, &[std::vec![0, 1]]).expect_err("two coordinates");
-        assert!(found.line == 1 && found.message.contains("--motion"), "{found}");
+        let remedy = Some(Remedy::DrivenCoordinate { input: tpm_core::Model::<f64>::input(&TwoCarts, 0).name.into() });
+        assert!(found.line == 1 && found.remedy == remedy, "{found}");
     }
 }

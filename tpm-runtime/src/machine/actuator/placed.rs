@@ -3,6 +3,7 @@
 //! Invariant: an offset is that of the key or value in the file's text; a key that nobody asks for is refused
 //! ([`Table::only`]), with its place.
 
+use crate::report::Remedy;
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -18,6 +19,8 @@ pub struct FileFault {
     pub column: usize,
     /// What is wrong and what to do.
     pub message: String,
+    /// The setting outside the file that would help, when there is one.
+    pub remedy: Option<Remedy>,
 }
 
 impl FileFault {
@@ -27,7 +30,7 @@ impl FileFault {
         let before = text.get(..offset.min(text.len())).unwrap_or(text);
         let line = before.matches('\n').count() + 1;
         let column = before.rsplit('\n').next().map_or(0, |last| last.chars().count()) + 1;
-        FileFault { line, column, message }
+        FileFault { line, column, message, remedy: None }
     }
 }
 
