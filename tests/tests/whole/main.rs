@@ -31,6 +31,7 @@ mod generated {
 }
 mod licences;
 mod lines;
+mod measured;
 mod numerics_room;
 mod packages;
 mod pendulum;

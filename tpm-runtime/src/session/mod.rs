@@ -23,8 +23,6 @@ mod identification;
 mod log;
 mod log_report;
 mod machine;
-#[cfg(test)]
-mod measured_tests;
 mod model;
 mod play;
 mod summary;

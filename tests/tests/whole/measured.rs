@@ -1,19 +1,14 @@
 //! Published logs of real machines, and of a plant simulated elsewhere. They are read from the folder that the environment
 //! variable `TPM_DATA` names; without it these tests say that they were skipped.
 
-#[path = "../../../tests/support/skipped.rs"]
-mod skipped;
-
-use crate::estimate::Estimate;
-use crate::log::{Log, LogOptions};
-use crate::session::{Identification, LogReport, identify_log};
-use crate::test_models::{Emps, MassSpringDrag, Silverbox};
+use crate::support::skipped;
 use std::path::{Path, PathBuf};
-use std::string::String;
-use std::string::ToString as _;
-use std::{env, eprintln};
-use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_models::{Emps, MassSpringDrag, Silverbox};
+use tpm_runtime::estimate::Estimate;
+use tpm_runtime::harmonics::Hold;
+use tpm_runtime::log::{Log, LogOptions};
+use tpm_runtime::model::Model;
+use tpm_runtime::session::{Identification, LogReport, identify_log};
 
 fn estimate(result: &Identification) -> &Estimate {
     result.estimate.as_ref().expect("a log that identifies has an estimate")
@@ -24,10 +19,10 @@ fn report(result: &Identification) -> &LogReport {
 }
 
 fn data(name: &str) -> Option<PathBuf> {
-    match env::var_os("TPM_DATA") {
+    match std::env::var_os("TPM_DATA") {
         Some(folder) => Some(PathBuf::from(folder).join(name)),
         None => {
-            skipped::skipped("TPM_DATA does not name the folder of the published logs");
+            skipped("TPM_DATA does not name the folder of the published logs");
             None
         }
     }
