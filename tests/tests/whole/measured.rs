@@ -1,5 +1,6 @@
 //! Published logs of real machines, and of a plant simulated elsewhere. They are read from the folder that the environment
 //! variable `TPM_DATA` names; without it these tests say that they were skipped.
+#![allow(clippy::print_stderr, reason = "what was found is printed for whoever looks at a failure")]
 
 use crate::support::skipped;
 use std::path::{Path, PathBuf};
