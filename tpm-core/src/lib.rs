@@ -55,6 +55,7 @@
 extern crate std;
 
 pub mod control;
+pub mod derivatives;
 pub mod filter;
 pub mod harmonics;
 pub mod linear;

@@ -7,6 +7,7 @@ use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
 use tpm_core::Real;
+use tpm_core::derivatives::RowDerivatives;
 use tpm_core::linear;
 use tpm_core::model::{
     Buffer, Dims, EvalError, Label, Model, difference_workspace_len, forward_by_differences, require_forward,
@@ -15,6 +16,7 @@ use tpm_core::model::{
 use tpm_symbolic::expr::graph::{Function, Symbol};
 use tpm_symbolic::mechanics::model::ExactModel as Declared;
 use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::derivatives::Derivatives;
 use tpm_symbolic::plan::evaluation::Evaluation;
 use tpm_symbolic::plan::leaf::Leaf;
 use tpm_symbolic::plan::operation::{Op, Slot};
@@ -258,6 +260,110 @@ impl Interpreted {
         require_len(Buffer::Output, out.len(), program.outputs.len())?;
         let (scratch, _) = split_workspace(workspace, self.workspace_len)?;
         program.run(&[motion, constants], scratch, out);
+        Ok(())
+    }
+}
+
+/// The derivatives of a declared model's rows, ready to be evaluated.
+#[derive(Clone, Debug)]
+pub struct InterpretedDerivatives {
+    dims: Dims,
+    /// Place of every slot of the program in a motion; nothing where the motion does not reach so high.
+    places: Vec<usize>,
+    switches: usize,
+    rows: Program,
+    switching: Program,
+}
+
+impl InterpretedDerivatives {
+    /// Makes the derivatives of a model runnable; `form` is the regressor form of `model`.
+    #[must_use]
+    pub fn new(model: &Declared, form: &RegressorForm) -> Self {
+        let evaluation = Evaluation::new(model, form);
+        let derivatives = Derivatives::new(model, form);
+        let mut leaves: Vec<Leaf> = (0..=evaluation.order())
+            .flat_map(|order| evaluation.coordinates.iter().map(move |(q, _)| Leaf::Motion(*q, order)))
+            .collect();
+        leaves.extend(evaluation.constants.iter().map(|&constant| Leaf::Symbol(constant)));
+        leaves.extend((0..form.columns.len()).map(Leaf::Column));
+        leaves.extend(evaluation.inputs.iter().map(|&input| Leaf::Symbol(input)));
+        let n = evaluation.coordinates.len();
+        let position = |q| evaluation.coordinates.iter().position(|(present, _)| *present == q);
+        let place = |&(q, order): &(_, u32)| {
+            let coordinate = position(q).expect("invariant: a slot belongs to a coordinate of the rows");
+            order as usize * n + coordinate
+        };
+        Self {
+            dims: Dims {
+                coordinates: n,
+                order: evaluation.order() as usize,
+                inputs: evaluation.inputs.len(),
+                rows: form.rows.len(),
+                parameters: form.columns.len(),
+                constants: evaluation.constants.len(),
+            },
+            places: derivatives.slots.iter().map(place).collect(),
+            switches: derivatives.switches,
+            rows: Program::new(&derivatives.rows, &leaves),
+            switching: Program::new(&derivatives.switching, &leaves),
+        }
+    }
+
+    fn check(&self, motion: &[f64], parameters: &[f64], constants: &[f64], inputs: &[f64]) -> Result<(), EvalError> {
+        require_len(Buffer::Motion, motion.len(), self.dims.motion_len())?;
+        require_len(Buffer::Parameters, parameters.len(), self.dims.parameters)?;
+        require_len(Buffer::Constants, constants.len(), self.dims.constants)?;
+        require_len(Buffer::Inputs, inputs.len(), self.dims.inputs)
+    }
+}
+
+impl RowDerivatives<f64> for InterpretedDerivatives {
+    fn workspace_len(&self) -> usize {
+        self.rows.workspace_len.max(self.switching.workspace_len) + self.rows.outputs.len()
+    }
+
+    fn rows(
+        &self,
+        motion: &[f64],
+        parameters: &[f64],
+        constants: &[f64],
+        inputs: &[f64],
+        workspace: &mut [f64],
+        out: &mut [f64],
+    ) -> Result<(), EvalError> {
+        self.check(motion, parameters, constants, inputs)?;
+        let width = self.dims.motion_len();
+        require_len(Buffer::Output, out.len(), self.dims.rows * width)?;
+        let (results, scratch) = split_workspace(workspace, self.rows.outputs.len())?;
+        let (scratch, _) = split_workspace(scratch, self.rows.workspace_len)?;
+        self.rows.run(&[motion, constants, parameters, inputs], scratch, results);
+        out.fill(0.0);
+        let slots = self.places.len();
+        for (row, results) in results.chunks_exact(slots.max(1)).enumerate() {
+            for (&place, &value) in self.places.iter().zip(results) {
+                out[row * width + place] = value;
+            }
+        }
+        Ok(())
+    }
+
+    fn switches(&self) -> usize {
+        self.switches
+    }
+
+    fn switching(
+        &self,
+        motion: &[f64],
+        parameters: &[f64],
+        constants: &[f64],
+        inputs: &[f64],
+        workspace: &mut [f64],
+        out: &mut [f64],
+    ) -> Result<(), EvalError> {
+        self.check(motion, parameters, constants, inputs)?;
+        require_len(Buffer::Output, out.len(), self.switching.outputs.len())?;
+        let (scratch, _) = split_workspace(workspace, self.switching.workspace_len)?;
+        self.switching.run(&[motion, constants, parameters, inputs], scratch, out);
         Ok(())
     }
 }

@@ -54,7 +54,7 @@ pub mod session;
 pub mod study;
 
 pub use tpm_core::{
-    Buffer, Dims, EvalError, Label, LeastSquares, Model, Real, SolveError, control, filter, harmonics, least_squares,
+    Buffer, Dims, EvalError, Label, LeastSquares, Model, Real, SolveError, control, derivatives, filter, harmonics, least_squares,
     linear, model, weighted_least_squares,
 };
 #[cfg(feature = "macros")]

@@ -25,6 +25,7 @@ mod method;
 pub(crate) mod named;
 mod noise;
 mod numerical;
+mod output_error;
 #[cfg(feature = "interpret")]
 pub mod physical;
 mod pool;
@@ -45,6 +46,7 @@ pub use error::EstimateError;
 pub use estimator::Estimator;
 pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
+pub use output_error::{Candidate, CandidateKind, Differentiable, Misfit, OutputError, OutputErrorFault, Signals};
 pub use named::{CombinationReport, ParameterReport};
 pub use result::Estimate;
 pub use run::Run;

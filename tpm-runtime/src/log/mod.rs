@@ -12,4 +12,4 @@ pub use error::{Adjustment, LogError};
 pub use fingerprint::fingerprint;
 pub use periodic::{Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
-pub use read::{Log, LogOptions, Rates};
+pub use read::{Log, LogOptions, Refine, Rates};

@@ -45,12 +45,26 @@ pub struct LogOptions {
     pub harmonics: Option<usize>,
     /// Weights of the equations.
     pub weights: Weights,
+    /// Whether the estimates are refined by simulating the model.
+    pub refine: Refine,
     /// Values of the model's run-time constants, in its order.
     pub constants: Vec<f64>,
     /// Prior values of the parameters, in the model's order; may be empty.
     pub prior: Vec<f64>,
     /// Parameters that are held at a value.
     pub frozen: Vec<Frozen>,
+}
+
+/// Whether estimates from harmonics are refined.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Refine {
+    /// By output error, where the model can be simulated.
+    #[default]
+    OutputError,
+    /// Not at all.
+    None,
 }
 
 /// Measured rates by coordinate; nothing for a coordinate whose rate is not measured.

@@ -274,6 +274,12 @@ impl Spectra {
         self.noise.get(harmonic)?.get((channel, other)).copied()
     }
 
+    /// The step of a channel whose values all lie on a grid; zero for others.
+    #[must_use]
+    pub fn step(&self, channel: usize) -> f64 {
+        self.steps.get(channel).copied().unwrap_or(0.0)
+    }
+
     /// Noise variance E|n|^2 of one phasor of one channel.
     #[must_use]
     pub fn variance(&self, channel: usize, harmonic: usize) -> f64 {

@@ -1,14 +1,16 @@
 //! From a log to parameters.
 
 use crate::estimate::physical::PhysicalSettings;
-use crate::estimate::{Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
-use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, find_periodic, fingerprint};
+use crate::estimate::{Differentiable, Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
+use crate::interpret::InterpretedDerivatives;
+use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, Refine, find_periodic, fingerprint};
 use crate::report::Remedy;
 use crate::run::{Dynamics, Spectra, correct_actuators};
 use crate::session::error::{SessionError, Setting};
 use crate::session::identification::{Identification, LogFingerprint, Provenance, Source};
 use crate::session::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::session::model::{DeclaredModel, Identifiable};
+use crate::session::refine::{RefinementReport, refine};
 use crate::session::summary::{self, Lumped, Named};
 use crate::session::warning::{Data, Warning};
 use std::borrow::Cow;
@@ -18,6 +20,7 @@ use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
+use tpm_core::derivatives::RowDerivatives;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 
@@ -60,6 +63,8 @@ pub struct LogRequest {
     pub harmonics: Option<usize>,
     /// How much every equation counts.
     pub weights: Weights,
+    /// Whether the estimates are refined by simulating the model.
+    pub refine: Refine,
     /// Values of the constants that are known at run time, by name.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub constants: BTreeMap<String, f64>,
@@ -138,6 +143,7 @@ impl LogRequest {
             actuators: inputs.iter().map(|name| self.actuators.get(name).copied().unwrap_or_default()).collect(),
             harmonics: self.harmonics,
             weights: self.weights,
+            refine: self.refine,
             constants: constants.iter().map(|name| self.constants[name]).collect(),
             prior: if parameters.iter().all(|name| !self.prior.contains_key(name)) {
                 Vec::new()
@@ -215,7 +221,12 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     if let (None, Some(name)) = (&lumped, request.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
-    let mut result = identify_log(evaluated, &log, &options)?;
+    let derivatives = declared.as_deref().map(|declared| {
+        let prepared = declared.prepared();
+        InterpretedDerivatives::new(&prepared.model, &prepared.form)
+    });
+    let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
+    let mut result = identify_with(evaluated, derivatives, &log, &options)?;
     if let Some(lumped) = lumped {
         lumped.complete(&mut result, &settings)?;
     }
@@ -233,6 +244,16 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
 /// # Errors
 /// [`LogError`].
 pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> Result<Identification, LogError> {
+    identify_with(model, None, log, options)
+}
+
+/// [`identify_log`], refined by simulating the model where the derivatives of its rows are known.
+fn identify_with(
+    model: &dyn Model<f64>,
+    derivatives: Option<&dyn RowDerivatives<f64>>,
+    log: &Log,
+    options: &LogOptions,
+) -> Result<Identification, LogError> {
     let dims = model.dims();
     if options.constants.len() != dims.constants {
         return Err(LogError::Constants {
@@ -265,6 +286,19 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
         Hold::None => HoldResiduals { none: Some(estimate.residual), zoh: other },
         Hold::Zoh => HoldResiduals { none: other, zoh: Some(estimate.residual) },
     };
+    let ideal = options.actuators.iter().all(Dynamics::is_ideal);
+    let refined = match derivatives.filter(|_| options.refine == Refine::OutputError && ideal) {
+        Some(derivatives) => {
+            let machine = Differentiable { model, derivatives };
+            Some(refine(machine, log, (&periodic, &spectra), options, (&record, &estimate), &settings))
+        }
+        None => None,
+    };
+    let (estimate, refinement, unexplained) = match refined {
+        Some(Ok(refined)) => (refined.estimate, Some(refined.report), refined.unexplained),
+        Some(Err(fault)) => (estimate.clone(), Some(RefinementReport::refused(&estimate.values, &fault)), None),
+        None => (estimate, None, None),
+    };
     let log_report = LogReport {
         path: log.path.clone(),
         samples: log.len(),
@@ -294,8 +328,16 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
             })
             .collect(),
         hold_residuals,
+        refinement,
     };
-    let warnings = warnings(model, &record, &estimate, options, &log_report, other);
+    let mut warnings = warnings(model, &record, &estimate, options, &log_report, other);
+    if let Some(report) = &log_report.refinement {
+        warnings.extend(report.missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
+        warnings.extend(report.note.iter().cloned().map(|message| Warning::Estimator { message }));
+    }
+    if let Some(power) = unexplained {
+        warnings.push(Warning::Repeats { power });
+    }
     let Named { parameters, unobservable, combinations, covariance } =
         Named::new(model, &options.prior, Some(&estimate));
     let mut result = Identification {

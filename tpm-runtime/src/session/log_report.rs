@@ -1,5 +1,6 @@
 //! What was found about a log on the way to its parameters.
 
+use crate::session::refine::RefinementReport;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::string::String;
@@ -50,6 +51,9 @@ pub struct LogReport {
     pub actuators: BTreeMap<String, ActuatorReport>,
     /// Residual with either hold.
     pub hold_residuals: HoldResiduals,
+    /// What simulating the model sample by sample did; nothing where it was not asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refinement: Option<RefinementReport>,
 }
 
 /// What was known to lie between an input and its force.

@@ -25,6 +25,7 @@ mod log_report;
 mod machine;
 mod model;
 mod play;
+mod refine;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;
@@ -40,6 +41,7 @@ pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SC
 pub use log_report::{ActuatorReport, HoldResiduals, LogReport};
 pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
+pub use refine::{MissingTerm, RefinementReport};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use summary::of_campaign;
 pub use validate::{RowPrediction, Validation, validate, validate_log};

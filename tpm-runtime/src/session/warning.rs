@@ -4,8 +4,10 @@ use crate::campaign::{NearMode, Outcome};
 use crate::machine::actuator::LimitUse;
 use crate::report::Remedy;
 use crate::run::RunEnding;
+use crate::session::refine::MissingTerm;
 use serde::Serialize;
 use std::fmt;
+use std::format;
 use std::string::String;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -137,6 +139,17 @@ pub enum Warning {
     },
     /// No run of a campaign could be used.
     NothingAccepted,
+    /// The residual shows that the model lacks a term.
+    MissingTerm {
+        /// The term, its size and what it would mean.
+        #[serde(flatten)]
+        term: MissingTerm,
+    },
+    /// What the model leaves unexplained repeats with the motion, and no single term explains it.
+    Repeats {
+        /// Power at the harmonics of the motion, in units of that of the noise.
+        power: f64,
+    },
     /// What an estimator says of its own equations.
     Estimator {
         /// The estimator's words.
@@ -232,6 +245,19 @@ impl fmt::Display for Warning {
             Warning::RotorIncluded { coordinate, input, inertia } => write!(
                 f,
                 "what is identified of {coordinate}'s inertia contains the rotor on {input}, {inertia:.4e} in its unit: leave rotor_inertia out where these values meet this motor"
+            ),
+            Warning::MissingTerm { term } => write!(
+                f,
+                "the model leaves something unexplained, of which a term {:.4e} * {}{} takes {:.0} %: {}; deviations contain how far the parameters would move with it",
+                term.value,
+                term.term,
+                term.row.as_ref().map(|row| format!(" in row {row}")).unwrap_or_default(),
+                100.0 * term.gain,
+                term.meaning
+            ),
+            Warning::Repeats { power } => write!(
+                f,
+                "what the model leaves unexplained repeats with the motion ({power:.1} times the noise at its harmonics), and no single term explains it: a term of the model, friction, a sensor that is not linear; deviations are widened"
             ),
             Warning::NothingAccepted => f.write_str("no run was accepted; nothing is identified"),
             Warning::Estimator { message } | Warning::Physical { message } => f.write_str(message),

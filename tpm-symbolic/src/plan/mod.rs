@@ -4,6 +4,7 @@
 pub mod bank;
 mod compile;
 mod constants;
+pub mod derivatives;
 mod draft;
 pub mod dynamics;
 mod entries;

@@ -1,0 +1,22 @@
+//! Output error: parameters and motion that explain every sample of a record together.
+//!
+//! The recorded inputs, with the noise that they may have, drive the model `Phi(q, q', ...) theta + known = B u`; its motion, with the
+//! noise of the sensors, is what was recorded. Parameters theta and the states at every sample are estimated together by maximum
+//! likelihood: multiple shooting with one sample per shot, whose Gauss-Newton steps are solved by orthogonal reflections
+//! (Bierman 1977; Albersmeyer and Diehl 2010). Invariant: noise of the measured motion does not bias the parameters, because the
+//! model is evaluated on the estimated motion; an input that is exact is one whose noise is found to be none.
+//!
+//! ```text
+//! problem (record, model) -> chain (linearised) -> smoother (one step) -> fit (iteration, noise) -> misfit (what is left)
+//! ```
+
+mod chain;
+mod fit;
+mod misfit;
+mod problem;
+mod reflect;
+mod smoother;
+
+pub use fit::{OutputError, OutputErrorFault, Signals};
+pub use misfit::{Candidate, CandidateKind, Misfit};
+pub use problem::Differentiable;

@@ -1,0 +1,512 @@
+//! A record in the time domain, and its linearisation about a motion.
+
+use crate::estimate::output_error::chain::Chain;
+use crate::numerics::DMatrix;
+use rayon::prelude::*;
+use std::vec;
+use std::vec::Vec;
+use tpm_core::derivatives::RowDerivatives;
+use tpm_core::harmonics::Hold;
+use tpm_core::linear;
+use tpm_core::model::{EvalError, Model};
+
+/// A sign is believed where its argument is above this share of its root mean square: nearer to rest, friction takes any value
+/// between its two.
+const AT_REST: f64 = 0.02;
+/// Most steps of integration from one sample to the next.
+const MOST_STEPS: usize = 16;
+/// Largest error of the integration, as a share of what a state changes in the whole record's typical sample.
+const INTEGRATION: f64 = 1e-6;
+/// Transitions on which the number of steps is decided.
+const TRIED: usize = 64;
+/// Transitions that one task linearises.
+const TASK: usize = 256;
+
+/// A model that can be simulated, with the derivatives of its rows.
+#[derive(Clone, Copy)]
+pub struct Differentiable<'a> {
+    /// The rows.
+    pub model: &'a dyn Model<f64>,
+    /// Their derivatives.
+    pub derivatives: &'a dyn RowDerivatives<f64>,
+}
+
+impl std::fmt::Debug for Differentiable<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Differentiable").field("model", &self.model.name()).finish_non_exhaustive()
+    }
+}
+
+/// A force or an error of a reading with an unknown factor, sample by sample.
+#[derive(Clone, Debug)]
+pub(super) struct Column {
+    pub(super) place: Place,
+    /// One value per sample.
+    pub(super) values: Vec<f64>,
+    /// Whether a value holds until the next sample, as held inputs do; otherwise it changes evenly.
+    pub(super) held: bool,
+}
+
+/// Where a [`Column`] acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// On the left-hand side of a row.
+    Row(usize),
+    /// On the reading of a coordinate.
+    Reading(usize),
+}
+
+/// A record whose motion follows from its inputs.
+pub(super) struct Problem<'a> {
+    pub(super) machine: Differentiable<'a>,
+    pub(super) constants: &'a [f64],
+    pub(super) hold: Hold,
+    pub(super) sample_time: f64,
+    pub(super) coordinates: Vec<&'a [f64]>,
+    pub(super) inputs: Vec<&'a [f64]>,
+    /// Parameters that are estimated.
+    pub(super) free: Vec<usize>,
+    /// Coordinate and order of every state.
+    pub(super) states: Vec<(usize, usize)>,
+    /// Whether the state after a sample does not follow from the one before.
+    pub(super) breaks: Vec<bool>,
+    /// Steps of integration per sample.
+    pub(super) steps: usize,
+}
+
+/// What the evaluation of a transition needs.
+struct Scratch {
+    motion: Vec<f64>,
+    forward: Vec<f64>,
+    rows: Vec<f64>,
+    model: Vec<f64>,
+    jacobian: Vec<f64>,
+    phi: Vec<f64>,
+    map: Vec<f64>,
+    switching: Vec<f64>,
+    rates: [Vec<f64>; 4],
+    state: Vec<f64>,
+    inputs: Vec<f64>,
+}
+
+impl<'a> Problem<'a> {
+    pub(super) fn samples(&self) -> usize {
+        self.coordinates.first().map_or(0, |c| c.len())
+    }
+
+    /// The states of a model, coordinate by coordinate; nothing where a coordinate has no derivative in the rows, or the rows do not
+    /// determine the motion.
+    pub(super) fn states(model: &dyn Model<f64>) -> Option<Vec<(usize, usize)>> {
+        let dims = model.dims();
+        let orders: Vec<usize> = (0..dims.coordinates).map(|c| model.coordinate_order(c)).collect();
+        let usable = dims.rows == dims.coordinates && orders.iter().all(|&order| order > 0);
+        usable.then(|| orders.iter().enumerate().flat_map(|(c, &order)| (0..order).map(move |d| (c, d))).collect())
+    }
+
+    fn scratch(&self) -> Scratch {
+        let (dims, n) = (self.machine.model.dims(), self.states.len());
+        let derivatives = self.machine.derivatives;
+        Scratch {
+            motion: vec![0.0; dims.motion_len()],
+            forward: vec![0.0; self.machine.model.forward_workspace_len()],
+            rows: vec![0.0; derivatives.workspace_len()],
+            model: vec![0.0; self.machine.model.workspace_len()],
+            jacobian: vec![0.0; dims.rows * dims.motion_len()],
+            phi: vec![0.0; dims.regressor_len()],
+            map: vec![0.0; dims.input_map_len()],
+            switching: vec![0.0; derivatives.switches() * (1 + dims.rows)],
+            rates: std::array::from_fn(|_| vec![0.0; n]),
+            state: vec![0.0; n],
+            inputs: vec![0.0; dims.inputs],
+        }
+    }
+
+    /// The inputs at a share of the time after sample k.
+    fn inputs_at(&self, k: usize, share: f64, out: &mut [f64]) {
+        for (value, input) in out.iter_mut().zip(&self.inputs) {
+            *value = match self.hold {
+                Hold::Zoh => input[k],
+                Hold::None => {
+                    let next = (k + 1).min(input.len() - 1);
+                    let (before, after) = (input[k.saturating_sub(1)], input[(next + 1).min(input.len() - 1)]);
+                    let (a, b) = (input[k], input[next]);
+                    // Hermite's cubic with slopes from the neighbours.
+                    let (left, right) = (0.5 * (b - before), 0.5 * (after - a));
+                    let s = share;
+                    a + s * (left + s * (3.0 * (b - a) - 2.0 * left - right + s * (2.0 * (a - b) + left + right)))
+                }
+            };
+        }
+    }
+
+    fn place(&self, (coordinate, derivative): (usize, usize)) -> usize {
+        derivative * self.machine.model.dims().coordinates + coordinate
+    }
+
+    /// Writes a state into the motion and solves the rows for the highest derivatives.
+    fn solve(&self, state: &[f64], theta: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
+        for (&of, &value) in self.states.iter().zip(state) {
+            scratch.motion[self.place(of)] = value;
+        }
+        self.machine.model.forward_dynamics(
+            &mut scratch.motion,
+            theta,
+            self.constants,
+            &scratch.inputs,
+            &mut scratch.forward,
+        )
+    }
+
+    /// The state one sample later, into `to`.
+    fn advance(
+        &self,
+        k: usize,
+        from: &[f64],
+        theta: &[f64],
+        steps: usize,
+        scratch: &mut Scratch,
+        to: &mut [f64],
+    ) -> Result<(), EvalError> {
+        let n = self.states.len();
+        let h = self.sample_time / steps as f64;
+        let coordinates = self.machine.model.dims().coordinates;
+        to.copy_from_slice(from);
+        for step in 0..steps {
+            for stage in 0..4 {
+                let reach = [0.0, 0.5, 0.5, 1.0][stage];
+                let mut inputs = core::mem::take(&mut scratch.inputs);
+                self.inputs_at(k, (step as f64 + reach) / steps as f64, &mut inputs);
+                scratch.inputs = inputs;
+                let mut state = core::mem::take(&mut scratch.state);
+                for i in 0..n {
+                    let before = if stage > 0 { scratch.rates[stage - 1][i] } else { 0.0 };
+                    state[i] = to[i] + reach * h * before;
+                }
+                let solved = self.solve(&state, theta, scratch);
+                scratch.state = state;
+                solved?;
+                for (i, &of) in self.states.iter().enumerate() {
+                    scratch.rates[stage][i] = scratch.motion[self.place(of) + coordinates];
+                }
+            }
+            for (i, value) in to.iter_mut().enumerate() {
+                let [a, b, c, d] = &scratch.rates;
+                *value += h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]);
+            }
+        }
+        Ok(())
+    }
+
+    /// How many steps from one sample to the next leave no error of the integration that matters.
+    pub(super) fn needed_steps(&self, states: &[f64], theta: &[f64]) -> Result<usize, EvalError> {
+        let n = self.states.len();
+        let transitions = self.samples().saturating_sub(1);
+        let stride = (transitions / TRIED).max(1);
+        let mut scratch = self.scratch();
+        let (mut coarse, mut fine) = (vec![0.0; n], vec![0.0; n]);
+        let mut steps = 1;
+        while steps < MOST_STEPS {
+            let (mut moved, mut wrong) = (vec![0.0; n], vec![0.0; n]);
+            for k in (0..transitions).step_by(stride) {
+                let from = &states[k * n..(k + 1) * n];
+                self.advance(k, from, theta, steps, &mut scratch, &mut coarse)?;
+                self.advance(k, from, theta, 2 * steps, &mut scratch, &mut fine)?;
+                for i in 0..n {
+                    moved[i] += (fine[i] - from[i]).abs();
+                    wrong[i] += (fine[i] - coarse[i]).abs();
+                }
+            }
+            // A step across the jump of a sign is wrong by its nature and has a noise of its own, which the mean bears.
+            let bound = if self.machine.derivatives.switches() > 0 { 1e3 * INTEGRATION } else { INTEGRATION };
+            if moved.iter().zip(&wrong).all(|(moved, wrong)| *wrong <= bound * moved) {
+                break;
+            }
+            steps *= 2;
+        }
+        Ok(steps)
+    }
+
+    /// Linearises the record about states and parameters.
+    ///
+    /// # Errors
+    /// [`EvalError`] when the model cannot be evaluated.
+    pub(super) fn linearise(
+        &self,
+        states: &[f64],
+        theta: &[f64],
+        columns: &[Column],
+        scale: &[f64],
+    ) -> Result<Chain, EvalError> {
+        let dims = self.machine.model.dims();
+        let (n, samples) = (self.states.len(), self.samples());
+        let switches = self.machine.derivatives.switches();
+        let p = self.free.len() + columns.len();
+        let width = p + dims.inputs + switches;
+        let transitions = samples.saturating_sub(1);
+        let mut chain = Chain {
+            samples,
+            sample_time: self.sample_time,
+            order: n,
+            columns: p,
+            inputs: dims.inputs,
+            switches,
+            states: self.states.clone(),
+            outputs: (0..dims.coordinates)
+                .map(|c| self.states.iter().position(|&of| of == (c, 0)).unwrap_or_default())
+                .collect(),
+            scale: scale.to_vec(),
+            breaks: self.breaks.clone(),
+            transition: vec![0.0; transitions * n * n],
+            forcing: vec![0.0; transitions * n * width],
+            defect: vec![0.0; transitions * n],
+            errors: vec![0.0; samples * dims.coordinates],
+            reading_columns: Vec::new(),
+            loose: Vec::new(),
+            nothing: vec![0.0; p],
+        };
+        let parts = (chain.transition.par_chunks_mut(n * n * TASK))
+            .zip(chain.forcing.par_chunks_mut((n * width).max(1) * TASK))
+            .zip(chain.defect.par_chunks_mut(n * TASK))
+            .enumerate();
+        parts.try_for_each(|(task, ((transition, forcing), defect))| {
+            let mut scratch = self.scratch();
+            let mut next = vec![0.0; n];
+            let parts = transition.chunks_exact_mut(n * n).zip(forcing.chunks_exact_mut(n * width));
+            for (i, ((transition, forcing), defect)) in parts.zip(defect.chunks_exact_mut(n)).enumerate() {
+                let k = task * TASK + i;
+                let from = &states[k * n..(k + 1) * n];
+                self.advance(k, from, theta, self.steps, &mut scratch, &mut next)?;
+                for (s, value) in defect.iter_mut().enumerate() {
+                    *value = next[s] - states[(k + 1) * n + s];
+                    next[s] = 0.5 * (next[s] + from[s]);
+                }
+                self.differentiate(k, &next, theta, columns, &mut scratch, transition, forcing)?;
+            }
+            Ok(())
+        })?;
+        for (k, errors) in chain.errors.chunks_exact_mut(dims.coordinates).enumerate() {
+            for (c, error) in errors.iter_mut().enumerate() {
+                *error = self.coordinates[c][k] - states[k * n + chain.outputs[c]];
+            }
+        }
+        if columns.iter().any(|column| matches!(column.place, Place::Reading(_))) {
+            chain.reading_columns = vec![0.0; samples * dims.coordinates * p];
+            for (j, column) in columns.iter().enumerate() {
+                let Place::Reading(c) = column.place else { continue };
+                for (k, value) in column.values.iter().enumerate() {
+                    chain.reading_columns[(k * dims.coordinates + c) * p + self.free.len() + j] = *value;
+                }
+            }
+        }
+        chain.loose = self.loose(states, theta)?;
+        Ok(chain)
+    }
+
+    /// Derivatives of a transition at the state in its middle: those of `exp(J h)` and of its integral, to the fourth order.
+    fn differentiate(
+        &self,
+        k: usize,
+        middle: &[f64],
+        theta: &[f64],
+        columns: &[Column],
+        scratch: &mut Scratch,
+        transition: &mut [f64],
+        forcing: &mut [f64],
+    ) -> Result<(), EvalError> {
+        let (model, derivatives) = (self.machine.model, self.machine.derivatives);
+        let dims = model.dims();
+        let (n, rows) = (self.states.len(), dims.rows);
+        let switches = derivatives.switches();
+        let p = self.free.len() + columns.len();
+        let width = p + dims.inputs + switches;
+        let mut inputs = core::mem::take(&mut scratch.inputs);
+        self.inputs_at(k, 0.5, &mut inputs);
+        scratch.inputs = inputs;
+        self.solve(middle, theta, scratch)?;
+        derivatives.rows(
+            &scratch.motion,
+            theta,
+            self.constants,
+            &scratch.inputs,
+            &mut scratch.rows,
+            &mut scratch.jacobian,
+        )?;
+        model.regressor(&scratch.motion, self.constants, &mut scratch.model, &mut scratch.phi)?;
+        model.input_map(&scratch.motion, self.constants, &mut scratch.model, &mut scratch.map)?;
+        if switches > 0 {
+            derivatives.switching(
+                &scratch.motion,
+                theta,
+                self.constants,
+                &scratch.inputs,
+                &mut scratch.rows,
+                &mut scratch.switching,
+            )?;
+        }
+        // Right-hand sides of M x = -dr/d(state), -phi, ..., B, -jump, column by column.
+        let motion_len = dims.motion_len();
+        let all = n + width;
+        let mut right = DMatrix::zeros(rows, all);
+        let mut mass = DMatrix::zeros(rows, rows);
+        for row in 0..rows {
+            for (s, &of) in self.states.iter().enumerate() {
+                right[(row, s)] = -scratch.jacobian[row * motion_len + self.place(of)];
+            }
+            for (j, &free) in self.free.iter().enumerate() {
+                right[(row, n + j)] = -scratch.phi[row * dims.parameters + free];
+            }
+            for (j, column) in columns.iter().enumerate() {
+                if column.place == Place::Row(row) {
+                    let later = if column.held { column.values[k] } else { column.values[k + 1] };
+                    right[(row, n + self.free.len() + j)] = -0.5 * (column.values[k] + later);
+                }
+            }
+            for i in 0..dims.inputs {
+                right[(row, n + p + i)] = scratch.map[row * dims.inputs + i];
+            }
+            for s in 0..switches {
+                right[(row, n + p + dims.inputs + s)] = -scratch.switching[s * (1 + rows) + 1 + row];
+            }
+            for c in 0..rows {
+                mass[(row, c)] = scratch.jacobian[row * motion_len + model.coordinate_order(c) * dims.coordinates + c];
+            }
+        }
+        let mut flat: Vec<f64> = mass.transpose().iter().copied().collect();
+        if rows == 1 {
+            let inverse = 1.0 / flat[0];
+            right *= inverse;
+        } else {
+            for mut column in right.column_iter_mut() {
+                let mut matrix = flat.clone();
+                let solved = linear::solve_in_place(&mut matrix, column.as_mut_slice());
+                solved.map_err(|coordinate| EvalError::Singular { coordinate })?;
+            }
+            flat.clear();
+        }
+        // J: rates of the states by the states; g: by the forcings.
+        let mut jacobian = vec![0.0; n * n];
+        let mut rates = vec![0.0; n * width];
+        for (s, &(c, d)) in self.states.iter().enumerate() {
+            if d + 1 < model.coordinate_order(c) {
+                jacobian[s * n + s + 1] = 1.0;
+            } else {
+                for j in 0..n {
+                    jacobian[s * n + j] = right[(c, j)];
+                }
+                for j in 0..width {
+                    rates[s * width + j] = right[(c, n + j)];
+                }
+            }
+        }
+        let h = self.sample_time;
+        // With P = h + J h^2/2 + J^2 h^3/6 + J^3 h^4/24: the transition is 1 + J P, the forcing P g.
+        let mut power = vec![0.0; n * n];
+        for s in 0..n {
+            power[s * n + s] = h;
+        }
+        for order in (2..=4).rev() {
+            let mut product = vec![0.0; n * n];
+            multiply(&jacobian, &power, n, n, &mut product);
+            for (i, (to, value)) in power.iter_mut().zip(&product).enumerate() {
+                *to = value * h / order as f64 + if i % (n + 1) == 0 { h } else { 0.0 };
+            }
+        }
+        transition.fill(0.0);
+        multiply(&jacobian, &power, n, n, transition);
+        for s in 0..n {
+            transition[s * n + s] += 1.0;
+        }
+        forcing.fill(0.0);
+        multiply(&power, &rates, n, width, forcing);
+        Ok(())
+    }
+
+    /// Regressors and input maps along a motion, sample by sample.
+    pub(super) fn along(&self, states: &[f64], theta: &[f64]) -> Result<(Vec<f64>, Vec<f64>), EvalError> {
+        let (model, n) = (self.machine.model, self.states.len());
+        let dims = model.dims();
+        let mut scratch = self.scratch();
+        let mut regressors = Vec::with_capacity(self.samples() * dims.regressor_len());
+        let mut maps = Vec::with_capacity(self.samples() * dims.input_map_len());
+        for k in 0..self.samples() {
+            let mut inputs = core::mem::take(&mut scratch.inputs);
+            self.inputs_at(k, 0.0, &mut inputs);
+            scratch.inputs = inputs;
+            self.solve(&states[k * n..(k + 1) * n], theta, &mut scratch)?;
+            model.regressor(&scratch.motion, self.constants, &mut scratch.model, &mut scratch.phi)?;
+            model.input_map(&scratch.motion, self.constants, &mut scratch.model, &mut scratch.map)?;
+            regressors.extend_from_slice(&scratch.phi);
+            maps.extend_from_slice(&scratch.map);
+        }
+        Ok((regressors, maps))
+    }
+
+    /// How loose every switch's force is in every transition, as a multiple of half its jump.
+    ///
+    /// While a machine is at rest for L samples its friction is unknown but the same for all of them; the variance L of each has the
+    /// impulse's size.
+    fn loose(&self, states: &[f64], theta: &[f64]) -> Result<Vec<f64>, EvalError> {
+        let derivatives = self.machine.derivatives;
+        let (switches, rows) = (derivatives.switches(), self.machine.model.dims().rows);
+        if switches == 0 {
+            return Ok(Vec::new());
+        }
+        let (n, samples) = (self.states.len(), self.samples());
+        let mut scratch = self.scratch();
+        let mut arguments = vec![0.0; samples * switches];
+        for k in 0..samples {
+            let mut inputs = core::mem::take(&mut scratch.inputs);
+            self.inputs_at(k, 0.0, &mut inputs);
+            scratch.inputs = inputs;
+            self.solve(&states[k * n..(k + 1) * n], theta, &mut scratch)?;
+            derivatives.switching(
+                &scratch.motion,
+                theta,
+                self.constants,
+                &scratch.inputs,
+                &mut scratch.rows,
+                &mut scratch.switching,
+            )?;
+            for s in 0..switches {
+                arguments[k * switches + s] = scratch.switching[s * (1 + rows)];
+            }
+        }
+        let mut loose = vec![0.0; samples.saturating_sub(1) * switches];
+        for s in 0..switches {
+            let of = |k: usize| arguments[k * switches + s];
+            let power = (0..samples).map(|k| of(k) * of(k)).sum::<f64>() / samples.max(1) as f64;
+            let band = AT_REST * power.sqrt();
+            let unsure = |k: usize| {
+                let (a, b) = (of(k), of(k + 1));
+                a.abs() < band || b.abs() < band || (a > 0.0) != (b > 0.0)
+            };
+            let mut k = 0;
+            while k + 1 < samples {
+                let first = k;
+                while k + 1 < samples && unsure(k) {
+                    k += 1;
+                }
+                let size = ((k - first) as f64).sqrt();
+                for transition in first..k {
+                    loose[transition * switches + s] = size;
+                }
+                k += 1;
+            }
+        }
+        Ok(loose)
+    }
+}
+
+/// `out += a b` for row-major matrices, a n by n and b n by `width`.
+fn multiply(a: &[f64], b: &[f64], n: usize, width: usize, out: &mut [f64]) {
+    for i in 0..n {
+        for j in 0..n {
+            let factor = a[i * n + j];
+            if factor.abs() > 0.0 {
+                for (to, value) in out[i * width..(i + 1) * width].iter_mut().zip(&b[j * width..(j + 1) * width]) {
+                    *to += factor * value;
+                }
+            }
+        }
+    }
+}

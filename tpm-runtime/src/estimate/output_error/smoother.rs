@@ -1,0 +1,283 @@
+//! States and parameters of a linearised machine together, by square-root information smoothing.
+//!
+//! The corrections d_k of the states and t of the parameters obey, sample by sample,
+//!
+//! ```text
+//! d_{k+1} = A_k d_k + C_k t + B_k w_k + f_k ,      y_k - H x_k = H d_k + v_k ,
+//! ```
+//!
+//! with white w_k (noise of the inputs, forces of which nothing is known) and v_k (noise of the sensors) of known size and no prior
+//! on d_0 and t. Every d_k is eliminated in turn by orthogonal reflections (Bierman, Factorization Methods for Discrete Sequential
+//! Estimation, 1977); what is left are rows in t alone, one per reading: its innovations, uncorrelated and of unit variance where
+//! the model is right. Invariant: nothing is squared, and a machine that is unstable by itself costs no digits, because states are
+//! never predicted over more than one sample.
+//!
+//! Sensor noise of a colour is a state of its own, `n_{k+1} = phi n_k + e_k`.
+
+use crate::estimate::output_error::chain::Chain;
+use crate::estimate::output_error::misfit::Candidate;
+use crate::estimate::output_error::reflect::triangularise;
+use std::vec;
+use std::vec::Vec;
+
+/// Rows in the parameters that are gathered before they are reduced.
+const GATHERED: usize = 48;
+/// Standard deviation of what is exact, beside that of a reading.
+const EXACT: f64 = 1e-8;
+
+/// The size of what is not known in a record.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Noise {
+    /// Standard deviation of every reading, sample by sample and coordinate by coordinate; infinite where there is none.
+    pub(super) readings: Vec<f64>,
+    /// Correlation of a sensor's noise from one sample to the next, per coordinate; zero for white noise.
+    pub(super) colour: Vec<f64>,
+    /// Standard deviation of every input.
+    pub(super) inputs: Vec<f64>,
+}
+
+/// What the record says of the parameters, and of the states.
+#[derive(Clone, Debug)]
+pub(super) struct Smoothed {
+    /// Upper triangle of the information about the columns, with the right-hand side as the last column and the root of the sum of
+    /// squares that is left as the last entry; row-major, `columns + 1` wide.
+    pub(super) root: Vec<f64>,
+    /// Rows of the readings in the columns, with the right-hand side last.
+    pub(super) innovations: Vec<f64>,
+    /// Sample and coordinate of every such row.
+    pub(super) places: Vec<(u32, u32)>,
+    /// Twice the negative logarithm of the likelihood but for the squares that are left and a constant.
+    pub(super) determinant: f64,
+    /// The rows that give every state from the next one and the columns; empty unless they were asked for.
+    states: Vec<f64>,
+    width: usize,
+    order: usize,
+}
+
+impl Smoothed {
+    /// Passes over a linearised record; `keep` keeps what the states need.
+    pub(super) fn new(chain: &Chain, noise: &Noise, keep: bool) -> Self {
+        let coloured = noise.colour.iter().any(|colour| colour.abs() > 0.0);
+        let (n, outputs, p) = (chain.order, chain.outputs.len(), chain.columns);
+        let order = if coloured { n + outputs } else { n };
+        let states_width = 2 * order + p + 1;
+        let mut this = Smoothed {
+            root: Vec::new(),
+            innovations: Vec::with_capacity(chain.samples * outputs * (p + 1)),
+            places: Vec::with_capacity(chain.samples * outputs),
+            determinant: 0.0,
+            states: if keep { Vec::with_capacity(chain.samples * order * states_width) } else { Vec::new() },
+            width: p + 1,
+            order,
+        };
+        let exact = |derivative: usize, scale: f64| EXACT * scale / chain.duration().powi(derivative as i32);
+        let mut gathered: Vec<f64> = Vec::with_capacity((GATHERED + p + 1) * (p + 1));
+        let mut work: Vec<f64> = Vec::new();
+        // Rows in the present state and the columns.
+        let width = order + p + 1;
+        let mut present = vec![0.0; order * width];
+        for k in 0..chain.samples {
+            if k > 0 && !chain.breaks[k - 1] {
+                let disturbed: Vec<(usize, f64)> = chain.disturbances(k - 1, &noise.inputs).collect();
+                let own = if coloured { outputs } else { 0 };
+                let extra = disturbed.len() + own;
+                let full = extra + 2 * order + p + 1;
+                let rows = extra + 2 * order;
+                work.clear();
+                work.resize(rows * full, 0.0);
+                // The heaviest rows stand first, so that reflections lose nothing of the light ones.
+                for i in 0..order {
+                    let row = &mut work[i * full..(i + 1) * full];
+                    if i < n {
+                        let (coordinate, derivative) = chain.states[i];
+                        let weight = 1.0 / exact(derivative, chain.scale[coordinate]);
+                        for (w, &(column, size)) in disturbed.iter().enumerate() {
+                            row[w] = -weight * size * chain.forcing(k - 1, i)[column];
+                        }
+                        for (j, a) in chain.transition(k - 1, i).iter().enumerate() {
+                            row[extra + j] = -weight * a;
+                        }
+                        row[extra + order + i] = weight;
+                        for (j, c) in chain.forcing(k - 1, i)[..p].iter().enumerate() {
+                            row[extra + 2 * order + j] = -weight * c;
+                        }
+                        row[full - 1] = weight * chain.defect(k - 1)[i];
+                        this.determinant -= 2.0 * weight.ln();
+                    } else {
+                        let c = i - n;
+                        let (colour, deviation) = (noise.colour[c], chain.scale[c]);
+                        let weight = 1.0 / exact(0, deviation);
+                        let sigma = noise.typical(c, outputs);
+                        row[disturbed.len() + c] = -weight * sigma * (1.0 - colour * colour).sqrt();
+                        row[extra + i] = -weight * colour;
+                        row[extra + order + i] = weight;
+                        this.determinant -= 2.0 * weight.ln();
+                    }
+                }
+                for w in 0..extra {
+                    work[(order + w) * full + w] = 1.0;
+                }
+                for (i, row) in present.chunks_exact(width).enumerate() {
+                    let to = &mut work[(order + extra + i) * full..(order + extra + i + 1) * full];
+                    to[extra..extra + order].copy_from_slice(&row[..order]);
+                    to[extra + 2 * order..].copy_from_slice(&row[order..]);
+                }
+                triangularise(&mut work, full, extra + order);
+                this.determinant += 2.0 * (0..extra + order).map(|i| work[i * full + i].abs().ln()).sum::<f64>();
+                if keep {
+                    for i in extra..extra + order {
+                        this.states.extend_from_slice(&work[i * full + extra..(i + 1) * full]);
+                    }
+                }
+                for (i, row) in present.chunks_exact_mut(width).enumerate() {
+                    let from = (extra + order + i) * full;
+                    row.copy_from_slice(&work[from + extra + order..from + full]);
+                }
+            } else {
+                if k > 0 {
+                    this.finish_segment(&mut present, width, keep);
+                }
+                present.fill(0.0);
+                if coloured {
+                    // The noise is stationary from the first sample on.
+                    for c in 0..outputs {
+                        let sigma = noise.typical(c, outputs);
+                        present[(n + c) * width + n + c] = 1.0 / sigma;
+                        this.determinant += 2.0 * sigma.ln();
+                    }
+                }
+            }
+            work.clear();
+            work.extend_from_slice(&present);
+            let mut read = 0;
+            for (c, &state) in chain.outputs.iter().enumerate() {
+                let sigma = noise.readings[k * outputs + c];
+                if !sigma.is_finite() {
+                    continue;
+                }
+                let sigma = if coloured { EXACT.sqrt() * sigma } else { sigma };
+                let at = work.len();
+                work.resize(at + width, 0.0);
+                let row = &mut work[at..];
+                row[state] = 1.0 / sigma;
+                if coloured {
+                    row[n + c] = 1.0 / sigma;
+                }
+                for (j, value) in chain.readings(k, c).iter().enumerate() {
+                    row[order + j] = value / sigma;
+                }
+                row[width - 1] = chain.error(k, c) / sigma;
+                this.determinant += 2.0 * sigma.ln();
+                this.places.push((k as u32, c as u32));
+                read += 1;
+            }
+            triangularise(&mut work, width, order);
+            present.copy_from_slice(&work[..order * width]);
+            for row in work[order * width..].chunks_exact(width).take(read) {
+                this.innovations.extend_from_slice(&row[order..]);
+                gathered.extend_from_slice(&row[order..]);
+            }
+            if gathered.len() >= GATHERED * (p + 1) {
+                this.reduce(&mut gathered);
+            }
+        }
+        this.finish_segment(&mut present, width, keep);
+        this.reduce(&mut gathered);
+        this.root = gathered;
+        this.root.resize((p + 1) * (p + 1), 0.0);
+        this
+    }
+
+    fn finish_segment(&mut self, present: &mut [f64], width: usize, keep: bool) {
+        for i in 0..self.order {
+            self.determinant += 2.0 * present[i * width + i].abs().max(f64::MIN_POSITIVE).ln();
+        }
+        if keep {
+            // The last state of a segment depends on no later one.
+            for row in present.chunks_exact(width) {
+                self.states.extend_from_slice(&row[..self.order]);
+                self.states.extend(std::iter::repeat_n(0.0, self.order));
+                self.states.extend_from_slice(&row[self.order..]);
+            }
+        }
+    }
+
+    /// Number of columns and one for the right-hand side.
+    pub(super) const fn width(&self) -> usize {
+        self.width
+    }
+
+    /// The innovations that are left with a step of the first `p` columns, and with chosen candidates, by their number among the
+    /// other columns, at their values.
+    pub(super) fn remaining(&self, p: usize, step: &[f64], chosen: &[usize], terms: &[Candidate]) -> Vec<f64> {
+        // With the candidates the parameters move too; the innovations are those of both together.
+        let mut columns = vec![0.0; self.width - 1];
+        columns[..p].copy_from_slice(step);
+        for (&j, term) in chosen.iter().zip(terms) {
+            columns[p + j] = term.value;
+        }
+        let mut felt = vec![0.0; p];
+        for (r, felt) in felt.iter_mut().enumerate() {
+            *felt = (p..self.width - 1).map(|c| self.root[r * self.width + c] * columns[c]).sum();
+        }
+        for r in (0..p).rev() {
+            let mut moved = felt[r];
+            for (c, felt) in felt.iter().enumerate().skip(r + 1) {
+                moved -= self.root[r * self.width + c] * felt;
+            }
+            felt[r] = if self.root[r * self.width + r].abs() > 0.0 { moved / self.root[r * self.width + r] } else { 0.0 };
+        }
+        for (column, moved) in columns.iter_mut().zip(&felt) {
+            *column -= moved;
+        }
+        let left = |row: &[f64]| {
+            row[self.width - 1] - row.iter().zip(&columns).map(|(factor, value)| factor * value).sum::<f64>()
+        };
+        self.innovations.chunks_exact(self.width).map(left).collect()
+    }
+
+    fn reduce(&self, gathered: &mut Vec<f64>) {
+        triangularise(gathered, self.width, self.width);
+        gathered.truncate(self.width * self.width);
+    }
+
+    /// Corrections of all states, sample by sample, that belong to corrections of the columns. Sensor noise of a colour is left out.
+    pub(super) fn corrections(&self, chain: &Chain, columns: &[f64]) -> Option<Vec<f64>> {
+        let (n, order) = (chain.order, self.order);
+        let block = order * (2 * order + self.width);
+        let mut out = vec![0.0; chain.samples * n];
+        let mut next = vec![0.0; order];
+        for k in (0..chain.samples).rev() {
+            let rows = self.states.get(k * block..(k + 1) * block)?;
+            let width = 2 * order + self.width;
+            let mut now = vec![0.0; order];
+            for i in (0..order).rev() {
+                let row = &rows[i * width..(i + 1) * width];
+                let mut value = row[width - 1];
+                for j in i + 1..order {
+                    value -= row[j] * now[j];
+                }
+                for (factor, next) in row[order..2 * order].iter().zip(&next) {
+                    value -= factor * next;
+                }
+                for (factor, column) in row[2 * order..width - 1].iter().zip(columns) {
+                    value -= factor * column;
+                }
+                // A state that nothing shows stays where it is.
+                now[i] = if row[i].abs() > 0.0 { value / row[i] } else { 0.0 };
+            }
+            out[k * n..(k + 1) * n].copy_from_slice(&now[..n]);
+            next = now;
+        }
+        out.iter().all(|value| value.is_finite()).then_some(out)
+    }
+}
+
+impl Noise {
+    /// Standard deviation of a sensor over the record: the root of the mean variance of its readings.
+    pub(super) fn typical(&self, coordinate: usize, outputs: usize) -> f64 {
+        let of = self.readings.iter().skip(coordinate).step_by(outputs.max(1)).filter(|sigma| sigma.is_finite());
+        let (sum, count) = of.fold((0.0, 0_u32), |(sum, count), sigma| (sum + sigma * sigma, count + 1));
+        (sum / f64::from(count.max(1))).sqrt()
+    }
+}

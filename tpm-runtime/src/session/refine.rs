@@ -1,0 +1,259 @@
+//! A log's estimates refined by simulating the model sample by sample.
+
+use crate::estimate::{
+    Candidate, CandidateKind, Differentiable, Estimate, MeasuredMotion, OutputError, OutputErrorFault, Settings, Signals,
+};
+use crate::log::{Log, LogOptions, Periodic};
+use crate::numerics::Matrix;
+use crate::run::Spectra;
+use num_complex::Complex;
+use serde::Serialize;
+use std::borrow::Cow;
+use std::format;
+use std::string::{String, ToString};
+use std::vec;
+use std::vec::Vec;
+use tpm_core::model::{Label, Model};
+
+/// A line belongs to the motion from which the fit starts when its power is this many times that of its noise.
+const CERTAIN: f64 = 9.0;
+/// Most samples that are simulated one by one; a longer record is averaged over periods first.
+const MOST_SAMPLES: usize = 50_000;
+
+/// What the refinement did with a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RefinementReport {
+    /// Whether its values are those of the result.
+    pub used: bool,
+    /// Why they are not, or what else there is to say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+    /// Samples that were simulated.
+    pub samples: usize,
+    /// Periods that were averaged into each one that was simulated.
+    pub averaged: usize,
+    /// Gauss-Newton steps.
+    pub steps: usize,
+    /// Standard deviation of every sensor's noise, unit of the coordinate.
+    pub sensor_noise: Vec<f64>,
+    /// Standard deviation of every recorded input's noise, unit of the input; zero for an exact record.
+    pub input_noise: Vec<f64>,
+    /// Root mean square of measured less simulated motion, unit of the coordinate.
+    pub residual: Vec<f64>,
+    /// Values before the refinement, by parameter.
+    pub before: Vec<f64>,
+    /// Terms whose lack the residual shows.
+    pub missing: Vec<MissingTerm>,
+}
+
+/// A term that would take what a model leaves unexplained.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MissingTerm {
+    /// The term, in the words of the model.
+    pub term: String,
+    /// The row on which it acts; nothing for one that acts on a reading.
+    pub row: Option<String>,
+    /// Its factor, in the units of row and term.
+    pub value: f64,
+    /// Standard deviation of the factor.
+    pub std: f64,
+    /// Share of the unexplained sum of squares that it takes.
+    pub gain: f64,
+    /// What the term would mean.
+    pub meaning: String,
+}
+
+impl RefinementReport {
+    /// A refinement that came to nothing.
+    pub(super) fn refused(values: &[f64], fault: &OutputErrorFault) -> Self {
+        let note = match fault {
+            OutputErrorFault::NotSimulable => None,
+            fault => Some(format!("not refined, the estimates are those of the harmonics alone: {fault}")),
+        };
+        RefinementReport {
+            used: false,
+            note,
+            samples: 0,
+            averaged: 1,
+            steps: 0,
+            sensor_noise: Vec::new(),
+            input_noise: Vec::new(),
+            residual: Vec::new(),
+            before: values.to_vec(),
+            missing: Vec::new(),
+        }
+    }
+}
+
+/// A refined estimate.
+pub(super) struct Refined {
+    pub(super) estimate: Estimate,
+    pub(super) report: RefinementReport,
+    /// Power of what no candidate explains, in units of the noise, where it is beyond chance.
+    pub(super) unexplained: Option<f64>,
+}
+
+/// Refines an estimate from the periodic part of a log.
+///
+/// # Errors
+/// [`OutputErrorFault`] when the log cannot be simulated.
+pub(super) fn refine(
+    machine: Differentiable<'_>,
+    log: &Log,
+    (periodic, spectra): (&Periodic, &Spectra),
+    options: &LogOptions,
+    (record, estimate): (&MeasuredMotion, &Estimate),
+    settings: &Settings,
+) -> Result<Refined, OutputErrorFault> {
+    let model = machine.model;
+    let dims = model.dims();
+    let whole = (periodic.samples_per_period * periodic.periods as f64).round() as usize;
+    let samples = whole.min(log.len() - periodic.from);
+    let used: Vec<&[f64]> = log.channels.iter().map(|c| &c[periodic.from..periodic.from + samples]).collect();
+    let averaged = averaged(&used, periodic);
+    let channels: Vec<&[f64]> = match &averaged {
+        Some((means, _)) => means.iter().map(Vec::as_slice).collect(),
+        None => used,
+    };
+    let (coordinates, inputs) = channels.split_at(dims.coordinates);
+    let signals = Signals {
+        sample_time: log.sample_time,
+        hold: options.hold,
+        coordinates: coordinates.to_vec(),
+        inputs: inputs.to_vec(),
+        samples_per_period: periodic.samples_per_period,
+        white: coordinates.iter().map(|signal| white(signal)).collect(),
+        steps: (0..dims.coordinates).map(|c| if averaged.is_some() { 0.0 } else { spectra.step(c) }).collect(),
+        lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
+    };
+    let free: Vec<usize> =
+        (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
+    let hidden: Vec<Vec<f64>> =
+        estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
+    let found = OutputError::fit(machine, &options.constants, &signals, &estimate.values, &free, &hidden)?;
+    let misfit = &found.misfit;
+    let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
+    for (a, &i) in free.iter().enumerate() {
+        for (b, &j) in free.iter().enumerate() {
+            let noise = found.covariance(a, b).unwrap_or_default() * misfit.inflation;
+            covariance[i][j] = noise + misfit.shift[a] * misfit.shift[b];
+        }
+    }
+    let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| estimate.covariance.clone());
+    let report = RefinementReport {
+        used: true,
+        note: None,
+        samples: signals.coordinates.first().map_or(0, |c| c.len()),
+        averaged: averaged.as_ref().map_or(1, |(_, count)| *count),
+        steps: found.iterations,
+        sensor_noise: found.sensor_noise.clone(),
+        input_noise: found.input_noise.clone(),
+        residual: found.residual.clone(),
+        before: estimate.values.clone(),
+        missing: misfit.terms.iter().map(|term| missing(model, term)).collect(),
+    };
+    let unexplained = misfit.repeats.then_some(misfit.periodic);
+    Ok(Refined { estimate: record.restated(estimate, found.values, covariance, settings), report, unexplained })
+}
+
+/// Standard deviation of the white noise on a signal: the median size of its sixth differences, which hold nothing of a motion that is
+/// sampled densely.
+fn white(signal: &[f64]) -> f64 {
+    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    let power: f64 = BINOMIAL.iter().map(|b| b * b).sum();
+    let difference = |w: &[f64]| w.iter().zip(&BINOMIAL).map(|(x, b)| x * b).sum::<f64>().abs();
+    let mut sizes: Vec<f64> = signal.windows(BINOMIAL.len()).map(difference).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let middle = sizes.len() / 2;
+    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    // The median size of a normal variable is 0.6745 of its deviation.
+    *median / 0.674_489_750_196_082 / power.sqrt()
+}
+
+/// Harmonics of a coordinate that stand out of the noise.
+fn motion(spectra: &Spectra, coordinate: usize, harmonics: usize) -> Vec<Complex<f64>> {
+    let floor = spectra.floor(coordinate).unwrap_or(0.0);
+    let certain = |(k, line): (usize, &Complex<f64>)| {
+        let noise = spectra.variance(coordinate, k).max(floor);
+        if k == 0 || line.norm_sqr() > CERTAIN * noise { *line } else { Complex::new(0.0, 0.0) }
+    };
+    spectra.lines[coordinate].iter().take(harmonics + 1).enumerate().map(certain).collect()
+}
+
+/// Means over equally many periods each, where a record is long and its periods are whole numbers of samples; beside them how many.
+fn averaged(channels: &[&[f64]], periodic: &Periodic) -> Option<(Vec<Vec<f64>>, usize)> {
+    let samples = channels.first()?.len();
+    let period = periodic.samples_per_period.round() as usize;
+    let whole = (periodic.samples_per_period - period as f64).abs() < 1e-9;
+    if samples <= MOST_SAMPLES || !whole || period == 0 {
+        return None;
+    }
+    let kept = (MOST_SAMPLES / period).max(2).min(periodic.periods);
+    let count = periodic.periods / kept;
+    let mean = |channel: &&[f64]| -> Vec<f64> {
+        let mut out = Vec::with_capacity(kept * period);
+        // Whole stretches of successive periods, each averaged onto one.
+        for block in channel.chunks_exact(count * period).take(kept) {
+            for i in 0..period {
+                out.push(block[i..].iter().step_by(period).sum::<f64>() / count as f64);
+            }
+        }
+        out
+    };
+    (count > 1).then(|| (channels.iter().map(mean).collect(), count))
+}
+
+fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {
+    let name = |label: Label<'_>| label.name.to_string();
+    let q = |c: usize| name(model.coordinate(c));
+    let (term, meaning): (String, Cow<'static, str>) = match candidate.term {
+        CandidateKind::Offset => ("1".into(), "a constant force, or an offset of a sensor or an input".into()),
+        CandidateKind::Power { coordinate, exponent } => {
+            (format!("{}^{exponent}", q(coordinate)), "a force that is not linear in the position".into())
+        }
+        CandidateKind::Product { coordinate, other } => {
+            (format!("{}*{}", q(coordinate), q(other)), "a coupling of two coordinates".into())
+        }
+        CandidateKind::RatePower { coordinate, exponent } => {
+            (format!("dot({})^{exponent}", q(coordinate)), "a force that is not linear in the velocity".into())
+        }
+        CandidateKind::Drag { coordinate } => {
+            (format!("dot({0})*abs(dot({0}))", q(coordinate)), "drag that grows with the square of the velocity".into())
+        }
+        CandidateKind::Friction { coordinate } => (format!("sign(dot({}))", q(coordinate)), "dry (Coulomb) friction".into()),
+        CandidateKind::Stribeck { coordinate } => (
+            format!("sign(dot({0}))*exp(-(dot({0})/vs)^2)", q(coordinate)),
+            "friction that is larger at low speed (Stribeck)".into(),
+        ),
+        CandidateKind::Drift { parameter } => {
+            let name = name(model.parameter(parameter));
+            let meaning = format!("{name} changes over the record (drift)");
+            (format!("{name} * time"), meaning.into())
+        }
+        CandidateKind::Delay { input } => (
+            format!("rate of {}", name(model.input(input))),
+            format!("a delay or lag of one channel, {:.3} ms if it is the input's", 1e3 * candidate.value).into(),
+        ),
+        CandidateKind::Flexible { input } => (
+            format!("second rate of {}", name(model.input(input))),
+            "dynamics between input and sensor: a flexible mode, or a lag".into(),
+        ),
+        CandidateKind::Limit { input, limit } => (
+            format!("{0} beyond {limit:.4}", name(model.input(input))),
+            format!("clipping: the input is limited (saturation) at about {limit:.4}").into(),
+        ),
+        CandidateKind::Backlash { coordinate } => {
+            (format!("sign(dot({})) on its reading", q(coordinate)), "backlash or hysteresis between machine and sensor".into())
+        }
+    };
+    MissingTerm {
+        term,
+        row: candidate.row.map(|row| name(model.row(row))),
+        value: candidate.value,
+        std: candidate.std,
+        gain: candidate.gain,
+        meaning: meaning.into_owned(),
+    }
+}
