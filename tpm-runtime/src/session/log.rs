@@ -294,10 +294,10 @@ fn identify_with(
         }
         None => None,
     };
-    let (estimate, refinement, unexplained) = match refined {
-        Some(Ok(refined)) => (refined.estimate, Some(refined.report), refined.unexplained),
-        Some(Err(fault)) => (estimate.clone(), Some(RefinementReport::refused(&estimate.values, &fault)), None),
-        None => (estimate, None, None),
+    let (estimate, refinement, unexplained, vibration) = match refined {
+        Some(Ok(refined)) => (refined.estimate, Some(refined.report), refined.unexplained, refined.vibration),
+        Some(Err(fault)) => (estimate.clone(), Some(RefinementReport::refused(&estimate.values, &fault)), None, None),
+        None => (estimate, None, None, None),
     };
     let log_report = LogReport {
         path: log.path.clone(),
@@ -337,6 +337,9 @@ fn identify_with(
     }
     if let Some(power) = unexplained {
         warnings.push(Warning::Repeats { power });
+    }
+    if let Some(frequency) = vibration {
+        warnings.push(Warning::Vibration { frequency });
     }
     let Named { parameters, unobservable, combinations, covariance } =
         Named::new(model, &options.prior, Some(&estimate));

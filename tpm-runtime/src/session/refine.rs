@@ -91,6 +91,8 @@ pub(super) struct Refined {
     pub(super) report: RefinementReport,
     /// Power of what no candidate explains, in units of the noise, where it is beyond chance.
     pub(super) unexplained: Option<f64>,
+    /// Frequency of a vibration that the model does not have, Hz.
+    pub(super) vibration: Option<f64>,
 }
 
 /// Refines an estimate from the periodic part of a log.
@@ -131,13 +133,14 @@ pub(super) fn refine(
     let hidden: Vec<Vec<f64>> =
         estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
     let found = OutputError::fit(machine, &options.constants, &signals, &estimate.values, &free, &hidden)?;
-    let misfit = &found.misfit;
+    let misfit = found.misfit.clone();
     let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
     for (a, &i) in free.iter().enumerate() {
         for (b, &j) in free.iter().enumerate() {
             let noise = found.covariance(a, b).unwrap_or_default() * misfit.inflation;
             covariance[i][j] = noise + misfit.shift[a] * misfit.shift[b];
         }
+        covariance[i][i] += misfit.range[a].powi(2) + misfit.bent[a].powi(2);
     }
     let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| estimate.covariance.clone());
     let report = RefinementReport {
@@ -153,7 +156,12 @@ pub(super) fn refine(
         missing: misfit.terms.iter().map(|term| missing(model, term)).collect(),
     };
     let unexplained = misfit.repeats.then_some(misfit.periodic);
-    Ok(Refined { estimate: record.restated(estimate, found.values, covariance, settings), report, unexplained })
+    Ok(Refined {
+        estimate: record.restated(estimate, found.values, covariance, settings),
+        report,
+        unexplained,
+        vibration: misfit.vibration,
+    })
 }
 
 /// Standard deviation of the white noise on a signal: the median size of its sixth differences, which hold nothing of a motion that is

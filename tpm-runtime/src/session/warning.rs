@@ -150,6 +150,11 @@ pub enum Warning {
         /// Power at the harmonics of the motion, in units of that of the noise.
         power: f64,
     },
+    /// The machine vibrates at a frequency at which the model does not.
+    Vibration {
+        /// The frequency, Hz.
+        frequency: f64,
+    },
     /// What an estimator says of its own equations.
     Estimator {
         /// The estimator's words.
@@ -258,6 +263,10 @@ impl fmt::Display for Warning {
             Warning::Repeats { power } => write!(
                 f,
                 "what the model leaves unexplained repeats with the motion ({power:.1} times the noise at its harmonics), and no single term explains it: a term of the model, friction, a sensor that is not linear; deviations are widened"
+            ),
+            Warning::Vibration { frequency } => write!(
+                f,
+                "the residual vibrates at about {frequency:.1} Hz, where the model has no mode: a flexible mode between input and sensor; deviations contain how far its static part would move the parameters"
             ),
             Warning::NothingAccepted => f.write_str("no run was accepted; nothing is identified"),
             Warning::Estimator { message } | Warning::Physical { message } => f.write_str(message),

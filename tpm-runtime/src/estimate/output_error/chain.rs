@@ -39,6 +39,8 @@ pub(super) struct Chain {
     pub(super) reading_columns: Vec<f64>,
     /// Standard deviation of every switch's force as a multiple of half its jump, per transition.
     pub(super) loose: Vec<f64>,
+    /// What the inputs are taken to be beside what was recorded, per sample.
+    pub(super) disturbed: Vec<f64>,
     /// As many zeros as there are columns.
     pub(super) nothing: Vec<f64>,
 }
@@ -79,6 +81,12 @@ impl Chain {
         self.reading_columns.get(at..at + self.columns).unwrap_or(&self.nothing)
     }
 
+    /// How far a forcing is from what was recorded in the transition after sample k.
+    pub(super) fn disturbance(&self, k: usize, forcing: usize) -> f64 {
+        let input = forcing - self.columns;
+        if input < self.inputs { self.disturbed[k * self.inputs + input] } else { 0.0 }
+    }
+
     /// The forcings that disturb the transition after sample k, with their standard deviations.
     pub(super) fn disturbances<'a>(&'a self, k: usize, inputs: &'a [f64]) -> impl Iterator<Item = (usize, f64)> + 'a {
         let loose = &self.loose[k * self.switches..(k + 1) * self.switches];
@@ -107,6 +115,7 @@ impl Chain {
             errors: part(&self.errors, outputs, samples),
             reading_columns: part(&self.reading_columns, outputs * self.columns, samples),
             loose: part(&self.loose, self.switches, transitions),
+            disturbed: part(&self.disturbed, self.inputs, samples),
             nothing: self.nothing.clone(),
             ..*self
         }

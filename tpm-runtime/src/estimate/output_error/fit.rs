@@ -1,8 +1,8 @@
 //! Gauss-Newton over states and parameters, and the noise under which it weighs a record.
 
 use crate::estimate::output_error::chain::Chain;
-use crate::estimate::output_error::misfit::{self, Misfit};
-use crate::estimate::output_error::problem::{Differentiable, Problem};
+use crate::estimate::output_error::misfit::{self, Along, CandidateKind, Misfit};
+use crate::estimate::output_error::problem::{Column, Differentiable, Problem};
 use crate::estimate::output_error::smoother::{Noise, Smoothed};
 use crate::numerics::DMatrix;
 use num_complex::Complex;
@@ -120,52 +120,43 @@ impl OutputError {
             states,
             breaks: vec![false; samples.saturating_sub(1)],
             steps: 1,
+            disturbed: vec![0.0; samples * signals.inputs.len()],
         };
-        let mut motion = signals.motion(&problem.states);
-        let mut theta = start.to_vec();
-        let mut noise = signals.noise();
-        let scale: Vec<f64> = (0..signals.coordinates.len()).map(|c| noise.typical(c, signals.coordinates.len())).collect();
-        problem.steps = problem.needed_steps(&motion, &theta)?;
-        let mut iterations = 0;
-        let mut tuned = 0;
-        loop {
-            let chain = problem.linearise(&motion, &theta, &[], &scale)?;
-            if tuned < 2 && (iterations == 0 || iterations == 3) {
-                noise = tune(&chain, &noise, signals);
-                tuned += 1;
-            }
-            let smoothed = Smoothed::new(&chain, &noise, true);
-            let solution = Solution::new(&smoothed, &chain, hidden)?;
-            let corrections = smoothed.corrections(&chain, &solution.step).ok_or(OutputErrorFault::Singular)?;
-            let mut share = 1.0_f64;
-            for (&j, &step) in free.iter().zip(&solution.step) {
-                // A parameter is never moved by more than itself in one step unless it is nothing.
-                let size = theta[j].abs().max(3.0 * solution.deviation(j, free));
-                share = share.min(size / step.abs().max(f64::MIN_POSITIVE));
-            }
-            for (&j, &step) in free.iter().zip(&solution.step) {
-                theta[j] += share * step;
-            }
-            for (value, correction) in motion.iter_mut().zip(&corrections) {
-                *value += share * correction;
-            }
-            iterations += 1;
-            let still = free.iter().zip(&solution.step).all(|(&j, step)| step.abs() <= CONVERGED * solution.deviation(j, free));
-            if share >= 1.0 && still && iterations > 4 {
-                break;
-            }
-            if iterations == MOST_STEPS {
-                return Err(OutputErrorFault::NotConverged { steps: iterations });
-            }
-        }
-        let columns = misfit::columns(&problem, signals, &motion, &theta)?;
+        let outputs = signals.coordinates.len();
+        let mut state = State {
+            motion: signals.motion(&problem.states),
+            theta: start.to_vec(),
+            terms: Vec::new(),
+            noise: signals.noise(),
+        };
+        let scale: Vec<f64> = (0..outputs).map(|c| state.noise.typical(c, outputs)).collect();
+        problem.steps = problem.needed_steps(&state.motion, &state.theta)?;
+        let iterations = state.settle(&mut problem, signals, &scale, hidden, true)?;
+        let columns = misfit::columns(&problem, signals, &state.motion, &state.theta)?;
         let acting: Vec<_> = columns.iter().map(|candidate| candidate.column.clone()).collect();
-        let chain = problem.linearise(&motion, &theta, &acting, &scale)?;
-        let smoothed = Smoothed::new(&chain, &noise, false);
+        let chain = problem.linearise(&state.motion, &state.theta, &acting, &scale)?;
+        let smoothed = Smoothed::new(&chain, &state.noise, false);
         let p = free.len();
         let bare = Solution::of_columns(&smoothed, p, hidden)?;
-        let found = misfit::judge(&smoothed, p, columns, &bare, signals, &noise);
-        let outputs = signals.coordinates.len();
+        let mut found = misfit::judge(&smoothed, free, &columns, &bare, signals);
+        if !found.terms.is_empty() {
+            // With the terms in the model the parameters may be far away, where the linear answer is not exact.
+            let mut richer = State {
+                terms: found.terms.iter().map(|term| Active { term: term.term, row: term.row, value: 0.0, std: 0.0 }).collect(),
+                ..state.clone()
+            };
+            let kept = problem.disturbed.clone();
+            if richer.settle(&mut problem, signals, &scale, hidden, false).is_ok() {
+                for (term, active) in found.terms.iter_mut().zip(&richer.terms) {
+                    (term.term, term.value) = (active.term, active.value);
+                    term.std = active.std * found.scale.sqrt();
+                }
+                for (shift, &j) in found.shift.iter_mut().zip(free) {
+                    *shift = richer.theta[j] - state.theta[j];
+                }
+            }
+            problem.disturbed = kept;
+        }
         let residual = (0..outputs)
             .map(|c| {
                 let of = chain.errors.iter().skip(c).step_by(outputs);
@@ -173,16 +164,114 @@ impl OutputError {
             })
             .collect();
         Ok(OutputError {
-            values: theta,
+            values: state.theta,
             covariance: &bare.covariance * found.scale,
             free: free.to_vec(),
             iterations,
             sensor_noise: scale.iter().map(|sigma| sigma * found.scale.sqrt()).collect(),
-            input_noise: noise.inputs.iter().map(|sigma| sigma * found.scale.sqrt()).collect(),
-            colour: noise.colour,
+            input_noise: state.noise.inputs.iter().map(|sigma| sigma * found.scale.sqrt()).collect(),
+            colour: state.noise.colour,
             residual,
             misfit: found,
         })
+    }
+}
+
+/// A candidate term that is part of the model.
+#[derive(Clone, Copy, Debug)]
+struct Active {
+    term: CandidateKind,
+    row: Option<usize>,
+    value: f64,
+    std: f64,
+}
+
+/// What Gauss-Newton steps change.
+#[derive(Clone)]
+struct State {
+    motion: Vec<f64>,
+    theta: Vec<f64>,
+    terms: Vec<Active>,
+    noise: Noise,
+}
+
+impl State {
+    /// Makes Gauss-Newton steps until they are small; with `tuned`, the noise is found on the way. Returns how many.
+    fn settle(
+        &mut self,
+        problem: &mut Problem<'_>,
+        signals: &Signals<'_>,
+        scale: &[f64],
+        hidden: &[Vec<f64>],
+        tuned: bool,
+    ) -> Result<usize, OutputErrorFault> {
+        let free = problem.free.clone();
+        for iteration in 0..MOST_STEPS {
+            let columns = self.columns(problem, signals)?;
+            let values: Vec<f64> = (self.terms.iter())
+                .flat_map(|active| {
+                    let limit = matches!(active.term, CandidateKind::Limit { .. });
+                    std::iter::once(active.value).chain(limit.then_some(0.0))
+                })
+                .collect();
+            let chain = problem.linearise_at(&self.motion, &self.theta, &columns, &values, scale)?;
+            if tuned && (iteration == 0 || iteration == 3) {
+                self.noise = tune(&chain, &self.noise, signals);
+            }
+            let smoothed = Smoothed::new(&chain, &self.noise, true);
+            let solution = Solution::of_columns(&smoothed, chain.columns, hidden)?;
+            let (states, inputs) =
+                smoothed.corrections(&chain, &self.noise, &solution.step).ok_or(OutputErrorFault::Singular)?;
+            let mut share = 1.0_f64;
+            for (at, &j) in free.iter().enumerate() {
+                // A parameter is never moved by more than itself in one step unless it is nothing.
+                let size = self.theta[j].abs().max(3.0 * solution.deviation(at));
+                share = share.min(size / solution.step[at].abs().max(f64::MIN_POSITIVE));
+            }
+            if std::env::var("TPM_DEBUG").is_ok() {
+                std::eprintln!("it {iteration} share {share} theta {:?} step {:?} dev {:?} noise {:?} colour {:?} rss {} det {}", self.theta, solution.step, (0..free.len()).map(|a| solution.deviation(a)).collect::<Vec<_>>(), self.noise.inputs, self.noise.colour, smoothed.root.last().unwrap().powi(2)/smoothed.places.len() as f64, smoothed.determinant);
+            }
+            for (at, &j) in free.iter().enumerate() {
+                self.theta[j] += share * solution.step[at];
+            }
+            for (value, correction) in self.motion.iter_mut().zip(&states) {
+                *value += share * correction;
+            }
+            for (value, correction) in problem.disturbed.iter_mut().zip(&inputs) {
+                *value += share * correction;
+            }
+            let mut at = free.len();
+            for active in &mut self.terms {
+                active.value += share * solution.step[at];
+                active.std = solution.deviation(at);
+                at += 1;
+                if let CandidateKind::Limit { limit, .. } = &mut active.term {
+                    *limit += (share * solution.step[at]).clamp(-0.2 * *limit, 0.2 * *limit);
+                    at += 1;
+                }
+            }
+            let still = (0..chain.columns).all(|at| solution.step[at].abs() <= CONVERGED * solution.deviation(at));
+            if share >= 1.0 && still && (iteration > 3 || !tuned) {
+                return Ok(iteration + 1);
+            }
+        }
+        Err(OutputErrorFault::NotConverged { steps: MOST_STEPS })
+    }
+
+    /// The columns of the terms that are part of the model; a limit has one more, for where it lies.
+    fn columns(&self, problem: &Problem<'_>, signals: &Signals<'_>) -> Result<Vec<Column>, OutputErrorFault> {
+        if self.terms.is_empty() {
+            return Ok(Vec::new());
+        }
+        let along = Along::new(problem, signals, &self.motion, &self.theta)?;
+        let mut columns = Vec::new();
+        for active in &self.terms {
+            columns.push(along.column(active.term, active.row));
+            if let CandidateKind::Limit { .. } = active.term {
+                columns.push(along.edge(active.term, active.row, active.value));
+            }
+        }
+        Ok(columns)
     }
 }
 
@@ -195,16 +284,12 @@ pub(super) struct Solution {
 }
 
 impl Solution {
-    fn new(smoothed: &Smoothed, chain: &Chain, hidden: &[Vec<f64>]) -> Result<Self, OutputErrorFault> {
-        Self::of_columns(smoothed, chain.columns, hidden)
-    }
-
     /// The solution for the first `p` columns, without the others.
     pub(super) fn of_columns(smoothed: &Smoothed, p: usize, hidden: &[Vec<f64>]) -> Result<Self, OutputErrorFault> {
         let width = (smoothed.root.len() as f64).sqrt().round() as usize;
         let mut rows = DMatrix::from_fn(p + hidden.len(), p + 1, |r, c| {
             if r >= p {
-                return if c < p { hidden[r - p][c] } else { 0.0 };
+                return hidden[r - p].get(c).copied().unwrap_or(0.0);
             }
             let column = if c == p { width - 1 } else { c };
             if c >= r { smoothed.root[r * width + column] } else { 0.0 }
@@ -246,8 +331,7 @@ impl Solution {
         }
     }
 
-    fn deviation(&self, parameter: usize, free: &[usize]) -> f64 {
-        let at = free.iter().position(|&j| j == parameter).unwrap_or_default();
+    fn deviation(&self, at: usize) -> f64 {
         self.covariance[(at, at)].max(0.0).sqrt()
     }
 }

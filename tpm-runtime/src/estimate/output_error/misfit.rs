@@ -11,7 +11,8 @@
 
 use crate::estimate::output_error::fit::{OutputErrorFault, Signals, Solution};
 use crate::estimate::output_error::problem::{Column, Place, Problem};
-use crate::estimate::output_error::smoother::{Noise, Smoothed};
+use crate::estimate::output_error::smoother::Smoothed;
+use crate::numerics::fourier::forward;
 use crate::numerics::DVector;
 use num_complex::Complex;
 use std::vec;
@@ -28,6 +29,14 @@ const OWN: f64 = 1e-8;
 const HARMONICS: usize = 24;
 /// Standard deviations beyond which the power at the harmonics, or the correlation of neighbouring residuals, is no chance.
 const CHANCE: f64 = 4.5;
+/// Share of the root mean square velocity at which friction has turned.
+const SLOW: f64 = 0.02;
+/// Share of the root mean square velocity up to which friction is larger at low speed.
+const STRIBECK: f64 = 0.2;
+/// Chance of a false alarm about a vibration.
+const VIBRATION: f64 = 0.002;
+/// Bins on either side over which the power of the innovations is averaged.
+const SMOOTHED: usize = 10;
 /// Limits of an input that are tried, as shares of its largest value.
 const LIMITS: [f64; 14] = [0.04, 0.06, 0.09, 0.13, 0.18, 0.24, 0.31, 0.39, 0.48, 0.58, 0.68, 0.78, 0.87, 0.95];
 
@@ -135,6 +144,12 @@ pub struct Misfit {
     pub terms: Vec<Candidate>,
     /// How far every free parameter moves when these terms are part of the model.
     pub shift: Vec<f64>,
+    /// Half of the range over which every free parameter drifts during the record.
+    pub range: Vec<f64>,
+    /// Frequency of a vibration that the model does not have, Hz.
+    pub vibration: Option<f64>,
+    /// How far every free parameter moves with the static part of such a vibration.
+    pub bent: Vec<f64>,
     /// Factor on variances for what no candidate explains.
     pub inflation: f64,
 }
@@ -145,6 +160,144 @@ pub(super) struct Proposed {
     pub(super) column: Column,
 }
 
+/// What candidates are formed of: the estimated motion, and the inputs as they are estimated to have been.
+pub(super) struct Along<'a> {
+    problem: &'a Problem<'a>,
+    positions: Vec<Vec<f64>>,
+    rates: Vec<Vec<f64>>,
+    /// Root mean square of every rate.
+    speeds: Vec<f64>,
+    inputs: Vec<Vec<f64>>,
+    regressors: Vec<f64>,
+    maps: Vec<f64>,
+}
+
+impl<'a> Along<'a> {
+    pub(super) fn new(
+        problem: &'a Problem<'a>,
+        signals: &Signals<'_>,
+        motion: &[f64],
+        theta: &[f64],
+    ) -> Result<Self, OutputErrorFault> {
+        let dims = problem.machine.model.dims();
+        let (n, samples) = (problem.states.len(), problem.samples());
+        let (regressors, maps) = problem.along(motion, theta)?;
+        let series = |c: usize, d: usize| -> Vec<f64> {
+            match problem.states.iter().position(|&of| of == (c, d)) {
+                Some(s) => motion.iter().skip(s).step_by(n).copied().collect(),
+                None => vec![0.0; samples],
+            }
+        };
+        let rates: Vec<Vec<f64>> = (0..dims.coordinates).map(|c| series(c, 1)).collect();
+        let rms = |v: &Vec<f64>| (v.iter().map(|v| v * v).sum::<f64>() / samples.max(1) as f64).sqrt();
+        let inputs = signals.inputs.iter().enumerate().map(|(i, input)| {
+            let disturbed = problem.disturbed.iter().skip(i).step_by(dims.inputs.max(1));
+            input.iter().zip(disturbed).map(|(u, w)| u + w).collect()
+        });
+        Ok(Along {
+            problem,
+            positions: (0..dims.coordinates).map(|c| series(c, 0)).collect(),
+            speeds: rates.iter().map(|v| rms(v).max(f64::MIN_POSITIVE)).collect(),
+            rates,
+            inputs: inputs.collect(),
+            regressors,
+            maps,
+        })
+    }
+
+    fn samples(&self) -> usize {
+        self.problem.samples()
+    }
+
+    /// Factor of an input in a row at a sample.
+    fn factor(&self, k: usize, row: usize, input: usize) -> f64 {
+        let dims = self.problem.machine.model.dims();
+        self.maps[k * dims.input_map_len() + row * dims.inputs + input]
+    }
+
+    fn acts(&self, row: usize, input: usize) -> bool {
+        (0..self.samples()).any(|k| self.factor(k, row, input).abs() > 0.0)
+    }
+
+    fn entry(&self, k: usize, row: usize, parameter: usize) -> f64 {
+        let dims = self.problem.machine.model.dims();
+        self.regressors[k * dims.regressor_len() + row * dims.parameters + parameter]
+    }
+
+    /// The column of a term on a row, or on a reading where there is no row.
+    pub(super) fn column(&self, term: CandidateKind, row: Option<usize>) -> Column {
+        let samples = self.samples();
+        let r = row.unwrap_or_default();
+        let by_input = matches!(
+            term,
+            CandidateKind::Delay { .. } | CandidateKind::Flexible { .. } | CandidateKind::Limit { .. }
+        );
+        let sign = |c: usize, v: f64| (v / (SLOW * self.speeds[c])).tanh();
+        let of = |values: &[f64], f: &dyn Fn(f64) -> f64| -> Vec<f64> { values.iter().map(|&value| f(value)).collect() };
+        let h = self.problem.sample_time;
+        let values = match term {
+            CandidateKind::Offset => vec![1.0; samples],
+            CandidateKind::Power { coordinate, exponent } => {
+                of(&self.positions[coordinate], &|x| x.powi(exponent as i32))
+            }
+            CandidateKind::Product { coordinate, other } => {
+                self.positions[coordinate].iter().zip(&self.positions[other]).map(|(a, b)| a * b).collect()
+            }
+            CandidateKind::RatePower { coordinate, exponent } => {
+                of(&self.rates[coordinate], &|v| v.powi(exponent as i32))
+            }
+            CandidateKind::Drag { coordinate } => of(&self.rates[coordinate], &|v| v * v.abs()),
+            CandidateKind::Friction { coordinate } | CandidateKind::Backlash { coordinate } => {
+                of(&self.rates[coordinate], &|v| sign(coordinate, v))
+            }
+            CandidateKind::Stribeck { coordinate } => {
+                let bend = STRIBECK * self.speeds[coordinate];
+                of(&self.rates[coordinate], &|v| sign(coordinate, v) * (-(v / bend).powi(2)).exp())
+            }
+            CandidateKind::Drift { parameter } => {
+                let time = |k: usize| 2.0 * k as f64 / samples.max(1) as f64 - 1.0;
+                (0..samples).map(|k| self.entry(k, r, parameter) * time(k)).collect()
+            }
+            CandidateKind::Delay { input } => {
+                let u = &self.inputs[input];
+                (0..samples).map(|k| self.factor(k, r, input) * (u[k] - u[k.saturating_sub(1)]) / h).collect()
+            }
+            CandidateKind::Flexible { input } => {
+                let u = &self.inputs[input];
+                let bend = |k: usize| (u[k] - 2.0 * u[k.saturating_sub(1)] + u[k.saturating_sub(2)]) / (h * h);
+                (0..samples).map(|k| self.factor(k, r, input) * bend(k)).collect()
+            }
+            CandidateKind::Limit { input, limit } => {
+                let excess = |u: f64| u.signum() * (u.abs() - limit).max(0.0);
+                (0..samples).map(|k| self.factor(k, r, input) * excess(self.inputs[input][k])).collect()
+            }
+        };
+        Column {
+            place: row.map_or_else(
+                || match term {
+                    CandidateKind::Backlash { coordinate } => Place::Reading(coordinate),
+                    _ => Place::Reading(0),
+                },
+                Place::Row,
+            ),
+            values,
+            held: by_input && self.problem.hold == Hold::Zoh,
+        }
+    }
+
+    /// How a limit's force changes with the limit, at a factor of the term.
+    pub(super) fn edge(&self, term: CandidateKind, row: Option<usize>, value: f64) -> Column {
+        let whole = self.column(term, row);
+        let CandidateKind::Limit { input, limit } = term else { return whole };
+        let r = row.unwrap_or_default();
+        let edge = |k: usize| {
+            let u = self.inputs[input][k];
+            if u.abs() > limit { -value * self.factor(k, r, input) * u.signum() } else { 0.0 }
+        };
+        Column { values: (0..self.samples()).map(edge).collect(), ..whole }
+    }
+}
+
 /// The candidates of a record, along the estimated motion.
 pub(super) fn columns(
     problem: &Problem<'_>,
@@ -152,99 +305,56 @@ pub(super) fn columns(
     motion: &[f64],
     theta: &[f64],
 ) -> Result<Vec<Proposed>, OutputErrorFault> {
-    let model = problem.machine.model;
-    let dims = model.dims();
-    let (n, samples) = (problem.states.len(), problem.samples());
-    let (regressors, maps) = problem.along(motion, theta)?;
-    let state = |c: usize, d: usize| problem.states.iter().position(|&of| of == (c, d));
-    let series = |s: usize| -> Vec<f64> { motion.iter().skip(s).step_by(n).copied().collect() };
-    let positions: Vec<Vec<f64>> = (0..dims.coordinates).filter_map(|c| state(c, 0)).map(series).collect();
-    let rates: Vec<Vec<f64>> = (0..dims.coordinates)
-        .map(|c| state(c, 1).map_or_else(|| vec![0.0; samples], |s| motion.iter().skip(s).step_by(n).copied().collect()))
-        .collect();
-    let mut proposed = Vec::new();
-    let held = problem.hold == Hold::Zoh;
+    let dims = problem.machine.model.dims();
+    let along = Along::new(problem, signals, motion, theta)?;
+    let mut terms: Vec<(CandidateKind, Option<usize>)> = Vec::new();
     for row in 0..dims.rows {
-        let mut add = |term: CandidateKind, values: Vec<f64>, held: bool| {
-            proposed.push(Proposed { term, column: Column { place: Place::Row(row), values, held } });
-        };
-        add(CandidateKind::Offset, vec![1.0; samples], false);
-        for coordinate in 0..dims.coordinates {
-            if dims.coordinates > 2 && coordinate != row {
-                continue;
-            }
-            let (x, v) = (&positions[coordinate], &rates[coordinate]);
-            let middle = x.iter().sum::<f64>() / samples.max(1) as f64;
-            let speed = (v.iter().map(|v| v * v).sum::<f64>() / samples.max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
-            let of = |values: &[f64], f: &dyn Fn(f64) -> f64| -> Vec<f64> { values.iter().map(|&value| f(value)).collect() };
+        let mut add = |term: CandidateKind| terms.push((term, Some(row)));
+        add(CandidateKind::Offset);
+        // In a large machine a row is asked for terms in its own coordinate.
+        for coordinate in (0..dims.coordinates).filter(|&c| dims.coordinates <= 2 || c == row) {
             for exponent in [2, 3] {
-                let value = |x: f64| if middle.abs() > 1e9 { x } else { x.powi(exponent as i32) };
-                add(CandidateKind::Power { coordinate, exponent }, of(x, &value), false);
+                add(CandidateKind::Power { coordinate, exponent });
+                add(CandidateKind::RatePower { coordinate, exponent });
             }
-            add(CandidateKind::RatePower { coordinate, exponent: 2 }, of(v, &|v| v * v), false);
-            add(CandidateKind::RatePower { coordinate, exponent: 3 }, of(v, &|v| v * v * v), false);
-            add(CandidateKind::Drag { coordinate }, of(v, &|v| v * v.abs()), false);
-            let sign = |v: f64| (v / (0.02 * speed)).tanh();
-            add(CandidateKind::Friction { coordinate }, of(v, &sign), false);
-            let slow = |v: f64| sign(v) * (-(v / (0.2 * speed)).powi(2)).exp();
-            add(CandidateKind::Stribeck { coordinate }, of(v, &slow), false);
-            if dims.coordinates == 2 && coordinate == 0 {
-                let product = x.iter().zip(&positions[1]).map(|(a, b)| a * b).collect();
-                add(CandidateKind::Product { coordinate: 0, other: 1 }, product, false);
-            }
+            add(CandidateKind::Drag { coordinate });
+            add(CandidateKind::Friction { coordinate });
+            add(CandidateKind::Stribeck { coordinate });
         }
-        let at = |k: usize| 2.0 * k as f64 / samples.max(1) as f64 - 1.0;
+        if dims.coordinates == 2 {
+            add(CandidateKind::Product { coordinate: 0, other: 1 });
+        }
         for &parameter in &problem.free {
-            let entry = |k: usize| regressors[k * dims.regressor_len() + row * dims.parameters + parameter];
-            let first = (0..row).all(|r| {
-                (0..samples).all(|k| regressors[k * dims.regressor_len() + r * dims.parameters + parameter].abs() <= 0.0)
-            });
-            if first {
-                add(CandidateKind::Drift { parameter }, (0..samples).map(|k| entry(k) * at(k)).collect(), false);
+            let shown = |r: usize| (0..along.samples()).any(|k| along.entry(k, r, parameter).abs() > 0.0);
+            if shown(row) && !(0..row).any(shown) {
+                add(CandidateKind::Drift { parameter });
             }
         }
         for (input, u) in signals.inputs.iter().enumerate() {
-            let factor = |k: usize| maps[k * dims.input_map_len() + row * dims.inputs + input];
-            if (0..samples).all(|k| factor(k).abs() <= 0.0) {
+            if !along.acts(row, input) {
                 continue;
             }
-            let h = problem.sample_time;
-            let before = |k: usize, by: usize| u[k.saturating_sub(by)];
-            add(
-                CandidateKind::Delay { input },
-                (0..samples).map(|k| factor(k) * (u[k] - before(k, 1)) / h).collect(),
-                held,
-            );
-            let bend = |k: usize| (u[k] - 2.0 * before(k, 1) + before(k, 2)) / (h * h);
-            add(CandidateKind::Flexible { input }, (0..samples).map(|k| factor(k) * bend(k)).collect(), held);
+            add(CandidateKind::Delay { input });
+            add(CandidateKind::Flexible { input });
             let peak = u.iter().map(|u| u.abs()).fold(0.0, f64::max);
             for share in LIMITS {
-                let limit = share * peak;
-                let excess = |k: usize| factor(k) * u[k].signum() * (u[k].abs() - limit).max(0.0);
-                add(CandidateKind::Limit { input, limit }, (0..samples).map(excess).collect(), held);
+                add(CandidateKind::Limit { input, limit: share * peak });
             }
         }
     }
-    for (coordinate, v) in rates.iter().enumerate() {
-        let speed = (v.iter().map(|v| v * v).sum::<f64>() / samples.max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
-        let values = v.iter().map(|v| (v / (0.02 * speed)).tanh()).collect();
-        proposed.push(Proposed {
-            term: CandidateKind::Backlash { coordinate },
-            column: Column { place: Place::Reading(coordinate), values, held: false },
-        });
-    }
-    Ok(proposed)
+    terms.extend((0..dims.coordinates).map(|coordinate| (CandidateKind::Backlash { coordinate }, None)));
+    Ok(terms.into_iter().map(|(term, row)| Proposed { term, column: along.column(term, row) }).collect())
 }
 
 /// What the innovations show, given the first `p` columns for the parameters and the others for the candidates.
 pub(super) fn judge(
     smoothed: &Smoothed,
-    p: usize,
-    proposed: Vec<Proposed>,
+    free: &[usize],
+    proposed: &[Proposed],
     bare: &Solution,
     signals: &Signals<'_>,
-    noise: &Noise,
 ) -> Misfit {
+    let p = free.len();
     let width = smoothed.width();
     let m = width - 1 - p;
     let root = |r: usize, c: usize| if c >= r { smoothed.root[r * width + c] } else { 0.0 };
@@ -321,8 +431,29 @@ pub(super) fn judge(
     if correlated {
         inflation = inflation.max((1.0 + correlation) / (1.0 - correlation).max(0.01));
     }
-    let _ = noise;
-    Misfit { scale, correlation, periodic, repeats, terms, shift, inflation }
+    let mut range = vec![0.0; p];
+    for term in &terms {
+        if let CandidateKind::Drift { parameter } = term.term
+            && let Some(at) = free.iter().position(|&j| j == parameter)
+        {
+            range[at] = term.value.abs();
+        }
+    }
+    let vibration = if signals.counted() || repeats { None } else { vibration(&innovations, smoothed, signals) };
+    let mut bent = vec![0.0; p];
+    if let Some(frequency) = vibration {
+        // Below its resonance a flexible machine moves as a stiff one under an input that leads by its second rate over the square
+        // of the resonance.
+        let size = (2.0 * std::f64::consts::PI * frequency).powi(-2);
+        let flexible = proposed.iter().enumerate().filter(|(_, of)| matches!(of.term, CandidateKind::Flexible { .. }));
+        for (j, _) in flexible {
+            let felt = DVector::from_fn(p, |r, _| root(r, p + j) * size);
+            if let Some(moved) = bare.root.solve_upper_triangular(&felt) {
+                bent.iter_mut().zip(moved.iter()).for_each(|(bent, moved)| *bent += moved.abs());
+            }
+        }
+    }
+    Misfit { scale, correlation, periodic, repeats, terms, shift, range, vibration, bent, inflation }
 }
 
 /// Correlation of successive innovations of the same sensor.
@@ -367,4 +498,48 @@ fn at_harmonics(innovations: &[f64], smoothed: &Smoothed, signals: &Signals<'_>)
     } else {
         (1.0, false)
     }
+}
+
+/// Frequency, in Hz, at which the innovations have more power than chance allows beside the harmonics of the motion.
+fn vibration(innovations: &[f64], smoothed: &Smoothed, signals: &Signals<'_>) -> Option<f64> {
+    let outputs = signals.coordinates.len();
+    let mut worst: Option<(f64, f64)> = None;
+    for c in 0..outputs {
+        let own = innovations.iter().zip(&smoothed.places).filter(|(_, place)| place.1 as usize == c);
+        let mut series: Vec<f64> = own.map(|(e, _)| *e).collect();
+        let samples = series.len();
+        if samples < 16 * SMOOTHED {
+            continue;
+        }
+        let transform = forward(samples);
+        let mut spectrum = transform.make_output_vec();
+        transform.process(&mut series, &mut spectrum).ok()?;
+        let period = samples as f64 / signals.samples_per_period;
+        // Bins at the harmonics tell of terms, not of vibrations.
+        let powers: Vec<(usize, f64)> = spectrum.iter().enumerate().skip(1)
+            .filter(|(bin, _)| {
+                let beyond = (*bin as f64 / period).fract();
+                beyond.min(1.0 - beyond) * period > 0.75 || period < 2.0
+            })
+            .map(|(bin, z)| (bin, z.norm_sqr()))
+            .collect();
+        let mean = powers.iter().map(|p| p.1).sum::<f64>() / powers.len().max(1) as f64;
+        let count = 2 * SMOOTHED + 1;
+        if !(mean > 0.0) || powers.len() < 4 * count {
+            continue;
+        }
+        for window in powers.windows(count) {
+            let level = window.iter().map(|p| p.1).sum::<f64>() / count as f64 / mean;
+            // Chernoff's bound on the mean of exponential variables.
+            let unlikely = count as f64 * (level - 1.0 - level.ln());
+            if level > 1.0
+                && unlikely > (powers.len() as f64 / VIBRATION).ln()
+                && worst.is_none_or(|(most, _)| level > most)
+            {
+                let strongest = window.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+                worst = Some((level, strongest.0 as f64 / (samples as f64 * signals.sample_time)));
+            }
+        }
+    }
+    worst.map(|(_, frequency)| frequency)
 }

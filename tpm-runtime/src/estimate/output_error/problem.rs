@@ -72,6 +72,8 @@ pub(super) struct Problem<'a> {
     pub(super) breaks: Vec<bool>,
     /// Steps of integration per sample.
     pub(super) steps: usize,
+    /// What the inputs are taken to be beside what was recorded, per sample.
+    pub(super) disturbed: Vec<f64>,
 }
 
 /// What the evaluation of a transition needs.
@@ -123,8 +125,9 @@ impl<'a> Problem<'a> {
 
     /// The inputs at a share of the time after sample k.
     fn inputs_at(&self, k: usize, share: f64, out: &mut [f64]) {
-        for (value, input) in out.iter_mut().zip(&self.inputs) {
-            *value = match self.hold {
+        let disturbed = &self.disturbed[k * self.inputs.len()..(k + 1) * self.inputs.len()];
+        for ((value, input), disturbed) in out.iter_mut().zip(&self.inputs).zip(disturbed) {
+            *value = disturbed + match self.hold {
                 Hold::Zoh => input[k],
                 Hold::None => {
                     let next = (k + 1).min(input.len() - 1);
@@ -237,6 +240,21 @@ impl<'a> Problem<'a> {
         columns: &[Column],
         scale: &[f64],
     ) -> Result<Chain, EvalError> {
+        self.linearise_at(states, theta, columns, &vec![0.0; columns.len()], scale)
+    }
+
+    /// Linearises the record where the columns have values of their own.
+    ///
+    /// # Errors
+    /// [`EvalError`] when the model cannot be evaluated.
+    pub(super) fn linearise_at(
+        &self,
+        states: &[f64],
+        theta: &[f64],
+        columns: &[Column],
+        values: &[f64],
+        scale: &[f64],
+    ) -> Result<Chain, EvalError> {
         let dims = self.machine.model.dims();
         let (n, samples) = (self.states.len(), self.samples());
         let switches = self.machine.derivatives.switches();
@@ -262,6 +280,7 @@ impl<'a> Problem<'a> {
             errors: vec![0.0; samples * dims.coordinates],
             reading_columns: Vec::new(),
             loose: Vec::new(),
+            disturbed: self.disturbed.clone(),
             nothing: vec![0.0; p],
         };
         let parts = (chain.transition.par_chunks_mut(n * n * TASK))
@@ -295,6 +314,18 @@ impl<'a> Problem<'a> {
                 let Place::Reading(c) = column.place else { continue };
                 for (k, value) in column.values.iter().enumerate() {
                     chain.reading_columns[(k * dims.coordinates + c) * p + self.free.len() + j] = *value;
+                }
+            }
+        }
+        for (j, value) in values.iter().enumerate().filter(|(_, value)| value.abs() > 0.0) {
+            let at = self.free.len() + j;
+            for (defect, forcing) in chain.defect.iter_mut().zip(chain.forcing.chunks_exact(width)) {
+                *defect += value * forcing[at];
+            }
+            if let Place::Reading(c) = columns[j].place {
+                let errors = chain.errors.iter_mut().skip(c).step_by(dims.coordinates);
+                for (error, own) in errors.zip(&columns[j].values) {
+                    *error -= value * own;
                 }
             }
         }

@@ -48,8 +48,10 @@ pub(super) struct Smoothed {
     pub(super) places: Vec<(u32, u32)>,
     /// Twice the negative logarithm of the likelihood but for the squares that are left and a constant.
     pub(super) determinant: f64,
-    /// The rows that give every state from the next one and the columns; empty unless they were asked for.
-    states: Vec<f64>,
+    /// The rows that give every disturbance and state from the next state and the columns; empty unless they were asked for.
+    kept: Vec<f64>,
+    /// Where the rows of every sample begin, and how many disturbances they have.
+    blocks: Vec<(usize, usize)>,
     width: usize,
     order: usize,
 }
@@ -60,13 +62,13 @@ impl Smoothed {
         let coloured = noise.colour.iter().any(|colour| colour.abs() > 0.0);
         let (n, outputs, p) = (chain.order, chain.outputs.len(), chain.columns);
         let order = if coloured { n + outputs } else { n };
-        let states_width = 2 * order + p + 1;
         let mut this = Smoothed {
             root: Vec::new(),
             innovations: Vec::with_capacity(chain.samples * outputs * (p + 1)),
             places: Vec::with_capacity(chain.samples * outputs),
             determinant: 0.0,
-            states: if keep { Vec::with_capacity(chain.samples * order * states_width) } else { Vec::new() },
+            kept: if keep { Vec::with_capacity(chain.samples * order * (2 * order + p + 1)) } else { Vec::new() },
+            blocks: Vec::new(),
             width: p + 1,
             order,
         };
@@ -115,7 +117,12 @@ impl Smoothed {
                     }
                 }
                 for w in 0..extra {
-                    work[(order + w) * full + w] = 1.0;
+                    let row = &mut work[(order + w) * full..(order + w + 1) * full];
+                    row[w] = 1.0;
+                    // The motion may already be linearised about a disturbance; what it is as a whole has the stated size.
+                    if let Some(&(column, size)) = disturbed.get(w) {
+                        row[full - 1] = -chain.disturbance(k - 1, column) / size;
+                    }
                 }
                 for (i, row) in present.chunks_exact(width).enumerate() {
                     let to = &mut work[(order + extra + i) * full..(order + extra + i + 1) * full];
@@ -125,9 +132,8 @@ impl Smoothed {
                 triangularise(&mut work, full, extra + order);
                 this.determinant += 2.0 * (0..extra + order).map(|i| work[i * full + i].abs().ln()).sum::<f64>();
                 if keep {
-                    for i in extra..extra + order {
-                        this.states.extend_from_slice(&work[i * full + extra..(i + 1) * full]);
-                    }
+                    this.blocks.push((this.kept.len(), extra));
+                    this.kept.extend_from_slice(&work[..(extra + order) * full]);
                 }
                 for (i, row) in present.chunks_exact_mut(width).enumerate() {
                     let from = (extra + order + i) * full;
@@ -194,10 +200,11 @@ impl Smoothed {
         }
         if keep {
             // The last state of a segment depends on no later one.
+            self.blocks.push((self.kept.len(), 0));
             for row in present.chunks_exact(width) {
-                self.states.extend_from_slice(&row[..self.order]);
-                self.states.extend(std::iter::repeat_n(0.0, self.order));
-                self.states.extend_from_slice(&row[self.order..]);
+                self.kept.extend_from_slice(&row[..self.order]);
+                self.kept.extend(std::iter::repeat_n(0.0, self.order));
+                self.kept.extend_from_slice(&row[self.order..]);
             }
         }
     }
@@ -241,35 +248,47 @@ impl Smoothed {
         gathered.truncate(self.width * self.width);
     }
 
-    /// Corrections of all states, sample by sample, that belong to corrections of the columns. Sensor noise of a colour is left out.
-    pub(super) fn corrections(&self, chain: &Chain, columns: &[f64]) -> Option<Vec<f64>> {
+    /// Corrections of all states and of all inputs, sample by sample, that belong to corrections of the columns. Sensor noise of a
+    /// colour is left out.
+    pub(super) fn corrections(&self, chain: &Chain, noise: &Noise, columns: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
         let (n, order) = (chain.order, self.order);
-        let block = order * (2 * order + self.width);
-        let mut out = vec![0.0; chain.samples * n];
+        let mut states = vec![0.0; chain.samples * n];
+        let mut inputs = vec![0.0; chain.samples * chain.inputs];
         let mut next = vec![0.0; order];
+        let mut now: Vec<f64> = Vec::new();
         for k in (0..chain.samples).rev() {
-            let rows = self.states.get(k * block..(k + 1) * block)?;
-            let width = 2 * order + self.width;
-            let mut now = vec![0.0; order];
-            for i in (0..order).rev() {
-                let row = &rows[i * width..(i + 1) * width];
-                let mut value = row[width - 1];
-                for j in i + 1..order {
+            let &(from, extra) = self.blocks.get(k)?;
+            let full = extra + 2 * order + self.width;
+            let rows = self.kept.get(from..from + (extra + order) * full)?;
+            let unknown = extra + order;
+            now.clear();
+            now.resize(unknown, 0.0);
+            for i in (0..unknown).rev() {
+                let row = &rows[i * full..(i + 1) * full];
+                let mut value = row[full - 1];
+                for j in i + 1..unknown {
                     value -= row[j] * now[j];
                 }
-                for (factor, next) in row[order..2 * order].iter().zip(&next) {
+                for (factor, next) in row[unknown..unknown + order].iter().zip(&next) {
                     value -= factor * next;
                 }
-                for (factor, column) in row[2 * order..width - 1].iter().zip(columns) {
+                for (factor, column) in row[unknown + order..full - 1].iter().zip(columns) {
                     value -= factor * column;
                 }
                 // A state that nothing shows stays where it is.
                 now[i] = if row[i].abs() > 0.0 { value / row[i] } else { 0.0 };
             }
-            out[k * n..(k + 1) * n].copy_from_slice(&now[..n]);
-            next = now;
+            if extra > 0 {
+                for (w, (column, size)) in chain.disturbances(k, &noise.inputs).enumerate() {
+                    if column < chain.columns + chain.inputs {
+                        inputs[k * chain.inputs + column - chain.columns] = now[w] * size;
+                    }
+                }
+            }
+            states[k * n..(k + 1) * n].copy_from_slice(&now[extra..extra + n]);
+            next.copy_from_slice(&now[extra..]);
         }
-        out.iter().all(|value| value.is_finite()).then_some(out)
+        states.iter().chain(&inputs).all(|value| value.is_finite()).then_some((states, inputs))
     }
 }
 
