@@ -152,9 +152,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Experiment`].
     pub fn campaign(&self) -> Result<(Campaign<'_>, LoopStability), SessionError> {
-        // The drive of a real machine holds its input between samples as the simulated one does.
-        let (setup, stability) = self.experiment.stable_setup(self.machine.plant(), self.machine.pattern())?;
-        Ok((self.machine.campaign(&self.experiment, setup)?, stability))
+        Ok(self.machine.campaign(&self.experiment)?)
     }
 
     /// Plays a trial on the simulated machine of the experiment.
@@ -171,9 +169,8 @@ impl Session {
     /// # Errors
     /// [`SessionError`].
     pub fn identify(&self, store: Option<&Store>, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
-        let seed = Some(self.experiment.seed);
-        let mut play = |trial: &Trial| self.simulate(trial);
-        self.played(Source::SimulatedPlant, store.map(|store| (store, seed)), &mut play, watch)
+        let result = self.machine.identify_watched(&self.experiment, store, watch)?;
+        self.complete(result, store)
     }
 
     /// Plays the campaign on a machine, with a store as [`identify`](Self::identify) has it.
@@ -187,7 +184,8 @@ impl Session {
         watch: &mut Watch<'_>,
     ) -> Result<Identification, SessionError> {
         let mut play = |trial: &Trial| bench.play(trial).map_err(SessionError::Bench);
-        self.played(Source::Machine, store.map(|store| (store, None)), &mut play, watch)
+        let result = play_campaign(self.campaign()?, Source::Machine, self.experiment.seed, store, &mut play, watch)?;
+        self.complete(result, store)
     }
 
     /// What the runs of a folder say, without playing any.
@@ -211,18 +209,6 @@ impl Session {
         Ok((campaign, stability))
     }
 
-    fn played(
-        &self,
-        source: Source,
-        store: Option<(&Store, Option<u64>)>,
-        play: &mut dyn FnMut(&Trial) -> Result<Record, SessionError>,
-        watch: &mut Watch<'_>,
-    ) -> Result<Identification, SessionError> {
-        let (mut campaign, stability) = self.campaign()?;
-        play_campaign(self.machine.plant(), &mut campaign, store, play, watch)?;
-        self.result(&campaign, stability, source, store.map(|(store, _)| store))
-    }
-
     /// The result of a campaign so far: parameters, physical parameters, warnings, provenance.
     ///
     /// # Errors
@@ -234,8 +220,11 @@ impl Session {
         source: Source,
         store: Option<&Store>,
     ) -> Result<Identification, SessionError> {
-        let mut result = summary::of_campaign(campaign, source, self.experiment.seed);
-        result.stability = Some(stability);
+        self.complete(summary::of_campaign(campaign, stability, source, self.experiment.seed), store)
+    }
+
+    /// Adds what the estimator does not give: physical parameters behind lumped ones, and provenance.
+    fn complete(&self, mut result: Identification, store: Option<&Store>) -> Result<Identification, SessionError> {
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
                 Some(lumped) => lumped.complete(&mut result, &self.physical_settings(&lumped))?,

@@ -4,6 +4,7 @@ use crate::campaign::Campaign;
 use crate::estimate::named::EstimateReport;
 use crate::estimate::physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
 use crate::estimate::{Estimate, LARGE_RESIDUAL, Status};
+use crate::machine::stability::LoopStability;
 use crate::run::RunEnding;
 use crate::session::identification::{Identification, Provenance, Source};
 use crate::session::warning::{Data, Warning};
@@ -33,9 +34,9 @@ pub(super) fn options(request: &impl serde::Serialize) -> BTreeMap<String, serde
     }
 }
 
-/// The result of a campaign so far, in the parameters that its estimator gives.
+/// The result of a campaign so far, in the parameters that its estimator gives; `stability` is what its loop was found to be.
 #[must_use]
-pub fn of_campaign(campaign: &Campaign<'_>, source: Source, seed: u64) -> Identification {
+pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
     let model = campaign.model();
     let estimate = campaign.estimate();
     let setup = campaign.setup();
@@ -65,7 +66,7 @@ pub fn of_campaign(campaign: &Campaign<'_>, source: Source, seed: u64) -> Identi
         condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
         residual: found.map_or(0.0, |e| e.residual),
         runs: campaign.runs().to_vec(),
-        stability: None,
+        stability: Some(stability),
         log: None,
         warnings: campaign_warnings(linear, found, campaign),
         provenance: Provenance { seed: (source == Source::SimulatedPlant).then_some(seed), ..provenance() },
