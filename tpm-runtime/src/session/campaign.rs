@@ -2,7 +2,7 @@
 
 use crate::campaign::{Campaign, Store};
 use crate::estimate::physical::PhysicalSettings;
-use crate::experiment::{Experiment, ExperimentError};
+use crate::experiment::Experiment;
 use crate::log::fingerprint;
 use crate::machine::actuator::{FileFault, MotorFile};
 use crate::machine::stability::LoopStability;
@@ -138,15 +138,6 @@ impl Session {
         &self.written
     }
 
-    /// The experiment with another seed of the simulated noise.
-    #[must_use]
-    pub fn with_seed(&self, seed: u64) -> Self {
-        let mut other = self.clone();
-        other.written.seed = seed;
-        other.experiment.seed = seed;
-        other
-    }
-
     /// The campaign before its first run, and what its loop was found to be; nothing moves where it is not stable.
     ///
     /// # Errors
@@ -170,7 +161,17 @@ impl Session {
     /// [`SessionError`].
     pub fn identify(&self, store: Option<&Store>, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
         let result = self.machine.identify_watched(&self.experiment, store, watch)?;
-        self.complete(result, store)
+        self.complete(result, &self.written, store)
+    }
+
+    /// Plays the campaign on the simulated machine with another seed of its noise.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn identify_seeded(&self, seed: u64, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        let [experiment, written] = [&self.experiment, &self.written].map(|own| Experiment { seed, ..own.clone() });
+        let result = self.machine.identify_watched(&experiment, None, watch)?;
+        self.complete(result, &written, None)
     }
 
     /// Plays the campaign on a machine, with a store as [`identify`](Self::identify) has it.
@@ -185,7 +186,7 @@ impl Session {
     ) -> Result<Identification, SessionError> {
         let mut play = |trial: &Trial| bench.play(trial).map_err(SessionError::Bench);
         let result = play_campaign(self.campaign()?, Source::Machine, self.experiment.seed, store, &mut play, watch)?;
-        self.complete(result, store)
+        self.complete(result, &self.written, store)
     }
 
     /// What the runs of a folder say, without playing any.
@@ -220,11 +221,18 @@ impl Session {
         source: Source,
         store: Option<&Store>,
     ) -> Result<Identification, SessionError> {
-        self.complete(summary::of_campaign(campaign, stability, source, self.experiment.seed), store)
+        let result = summary::of_campaign(campaign, stability, source, self.experiment.seed);
+        self.complete(result, &self.written, store)
     }
 
-    /// Adds what the estimator does not give: physical parameters behind lumped ones, and provenance.
-    fn complete(&self, mut result: Identification, store: Option<&Store>) -> Result<Identification, SessionError> {
+    /// Adds what the estimator does not give: physical parameters behind lumped ones, and provenance. `written` is the experiment
+    /// whose campaign gave the result.
+    fn complete(
+        &self,
+        mut result: Identification,
+        written: &Experiment,
+        store: Option<&Store>,
+    ) -> Result<Identification, SessionError> {
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
                 Some(lumped) => lumped.complete(&mut result, &self.physical_settings(&lumped))?,
@@ -236,7 +244,7 @@ impl Session {
             }
         }
         result.provenance.model = Some(self.declared.hash());
-        result.provenance.experiment = Some(fingerprint(self.text()?.as_bytes()));
+        result.provenance.experiment = Some(fingerprint(written.text()?.as_bytes()));
         if let Some(store) = store {
             let kept = store.fingerprints()?;
             result.provenance.logs = kept.into_iter().map(|(path, hash)| LogFingerprint { path, hash }).collect();
@@ -262,11 +270,6 @@ impl Session {
             bounds: self.bounds.clone(),
             constants: self.written.constants.clone(),
         }
-    }
-
-    /// The experiment as its file has it, with all changes.
-    pub(super) fn text(&self) -> Result<String, ExperimentError> {
-        self.written.text()
     }
 }
 
