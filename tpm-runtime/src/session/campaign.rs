@@ -11,7 +11,7 @@ use crate::session::error::SessionError;
 use crate::session::identification::{Identification, LogFingerprint, Source};
 use crate::session::machine::Machine;
 use crate::session::model::{DeclaredModel, Identifiable, ModelFault};
-use crate::session::play::{Watch, play_campaign, play_simulated};
+use crate::session::play::{Watch, play_campaign, play_on_simulated, play_simulated};
 use crate::session::summary::{self, Lumped};
 use std::boxed::Box;
 use std::collections::BTreeMap;
@@ -160,7 +160,17 @@ impl Session {
     /// # Errors
     /// [`SessionError`].
     pub fn identify(&self, store: Option<&Store>, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
-        let result = self.machine.identify_watched(&self.experiment, store, watch)?;
+        self.play_simulated(self.campaign()?, store, watch)
+    }
+
+    /// Plays a campaign of this session as [`identify`](Self::identify) does; the campaign comes with what its loop was found to be.
+    pub(super) fn play_simulated(
+        &self,
+        stable: (Campaign<'_>, LoopStability),
+        store: Option<&Store>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Identification, SessionError> {
+        let result = play_on_simulated(self.machine.plant(), &self.experiment, stable, store, watch)?;
         self.complete(result, &self.written, store)
     }
 

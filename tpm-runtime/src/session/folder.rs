@@ -10,6 +10,7 @@ use crate::session::error::SessionError;
 use crate::session::identification::{Identification, Source};
 use crate::session::log::LogRequest;
 use crate::session::model::DeclaredModel;
+use crate::session::play::Watch;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::string::{String, ToString};
@@ -61,6 +62,17 @@ impl CampaignFolder {
         session.campaign()?;
         let store = store(folder, &session)?;
         Ok(CampaignFolder { session, store })
+    }
+
+    /// Begins the campaign of a session in a folder or goes on with it, as [`begin`](Self::begin) does, and plays it on the simulated
+    /// machine.
+    ///
+    /// # Errors
+    /// [`SessionError`]; [`StoreError::Other`] when the folder holds another campaign.
+    pub fn identify(folder: &Path, session: &Session, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        // A loop that is not stable leaves no folder behind.
+        let stable = session.campaign()?;
+        session.play_simulated(stable, Some(&store(folder, session)?), watch)
     }
 
     /// Opens the campaign in a folder. `bounds` are those of physical parameters behind lumped ones.
@@ -143,8 +155,8 @@ impl CampaignFolder {
     }
 }
 
-/// The store of a session's campaign in a folder, with model and experiment beside it.
-pub(super) fn store(folder: &Path, session: &Session) -> Result<Store, SessionError> {
+/// The store of a session's campaign in a folder, with model and experiment beside it, which are written where they are not there.
+fn store(folder: &Path, session: &Session) -> Result<Store, SessionError> {
     let (model, name) = (session.model().text().text(), session.machine().plant().name());
     let manifest = |experiment: &Experiment| -> Result<(Manifest, String), SessionError> {
         let text = experiment.text()?;
@@ -161,10 +173,10 @@ pub(super) fn store(folder: &Path, session: &Session) -> Result<Store, SessionEr
     let store = Store::open(folder, &manifest)?;
     for (file, text) in [(MODEL, model), (EXPERIMENT, text.as_str())] {
         let path = folder.join(file);
-        write_whole(&path, text.as_bytes()).map_err(|error| {
-            let path = path.display().to_string();
-            SessionError::from(StoreError::Io { path, reason: error.to_string() })
-        })?;
+        if !path.exists() {
+            write_whole(&path, text.as_bytes())
+                .map_err(|error| StoreError::Io { path: path.display().to_string(), reason: error.to_string() })?;
+        }
     }
     Ok(store)
 }
