@@ -245,7 +245,7 @@ impl Session {
     ) -> Result<Identification, SessionError> {
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
-                Some(lumped) => lumped.complete(&mut result, &self.physical_settings(&lumped))?,
+                Some(lumped) => lumped.complete(&mut result, self.physical_settings())?,
                 None => {
                     if let Some(name) = self.bounds.keys().next() {
                         return Err(SessionError::NothingLumped { name: name.clone() });
@@ -269,14 +269,10 @@ impl Session {
         Ok(result)
     }
 
-    fn physical_settings(&self, lumped: &Lumped<'_>) -> PhysicalSettings {
-        let own = lumped.names();
-        let only = |values: &BTreeMap<String, f64>| {
-            values.iter().filter(|(name, _)| own.contains(name)).map(|(name, value)| (name.clone(), *value)).collect()
-        };
+    fn physical_settings(&self) -> PhysicalSettings {
         PhysicalSettings {
-            prior: only(&self.written.prior),
-            frozen: only(&self.written.frozen),
+            prior: self.written.prior.clone(),
+            frozen: self.written.frozen.clone(),
             bounds: self.bounds.clone(),
             constants: self.written.constants.clone(),
         }

@@ -162,17 +162,10 @@ impl LogRequest {
     }
 
     /// What is said of physical parameters.
-    fn physical(&self, physical: &[String]) -> PhysicalSettings {
-        let only = |values: &BTreeMap<String, f64>| {
-            values
-                .iter()
-                .filter(|(name, _)| physical.contains(name))
-                .map(|(name, value)| (name.clone(), *value))
-                .collect()
-        };
+    fn physical(&self) -> PhysicalSettings {
         PhysicalSettings {
-            prior: only(&self.prior),
-            frozen: only(&self.frozen),
+            prior: self.prior.clone(),
+            frozen: self.frozen.clone(),
             bounds: self.bounds.clone(),
             constants: self.constants.clone(),
         }
@@ -211,13 +204,12 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     let path = request.path.display().to_string();
     let bytes = std::fs::read(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
     let log = Log::read(&bytes[..], &path, evaluated, &options)?;
-    let settings = request.physical(&physical);
     if let (None, Some(name)) = (&lumped, request.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
     let mut result = identify_log(evaluated, &log, &options)?;
     if let Some(lumped) = lumped {
-        lumped.complete(&mut result, &settings)?;
+        lumped.complete(&mut result, request.physical())?;
     }
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),

@@ -174,14 +174,19 @@ impl<'a> Lumped<'a> {
         quantities.map(|quantity| quantity.name.to_string()).collect()
     }
 
-    /// Adds the physical parameters that explain a result's lumped ones best, and what there is to say of them.
+    /// Adds the physical parameters that explain a result's lumped ones best, and what there is to say of them. The prior and the
+    /// frozen values of `settings` may name other parameters too, which are left out.
     pub(super) fn complete(
         &self,
         result: &mut Identification,
-        settings: &PhysicalSettings,
+        mut settings: PhysicalSettings,
     ) -> Result<(), PhysicalError> {
         let Some(estimate) = &result.estimate else { return Ok(()) };
-        let found = physical(self.0, estimate, settings)?;
+        let names = self.names();
+        for values in [&mut settings.prior, &mut settings.frozen] {
+            values.retain(|name, _| names.contains(name));
+        }
+        let found = physical(self.0, estimate, &settings)?;
         result.physical = found.parameters;
         result.warnings.extend(found.warnings.into_iter().map(|message| Warning::Physical { message }));
         Ok(())
