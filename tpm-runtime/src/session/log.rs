@@ -3,7 +3,7 @@
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
 use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, find_periodic, fingerprint};
-use crate::report::Remedy;
+use crate::report::{Remedy, displayed};
 use crate::run::{Dynamics, Spectra, correct_actuators};
 use crate::session::error::{SessionError, Setting};
 use crate::session::identification::{Identification, LogFingerprint, Provenance, Source};
@@ -50,7 +50,7 @@ pub struct LogRequest {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period: Option<f64>,
     /// What the inputs do between samples.
-    #[serde(serialize_with = "hold_name")]
+    #[serde(serialize_with = "displayed")]
     pub hold: Hold,
     /// Known dynamics between the recorded value of an input and its force, by input.
     #[serde(skip)]
@@ -73,10 +73,6 @@ pub struct LogRequest {
     /// Least and largest value of a physical parameter; infinite for none.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub bounds: BTreeMap<String, (f64, f64)>,
-}
-
-fn hold_name<S: serde::Serializer>(hold: &Hold, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_str(hold)
 }
 
 impl LogRequest {
