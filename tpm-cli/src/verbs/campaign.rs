@@ -124,13 +124,7 @@ fn submit(folder: &Path, log: &Path, stopped: bool, columns: &ColumnArgs) -> Out
         };
     }
     text.push('\n');
-    for warning in &result.warnings {
-        let _ = write!(text, "warning: {warning}");
-        if let Some(flag) = warning.remedy().as_ref().and_then(flags::remedy) {
-            let _ = write!(text, " ({flag})");
-        }
-        text.push('\n');
-    }
+    text.push_str(&result.warnings_text(&flags::remedy));
     let folder = folder.display();
     let _ = match (kept, outcome) {
         (false, _) => {
