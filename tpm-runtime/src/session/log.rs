@@ -1,5 +1,6 @@
 //! From a log to parameters.
 
+use crate::estimate::named::EstimateReport;
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
 use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, find_periodic, fingerprint};
@@ -9,7 +10,7 @@ use crate::session::error::{SessionError, Setting};
 use crate::session::identification::{Identification, LogFingerprint, Provenance, Source};
 use crate::session::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::session::model::{DeclaredModel, Identifiable};
-use crate::session::summary::{self, Lumped, Named};
+use crate::session::summary::{self, Lumped};
 use crate::session::warning::{Data, Warning};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -284,8 +285,8 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
         hold_residuals,
     };
     let warnings = warnings(model, &record, &estimate, options, &log_report, other);
-    let Named { parameters, unobservable, combinations, covariance } =
-        Named::new(model, &options.prior, Some(&estimate));
+    let EstimateReport { parameters, unobservable, combinations, covariance } =
+        EstimateReport::new(model, &options.prior, Some(&estimate));
     let mut result = Identification {
         source: Source::Log,
         model: model.name().into(),

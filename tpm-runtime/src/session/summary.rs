@@ -19,8 +19,6 @@ use tpm_symbolic::regressor::prepare::Prepared;
 /// Components of a direction below this one are rounding.
 const NOTHING: f64 = 1e-9;
 
-pub(super) use crate::estimate::named::EstimateReport as Named;
-
 /// Name and version of the program.
 pub(super) fn provenance() -> Provenance {
     Provenance { tool: format!("tpm {}", env!("CARGO_PKG_VERSION")), ..Provenance::default() }
