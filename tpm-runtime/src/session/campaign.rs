@@ -337,3 +337,35 @@ fn read(path: &Path) -> Result<String, SessionError> {
 fn at(path: &Path, fault: &FileFault) -> SessionError {
     SessionError::File { path: path.display().to_string(), message: fault.to_string() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Session, SimulatedMachine};
+    use crate::experiment::Experiment;
+    use crate::machine::simulated::{Rig, simulate};
+    use crate::run::Bench;
+    use crate::session::model::DeclaredModel;
+    use std::collections::BTreeMap;
+    use std::vec::Vec;
+
+    #[test]
+    fn a_bench_plays_what_the_simulation_gives() {
+        let model = include_str!("../../../models/mass_spring_drag.tpm");
+        let model = DeclaredModel::parse("mass_spring_drag", model).expect("the shipped model is right");
+        let file = include_str!("../../../models/mass_spring_drag.toml");
+        let mut experiment = Experiment::parse(file).expect("the shipped file is right");
+        let session = Session::new(model.clone(), experiment.clone(), None, BTreeMap::new()).expect("a session");
+        let plant = session.machine().plant();
+        let (campaign, _) = session.campaign().expect("playable");
+        let trial = campaign.next().expect("first");
+        let rig = experiment.bench(plant).expect("fits");
+        let expected = simulate(plant, &rig, trial).expect("regular");
+        let mut simulated = SimulatedMachine::new(&session);
+        let bench: &mut dyn Bench = &mut simulated;
+        assert_eq!(bench.play(trial).expect("regular"), expected);
+        assert!(simulate(plant, &Rig { sensors: Vec::new(), ..rig }, trial).is_err());
+        experiment.plant.parameters.clear();
+        let unknown = Session::new(model, experiment, None, BTreeMap::new()).expect("a session");
+        assert!(SimulatedMachine::new(&unknown).play(trial).is_err());
+    }
+}
