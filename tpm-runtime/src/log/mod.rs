@@ -9,6 +9,7 @@ mod periodic;
 mod read;
 
 pub use error::{Adjustment, LogError};
+pub(crate) use fingerprint::FingerprintReader;
 pub use fingerprint::fingerprint;
 pub use periodic::{Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;

@@ -3,7 +3,7 @@
 use crate::estimate::named::EstimateReport;
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
-use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, find_periodic, fingerprint};
+use crate::log::{FingerprintReader, Log, LogError, LogOptions, Periodic, PeriodicFault, find_periodic};
 use crate::report::{Remedy, displayed};
 use crate::run::{Dynamics, Spectra, correct_actuators};
 use crate::session::error::{SessionError, Setting};
@@ -15,6 +15,7 @@ use crate::session::warning::{Data, Warning};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::format;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec;
@@ -199,8 +200,10 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
     let options = request.options(evaluated, &physical)?;
     let path = request.path.display().to_string();
-    let bytes = std::fs::read(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
-    let log = Log::read(&bytes[..], &path, evaluated, &options)?;
+    let file = File::open(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
+    let mut file = FingerprintReader::new(file);
+    // The log is read to the end of the file, so that the fingerprint is that of the whole.
+    let log = Log::read(&mut file, &path, evaluated, &options)?;
     if let (None, Some(name)) = (&lumped, request.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
@@ -210,7 +213,7 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     }
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
-        logs: vec![LogFingerprint { path, hash: fingerprint(&bytes) }],
+        logs: vec![LogFingerprint { path, hash: file.fingerprint() }],
         options: summary::options(&request),
         ..summary::provenance()
     };
