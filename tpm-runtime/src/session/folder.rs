@@ -11,6 +11,7 @@ use crate::session::identification::{Identification, Source};
 use crate::session::log::LogRequest;
 use crate::session::model::DeclaredModel;
 use crate::session::play::Watch;
+use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::string::{String, ToString};
@@ -26,6 +27,15 @@ const EXPERIMENT: &str = "experiment.toml";
 pub struct CampaignFolder {
     session: Session,
     store: Store,
+}
+
+/// How a campaign goes on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NextStep {
+    /// The machine plays this run.
+    Play(Box<NextRun>),
+    /// Nothing is left to play, for this reason.
+    Ended(Outcome),
 }
 
 /// What the machine plays next.
@@ -106,15 +116,18 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// [`SessionError`].
-    pub fn next(&self) -> Result<Result<NextRun, Option<Outcome>>, SessionError> {
+    pub fn next(&self) -> Result<NextStep, SessionError> {
         let (campaign, _) = self.session.restored(&self.store)?;
-        let Some(trial) = campaign.next() else { return Ok(Err(campaign.outcome())) };
+        let Some(trial) = campaign.next() else {
+            let outcome = campaign.outcome().expect("invariant: a campaign without a next run has an outcome");
+            return Ok(NextStep::Ended(outcome));
+        };
         let plant = self.session.machine().plant();
-        Ok(Ok(NextRun {
+        Ok(NextStep::Play(Box::new(NextRun {
             samples: trial_samples(plant, trial),
             terms: RunFile::new(plant, trial, campaign.setup().procedure.settle_periods),
             trial: trial.clone(),
-        }))
+        })))
     }
 
     /// Takes in the log of the run that [`next`](Self::next) gave: columns `t_s`, coordinates and applied inputs by name, measured

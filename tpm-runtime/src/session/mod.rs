@@ -35,7 +35,7 @@ mod warning;
 pub use self::log::{LogRequest, from_log, identify_log};
 pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
 pub use error::{MachineError, SessionError, Setting};
-pub use folder::{CampaignFolder, NextRun, Submission};
+pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
 pub use log_report::{ActuatorReport, HoldResiduals, LogReport};
 pub use machine::Machine;
