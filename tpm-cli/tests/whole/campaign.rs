@@ -230,6 +230,26 @@ fn bad_logs_are_refused_and_nothing_is_lost() {
 }
 
 #[test]
+fn reading_a_campaign_writes_nothing_and_an_unstable_loop_begins_none() {
+    let place = Place::new();
+    place.first_run();
+    place.submit("log.csv");
+    let written = || {
+        let name =
+            |name: &String| place.at("c").join(name).metadata().and_then(|file| file.modified()).expect("a file");
+        names(&place.at("c")).iter().map(name).collect::<Vec<_>>()
+    };
+    let before = written();
+    place.next("run.csv");
+    place.tpm(&["campaign", "result", "c"]);
+    assert_eq!(written(), before);
+    let feedback = "control.feedback=[{ input = 'u', coordinate = 'x', kp = 1.0, kd = -60.0 }]";
+    let unstable = ["--set", "prior.m=2", "--set", "prior.k1=40", "--set", feedback];
+    says(&place.tpm(&[&["identify", &place.model, "--runs", "none"], &unstable[..]].concat()), 2, "stable");
+    assert!(!place.at("none").exists());
+}
+
+#[test]
 fn a_design_is_judged_before_anything_moves() {
     let model = shipped("mass_spring_drag.tpm");
     let arguments = ["design", &model, "--json"];
