@@ -228,7 +228,7 @@ fn an_import_from_above_is_found_however_it_is_written() {
         "use crate::{algebra::{Sum as S}, number::Digit};",
         "use super::algebra::*;",
         "pub(crate) use super::algebra::Sum;",
-        "fn f() -> crate::algebra::Sum { todo!() }",
+        "fn f() -> crate::algebra::Sum { g() }",
         "macro_rules! sum { () => { $crate::algebra::Sum }; }",
         "mod inner { pub fn f() { super::super::linear::g(0..crate::linear::N) } }",
         "fn f() { use crate::linear; linear::g(); }",

@@ -6,13 +6,14 @@ use super::simulation::Simulation;
 
 use super::Chapter;
 use super::machine::Machine;
-use super::markdown::{number, percent, table};
+use super::markdown::{percent, table};
 use super::patterns::Identified;
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, TAU};
 use tpm_runtime::machine::regulator::{Regulator, RegulatorWeights};
 use tpm_runtime::machine::simulated::{Regulated, Regulation, Sensor, regulate};
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
+use tpm_runtime::report::number;
 use tpm_runtime::run::Ending;
 
 /// Sample time, s.

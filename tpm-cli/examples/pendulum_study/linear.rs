@@ -4,10 +4,11 @@ use super::failure::Failure;
 
 use super::Chapter;
 use super::machine::Machine;
-use super::markdown::{number, percent, polynomial, roots, table};
+use super::markdown::{percent, polynomial, roots, table};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 use tpm_runtime::frequency::TransferFunction;
+use tpm_runtime::report::number;
 
 /// Fong, Eqn 24, as printed: the accelerations of arm and pendulum per th2, th1', th2' and e.
 const EQN_24: [[f64; 4]; 2] = [[5.9796, -8.1419, -0.1098, 28.8442], [57.6254, -6.9788, -1.0584, 24.7236]];

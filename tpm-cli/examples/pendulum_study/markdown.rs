@@ -1,20 +1,7 @@
 //! Pieces of Markdown.
 
 use tpm_runtime::frequency::Complex;
-
-/// A number with six significant digits, plain where that is short.
-pub(super) fn number(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let magnitude = value.abs().log10().floor();
-    if !(-4.0..7.0).contains(&magnitude) {
-        return format!("{value:.5e}");
-    }
-    let decimals = (5.0 - magnitude).max(0.0) as usize;
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
+use tpm_runtime::report::number;
 
 /// A table.
 pub(super) fn table(head: &[&str], rows: &[Vec<String>]) -> String {

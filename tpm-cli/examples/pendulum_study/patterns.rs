@@ -5,9 +5,10 @@ use super::simulation::Simulation;
 
 use super::Chapter;
 use super::machine::Machine;
-use super::markdown::{number, percent, table};
+use super::markdown::{percent, table};
 use std::collections::BTreeMap;
 use tpm_runtime::estimate::physical::{PhysicalSettings, physical};
+use tpm_runtime::report::number;
 use tpm_runtime::session::Identification;
 
 /// Physical parameters that the seven combinations determine.

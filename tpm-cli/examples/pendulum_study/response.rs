@@ -5,7 +5,7 @@ use super::failure::Failure;
 use super::Chapter;
 use super::linear::eqn_29;
 use super::machine::Machine;
-use super::markdown::{number, percent, polynomial, roots, table};
+use super::markdown::{percent, polynomial, roots, table};
 use std::f64::consts::TAU;
 use tpm_runtime::frequency::{
     BodeSettings, Complex, Excitation, FrequencyResponse, LinearizedResponse, OrderComparison, RationalFit,
@@ -15,6 +15,7 @@ use tpm_runtime::frequency::{
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::machine::simulated::{Sensor, drive};
 use tpm_runtime::plot::Figure;
+use tpm_runtime::report::number;
 use tpm_symbolic::expr::graph::{Coordinate, Symbol};
 
 /// Sample time, s.

@@ -72,12 +72,8 @@ impl Loaded {
     }
 
     /// A fault of the model as a whole, placed at the model's name.
-    pub(crate) fn at_whole(&self, message: &str, help: Option<&str>) -> Failure {
-        let diagnostic = Diagnostic::error(self.parsed.ast.name.span, message);
-        Failure::Model(self.rendered(&match help {
-            Some(help) => diagnostic.help(help),
-            None => diagnostic,
-        }))
+    pub(crate) fn at_whole(&self, message: &str) -> Failure {
+        Failure::Model(self.rendered(&Diagnostic::error(self.parsed.ast.name.span, message)))
     }
 
     /// An error of a later stage, placed at its term in the text.
@@ -111,24 +107,6 @@ impl Loaded {
 
     /// The chosen pattern, the first when no name is given.
     pub(crate) fn pattern(&self, name: Option<&str>) -> Result<&Pattern, Failure> {
-        let model = self.model();
-        model.pattern(name).ok_or_else(|| {
-            let (message, help) = match name {
-                None => (
-                    format!("model {} has no pattern", model.name),
-                    "add `pattern { ... }` to it to expand it (logs need none)".to_owned(),
-                ),
-                Some(name) => {
-                    let known: Vec<&str> =
-                        model.patterns.iter().filter_map(|pattern| pattern.name.as_deref()).collect();
-                    let help = match known.as_slice() {
-                        [] => "its patterns have no names; leave out --pattern".to_owned(),
-                        known => format!("it has {}", known.join(", ")),
-                    };
-                    (format!("model {} has no pattern named `{name}`", model.name), help)
-                }
-            };
-            self.at_whole(&message, Some(&help))
-        })
+        self.parsed.pattern(name, "leave out --pattern").map_err(|fault| Failure::Model(self.rendered(&fault)))
     }
 }

@@ -10,7 +10,7 @@ use clap::Subcommand;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use tpm_runtime::session::{CampaignFolder, Submission};
+use tpm_runtime::session::{CampaignFolder, NextStep, Submission};
 
 /// Options of `tpm campaign`.
 #[derive(clap::Args)]
@@ -92,10 +92,9 @@ fn start(file: &Path, folder: &Path, simulated: &SimulatedArgs) -> Outcome {
 
 fn next(folder: &Path, target: Option<&Path>) -> Outcome {
     let next = match CampaignFolder::open(folder, BTreeMap::new())?.next()? {
-        Ok(next) => next,
-        Err(outcome) => {
-            let why = outcome.map_or("it has ended", |outcome| outcome.describe());
-            return Err(Failure::Incomplete(format!("nothing is left to play: {why}")));
+        NextStep::Play(next) => next,
+        NextStep::Ended(outcome) => {
+            return Err(Failure::Incomplete(format!("nothing is left to play: {}", outcome.describe())));
         }
     };
     let Some(target) = target else { return file::print(&next.samples) };
@@ -124,13 +123,7 @@ fn submit(folder: &Path, log: &Path, stopped: bool, columns: &ColumnArgs) -> Out
         };
     }
     text.push('\n');
-    for warning in &result.warnings {
-        let _ = write!(text, "warning: {warning}");
-        if let Some(flag) = warning.remedy().as_ref().and_then(flags::remedy) {
-            let _ = write!(text, " ({flag})");
-        }
-        text.push('\n');
-    }
+    text.push_str(&result.warnings_text(&flags::remedy));
     let folder = folder.display();
     let _ = match (kept, outcome) {
         (false, _) => {

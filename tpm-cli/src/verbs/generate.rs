@@ -104,7 +104,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
         (EmitError::Prefix(_) | EmitError::Filter(_), _) => Failure::Input(error.to_string()),
-        _ => loaded.at_whole(&error.to_string(), None),
+        _ => loaded.at_whole(&error.to_string()),
     })?;
     for gap in estimator.gaps() {
         file::remark(&format!("remark: {gap}"));

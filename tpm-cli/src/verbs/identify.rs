@@ -97,10 +97,6 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 fn simulated(args: &Args) -> Outcome {
     let session = args.simulated.bounded(&args.file, &args.bounds)?;
-    let folder = match &args.runs {
-        Some(folder) => Some(CampaignFolder::begin(folder, session.clone())?),
-        None => None,
-    };
     let bar = progress::Bar::new("identifying");
     let most = session.experiment().schedule.max_runs as u64;
     let (mut first, mut last) = (None, None);
@@ -118,7 +114,10 @@ fn simulated(args: &Args) -> Outcome {
             }
             go_on()
         };
-        let result = session.identify(folder.as_ref().map(CampaignFolder::store), &mut step);
+        let result = match &args.runs {
+            Some(folder) => CampaignFolder::identify(folder, &session, &mut step),
+            None => session.identify(None, &mut step),
+        };
         (result, !go_on())
     });
     drop(bar);

@@ -2,21 +2,109 @@
 //! `identify` runs; stopped anywhere, it goes on where it was.
 
 use crate::support::{names, printed_in, root, tpm, tpm_in};
-use std::path::Path;
+use std::path::PathBuf;
+use std::process::Output;
+use tempfile::TempDir;
 
 const SHORT: [&str; 6] =
     ["--set", "schedule.max_runs=3", "--set", "schedule.measure_time=6", "--set", "schedule.updates_per_stage=1"];
 
-fn run(folder: &Path, arguments: &[&str]) -> String {
-    printed_in(folder, arguments, 0)
+/// A folder in which the shipped mass with spring and drag is played.
+struct Place {
+    folder: TempDir,
+    model: String,
 }
 
-fn plain_json(output: &std::process::Output) -> serde_json::Value {
+impl Place {
+    fn new() -> Self {
+        Place { folder: tempfile::tempdir().expect("a folder"), model: shipped("mass_spring_drag.tpm") }
+    }
+
+    fn at(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.at(name)).expect("a file")
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.at(name), text).expect("written");
+    }
+
+    fn tpm(&self, arguments: &[&str]) -> Output {
+        tpm_in(self.folder.path(), arguments)
+    }
+
+    /// What the tool prints when all is well.
+    fn run(&self, arguments: &[&str]) -> String {
+        printed_in(self.folder.path(), arguments, 0)
+    }
+
+    /// Begins the campaign in the folder `c`.
+    fn start(&self, sets: &[&str]) {
+        self.run(&[&["campaign", "start", &self.model, "c"], sets].concat());
+    }
+
+    /// Writes what to play next.
+    fn next(&self, run: &str) {
+        self.run(&["campaign", "next", "c", "-o", run]);
+    }
+
+    /// Plays `run.csv` on the simulated machine.
+    fn simulate(&self, log: &str, sets: &[&str]) {
+        self.run(&[&["simulate", &self.model, "--play", "run.csv", "-o", log], sets].concat());
+    }
+
+    /// Begins the campaign, and plays its first run: `run.csv`, `log.csv`.
+    fn first_run(&self) {
+        self.start(&SHORT);
+        self.next("run.csv");
+        self.simulate("log.csv", &SHORT);
+    }
+
+    fn submit(&self, log: &str) -> String {
+        self.run(&["campaign", "submit", "c", log])
+    }
+
+    /// Runs the tool where no file can grow beyond 64 kB, which the samples of a run do.
+    #[cfg(target_os = "linux")]
+    fn without_room(&self, arguments: &[&str]) -> Output {
+        let mut shell = std::process::Command::new("sh");
+        shell.args(["-c", "trap '' XFSZ; ulimit -f 128; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_tpm")]);
+        shell.args(arguments).current_dir(self.folder.path()).output().expect("a shell")
+    }
+
+    /// The arguments of `identify` with its runs in a folder.
+    fn identify<'a>(&'a self, runs: &'a str) -> Vec<&'a str> {
+        [&["identify", &self.model, "--json", "--runs", runs], &SHORT[..]].concat()
+    }
+
+    /// The runs in the folder `c` give what `identify` gives.
+    fn gives_the_result_of_identify(&self, sets: &[&str]) {
+        let files = json(&self.tpm(&["campaign", "result", "c", "--json"]));
+        let whole = json(&tpm(&[&["identify", &self.model, "--json"], sets].concat()));
+        assert_eq!(files, whole);
+    }
+}
+
+/// Path of a shipped model or experiment.
+fn shipped(name: &str) -> String {
+    root().join("models").join(name).display().to_string()
+}
+
+/// The command failed and says this on standard error.
+fn says(output: &Output, code: i32, said: &str) {
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(code) && error.contains(said), "{said}: {output:?}");
+}
+
+fn plain_json(output: &Output) -> serde_json::Value {
     serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
 /// A result as JSON, without what says where its runs were played and kept.
-fn json(output: &std::process::Output) -> serde_json::Value {
+fn json(output: &Output) -> serde_json::Value {
     let mut result = plain_json(output);
     let fields = result.as_object_mut().expect("an object");
     assert!(fields.remove("source").is_some() && fields.remove("provenance").is_some(), "{fields:?}");
@@ -25,17 +113,14 @@ fn json(output: &std::process::Output) -> serde_json::Value {
 
 #[test]
 fn files_alone_give_the_result_of_identify() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path();
-    let model = root().join("models/mass_spring_drag.tpm");
-    let model = model.to_str().expect("plain");
-    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
+    let place = Place::new();
+    place.start(&SHORT);
     for n in 1..=3 {
-        run(at, &["campaign", "next", "c", "-o", "run.csv"]);
-        run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &SHORT[..]].concat());
+        place.next("run.csv");
+        place.simulate("log.csv", &SHORT);
         let said = if n == 2 {
             // A controller that counts, and calls the force otherwise.
-            let (text, mut counts) = (std::fs::read_to_string(at.join("log.csv")).expect("a log"), String::new());
+            let (text, mut counts) = (place.read("log.csv"), String::new());
             for (i, line) in text.lines().enumerate() {
                 let fields: Vec<&str> = line.split(',').collect();
                 let doubled =
@@ -43,58 +128,47 @@ fn files_alone_give_the_result_of_identify() {
                 let force = if i == 0 { "command" } else { fields[2] };
                 counts.push_str(&format!("{},{},{force}\n", fields[0], doubled(fields[1])));
             }
-            std::fs::write(at.join("log.csv"), counts).expect("written");
+            place.write("log.csv", &counts);
             let columns = ["--map", "x=counts", "--scale", "x=0.5", "--map", "u=command"];
-            run(at, &[&["campaign", "submit", "c", "log.csv"], &columns[..]].concat())
+            place.run(&[&["campaign", "submit", "c", "log.csv"], &columns[..]].concat())
         } else {
-            run(at, &["campaign", "submit", "c", "log.csv"])
+            place.submit("log.csv")
         };
         assert!(said.contains(&format!("run {n}: complete")), "{said}");
         assert_eq!(said.contains("ended"), n == 3, "{said}");
     }
-    let over = tpm_in(at, &["campaign", "next", "c", "-o", "none.csv"]);
+    let over = place.tpm(&["campaign", "next", "c", "-o", "none.csv"]);
     assert_eq!(over.status.code(), Some(1));
-    assert!(!at.join("none.csv").exists());
-    let files = json(&tpm_in(at, &["campaign", "result", "c", "--json"]));
-    let whole = json(&tpm(&[&["identify", model, "--json"], &SHORT[..]].concat()));
-    assert_eq!(files, whole);
+    assert!(!place.at("none.csv").exists());
+    place.gives_the_result_of_identify(&SHORT);
     // Nobody knows on what the logs were recorded.
-    let text = String::from_utf8(tpm_in(at, &["campaign", "result", "c"]).stdout).expect("text");
+    let text = String::from_utf8(place.tpm(&["campaign", "result", "c"]).stdout).expect("text");
     assert!(text.starts_with("model MassSpringDrag from the runs in its folder; estimator"), "{text}");
 }
 
 #[test]
 fn measured_rates_go_by_file_too() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path();
-    let model = root().join("models/mass_spring_drag.tpm");
-    let model = model.to_str().expect("plain");
+    let place = Place::new();
     let tachometer = ["--set", "estimator=error", "--set", "plant.sensors.x.rate_noise=1e-3"];
     let sets = [&SHORT[..], &tachometer[..], &["--set", "schedule.max_runs=2"]].concat();
-    run(at, &[&["campaign", "start", model, "c"], &sets[..]].concat());
+    place.start(&sets);
     for _ in 0..2 {
-        run(at, &["campaign", "next", "c", "-o", "run.csv"]);
-        run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &sets[..]].concat());
-        let log = std::fs::read_to_string(at.join("log.csv")).expect("a log");
+        place.next("run.csv");
+        place.simulate("log.csv", &sets);
+        let log = place.read("log.csv");
         assert!(log.starts_with("t_s,x,u,dot(x)\n"), "{}", &log[..40]);
-        run(at, &["campaign", "submit", "c", "log.csv"]);
+        place.submit("log.csv");
     }
-    let files = json(&tpm_in(at, &["campaign", "result", "c", "--json"]));
-    let whole = json(&tpm(&[&["identify", model, "--json"], &sets[..]].concat()));
-    assert_eq!(files, whole);
+    place.gives_the_result_of_identify(&sets);
 }
 
 #[test]
 fn a_stopped_campaign_goes_on_where_it_was() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path();
-    let model = root().join("models/mass_spring_drag.tpm");
-    let model = model.to_str().expect("plain");
-    let identify =
-        |runs: &str| json(&tpm_in(at, &[&["identify", model, "--json", "--runs", runs], &SHORT[..]].concat()));
+    let place = Place::new();
+    let identify = |runs: &str| json(&place.tpm(&place.identify(runs)));
     let unbroken = identify("a");
     assert_eq!(
-        names(&at.join("a")),
+        names(&place.at("a")),
         [
             "campaign.json",
             "experiment.toml",
@@ -108,45 +182,32 @@ fn a_stopped_campaign_goes_on_where_it_was() {
         ]
     );
     // Killed while the second run was written: its samples are there in part, its manifest is not.
-    std::fs::create_dir(at.join("b")).expect("a folder");
+    std::fs::create_dir(place.at("b")).expect("a folder");
     for name in ["campaign.json", "experiment.toml", "model.tpm", "run-001.csv", "run-001.json"] {
-        std::fs::copy(at.join("a").join(name), at.join("b").join(name)).expect("copied");
+        std::fs::copy(place.at("a").join(name), place.at("b").join(name)).expect("copied");
     }
-    let half = std::fs::read(at.join("a/run-002.csv")).expect("a run");
-    std::fs::write(at.join("b/run-002.csv"), &half[..half.len() / 2]).expect("written");
+    let whole = place.read("a/run-002.csv");
+    let half = &whole[..whole.len() / 2];
+    place.write("b/run-002.csv", half);
     assert_eq!(identify("b"), unbroken);
-    assert_eq!(std::fs::read(at.join("b/run-002.csv")).expect("a run"), half);
+    assert_eq!(place.read("b/run-002.csv"), whole);
     // Samples that are not those of the manifest, and a manifest from another model or experiment, are refused.
-    std::fs::write(at.join("b/run-002.csv"), &half[..half.len() / 2]).expect("written");
-    let refused = tpm_in(at, &[&["identify", model, "--runs", "b"], &SHORT[..]].concat());
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("run-002.csv"), "{refused:?}");
-    let other = tpm_in(at, &["identify", model, "--runs", "a", "--set", "seed=9"]);
-    assert_eq!(other.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&other.stderr).contains("another experiment"), "{other:?}");
-    let other = root().join("models/two_carts.tpm");
-    let other = tpm_in(at, &["identify", other.to_str().expect("plain"), "--runs", "a"]);
-    assert!(String::from_utf8_lossy(&other.stderr).contains("another model"), "{other:?}");
+    place.write("b/run-002.csv", half);
+    says(&place.tpm(&[&["identify", &place.model, "--runs", "b"], &SHORT[..]].concat()), 2, "run-002.csv");
+    says(&place.tpm(&["identify", &place.model, "--runs", "a", "--set", "seed=9"]), 2, "another experiment");
+    says(&place.tpm(&["identify", &shipped("two_carts.tpm"), "--runs", "a"]), 2, "another model");
 }
 
 #[test]
 fn bad_logs_are_refused_and_nothing_is_lost() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path();
-    let model = root().join("models/mass_spring_drag.tpm");
-    let model = model.to_str().expect("plain");
-    let none = tpm_in(at, &["campaign", "next", "c"]);
-    assert!(String::from_utf8_lossy(&none.stderr).contains("campaign start"), "{none:?}");
-    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
-    run(at, &["campaign", "next", "c", "-o", "run.csv"]);
-    run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &SHORT[..]].concat());
-    let log = std::fs::read_to_string(at.join("log.csv")).expect("a log");
+    let place = Place::new();
+    says(&place.tpm(&["campaign", "next", "c"]), 2, "campaign start");
+    place.first_run();
+    let log = place.read("log.csv");
     let lines: Vec<&str> = log.lines().collect();
     let refuse = |text: &str, expected: &str| {
-        std::fs::write(at.join("bad.csv"), text).expect("written");
-        let refused = tpm_in(at, &["campaign", "submit", "c", "bad.csv"]);
-        let error = String::from_utf8_lossy(&refused.stderr).into_owned();
-        assert!(refused.status.code() == Some(2) && error.contains(expected), "{error}");
+        place.write("bad.csv", text);
+        says(&place.tpm(&["campaign", "submit", "c", "bad.csv"]), 2, expected);
     };
     // A sensor that drops out in the middle, a log that ends early, one of another rate.
     let mut dropped: Vec<String> = lines.iter().map(|line| (*line).to_owned()).collect();
@@ -161,18 +222,37 @@ fn bad_logs_are_refused_and_nothing_is_lost() {
     let mut far: Vec<String> = lines.iter().map(|line| (*line).to_owned()).collect();
     let fields: Vec<&str> = lines[800].split(',').collect();
     far[800] = format!("{},9.0,{}", fields[0], fields[2]);
-    std::fs::write(at.join("far.csv"), far.join("\n")).expect("written");
-    let said = run(at, &["campaign", "submit", "c", "far.csv"]);
+    place.write("far.csv", &far.join("\n"));
+    let said = place.submit("far.csv");
     assert!(said.contains("tracking bound"), "{said}");
-    assert!(names(&at.join("c")).contains(&"run-001.json".to_owned()));
-    let cut = std::fs::read_to_string(at.join("c/run-001.csv")).expect("a run");
-    assert_eq!(cut.lines().count(), 801);
+    assert!(names(&place.at("c")).contains(&"run-001.json".to_owned()));
+    assert_eq!(place.read("c/run-001.csv").lines().count(), 801);
+}
+
+#[test]
+fn reading_a_campaign_writes_nothing_and_an_unstable_loop_begins_none() {
+    let place = Place::new();
+    place.first_run();
+    place.submit("log.csv");
+    let written = || {
+        let name =
+            |name: &String| place.at("c").join(name).metadata().and_then(|file| file.modified()).expect("a file");
+        names(&place.at("c")).iter().map(name).collect::<Vec<_>>()
+    };
+    let before = written();
+    place.next("run.csv");
+    place.tpm(&["campaign", "result", "c"]);
+    assert_eq!(written(), before);
+    let feedback = "control.feedback=[{ input = 'u', coordinate = 'x', kp = 1.0, kd = -60.0 }]";
+    let unstable = ["--set", "prior.m=2", "--set", "prior.k1=40", "--set", feedback];
+    says(&place.tpm(&[&["identify", &place.model, "--runs", "none"], &unstable[..]].concat()), 2, "stable");
+    assert!(!place.at("none").exists());
 }
 
 #[test]
 fn a_design_is_judged_before_anything_moves() {
-    let model = root().join("models/mass_spring_drag.tpm");
-    let arguments = ["design", model.to_str().expect("plain"), "--json"];
+    let model = shipped("mass_spring_drag.tpm");
+    let arguments = ["design", &model, "--json"];
     let found = plain_json(&tpm(&arguments));
     assert_eq!(found["schema"], "tpm.design/1");
     assert_eq!(found["estimates"]["k1"], 40.0);
@@ -188,10 +268,10 @@ fn a_design_is_judged_before_anything_moves() {
     assert_eq!(candidates[within]["passed"]["input"], "u");
 
     crate::support::fails(&[&arguments[..], &["--set", "limits.inputs.u=0.5"]].concat(), 1, &["no candidate"]);
-    let arm = root().join("models/closed_loop_arm.tpm");
+    let arm = shipped("closed_loop_arm.tpm");
     let zero = ["prior.a10=0", "prior.a20=0", "prior.a30=0", "prior.a11=0", "prior.a21=0", "prior.a31=0"];
     let zero = zero.iter().flat_map(|value| ["--set", value]);
-    let arguments: Vec<&str> = ["design", arm.to_str().expect("plain")].into_iter().chain(zero).collect();
+    let arguments: Vec<&str> = ["design", &arm].into_iter().chain(zero).collect();
     crate::support::fails(&arguments, 2, &["a10 = 0", "give prior values"]);
 }
 
@@ -199,40 +279,26 @@ fn a_design_is_judged_before_anything_moves() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_keeps_the_finished_runs() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path();
-    let model = root().join("models/mass_spring_drag.tpm");
-    let model = model.to_str().expect("plain");
-    let identify = |runs: &'static str| [&["identify", model, "--json", "--runs", runs], &SHORT[..]].concat();
-    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
-    run(at, &["campaign", "next", "c", "-o", "run.csv"]);
-    run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &SHORT[..]].concat());
-    let full = without_room(at, &["campaign", "submit", "c", "log.csv"]);
+    let place = Place::new();
+    place.first_run();
+    let full = place.without_room(&["campaign", "submit", "c", "log.csv"]);
     let error = String::from_utf8_lossy(&full.stderr).into_owned();
     assert!(
         error.contains("run-001") && error.contains("File too large") && error.contains("finished runs"),
         "{error}"
     );
-    assert!(!names(&at.join("c")).iter().any(|name| name.contains("run-001") || name.starts_with(".tpm-")));
-    assert!(run(at, &["campaign", "submit", "c", "log.csv"]).contains("run 1: complete"));
-    let full = without_room(at, &identify("c"));
+    assert!(!names(&place.at("c")).iter().any(|name| name.contains("run-001") || name.starts_with(".tpm-")));
+    assert!(place.submit("log.csv").contains("run 1: complete"));
+    let full = place.without_room(&place.identify("c"));
     assert_eq!(full.status.code(), Some(2));
     let error = String::from_utf8_lossy(&full.stderr).into_owned();
     assert!(
         error.contains("run-002") && error.contains("File too large") && error.contains("finished runs"),
         "{error}"
     );
-    let kept = names(&at.join("c"));
+    let kept = names(&place.at("c"));
     assert!(kept.contains(&"run-001.json".to_owned()) && !kept.iter().any(|name| name.contains("run-002")), "{kept:?}");
-    assert_eq!(json(&tpm_in(at, &identify("c"))), json(&tpm_in(at, &identify("whole"))));
-}
-
-/// The tool where no file can grow beyond 64 kB, which the samples of a run do.
-#[cfg(target_os = "linux")]
-fn without_room(folder: &Path, arguments: &[&str]) -> std::process::Output {
-    let mut shell = std::process::Command::new("sh");
-    shell.args(["-c", "trap '' XFSZ; ulimit -f 128; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_tpm")]);
-    shell.args(arguments).current_dir(folder).output().expect("a shell")
+    assert_eq!(json(&place.tpm(&place.identify("c"))), json(&place.tpm(&place.identify("whole"))));
 }
 
 /// Every shipped experiment, cut to two runs: a folder says of its runs what the campaign that played them said.
@@ -247,8 +313,7 @@ fn identify_and_campaign_result_say_the_same_of_every_shipped_experiment() {
         ("closed_loop_arm", "closed_loop_arm_thesis"),
         ("rotary_pendulum_down", "rotary_pendulum_down"),
     ] {
-        let [model, file] = [format!("models/{model}.tpm"), format!("models/{experiment}.toml")]
-            .map(|path| root().join(path).display().to_string());
+        let [model, file] = [format!("{model}.tpm"), format!("{experiment}.toml")].map(|name| shipped(&name));
         let short = ["--set", "schedule.max_runs=2", "--set", "schedule.measure_time=4"];
         let played =
             [&["identify", &model, "--experiment", &file, "--runs", experiment, "--json"], &short[..]].concat();
@@ -266,16 +331,12 @@ fn identify_and_campaign_result_say_the_same_of_every_shipped_experiment() {
 
 #[test]
 fn a_run_says_all_that_its_controller_needs_and_one_of_the_earlier_form_can_be_played() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path();
-    let model = root().join("models/mass_spring_drag.tpm");
-    let model = model.to_str().expect("plain");
-    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
-    run(at, &["campaign", "next", "c", "-o", "run.csv"]);
-    let read = |name: &str| std::fs::read_to_string(at.join(name)).expect("written");
-    let mut terms: serde_json::Value = serde_json::from_str(&read("run.json")).expect("JSON");
+    let place = Place::new();
+    place.start(&SHORT);
+    place.next("run.csv");
+    let mut terms: serde_json::Value = serde_json::from_str(&place.read("run.json")).expect("JSON");
     assert_eq!(terms["schema"], "tpm.play/2");
-    let rows = read("run.csv").lines().count() - 1;
+    let rows = place.read("run.csv").lines().count() - 1;
     assert_eq!(terms["timing"]["samples"], rows);
     assert_eq!((&terms["timing"]["settle_periods"], &terms["timing"]["hold"]), (&3.into(), &"zero-order".into()));
     let (sample_time, filter) =
@@ -288,40 +349,32 @@ fn a_run_says_all_that_its_controller_needs_and_one_of_the_earlier_form_can_be_p
     let a = (-sample_time / filter).exp();
     assert!((rate["a"].as_f64().expect("a") - a).abs() < 1e-15);
     assert!((rate["b"].as_f64().expect("b") - (1.0 - a) / sample_time).abs() < 1e-9);
-    let play = |log: &str| run(at, &[&["simulate", model, "--play", "run.csv", "-o", log], &SHORT[..]].concat());
-    play("now.csv");
+    place.simulate("now.csv", &SHORT);
     let fields = terms.as_object_mut().expect("an object");
     for new in ["timing", "law"] {
         assert!(fields.remove(new).is_some(), "{new}");
     }
     fields.insert("schema".to_owned(), "tpm.play/1".into());
-    std::fs::write(at.join("run.json"), terms.to_string()).expect("written");
-    play("earlier.csv");
-    assert_eq!(read("now.csv"), read("earlier.csv"));
+    place.write("run.json", &terms.to_string());
+    place.simulate("earlier.csv", &SHORT);
+    assert_eq!(place.read("now.csv"), place.read("earlier.csv"));
 }
 
 #[test]
 fn a_run_that_the_machine_stopped_can_be_submitted_and_leads_to_backing_off() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path();
-    let model = root().join("models/mass_spring_drag.tpm");
-    let model = model.to_str().expect("plain");
-    run(at, &[&["campaign", "start", model, "c"], &SHORT[..]].concat());
-    run(at, &["campaign", "next", "c", "-o", "run.csv"]);
-    run(at, &[&["simulate", model, "--play", "run.csv", "-o", "log.csv"], &SHORT[..]].concat());
-    let whole = std::fs::read_to_string(at.join("log.csv")).expect("a log");
+    let place = Place::new();
+    place.first_run();
+    let whole = place.read("log.csv");
     let half: Vec<&str> = whole.lines().take(3000).collect();
-    std::fs::write(at.join("half.csv"), half.join("\n")).expect("written");
-    let refused = tpm_in(at, &["campaign", "submit", "c", "half.csv"]);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("--stopped"), "{refused:?}");
-    let said = run(at, &["campaign", "submit", "c", "half.csv", "--stopped"]);
+    place.write("half.csv", &half.join("\n"));
+    says(&place.tpm(&["campaign", "submit", "c", "half.csv"]), 2, "--stopped");
+    let said = place.run(&["campaign", "submit", "c", "half.csv", "--stopped"]);
     assert!(said.starts_with("run 1: stopped") && said.contains("amplitudes reduced"), "{said}");
     let peak = |name: &str| {
-        let text = std::fs::read_to_string(at.join(name)).expect("a run");
+        let text = place.read(name);
         let of = |line: &str| line.split(',').nth(1).and_then(|x| x.parse::<f64>().ok()).map(f64::abs);
         text.lines().filter_map(of).fold(0.0, f64::max)
     };
-    run(at, &["campaign", "next", "c", "-o", "again.csv"]);
+    place.next("again.csv");
     assert!((peak("again.csv") / peak("run.csv") - 0.5).abs() < 1e-9);
 }

@@ -23,6 +23,7 @@ use tpm_symbolic::harmonic::expand::ExpandError;
 use tpm_symbolic::linear::taylor::{self, Expansion, SeriesError, Truncation};
 use tpm_symbolic::mechanics::lagrange::LagrangeError;
 use tpm_symbolic::mechanics::model::{ExactModel, TermId};
+use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::plan::split::SplitError;
 use tpm_symbolic::regressor::form::RegressorError;
 use tpm_symbolic::regressor::prepare::PrepareError;
@@ -163,6 +164,33 @@ impl Parsed {
     #[must_use]
     pub fn harmonics_of(&self, pattern: usize) -> Option<usize> {
         self.harmonics.get(pattern).copied().flatten().and_then(|count| usize::try_from(count).ok())
+    }
+
+    /// The pattern of this name, the model's first one when no name is given. `unnamed` tells a user how to ask for the pattern of a
+    /// model whose patterns have no names.
+    ///
+    /// # Errors
+    /// A diagnostic at the model's name when there is no such pattern.
+    pub fn pattern(&self, name: Option<&str>, unnamed: &str) -> Result<&Pattern, Diagnostic> {
+        let model = &self.model;
+        model.pattern(name).ok_or_else(|| {
+            let (message, help) = match name {
+                None => (
+                    format!("model {} has no pattern", model.name),
+                    "add `pattern { ... }` to it to expand it (logs need none)".to_owned(),
+                ),
+                Some(name) => {
+                    let known: Vec<&str> =
+                        model.patterns.iter().filter_map(|pattern| pattern.name.as_deref()).collect();
+                    let help = match known.as_slice() {
+                        [] => format!("its patterns have no names; {unnamed}"),
+                        known => format!("it has {}", known.join(", ")),
+                    };
+                    (format!("model {} has no pattern named `{name}`", model.name), help)
+                }
+            };
+            Diagnostic::error(self.ast.name.span, message).help(help)
+        })
     }
 
     /// An error of a later stage at its place in the text: at its term, or at the model's name when it concerns the whole model.

@@ -9,7 +9,8 @@ mod periodic;
 mod read;
 
 pub use error::{Adjustment, LogError};
+pub(crate) use fingerprint::FingerprintReader;
 pub use fingerprint::fingerprint;
 pub use periodic::{Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
-pub use read::{Log, LogOptions, Refine, Rates};
+pub use read::{Log, LogOptions, Rates, Refine};

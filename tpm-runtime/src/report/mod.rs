@@ -1,9 +1,11 @@
 //! Text for people: tables and numbers for a terminal, remedies as data, and files that are written whole.
 
+mod displayed;
 mod file;
 mod remedy;
 mod table;
 
+pub(crate) use displayed::displayed;
 pub use file::write_whole;
 pub use remedy::Remedy;
 pub use table::{Align, TextTable, combination, number};

@@ -1,5 +1,6 @@
 //! What a user can do about a warning or an error.
 
+use crate::report::displayed::displayed;
 use serde::Serialize;
 use std::string::String;
 use tpm_core::harmonics::Hold;
@@ -24,7 +25,7 @@ pub enum Remedy {
     /// State that the inputs behave so between samples.
     Hold {
         /// The other choice.
-        #[serde(serialize_with = "by_name")]
+        #[serde(serialize_with = "displayed")]
         hold: Hold,
     },
     /// Use the harmonics up to this one.
@@ -44,8 +45,4 @@ pub enum Remedy {
         /// The constants without a value.
         names: std::vec::Vec<String>,
     },
-}
-
-fn by_name<S: serde::Serializer>(hold: &Hold, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_str(hold)
 }

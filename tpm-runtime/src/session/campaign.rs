@@ -2,7 +2,7 @@
 
 use crate::campaign::{Campaign, Store};
 use crate::estimate::physical::PhysicalSettings;
-use crate::experiment::{Experiment, ExperimentError};
+use crate::experiment::Experiment;
 use crate::log::fingerprint;
 use crate::machine::actuator::{FileFault, MotorFile};
 use crate::machine::stability::LoopStability;
@@ -11,7 +11,7 @@ use crate::session::error::SessionError;
 use crate::session::identification::{Identification, LogFingerprint, Source};
 use crate::session::machine::Machine;
 use crate::session::model::{DeclaredModel, Identifiable, ModelFault};
-use crate::session::play::{Watch, play_campaign, play_simulated};
+use crate::session::play::{Watch, play_campaign, play_on_simulated, play_simulated};
 use crate::session::summary::{self, Lumped};
 use std::boxed::Box;
 use std::collections::BTreeMap;
@@ -138,23 +138,12 @@ impl Session {
         &self.written
     }
 
-    /// The experiment with another seed of the simulated noise.
-    #[must_use]
-    pub fn with_seed(&self, seed: u64) -> Self {
-        let mut other = self.clone();
-        other.written.seed = seed;
-        other.experiment.seed = seed;
-        other
-    }
-
     /// The campaign before its first run, and what its loop was found to be; nothing moves where it is not stable.
     ///
     /// # Errors
     /// [`SessionError::Experiment`].
     pub fn campaign(&self) -> Result<(Campaign<'_>, LoopStability), SessionError> {
-        // The drive of a real machine holds its input between samples as the simulated one does.
-        let (setup, stability) = self.experiment.stable_setup(self.machine.plant(), self.machine.pattern())?;
-        Ok((self.machine.campaign(&self.experiment, setup)?, stability))
+        Ok(self.machine.campaign(&self.experiment)?)
     }
 
     /// Plays a trial on the simulated machine of the experiment.
@@ -171,9 +160,28 @@ impl Session {
     /// # Errors
     /// [`SessionError`].
     pub fn identify(&self, store: Option<&Store>, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
-        let seed = Some(self.experiment.seed);
-        let mut play = |trial: &Trial| self.simulate(trial);
-        self.played(Source::SimulatedPlant, store.map(|store| (store, seed)), &mut play, watch)
+        self.play_simulated(self.campaign()?, store, watch)
+    }
+
+    /// Plays a campaign of this session as [`identify`](Self::identify) does; the campaign comes with what its loop was found to be.
+    pub(super) fn play_simulated(
+        &self,
+        stable: (Campaign<'_>, LoopStability),
+        store: Option<&Store>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Identification, SessionError> {
+        let result = play_on_simulated(self.machine.plant(), &self.experiment, stable, store, watch)?;
+        self.complete(result, &self.written, store)
+    }
+
+    /// Plays the campaign on the simulated machine with another seed of its noise.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn identify_seeded(&self, seed: u64, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        let [experiment, written] = [&self.experiment, &self.written].map(|own| Experiment { seed, ..own.clone() });
+        let result = self.machine.identify_watched(&experiment, None, watch)?;
+        self.complete(result, &written, None)
     }
 
     /// Plays the campaign on a machine, with a store as [`identify`](Self::identify) has it.
@@ -187,7 +195,8 @@ impl Session {
         watch: &mut Watch<'_>,
     ) -> Result<Identification, SessionError> {
         let mut play = |trial: &Trial| bench.play(trial).map_err(SessionError::Bench);
-        self.played(Source::Machine, store.map(|store| (store, None)), &mut play, watch)
+        let result = play_campaign(self.campaign()?, Source::Machine, self.experiment.seed, store, &mut play, watch)?;
+        self.complete(result, &self.written, store)
     }
 
     /// What the runs of a folder say, without playing any.
@@ -211,18 +220,6 @@ impl Session {
         Ok((campaign, stability))
     }
 
-    fn played(
-        &self,
-        source: Source,
-        store: Option<(&Store, Option<u64>)>,
-        play: &mut dyn FnMut(&Trial) -> Result<Record, SessionError>,
-        watch: &mut Watch<'_>,
-    ) -> Result<Identification, SessionError> {
-        let (mut campaign, stability) = self.campaign()?;
-        play_campaign(self.machine.plant(), &mut campaign, store, play, watch)?;
-        self.result(&campaign, stability, source, store.map(|(store, _)| store))
-    }
-
     /// The result of a campaign so far: parameters, physical parameters, warnings, provenance.
     ///
     /// # Errors
@@ -234,11 +231,21 @@ impl Session {
         source: Source,
         store: Option<&Store>,
     ) -> Result<Identification, SessionError> {
-        let mut result = summary::of_campaign(campaign, source, self.experiment.seed);
-        result.stability = Some(stability);
+        let result = summary::of_campaign(campaign, stability, source, self.experiment.seed);
+        self.complete(result, &self.written, store)
+    }
+
+    /// Adds what the estimator does not give: physical parameters behind lumped ones, and provenance. `written` is the experiment
+    /// whose campaign gave the result.
+    fn complete(
+        &self,
+        mut result: Identification,
+        written: &Experiment,
+        store: Option<&Store>,
+    ) -> Result<Identification, SessionError> {
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
-                Some(lumped) => lumped.complete(&mut result, &self.physical_settings(&lumped))?,
+                Some(lumped) => lumped.complete(&mut result, self.physical_settings())?,
                 None => {
                     if let Some(name) = self.bounds.keys().next() {
                         return Err(SessionError::NothingLumped { name: name.clone() });
@@ -247,7 +254,7 @@ impl Session {
             }
         }
         result.provenance.model = Some(self.declared.hash());
-        result.provenance.experiment = Some(fingerprint(self.text()?.as_bytes()));
+        result.provenance.experiment = Some(fingerprint(written.text()?.as_bytes()));
         if let Some(store) = store {
             let kept = store.fingerprints()?;
             result.provenance.logs = kept.into_iter().map(|(path, hash)| LogFingerprint { path, hash }).collect();
@@ -262,22 +269,13 @@ impl Session {
         Ok(result)
     }
 
-    fn physical_settings(&self, lumped: &Lumped<'_>) -> PhysicalSettings {
-        let own = lumped.names();
-        let only = |values: &BTreeMap<String, f64>| {
-            values.iter().filter(|(name, _)| own.contains(name)).map(|(name, value)| (name.clone(), *value)).collect()
-        };
+    fn physical_settings(&self) -> PhysicalSettings {
         PhysicalSettings {
-            prior: only(&self.written.prior),
-            frozen: only(&self.written.frozen),
+            prior: self.written.prior.clone(),
+            frozen: self.written.frozen.clone(),
             bounds: self.bounds.clone(),
             constants: self.written.constants.clone(),
         }
-    }
-
-    /// The experiment as its file has it, with all changes.
-    pub(super) fn text(&self) -> Result<String, ExperimentError> {
-        self.written.text()
     }
 }
 
@@ -338,4 +336,36 @@ fn read(path: &Path) -> Result<String, SessionError> {
 
 fn at(path: &Path, fault: &FileFault) -> SessionError {
     SessionError::File { path: path.display().to_string(), message: fault.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Session, SimulatedMachine};
+    use crate::experiment::Experiment;
+    use crate::machine::simulated::{Rig, simulate};
+    use crate::run::Bench;
+    use crate::session::model::DeclaredModel;
+    use std::collections::BTreeMap;
+    use std::vec::Vec;
+
+    #[test]
+    fn a_bench_plays_what_the_simulation_gives() {
+        let model = include_str!("../../../models/mass_spring_drag.tpm");
+        let model = DeclaredModel::parse("mass_spring_drag", model).expect("the shipped model is right");
+        let file = include_str!("../../../models/mass_spring_drag.toml");
+        let mut experiment = Experiment::parse(file).expect("the shipped file is right");
+        let session = Session::new(model.clone(), experiment.clone(), None, BTreeMap::new()).expect("a session");
+        let plant = session.machine().plant();
+        let (campaign, _) = session.campaign().expect("playable");
+        let trial = campaign.next().expect("first");
+        let rig = experiment.bench(plant).expect("fits");
+        let expected = simulate(plant, &rig, trial).expect("regular");
+        let mut simulated = SimulatedMachine::new(&session);
+        let bench: &mut dyn Bench = &mut simulated;
+        assert_eq!(bench.play(trial).expect("regular"), expected);
+        assert!(simulate(plant, &Rig { sensors: Vec::new(), ..rig }, trial).is_err());
+        experiment.plant.parameters.clear();
+        let unknown = Session::new(model, experiment, None, BTreeMap::new()).expect("a session");
+        assert!(SimulatedMachine::new(&unknown).play(trial).is_err());
+    }
 }

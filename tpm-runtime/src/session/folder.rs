@@ -10,6 +10,8 @@ use crate::session::error::SessionError;
 use crate::session::identification::{Identification, Source};
 use crate::session::log::LogRequest;
 use crate::session::model::DeclaredModel;
+use crate::session::play::Watch;
+use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::string::{String, ToString};
@@ -25,6 +27,15 @@ const EXPERIMENT: &str = "experiment.toml";
 pub struct CampaignFolder {
     session: Session,
     store: Store,
+}
+
+/// How a campaign goes on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NextStep {
+    /// The machine plays this run.
+    Play(Box<NextRun>),
+    /// Nothing is left to play, for this reason.
+    Ended(Outcome),
 }
 
 /// What the machine plays next.
@@ -63,6 +74,17 @@ impl CampaignFolder {
         Ok(CampaignFolder { session, store })
     }
 
+    /// Begins the campaign of a session in a folder or goes on with it, as [`begin`](Self::begin) does, and plays it on the simulated
+    /// machine.
+    ///
+    /// # Errors
+    /// [`SessionError`]; [`StoreError::Other`] when the folder holds another campaign.
+    pub fn identify(folder: &Path, session: &Session, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        // A loop that is not stable leaves no folder behind.
+        let stable = session.campaign()?;
+        session.play_simulated(stable, Some(&store(folder, session)?), watch)
+    }
+
     /// Opens the campaign in a folder. `bounds` are those of physical parameters behind lumped ones.
     ///
     /// # Errors
@@ -94,15 +116,18 @@ impl CampaignFolder {
     ///
     /// # Errors
     /// [`SessionError`].
-    pub fn next(&self) -> Result<Result<NextRun, Option<Outcome>>, SessionError> {
+    pub fn next(&self) -> Result<NextStep, SessionError> {
         let (campaign, _) = self.session.restored(&self.store)?;
-        let Some(trial) = campaign.next() else { return Ok(Err(campaign.outcome())) };
+        let Some(trial) = campaign.next() else {
+            let outcome = campaign.outcome().expect("invariant: a campaign without a next run has an outcome");
+            return Ok(NextStep::Ended(outcome));
+        };
         let plant = self.session.machine().plant();
-        Ok(Ok(NextRun {
+        Ok(NextStep::Play(Box::new(NextRun {
             samples: trial_samples(plant, trial),
             terms: RunFile::new(plant, trial, campaign.setup().procedure.settle_periods),
             trial: trial.clone(),
-        }))
+        })))
     }
 
     /// Takes in the log of the run that [`next`](Self::next) gave: columns `t_s`, coordinates and applied inputs by name, measured
@@ -143,8 +168,8 @@ impl CampaignFolder {
     }
 }
 
-/// The store of a session's campaign in a folder, with model and experiment beside it.
-pub(super) fn store(folder: &Path, session: &Session) -> Result<Store, SessionError> {
+/// The store of a session's campaign in a folder, with model and experiment beside it, which are written where they are not there.
+fn store(folder: &Path, session: &Session) -> Result<Store, SessionError> {
     let (model, name) = (session.model().text().text(), session.machine().plant().name());
     let manifest = |experiment: &Experiment| -> Result<(Manifest, String), SessionError> {
         let text = experiment.text()?;
@@ -161,10 +186,10 @@ pub(super) fn store(folder: &Path, session: &Session) -> Result<Store, SessionEr
     let store = Store::open(folder, &manifest)?;
     for (file, text) in [(MODEL, model), (EXPERIMENT, text.as_str())] {
         let path = folder.join(file);
-        write_whole(&path, text.as_bytes()).map_err(|error| {
-            let path = path.display().to_string();
-            SessionError::from(StoreError::Io { path, reason: error.to_string() })
-        })?;
+        if !path.exists() {
+            write_whole(&path, text.as_bytes())
+                .map_err(|error| StoreError::Io { path: path.display().to_string(), reason: error.to_string() })?;
+        }
     }
     Ok(store)
 }

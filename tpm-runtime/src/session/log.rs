@@ -1,21 +1,25 @@
 //! From a log to parameters.
 
+use crate::estimate::named::EstimateReport;
 use crate::estimate::physical::PhysicalSettings;
-use crate::estimate::{Differentiable, Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion};
+use crate::estimate::{
+    Differentiable, Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion,
+};
 use crate::interpret::InterpretedDerivatives;
-use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, Refine, find_periodic, fingerprint};
-use crate::report::Remedy;
+use crate::log::{FingerprintReader, Log, LogError, LogOptions, Periodic, PeriodicFault, Refine, find_periodic};
+use crate::report::{Remedy, displayed};
 use crate::run::{Dynamics, Spectra, correct_actuators};
 use crate::session::error::{SessionError, Setting};
 use crate::session::identification::{Identification, LogFingerprint, Provenance, Source};
 use crate::session::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::session::model::{DeclaredModel, Identifiable};
 use crate::session::refine::{RefinementReport, refine};
-use crate::session::summary::{self, Lumped, Named};
+use crate::session::summary::{self, Lumped};
 use crate::session::warning::{Data, Warning};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::format;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec;
@@ -53,7 +57,7 @@ pub struct LogRequest {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub period: Option<f64>,
     /// What the inputs do between samples.
-    #[serde(serialize_with = "hold_name")]
+    #[serde(serialize_with = "displayed")]
     pub hold: Hold,
     /// Known dynamics between the recorded value of an input and its force, by input.
     #[serde(skip)]
@@ -78,10 +82,6 @@ pub struct LogRequest {
     /// Least and largest value of a physical parameter; infinite for none.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub bounds: BTreeMap<String, (f64, f64)>,
-}
-
-fn hold_name<S: serde::Serializer>(hold: &Hold, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_str(hold)
 }
 
 impl LogRequest {
@@ -168,17 +168,10 @@ impl LogRequest {
     }
 
     /// What is said of physical parameters.
-    fn physical(&self, physical: &[String]) -> PhysicalSettings {
-        let only = |values: &BTreeMap<String, f64>| {
-            values
-                .iter()
-                .filter(|(name, _)| physical.contains(name))
-                .map(|(name, value)| (name.clone(), *value))
-                .collect()
-        };
+    fn physical(&self) -> PhysicalSettings {
         PhysicalSettings {
-            prior: only(&self.prior),
-            frozen: only(&self.frozen),
+            prior: self.prior.clone(),
+            frozen: self.frozen.clone(),
             bounds: self.bounds.clone(),
             constants: self.constants.clone(),
         }
@@ -215,9 +208,10 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
     let options = request.options(evaluated, &physical)?;
     let path = request.path.display().to_string();
-    let bytes = std::fs::read(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
-    let log = Log::read(&bytes[..], &path, evaluated, &options)?;
-    let settings = request.physical(&physical);
+    let file = File::open(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
+    let mut file = FingerprintReader::new(file);
+    // The log is read to the end of the file, so that the fingerprint is that of the whole.
+    let log = Log::read(&mut file, &path, evaluated, &options)?;
     if let (None, Some(name)) = (&lumped, request.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
@@ -228,11 +222,11 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
     let mut result = identify_with(evaluated, derivatives, &log, &options)?;
     if let Some(lumped) = lumped {
-        lumped.complete(&mut result, &settings)?;
+        lumped.complete(&mut result, request.physical())?;
     }
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
-        logs: vec![LogFingerprint { path, hash: fingerprint(&bytes) }],
+        logs: vec![LogFingerprint { path, hash: file.fingerprint() }],
         options: summary::options(&request),
         ..summary::provenance()
     };
@@ -341,8 +335,8 @@ fn identify_with(
     if let Some(frequency) = vibration {
         warnings.push(Warning::Vibration { frequency });
     }
-    let Named { parameters, unobservable, combinations, covariance } =
-        Named::new(model, &options.prior, Some(&estimate));
+    let EstimateReport { parameters, unobservable, combinations, covariance } =
+        EstimateReport::new(model, &options.prior, Some(&estimate));
     let mut result = Identification {
         source: Source::Log,
         model: model.name().into(),

@@ -4,17 +4,16 @@
 //! Invariant: the plant's parameters are those of the model's own equations. With coordinates eliminated, these are the
 //! physical parameters behind the lumped ones, and the estimator estimates them.
 
-use crate::campaign::{Campaign, RunReport, Setup, Store};
+use crate::campaign::{Campaign, RunReport, Store};
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{Eliminated, Method, PatternTables, Weights};
 use crate::experiment::{Equations, Experiment, ExperimentError, StageSection};
 use crate::interpret::Interpreted;
-use crate::run::Trial;
+use crate::machine::stability::LoopStability;
 use crate::run::trajectory::ReferencePattern;
 use crate::session::error::{MachineError, SessionError};
-use crate::session::identification::{Identification, Source};
-use crate::session::play::{Watch, play_campaign, play_simulated};
-use crate::session::summary;
+use crate::session::identification::Identification;
+use crate::session::play::{Watch, play_on_simulated};
 use std::collections::BTreeMap;
 use std::string::String;
 use std::sync::{Arc, OnceLock};
@@ -100,11 +99,13 @@ impl Machine {
         self.eliminated.as_deref()
     }
 
-    /// A campaign of an experiment on this machine.
+    /// The campaign of an experiment on this machine before its first run, and what its loop was found to be.
     ///
     /// # Errors
-    /// [`ExperimentError`] when the campaign cannot begin.
-    pub fn campaign(&self, experiment: &Experiment, setup: Setup) -> Result<Campaign<'_>, ExperimentError> {
+    /// [`ExperimentError`] when the loop is not stable, or the campaign cannot begin.
+    pub fn campaign(&self, experiment: &Experiment) -> Result<(Campaign<'_>, LoopStability), ExperimentError> {
+        // The drive of a real machine holds its input between samples as the simulated one does.
+        let (setup, stability) = experiment.stable_setup(&self.plant, &self.pattern)?;
         let campaign = match &self.eliminated {
             Some(form) if setup.method == Method::MeasuredMotion && experiment.equations == Equations::Eliminated => {
                 if setup.estimation.weights == Weights::Equal {
@@ -122,7 +123,7 @@ impl Machine {
                 Campaign::with_estimator(&self.plant, setup, estimator)
             }
         };
-        Ok(campaign?)
+        Ok((campaign?, stability))
     }
 
     /// Plays an experiment's campaign on its simulated machine, when the loop is stable, and gives the parameters that
@@ -150,12 +151,6 @@ impl Machine {
         store: Option<&Store>,
         watch: &mut Watch<'_>,
     ) -> Result<Identification, SessionError> {
-        let (setup, stability) = experiment.stable_setup(&self.plant, &self.pattern)?;
-        let mut campaign = self.campaign(experiment, setup)?;
-        let mut play = |trial: &Trial| Ok(play_simulated(&self.plant, experiment, trial)?);
-        play_campaign(&self.plant, &mut campaign, store.map(|store| (store, Some(experiment.seed))), &mut play, watch)?;
-        let mut result = summary::of_campaign(&campaign, Source::SimulatedPlant, experiment.seed);
-        result.stability = Some(stability);
-        Ok(result)
+        play_on_simulated(&self.plant, experiment, self.campaign(experiment)?, store, watch)
     }
 }

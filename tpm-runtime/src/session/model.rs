@@ -3,11 +3,9 @@
 use crate::interpret::Interpreted;
 use crate::log::fingerprint;
 use std::borrow::Cow;
-use std::format;
 use std::path::Path;
 use std::string::{String, ToString};
-use std::vec::Vec;
-use tpm_codegen::diagnostic::{self, Diagnostic};
+use tpm_codegen::diagnostic;
 use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
@@ -122,26 +120,9 @@ impl DeclaredModel {
     /// # Errors
     /// [`ModelFault::Text`], at the model's name, when there is no such pattern.
     pub fn pattern(&self, name: Option<&str>) -> Result<&Pattern, ModelFault> {
-        let model = &self.parsed.model;
-        model.pattern(name).ok_or_else(|| {
-            let (message, help) = match name {
-                None => (
-                    format!("model {} has no pattern", model.name),
-                    "add `pattern { ... }` to it to expand it (logs need none)".to_string(),
-                ),
-                Some(name) => {
-                    let known: Vec<&str> =
-                        model.patterns.iter().filter_map(|pattern| pattern.name.as_deref()).collect();
-                    let help = match known.as_slice() {
-                        [] => "its patterns have no names; leave the name out".to_string(),
-                        known => format!("it has {}", known.join(", ")),
-                    };
-                    (format!("model {} has no pattern named `{name}`", model.name), help)
-                }
-            };
-            let diagnostic = Diagnostic::error(self.parsed.ast.name.span, &message).help(&help);
-            ModelFault::Text { diagnostics: diagnostic::render(&self.source, &diagnostic) }
-        })
+        self.parsed
+            .pattern(name, "leave the name out")
+            .map_err(|fault| ModelFault::Text { diagnostics: diagnostic::render(&self.source, &fault) })
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::campaign::{Campaign, RunReport, Store};
 use crate::experiment::{Experiment, ExperimentError};
 use crate::machine::simulated::simulate;
+use crate::machine::stability::LoopStability;
 use crate::run::trajectory::ReferencePattern;
 use crate::run::{Record, RunEnding, Trial};
 use crate::session::error::SessionError;
@@ -28,19 +29,22 @@ pub fn play_simulated(
     Ok(simulate(plant, &experiment.bench_in_run(model, trial.run)?, trial)?)
 }
 
-/// Plays what a campaign asks for until it ends or the watcher stops it. Runs that a store holds are taken from it; new ones are
-/// kept there, with the seed of their noise, as they end.
+/// Plays what a campaign asks for until it ends or the watcher stops it, and gives the parameters that its estimator estimates. The
+/// campaign comes with what its loop was found to be. Runs that a store holds are taken from it; new ones are kept there as they
+/// end, those of a simulated machine with `seed`, the seed of their noise.
 ///
 /// # Errors
 /// What `play` gives, and [`SessionError::Experiment`].
 pub fn play_campaign(
-    model: &dyn Model<f64>,
-    campaign: &mut Campaign<'_>,
-    store: Option<(&Store, Option<u64>)>,
+    (mut campaign, stability): (Campaign<'_>, LoopStability),
+    source: Source,
+    seed: u64,
+    store: Option<&Store>,
     play: &mut dyn FnMut(&Trial) -> Result<Record, SessionError>,
     watch: &mut Watch<'_>,
-) -> Result<(), SessionError> {
-    let finished = store.map_or_else(|| Ok(Vec::new()), |(store, _)| store.records(model))?;
+) -> Result<Identification, SessionError> {
+    let noise = (source == Source::SimulatedPlant).then_some(seed);
+    let finished = store.map_or_else(|| Ok(Vec::new()), |store| store.records(campaign.model()))?;
     let mut finished = finished.into_iter();
     while let Some(trial) = campaign.next().cloned() {
         let (record, is_new) = match finished.next() {
@@ -51,14 +55,26 @@ pub fn play_campaign(
         // A run in which a sensor dropped out is no finished run: it is played again when the campaign goes on.
         let whole = report.ending != RunEnding::SensorLost;
         let go_on = watch(&trial, &record, report);
-        if let Some((store, seed)) = store.filter(|_| is_new && whole) {
-            store.append(model, &trial, &record, seed)?;
+        if let Some(store) = store.filter(|_| is_new && whole) {
+            store.append(campaign.model(), &trial, &record, noise)?;
         }
         if !go_on {
             break;
         }
     }
-    Ok(())
+    Ok(summary::of_campaign(&campaign, stability, source, seed))
+}
+
+/// Plays a campaign as [`play_campaign`] does, on the simulated machine of its experiment.
+pub(super) fn play_on_simulated(
+    model: &dyn Model<f64>,
+    experiment: &Experiment,
+    stable: (Campaign<'_>, LoopStability),
+    store: Option<&Store>,
+    watch: &mut Watch<'_>,
+) -> Result<Identification, SessionError> {
+    let mut play = |trial: &Trial| Ok(play_simulated(model, experiment, trial)?);
+    play_campaign(stable, Source::SimulatedPlant, experiment.seed, store, &mut play, watch)
 }
 
 /// Runs an experiment's campaign on the simulated machine of a model that was written by hand. `progress` sees every run as it ends
@@ -73,10 +89,6 @@ pub fn identify_simulated(
     progress: &mut dyn FnMut(&RunReport) -> bool,
 ) -> Result<Identification, SessionError> {
     let (setup, stability) = experiment.stable_setup(model, pattern)?;
-    let mut campaign = Campaign::new(model, setup)?;
-    let mut play = |trial: &Trial| Ok(play_simulated(model, experiment, trial)?);
-    play_campaign(model, &mut campaign, None, &mut play, &mut |_, _, run| progress(run))?;
-    let mut result = summary::of_campaign(&campaign, Source::SimulatedPlant, experiment.seed);
-    result.stability = Some(stability);
-    Ok(result)
+    let stable = (Campaign::new(model, setup)?, stability);
+    play_on_simulated(model, experiment, stable, None, &mut |_, _, run| progress(run))
 }

@@ -1,7 +1,8 @@
 //! A log's estimates refined by simulating the model sample by sample.
 
 use crate::estimate::{
-    Candidate, CandidateKind, Differentiable, Estimate, MeasuredMotion, OutputError, OutputErrorFault, Settings, Signals,
+    Candidate, CandidateKind, Differentiable, Estimate, MeasuredMotion, OutputError, OutputErrorFault, Settings,
+    Signals,
 };
 use crate::log::{Log, LogOptions, Periodic};
 use crate::numerics::Matrix;
@@ -230,7 +231,9 @@ fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {
         CandidateKind::Drag { coordinate } => {
             (format!("dot({0})*abs(dot({0}))", q(coordinate)), "drag that grows with the square of the velocity".into())
         }
-        CandidateKind::Friction { coordinate } => (format!("sign(dot({}))", q(coordinate)), "dry (Coulomb) friction".into()),
+        CandidateKind::Friction { coordinate } => {
+            (format!("sign(dot({}))", q(coordinate)), "dry (Coulomb) friction".into())
+        }
         CandidateKind::Stribeck { coordinate } => (
             format!("sign(dot({0}))*exp(-(dot({0})/vs)^2)", q(coordinate)),
             "friction that is larger at low speed (Stribeck)".into(),
@@ -252,9 +255,10 @@ fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {
             format!("{0} beyond {limit:.4}", name(model.input(input))),
             format!("clipping: the input is limited (saturation) at about {limit:.4}").into(),
         ),
-        CandidateKind::Backlash { coordinate } => {
-            (format!("sign(dot({})) on its reading", q(coordinate)), "backlash or hysteresis between machine and sensor".into())
-        }
+        CandidateKind::Backlash { coordinate } => (
+            format!("sign(dot({})) on its reading", q(coordinate)),
+            "backlash or hysteresis between machine and sensor".into(),
+        ),
     };
     MissingTerm {
         term,

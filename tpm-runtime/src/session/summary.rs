@@ -4,6 +4,7 @@ use crate::campaign::Campaign;
 use crate::estimate::named::EstimateReport;
 use crate::estimate::physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
 use crate::estimate::{Estimate, LARGE_RESIDUAL, Status};
+use crate::machine::stability::LoopStability;
 use crate::run::RunEnding;
 use crate::session::identification::{Identification, Provenance, Source};
 use crate::session::warning::{Data, Warning};
@@ -18,8 +19,6 @@ use tpm_symbolic::regressor::prepare::Prepared;
 /// Components of a direction below this one are rounding.
 const NOTHING: f64 = 1e-9;
 
-pub(super) use crate::estimate::named::EstimateReport as Named;
-
 /// Name and version of the program.
 pub(super) fn provenance() -> Provenance {
     Provenance { tool: format!("tpm {}", env!("CARGO_PKG_VERSION")), ..Provenance::default() }
@@ -33,9 +32,9 @@ pub(super) fn options(request: &impl serde::Serialize) -> BTreeMap<String, serde
     }
 }
 
-/// The result of a campaign so far, in the parameters that its estimator gives.
+/// The result of a campaign so far, in the parameters that its estimator gives; `stability` is what its loop was found to be.
 #[must_use]
-pub fn of_campaign(campaign: &Campaign<'_>, source: Source, seed: u64) -> Identification {
+pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
     let model = campaign.model();
     let estimate = campaign.estimate();
     let setup = campaign.setup();
@@ -65,7 +64,7 @@ pub fn of_campaign(campaign: &Campaign<'_>, source: Source, seed: u64) -> Identi
         condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
         residual: found.map_or(0.0, |e| e.residual),
         runs: campaign.runs().to_vec(),
-        stability: None,
+        stability: Some(stability),
         log: None,
         warnings: campaign_warnings(linear, found, campaign),
         provenance: Provenance { seed: (source == Source::SimulatedPlant).then_some(seed), ..provenance() },
@@ -173,14 +172,19 @@ impl<'a> Lumped<'a> {
         quantities.map(|quantity| quantity.name.to_string()).collect()
     }
 
-    /// Adds the physical parameters that explain a result's lumped ones best, and what there is to say of them.
+    /// Adds the physical parameters that explain a result's lumped ones best, and what there is to say of them. The prior and the
+    /// frozen values of `settings` may name other parameters too, which are left out.
     pub(super) fn complete(
         &self,
         result: &mut Identification,
-        settings: &PhysicalSettings,
+        mut settings: PhysicalSettings,
     ) -> Result<(), PhysicalError> {
         let Some(estimate) = &result.estimate else { return Ok(()) };
-        let found = physical(self.0, estimate, settings)?;
+        let names = self.names();
+        for values in [&mut settings.prior, &mut settings.frozen] {
+            values.retain(|name, _| names.contains(name));
+        }
+        let found = physical(self.0, estimate, &settings)?;
         result.physical = found.parameters;
         result.warnings.extend(found.warnings.into_iter().map(|message| Warning::Physical { message }));
         Ok(())

@@ -48,6 +48,14 @@ impl Identification {
         for direction in &self.unobservable {
             text.push_str(&format!("the data do not show the direction {}\n", combination(direction)));
         }
+        text.push_str(&self.warnings_text(spell));
+        text
+    }
+
+    /// The warnings alone as text, one a line, with remedies as [`text`](Self::text) has them.
+    #[must_use]
+    pub fn warnings_text(&self, spell: &dyn Fn(&Remedy) -> Option<String>) -> String {
+        let mut text = String::new();
         for warning in &self.warnings {
             text.push_str(&format!("warning: {warning}"));
             if let Some(words) = warning.remedy().and_then(|remedy| spell(&remedy)) {

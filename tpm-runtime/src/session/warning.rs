@@ -2,7 +2,7 @@
 
 use crate::campaign::{NearMode, Outcome};
 use crate::machine::actuator::LimitUse;
-use crate::report::Remedy;
+use crate::report::{Remedy, displayed};
 use crate::run::RunEnding;
 use crate::session::refine::MissingTerm;
 use serde::Serialize;
@@ -39,12 +39,12 @@ pub enum Warning {
     /// Another assumption about the inputs between samples leaves a clearly smaller residual.
     OtherHold {
         /// The hold that was assumed.
-        #[serde(serialize_with = "hold_name")]
+        #[serde(serialize_with = "displayed")]
         stated: Hold,
         /// Share of the force that it leaves unexplained.
         left: f64,
         /// The hold that explains the log better.
-        #[serde(serialize_with = "hold_name")]
+        #[serde(serialize_with = "displayed")]
         better: Hold,
         /// Share of the force that the better hold leaves unexplained.
         left_by_better: f64,
@@ -165,10 +165,6 @@ pub enum Warning {
         /// The words of [`Physical::warnings`](crate::estimate::physical::Physical::warnings).
         message: String,
     },
-}
-
-fn hold_name<S: serde::Serializer>(hold: &Hold, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_str(hold)
 }
 
 impl Warning {

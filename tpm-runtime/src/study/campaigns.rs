@@ -104,7 +104,7 @@ pub fn study_session(
 ) -> Result<Study, SessionError> {
     let machine = session.machine();
     let identify = |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| {
-        session.with_seed(own.seed).identify(None, &mut |_, _, run| go_on(run))
+        session.identify_seeded(own.seed, &mut |_, _, run| go_on(run))
     };
     study_campaigns(machine.plant(), machine.pattern(), session.experiment(), campaigns, &identify, progress)
 }

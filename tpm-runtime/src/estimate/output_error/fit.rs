@@ -48,7 +48,9 @@ pub struct Signals<'a> {
 #[non_exhaustive]
 pub enum OutputErrorFault {
     /// The rows do not determine the motion.
-    #[error("the motion does not follow from the inputs: the model has not as many rows with derivatives as coordinates")]
+    #[error(
+        "the motion does not follow from the inputs: the model has not as many rows with derivatives as coordinates"
+    )]
     NotSimulable,
     /// The model could not be evaluated.
     #[error("the model could not be simulated: {0}")]
@@ -142,7 +144,11 @@ impl OutputError {
         if !found.terms.is_empty() {
             // With the terms in the model the parameters may be far away, where the linear answer is not exact.
             let mut richer = State {
-                terms: found.terms.iter().map(|term| Active { term: term.term, row: term.row, value: 0.0, std: 0.0 }).collect(),
+                terms: found
+                    .terms
+                    .iter()
+                    .map(|term| Active { term: term.term, row: term.row, value: 0.0, std: 0.0 })
+                    .collect(),
                 ..state.clone()
             };
             let kept = problem.disturbed.clone();
@@ -229,7 +235,16 @@ impl State {
                 share = share.min(size / solution.step[at].abs().max(f64::MIN_POSITIVE));
             }
             if std::env::var("TPM_DEBUG").is_ok() {
-                std::eprintln!("it {iteration} share {share} theta {:?} step {:?} dev {:?} noise {:?} colour {:?} rss {} det {}", self.theta, solution.step, (0..free.len()).map(|a| solution.deviation(a)).collect::<Vec<_>>(), self.noise.inputs, self.noise.colour, smoothed.root.last().unwrap().powi(2)/smoothed.places.len() as f64, smoothed.determinant);
+                std::eprintln!(
+                    "it {iteration} share {share} theta {:?} step {:?} dev {:?} noise {:?} colour {:?} rss {} det {}",
+                    self.theta,
+                    solution.step,
+                    (0..free.len()).map(|a| solution.deviation(a)).collect::<Vec<_>>(),
+                    self.noise.inputs,
+                    self.noise.colour,
+                    smoothed.root.last().unwrap().powi(2) / smoothed.places.len() as f64,
+                    smoothed.determinant
+                );
             }
             for (at, &j) in free.iter().enumerate() {
                 self.theta[j] += share * solution.step[at];
@@ -410,9 +425,10 @@ impl Signals<'_> {
 
     /// Whether rounding to counts makes up the noise of a sensor.
     pub(super) fn counted(&self) -> bool {
-        self.steps.iter().zip(&self.white).any(|(step, white)| {
-            *step > 0.0 && (white * white - step * step / 12.0).max(0.0).sqrt() < 0.5 * step
-        })
+        self.steps
+            .iter()
+            .zip(&self.white)
+            .any(|(step, white)| *step > 0.0 && (white * white - step * step / 12.0).max(0.0).sqrt() < 0.5 * step)
     }
 }
 

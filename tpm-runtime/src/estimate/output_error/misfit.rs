@@ -12,8 +12,8 @@
 use crate::estimate::output_error::fit::{OutputErrorFault, Signals, Solution};
 use crate::estimate::output_error::problem::{Column, Place, Problem};
 use crate::estimate::output_error::smoother::Smoothed;
-use crate::numerics::fourier::forward;
 use crate::numerics::DVector;
+use crate::numerics::fourier::forward;
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
@@ -228,12 +228,11 @@ impl<'a> Along<'a> {
     pub(super) fn column(&self, term: CandidateKind, row: Option<usize>) -> Column {
         let samples = self.samples();
         let r = row.unwrap_or_default();
-        let by_input = matches!(
-            term,
-            CandidateKind::Delay { .. } | CandidateKind::Flexible { .. } | CandidateKind::Limit { .. }
-        );
+        let by_input =
+            matches!(term, CandidateKind::Delay { .. } | CandidateKind::Flexible { .. } | CandidateKind::Limit { .. });
         let sign = |c: usize, v: f64| (v / (SLOW * self.speeds[c])).tanh();
-        let of = |values: &[f64], f: &dyn Fn(f64) -> f64| -> Vec<f64> { values.iter().map(|&value| f(value)).collect() };
+        let of =
+            |values: &[f64], f: &dyn Fn(f64) -> f64| -> Vec<f64> { values.iter().map(|&value| f(value)).collect() };
         let h = self.problem.sample_time;
         let values = match term {
             CandidateKind::Offset => vec![1.0; samples],
@@ -379,7 +378,8 @@ pub(super) fn judge(
     };
     while chosen.len() < MOST_TERMS {
         let gain = |j: usize| own(j, &basis).map(|own| (j, own.dot(&left).powi(2) / own.norm_squared()));
-        let best = (0..m).filter(|j| chosen.iter().all(|(i, _)| i != j)).filter_map(gain).max_by(|a, b| a.1.total_cmp(&b.1));
+        let best =
+            (0..m).filter(|j| chosen.iter().all(|(i, _)| i != j)).filter_map(gain).max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((j, gain)) = best else { break };
         let after = ((rest + left.norm_squared() - gain) / freedom).max(least);
         if !(gain > significant * after) {
@@ -516,7 +516,10 @@ fn vibration(innovations: &[f64], smoothed: &Smoothed, signals: &Signals<'_>) ->
         transform.process(&mut series, &mut spectrum).ok()?;
         let period = samples as f64 / signals.samples_per_period;
         // Bins at the harmonics tell of terms, not of vibrations.
-        let powers: Vec<(usize, f64)> = spectrum.iter().enumerate().skip(1)
+        let powers: Vec<(usize, f64)> = spectrum
+            .iter()
+            .enumerate()
+            .skip(1)
             .filter(|(bin, _)| {
                 let beyond = (*bin as f64 / period).fract();
                 beyond.min(1.0 - beyond) * period > 0.75 || period < 2.0

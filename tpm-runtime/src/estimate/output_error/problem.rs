@@ -127,18 +127,19 @@ impl<'a> Problem<'a> {
     fn inputs_at(&self, k: usize, share: f64, out: &mut [f64]) {
         let disturbed = &self.disturbed[k * self.inputs.len()..(k + 1) * self.inputs.len()];
         for ((value, input), disturbed) in out.iter_mut().zip(&self.inputs).zip(disturbed) {
-            *value = disturbed + match self.hold {
-                Hold::Zoh => input[k],
-                Hold::None => {
-                    let next = (k + 1).min(input.len() - 1);
-                    let (before, after) = (input[k.saturating_sub(1)], input[(next + 1).min(input.len() - 1)]);
-                    let (a, b) = (input[k], input[next]);
-                    // Hermite's cubic with slopes from the neighbours.
-                    let (left, right) = (0.5 * (b - before), 0.5 * (after - a));
-                    let s = share;
-                    a + s * (left + s * (3.0 * (b - a) - 2.0 * left - right + s * (2.0 * (a - b) + left + right)))
-                }
-            };
+            *value = disturbed
+                + match self.hold {
+                    Hold::Zoh => input[k],
+                    Hold::None => {
+                        let next = (k + 1).min(input.len() - 1);
+                        let (before, after) = (input[k.saturating_sub(1)], input[(next + 1).min(input.len() - 1)]);
+                        let (a, b) = (input[k], input[next]);
+                        // Hermite's cubic with slopes from the neighbours.
+                        let (left, right) = (0.5 * (b - before), 0.5 * (after - a));
+                        let s = share;
+                        a + s * (left + s * (3.0 * (b - a) - 2.0 * left - right + s * (2.0 * (a - b) + left + right)))
+                    }
+                };
         }
     }
 

@@ -49,7 +49,8 @@ mod tests {
         let before: Vec<f64> = (0..rows * width).map(entry).collect();
         let mut after = before.clone();
         triangularise(&mut after, width, 3);
-        let product = |m: &[f64], a: usize, b: usize| (0..rows).map(|r| m[r * width + a] * m[r * width + b]).sum::<f64>();
+        let product =
+            |m: &[f64], a: usize, b: usize| (0..rows).map(|r| m[r * width + a] * m[r * width + b]).sum::<f64>();
         for a in 0..width {
             for b in 0..width {
                 assert!((product(&before, a, b) - product(&after, a, b)).abs() < 1e-13);

@@ -232,7 +232,8 @@ impl Smoothed {
             for (c, felt) in felt.iter().enumerate().skip(r + 1) {
                 moved -= self.root[r * self.width + c] * felt;
             }
-            felt[r] = if self.root[r * self.width + r].abs() > 0.0 { moved / self.root[r * self.width + r] } else { 0.0 };
+            felt[r] =
+                if self.root[r * self.width + r].abs() > 0.0 { moved / self.root[r * self.width + r] } else { 0.0 };
         }
         for (column, moved) in columns.iter_mut().zip(&felt) {
             *column -= moved;

@@ -1,6 +1,5 @@
 //! A simulated machine: plant, sensors, drive and sampled control loop.
 
-mod bench;
 mod closed_loop_arm;
 mod continuous;
 mod drive;
@@ -11,7 +10,6 @@ mod sensor;
 mod simulation;
 mod transmission;
 
-pub use bench::SimulatedBench;
 pub use closed_loop_arm::{ArmGeometry, ClosedLoopArm};
 pub use continuous::simulate_continuous;
 pub use drive::drive;
