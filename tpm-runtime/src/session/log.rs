@@ -288,10 +288,14 @@ fn identify_with(
         }
         None => None,
     };
-    let (estimate, refinement, unexplained, vibration) = match refined {
-        Some(Ok(refined)) => (refined.estimate, Some(refined.report), refined.unexplained, refined.vibration),
-        Some(Err(fault)) => (estimate.clone(), Some(RefinementReport::refused(&estimate.values, &fault)), None, None),
-        None => (estimate, None, None, None),
+    let (estimate, refinement, remarks) = match refined {
+        Some(Ok(refined)) => (refined.estimate, Some(refined.report), refined.warnings),
+        Some(Err(fault)) => {
+            let report = RefinementReport::refused(&estimate.values, &fault);
+            let remarks = report.note.iter().cloned().map(|message| Warning::Estimator { message }).collect();
+            (estimate, Some(report), remarks)
+        }
+        None => (estimate, None, Vec::new()),
     };
     let log_report = LogReport {
         path: log.path.clone(),
@@ -325,16 +329,7 @@ fn identify_with(
         refinement,
     };
     let mut warnings = warnings(model, &record, &estimate, options, &log_report, other);
-    if let Some(report) = &log_report.refinement {
-        warnings.extend(report.missing.iter().cloned().map(|term| Warning::MissingTerm { term }));
-        warnings.extend(report.note.iter().cloned().map(|message| Warning::Estimator { message }));
-    }
-    if let Some(power) = unexplained {
-        warnings.push(Warning::Repeats { power });
-    }
-    if let Some(frequency) = vibration {
-        warnings.push(Warning::Vibration { frequency });
-    }
+    warnings.extend(remarks);
     let EstimateReport { parameters, unobservable, combinations, covariance } =
         EstimateReport::new(model, &options.prior, Some(&estimate));
     let mut result = Identification {

@@ -7,6 +7,7 @@ use crate::estimate::{
 use crate::log::{Log, LogOptions, Periodic};
 use crate::numerics::Matrix;
 use crate::run::Spectra;
+use crate::session::warning::Warning;
 use num_complex::Complex;
 use serde::Serialize;
 use std::borrow::Cow;
@@ -18,6 +19,8 @@ use tpm_core::model::{Label, Model};
 
 /// A line belongs to the motion from which the fit starts when its power is this many times that of its noise.
 const CERTAIN: f64 = 9.0;
+/// Share of a parameter by which something that is missing must move it to be spoken of.
+const NEGLIGIBLE: f64 = 1e-3;
 /// Most samples that are simulated one by one; a longer record is averaged over periods first.
 const MOST_SAMPLES: usize = 50_000;
 
@@ -90,10 +93,7 @@ impl RefinementReport {
 pub(super) struct Refined {
     pub(super) estimate: Estimate,
     pub(super) report: RefinementReport,
-    /// Power of what no candidate explains, in units of the noise, where it is beyond chance.
-    pub(super) unexplained: Option<f64>,
-    /// Frequency of a vibration that the model does not have, Hz.
-    pub(super) vibration: Option<f64>,
+    pub(super) warnings: Vec<Warning>,
 }
 
 /// Refines an estimate from the periodic part of a log.
@@ -128,6 +128,7 @@ pub(super) fn refine(
         white: coordinates.iter().map(|signal| white(signal)).collect(),
         steps: (0..dims.coordinates).map(|c| if averaged.is_some() { 0.0 } else { spectra.step(c) }).collect(),
         lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
+        input_lines: (0..dims.inputs).map(|i| motion(spectra, dims.coordinates + i, spectra.highest())).collect(),
     };
     let free: Vec<usize> =
         (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
@@ -138,31 +139,54 @@ pub(super) fn refine(
     let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
     for (a, &i) in free.iter().enumerate() {
         for (b, &j) in free.iter().enumerate() {
-            let noise = found.covariance(a, b).unwrap_or_default() * misfit.inflation;
-            covariance[i][j] = noise + misfit.shift[a] * misfit.shift[b];
+            let own = match found.iterations {
+                Some(_) => found.covariance(a, b).unwrap_or_default() * misfit.inflation,
+                None => estimate.covariance[(i, j)],
+            };
+            covariance[i][j] = own + misfit.shift[a] * misfit.shift[b];
         }
         covariance[i][i] += misfit.range[a].powi(2) + misfit.bent[a].powi(2);
     }
     let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| estimate.covariance.clone());
     let report = RefinementReport {
-        used: true,
-        note: None,
+        used: found.iterations.is_some(),
+        note: found.iterations.is_none().then(|| {
+            "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them".to_string()
+        }),
         samples: signals.coordinates.first().map_or(0, |c| c.len()),
         averaged: averaged.as_ref().map_or(1, |(_, count)| *count),
-        steps: found.iterations,
+        steps: found.iterations.unwrap_or(0),
         sensor_noise: found.sensor_noise.clone(),
         input_noise: found.input_noise.clone(),
         residual: found.residual.clone(),
         before: estimate.values.clone(),
         missing: misfit.terms.iter().map(|term| missing(model, term)).collect(),
     };
-    let unexplained = misfit.repeats.then_some(misfit.periodic);
-    Ok(Refined {
-        estimate: record.restated(estimate, found.values, covariance, settings),
-        report,
-        unexplained,
-        vibration: misfit.vibration,
-    })
+    // What moves nothing by more than this is too small to look for, however surely it is there.
+    let matters = |moved: &dyn Fn(usize) -> f64| {
+        free.iter().enumerate().any(|(a, &j)| moved(a).abs() > NEGLIGIBLE * found.values[j].abs())
+    };
+    let lacking = matters(&|a| misfit.shift[a].hypot(misfit.range[a]));
+    let wide = matters(&|a| (found.covariance(a, a).unwrap_or_default() * misfit.inflation).sqrt());
+    let mut warnings: Vec<Warning> =
+        report.note.iter().cloned().map(|message| Warning::Estimator { message }).collect();
+    let (limits, others) = report.missing.split_at(usize::from(misfit.limited));
+    warnings.extend(limits.iter().cloned().map(|term| Warning::Limited { term }));
+    if lacking {
+        warnings.extend(others.iter().cloned().map(|term| Warning::MissingTerm { term }));
+    }
+    if misfit.repeats && wide {
+        warnings.push(Warning::Repeats { power: misfit.periodic });
+    }
+    if let Some(frequency) = misfit.vibration.filter(|_| matters(&|a| misfit.bent[a])) {
+        warnings.push(Warning::Vibration { frequency });
+    }
+    let (share, settled) = (found.share, found.iterations.is_some());
+    let mut restated = record.restated(estimate, found.values, covariance, settings);
+    if settled {
+        restated.residual = share;
+    }
+    Ok(Refined { estimate: restated, report, warnings })
 }
 
 /// Standard deviation of the white noise on a signal: the median size of its sixth differences, which hold nothing of a motion that is

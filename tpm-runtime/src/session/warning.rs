@@ -145,6 +145,12 @@ pub enum Warning {
         #[serde(flatten)]
         term: MissingTerm,
     },
+    /// An input was cut off at a limit behind the place where it was recorded.
+    Limited {
+        /// The limit.
+        #[serde(flatten)]
+        term: MissingTerm,
+    },
     /// What the model leaves unexplained repeats with the motion, and no single term explains it.
     Repeats {
         /// Power at the harmonics of the motion, in units of that of the noise.
@@ -255,6 +261,11 @@ impl fmt::Display for Warning {
                 term.row.as_ref().map(|row| format!(" in row {row}")).unwrap_or_default(),
                 100.0 * term.gain,
                 term.meaning
+            ),
+            Warning::Limited { term } => write!(
+                f,
+                "the recorded {} was not applied (clipping, saturation behind the recording): the values are those with this limit, without which the record makes no sense",
+                term.term
             ),
             Warning::Repeats { power } => write!(
                 f,

@@ -116,6 +116,7 @@ fn solve_records(
         .collect();
     let equations_total: usize = equations.iter().map(Equations::real_len).sum();
     let mut noise: Vec<Option<Noise>> = records.iter().map(|_| None).collect();
+    let mut levels: Vec<Vec<Option<f64>>> = records.iter().map(|_| vec![None; dims.rows]).collect();
     let mut gradient = vec![0.0; free.indices.len()];
     let mut information = Information::empty(free.indices.len());
     let mut solution = information.scaled().solve(&prior_free, None, &hidden);
@@ -149,6 +150,11 @@ fn solve_records(
         let share = 1.0 - (solution.rank as f64 / equations_total.max(1) as f64).min(1.0);
         for (i, (record, equations)) in records.iter().zip(&mut equations).enumerate() {
             let mut variance = record.row_noise(&theta);
+            for (row, (variance, level)) in variance.iter_mut().zip(&mut levels[i]).enumerate() {
+                if !record.driven[row] {
+                    hold_level(variance, level);
+                }
+            }
             let memory = settings.memory(records.len() - 1 - i);
             let sensors = record.used.iter().zip(&variance).enumerate().flat_map(|(row, (used, variance))| {
                 used.iter().zip(variance).map(move |(&k, v)| v - record.error_apart(row, k))
@@ -223,6 +229,18 @@ fn solve_records(
         model_error: (0..dims.rows).map(|r| model_error.iter().map(|e| e[r].sqrt()).fold(0.0, f64::max)).collect(),
     };
     Ok(Fitted { estimate, theta })
+}
+
+/// Keeps the sum of the variances of a row without an input at what it was at first.
+///
+/// All terms of such a row carry parameters, so that its noise shrinks with them: weights that followed it would reward small
+/// parameters, and the row would collapse to zero.
+fn hold_level(variance: &mut [f64], level: &mut Option<f64>) {
+    let sum: f64 = variance.iter().sum();
+    let first = *level.get_or_insert(sum);
+    if sum > 0.0 {
+        variance.iter_mut().for_each(|v| *v *= first / sum);
+    }
 }
 
 /// The noise of one record's equations with the model's own error.

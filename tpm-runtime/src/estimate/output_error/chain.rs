@@ -96,6 +96,21 @@ impl Chain {
 }
 
 impl Chain {
+    /// The chain with the inputs as they were recorded.
+    pub(super) fn as_recorded(mut self) -> Self {
+        let (n, width) = (self.order, self.width());
+        for (k, defect) in self.defect.chunks_exact_mut(n).enumerate() {
+            for (s, value) in defect.iter_mut().enumerate() {
+                let forcing =
+                    &self.forcing[(k * n + s) * width + self.columns..(k * n + s) * width + self.columns + self.inputs];
+                let disturbed = &self.disturbed[k * self.inputs..(k + 1) * self.inputs];
+                *value -= forcing.iter().zip(disturbed).map(|(f, w)| f * w).sum::<f64>();
+            }
+        }
+        self.disturbed.fill(0.0);
+        self
+    }
+
     /// A stretch of the record.
     pub(super) fn stretch(&self, from: usize, samples: usize) -> Self {
         let part = |values: &[f64], of_sample: usize, count: usize| -> Vec<f64> {

@@ -1,8 +1,10 @@
 //! Gauss-Newton over states and parameters, and the noise under which it weighs a record.
 
 use crate::estimate::output_error::chain::Chain;
-use crate::estimate::output_error::misfit::{self, Along, CandidateKind, Misfit};
-use crate::estimate::output_error::problem::{Column, Differentiable, Problem};
+use crate::estimate::output_error::clipping::{self, Clipping};
+use crate::estimate::output_error::local;
+use crate::estimate::output_error::misfit::{self, Along, Candidate, CandidateKind, Misfit};
+use crate::estimate::output_error::problem::{Column, Differentiable, Place, Problem};
 use crate::estimate::output_error::smoother::{Noise, Smoothed};
 use crate::numerics::DMatrix;
 use num_complex::Complex;
@@ -12,13 +14,23 @@ use tpm_core::harmonics::Hold;
 use tpm_core::model::EvalError;
 
 /// Most Gauss-Newton steps.
-const MOST_STEPS: usize = 15;
+const MOST_STEPS: usize = 25;
 /// The iteration has converged when no parameter moves by more than this share of its deviation.
 const CONVERGED: f64 = 1e-2;
+/// After this many steps a parameter may still move by [`SETTLED`].
+const PATIENT: usize = 6;
+/// Share of its deviation by which a parameter may move when the steps no longer become smaller.
+const SETTLED: f64 = 0.5;
+/// Variance of the first innovations, in units of the sensors' white noise, above which there is more than that.
+const NOISY: f64 = 10.0;
 /// Samples on which the noise is told from the motion.
 const TUNING: usize = 4000;
 /// Least gain of twice the logarithm of the likelihood at which a kind of noise is believed.
 const BELIEVED: f64 = 10.0;
+/// Power that harmonics leave of a record, in units of its noise, above which they are no description of its motion.
+const UNEXPLAINED: f64 = 100.0;
+/// Share of a period over which a polynomial is fitted on either side of a sample, as one over this.
+const LOCAL: u32 = 60;
 /// Least noise of a sensor, as a share of its root mean square: rounding of numbers that a file holds.
 const ROUNDING: f64 = 1e-9;
 
@@ -39,8 +51,10 @@ pub struct Signals<'a> {
     pub white: Vec<f64>,
     /// Step of each sensor; zero where its values lie on no grid.
     pub steps: Vec<f64>,
-    /// Phasors of the coordinates at the harmonics of the period.
+    /// Phasors of the coordinates at the harmonics of the period, as far as they stand out of the noise.
     pub lines: Vec<Vec<Complex<f64>>>,
+    /// Phasors of the inputs at the harmonics of the period, as far as they stand out of the noise.
+    pub input_lines: Vec<Vec<Complex<f64>>>,
 }
 
 /// Why a record was not fitted sample by sample.
@@ -76,8 +90,9 @@ pub struct OutputError {
     covariance: DMatrix<f64>,
     /// Indices of the parameters that were estimated.
     pub free: Vec<usize>,
-    /// Gauss-Newton steps that were made.
-    pub iterations: usize,
+    /// Gauss-Newton steps that were made; nothing where they did not settle on parameters with the model as it is, so that the values
+    /// are those from which they began.
+    pub iterations: Option<usize>,
     /// Standard deviation of every sensor's noise as it was found, unit of the coordinate.
     pub sensor_noise: Vec<f64>,
     /// Standard deviation of the noise of every recorded input, unit of the input; zero where the record is taken as exact.
@@ -86,6 +101,9 @@ pub struct OutputError {
     pub colour: Vec<f64>,
     /// Root mean square of measured less simulated motion, unit of the coordinate.
     pub residual: Vec<f64>,
+    /// What is not explained, as a share: the largest of that residual beside the motion, and of what the inputs are taken to have
+    /// been beside what was recorded.
+    pub share: f64,
     /// What the model leaves unexplained.
     pub misfit: Misfit,
 }
@@ -125,22 +143,38 @@ impl OutputError {
             disturbed: vec![0.0; samples * signals.inputs.len()],
         };
         let outputs = signals.coordinates.len();
+        let clipped = clipping::find(&problem, signals, start)?;
         let mut state = State {
             motion: signals.motion(&problem.states),
-            theta: start.to_vec(),
+            theta: clipped.as_ref().map_or(start, |clipped| &clipped.theta).to_vec(),
             terms: Vec::new(),
             noise: signals.noise(),
+            own: Vec::new(),
         };
+        if let Some(Clipping { input, applied, edge, .. }) = &clipped {
+            problem.inputs[*input] = applied;
+            state.own.push((edge.clone(), 0.0));
+        }
         let scale: Vec<f64> = (0..outputs).map(|c| state.noise.typical(c, outputs)).collect();
         problem.steps = problem.needed_steps(&state.motion, &state.theta)?;
-        let iterations = state.settle(&mut problem, signals, &scale, hidden, true)?;
+        let begun = state.clone();
+        let settled = state.settle(&mut problem, signals, &scale, hidden, true);
+        if settled.is_err() {
+            // Terms that are missing may be what keeps the parameters from settling; they are looked for where the fit began.
+            state = State { noise: state.noise, ..begun };
+            problem.disturbed.fill(0.0);
+        }
         let columns = misfit::columns(&problem, signals, &state.motion, &state.theta)?;
-        let acting: Vec<_> = columns.iter().map(|candidate| candidate.column.clone()).collect();
-        let chain = problem.linearise(&state.motion, &state.theta, &acting, &scale)?;
+        let own = state.own.iter().map(|(column, _)| column.clone());
+        let acting: Vec<Column> = own.chain(columns.iter().map(|candidate| candidate.column.clone())).collect();
+        let mut values: Vec<f64> = state.own.iter().map(|(_, value)| *value).collect();
+        values.resize(acting.len(), 0.0);
+        let chain = problem.linearise_at(&state.motion, &state.theta, &acting, &values, &scale)?;
         let smoothed = Smoothed::new(&chain, &state.noise, false);
-        let p = free.len();
+        let p = free.len() + state.own.len();
         let bare = Solution::of_columns(&smoothed, p, hidden)?;
-        let mut found = misfit::judge(&smoothed, free, &columns, &bare, signals);
+        let mut found = misfit::judge(&smoothed, (free, p), &columns, &bare, signals, state.noise.is_plain());
+        let mut explained = false;
         if !found.terms.is_empty() {
             // With the terms in the model the parameters may be far away, where the linear answer is not exact.
             let mut richer = State {
@@ -152,7 +186,8 @@ impl OutputError {
                 ..state.clone()
             };
             let kept = problem.disturbed.clone();
-            if richer.settle(&mut problem, signals, &scale, hidden, false).is_ok() {
+            if richer.settle(&mut problem, signals, &scale, hidden, settled.is_err()).is_ok() {
+                explained = true;
                 for (term, active) in found.terms.iter_mut().zip(&richer.terms) {
                     (term.term, term.value) = (active.term, active.value);
                     term.std = active.std * found.scale.sqrt();
@@ -163,13 +198,48 @@ impl OutputError {
             }
             problem.disturbed = kept;
         }
+        if let (Some(clipped), Some((_, moved))) = (&clipped, state.own.first()) {
+            let at = free.len();
+            found.terms.insert(
+                0,
+                Candidate {
+                    term: CandidateKind::Limit { input: clipped.input, limit: clipped.limit + moved },
+                    row: match clipped.edge.place {
+                        Place::Row(row) => Some(row),
+                        Place::Reading(_) => None,
+                    },
+                    value: 1.0,
+                    std: (bare.covariance[(at, at)] * found.scale).sqrt(),
+                    gain: 1.0,
+                },
+            );
+            found.limited = true;
+        }
+        let iterations = match settled {
+            Ok(iterations) => Some(iterations),
+            Err(_) if explained => None,
+            Err(fault) => return Err(fault),
+        };
         let residual = (0..outputs)
             .map(|c| {
                 let of = chain.errors.iter().skip(c).step_by(outputs);
                 (of.map(|e| e * e).sum::<f64>() / samples.max(1) as f64).sqrt()
             })
             .collect();
+        let spread = |signal: &[f64]| -> f64 {
+            let mean = signal.iter().sum::<f64>() / signal.len().max(1) as f64;
+            (signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / signal.len().max(1) as f64).sqrt()
+        };
+        let residual: Vec<f64> = residual;
+        let by_motion = residual.iter().zip(&signals.coordinates).map(|(left, signal)| left / spread(signal));
+        let inputs = signals.inputs.len();
+        let by_input = signals.inputs.iter().enumerate().map(|(i, input)| {
+            let taken: Vec<f64> = problem.disturbed.iter().skip(i).step_by(inputs.max(1)).copied().collect();
+            spread(&taken) / spread(input)
+        });
+        let share = by_motion.chain(by_input).filter(|share| share.is_finite()).fold(0.0, f64::max);
         Ok(OutputError {
+            share,
             values: state.theta,
             covariance: &bare.covariance * found.scale,
             free: free.to_vec(),
@@ -199,6 +269,8 @@ struct State {
     theta: Vec<f64>,
     terms: Vec<Active>,
     noise: Noise,
+    /// Columns that are part of the model for this record, with their values.
+    own: Vec<(Column, f64)>,
 }
 
 impl State {
@@ -214,24 +286,37 @@ impl State {
         let free = problem.free.clone();
         for iteration in 0..MOST_STEPS {
             let columns = self.columns(problem, signals)?;
-            let values: Vec<f64> = (self.terms.iter())
-                .flat_map(|active| {
-                    let limit = matches!(active.term, CandidateKind::Limit { .. });
-                    std::iter::once(active.value).chain(limit.then_some(0.0))
-                })
-                .collect();
-            let chain = problem.linearise_at(&self.motion, &self.theta, &columns, &values, scale)?;
-            if tuned && (iteration == 0 || iteration == 3) {
+            let own = self.own.iter().map(|(_, value)| *value);
+            let by_term = (self.terms.iter()).flat_map(|active| {
+                let limit = matches!(active.term, CandidateKind::Limit { .. });
+                std::iter::once(active.value).chain(limit.then_some(0.0))
+            });
+            let values: Vec<f64> = own.chain(by_term).collect();
+            let mut chain = problem.linearise_at(&self.motion, &self.theta, &columns, &values, scale)?;
+            // The noise is told from the motion once the motion obeys the model, and again where there is more than white noise of
+            // the sensors.
+            if tuned && (iteration == 1 || iteration == 3 && !self.noise.is_plain()) {
                 self.noise = tune(&chain, &self.noise, signals);
+                if self.noise.inputs.iter().all(|sigma| *sigma <= 0.0) {
+                    problem.disturbed.fill(0.0);
+                    chain = chain.as_recorded();
+                }
             }
-            let smoothed = Smoothed::new(&chain, &self.noise, true);
+            let mut smoothed = Smoothed::new(&chain, &self.noise, true);
+            if tuned && iteration == 0 && smoothed.scale() > NOISY {
+                self.noise = tune(&chain, &self.noise, signals);
+                smoothed = Smoothed::new(&chain, &self.noise, true);
+            }
             let solution = Solution::of_columns(&smoothed, chain.columns, hidden)?;
             let (states, inputs) =
                 smoothed.corrections(&chain, &self.noise, &solution.step).ok_or(OutputErrorFault::Singular)?;
-            let mut share = 1.0_f64;
+            // Signs that turn a sample earlier or later make whole steps go to and fro.
+            let turning = iteration >= PATIENT && problem.machine.derivatives.switches() > 0;
+            let whole = if turning { 0.5 } else { 1.0 };
+            let mut share: f64 = whole;
             for (at, &j) in free.iter().enumerate() {
-                // A parameter is never moved by more than itself in one step unless it is nothing.
-                let size = self.theta[j].abs().max(3.0 * solution.deviation(at));
+                // A parameter moves by half of itself at most in one step, unless it is nothing.
+                let size = (0.5 * self.theta[j].abs()).max(3.0 * solution.deviation(at));
                 share = share.min(size / solution.step[at].abs().max(f64::MIN_POSITIVE));
             }
             if std::env::var("TPM_DEBUG").is_ok() {
@@ -256,6 +341,10 @@ impl State {
                 *value += share * correction;
             }
             let mut at = free.len();
+            for (_, value) in &mut self.own {
+                *value += share * solution.step[at];
+                at += 1;
+            }
             for active in &mut self.terms {
                 active.value += share * solution.step[at];
                 active.std = solution.deviation(at);
@@ -265,8 +354,9 @@ impl State {
                     at += 1;
                 }
             }
-            let still = (0..chain.columns).all(|at| solution.step[at].abs() <= CONVERGED * solution.deviation(at));
-            if share >= 1.0 && still && (iteration > 3 || !tuned) {
+            let small = if turning { SETTLED } else { CONVERGED };
+            let still = (0..chain.columns).all(|at| solution.step[at].abs() <= small * solution.deviation(at));
+            if share >= whole && still && (iteration > 3 || iteration > 1 && self.noise.is_plain() || !tuned) {
                 return Ok(iteration + 1);
             }
         }
@@ -275,11 +365,11 @@ impl State {
 
     /// The columns of the terms that are part of the model; a limit has one more, for where it lies.
     fn columns(&self, problem: &Problem<'_>, signals: &Signals<'_>) -> Result<Vec<Column>, OutputErrorFault> {
+        let mut columns: Vec<Column> = self.own.iter().map(|(column, _)| column.clone()).collect();
         if self.terms.is_empty() {
-            return Ok(Vec::new());
+            return Ok(columns);
         }
         let along = Along::new(problem, signals, &self.motion, &self.theta)?;
-        let mut columns = Vec::new();
         for active in &self.terms {
             columns.push(along.column(active.term, active.row));
             if let CandidateKind::Limit { .. } = active.term {
@@ -352,33 +442,84 @@ impl Solution {
 }
 
 impl Signals<'_> {
-    /// The motion by its harmonics, all states at every sample.
-    fn motion(&self, states: &[(usize, usize)]) -> Vec<f64> {
+    /// The motion from which the fit begins, given derivatives of coordinates at every sample: that of the harmonics, or of
+    /// polynomials over a few samples for a coordinate whose record the harmonics do not explain, such as one that has not settled.
+    pub(super) fn motion(&self, slots: &[(usize, usize)]) -> Vec<f64> {
         let samples = self.coordinates.first().map_or(0, |c| c.len());
-        let n = states.len();
+        let n = slots.len();
         let mut motion = vec![0.0; samples * n];
-        let fundamental = 2.0 * std::f64::consts::PI / (self.samples_per_period * self.sample_time);
-        for (s, &(c, derivative)) in states.iter().enumerate() {
-            for (k, line) in self.lines[c].iter().enumerate() {
-                let turn = Complex::new(0.0, k as f64 * fundamental);
-                let phasor = line * turn.powu(derivative as u32);
-                if phasor.norm_sqr() <= 0.0 {
-                    continue;
-                }
-                let angle = k as f64 * fundamental * self.sample_time;
-                let step = Complex::new(angle.cos(), angle.sin());
-                let mut wave = phasor;
-                for (i, slot) in motion.iter_mut().skip(s).step_by(n).enumerate() {
-                    if i % 1024 == 0 {
-                        let at = (i as f64 * angle).rem_euclid(2.0 * std::f64::consts::PI);
-                        wave = phasor * Complex::new(at.cos(), at.sin());
+        for (c, signal) in self.coordinates.iter().enumerate() {
+            let mut periodic = vec![0.0; samples];
+            self.synthesise(&self.lines[c], 0, periodic.iter_mut());
+            let power = |left: &mut dyn Iterator<Item = f64>| left.map(|e| e * e).sum::<f64>() / samples.max(1) as f64;
+            let left = power(&mut signal.iter().zip(&periodic).map(|(x, y)| x - y));
+            let noise = self.white[c].powi(2) + self.steps[c].powi(2) / 12.0;
+            let order = slots.iter().filter(|slot| slot.0 == c).map(|slot| slot.1).max().unwrap_or(0);
+            let half = ((self.samples_per_period / f64::from(LOCAL)) as usize).max(3 + order);
+            let local = if left > UNEXPLAINED * noise {
+                local::derivatives(signal, self.sample_time, half, order)
+            } else {
+                None
+            };
+            for (s, &(_, derivative)) in slots.iter().enumerate().filter(|(_, slot)| slot.0 == c) {
+                let to = motion.iter_mut().skip(s).step_by(n);
+                match &local {
+                    Some(local) => {
+                        let from = local.iter().skip(derivative).step_by(order + 1);
+                        to.zip(from).for_each(|(to, from)| *to = *from);
                     }
-                    *slot += wave.re;
-                    wave *= step;
+                    None => self.synthesise(&self.lines[c], derivative, to),
                 }
             }
         }
         motion
+    }
+
+    /// The highest harmonic of a coordinate that is no smaller than a thousandth of the largest.
+    pub(super) fn highest(&self, coordinate: usize) -> usize {
+        let lines = &self.lines[coordinate];
+        let peak = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+        lines.iter().rposition(|line| line.norm() >= 1e-3 * peak).unwrap_or(1).max(1)
+    }
+
+    /// The periodic part of an input.
+    pub(super) fn periodic_input(&self, input: usize) -> Vec<f64> {
+        let mut wave = vec![0.0; self.inputs[input].len()];
+        self.synthesise(&self.input_lines[input], 0, wave.iter_mut());
+        wave
+    }
+
+    /// Adds a derivative of a Fourier series to successive samples.
+    fn synthesise<'s>(
+        &self,
+        lines: &[Complex<f64>],
+        derivative: usize,
+        mut samples: impl Iterator<Item = &'s mut f64> + ExactSizeIterator,
+    ) {
+        let fundamental = 2.0 * std::f64::consts::PI / (self.samples_per_period * self.sample_time);
+        let wanted = |(k, line): (usize, &Complex<f64>)| {
+            let phasor = line * Complex::new(0.0, k as f64 * fundamental).powu(derivative as u32);
+            (phasor.norm_sqr() > 0.0).then_some((k as f64 * fundamental * self.sample_time, phasor))
+        };
+        let mut waves: Vec<(f64, Complex<f64>, Complex<f64>, Complex<f64>)> = (lines.iter().enumerate())
+            .filter_map(wanted)
+            .map(|(angle, phasor)| (angle, phasor, phasor, Complex::from_polar(1.0, angle)))
+            .collect();
+        for i in 0..samples.len() {
+            let mut sum = 0.0;
+            for (angle, phasor, wave, step) in &mut waves {
+                // The angle is formed anew now and then, so that rounding does not add up.
+                if i % 1024 == 0 {
+                    *wave =
+                        *phasor * Complex::from_polar(1.0, (i as f64 * *angle).rem_euclid(2.0 * std::f64::consts::PI));
+                }
+                sum += wave.re;
+                *wave *= *step;
+            }
+            if let Some(slot) = samples.next() {
+                *slot += sum;
+            }
+        }
     }
 
     /// The noise of the sensors: white by the spectrum, and the rounding to counts where there is any.
@@ -396,14 +537,8 @@ impl Signals<'_> {
             let rounded = step * step / 12.0;
             let own = (self.white[c].powi(2) - rounded).max(0.0);
             if step > 0.0 && own.sqrt() < 0.5 * step {
-                let period = self.samples_per_period.round() as usize;
-                let pairs = signal.iter().zip(signal.iter().skip(period.max(1)));
-                let (same, all) = pairs.fold((0_u32, 0_u32), |(same, all), (a, b)| {
-                    (same + u32::from((a - b).abs() < 0.5 * step), all + 1)
-                });
-                let repeats = if all > 0 { f64::from(same) / f64::from(all) } else { 0.0 };
-                let periods = samples as f64 / self.samples_per_period.max(1.0);
-                let copies = 1.0 + (periods - 1.0).max(0.0) * repeats;
+                // The error is a function of the phase of a periodic motion, the same in every period.
+                let copies = (samples as f64 / self.samples_per_period.max(1.0)).max(1.0);
                 let mut k = 0;
                 while k < samples {
                     let first = k;
@@ -437,7 +572,7 @@ fn tune(chain: &Chain, before: &Noise, signals: &Signals<'_>) -> Noise {
     let outputs = chain.outputs.len();
     let length = chain.samples.min(TUNING);
     let from = (chain.samples - length) / 2;
-    let stretch = chain.stretch(from, length);
+    let stretch = chain.stretch(from, length).as_recorded();
     let cut = |noise: &Noise| Noise {
         readings: noise.readings[from * outputs..(from + length) * outputs].to_vec(),
         colour: noise.colour.clone(),

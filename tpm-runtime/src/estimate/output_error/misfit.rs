@@ -24,7 +24,7 @@ const FALSE_ALARMS: f64 = 0.01;
 /// Most candidates that are taken in.
 const MOST_TERMS: usize = 3;
 /// A candidate whose column is explained by the others but for this share of its power says nothing of its own.
-const OWN: f64 = 1e-8;
+const OWN: f64 = 1e-4;
 /// Harmonics at which the residual is compared with its neighbours.
 const HARMONICS: usize = 24;
 /// Standard deviations beyond which the power at the harmonics, or the correlation of neighbouring residuals, is no chance.
@@ -35,6 +35,10 @@ const SLOW: f64 = 0.02;
 const STRIBECK: f64 = 0.2;
 /// Chance of a false alarm about a vibration.
 const VIBRATION: f64 = 0.002;
+/// A vibration of the machine lies above this multiple of the highest harmonic of its motion.
+const BEYOND_MOTION: f64 = 2.0;
+/// Samples that a vibration must have in one of its periods.
+const NEAR_SAMPLING: usize = 5;
 /// Bins on either side over which the power of the innovations is averaged.
 const SMOOTHED: usize = 10;
 /// Limits of an input that are tried, as shares of its largest value.
@@ -142,6 +146,8 @@ pub struct Misfit {
     pub repeats: bool,
     /// Significant candidates, the strongest first.
     pub terms: Vec<Candidate>,
+    /// Whether the first of them is a limit of an input that is part of the fit: without it the record makes no sense.
+    pub limited: bool,
     /// How far every free parameter moves when these terms are part of the model.
     pub shift: Vec<f64>,
     /// Half of the range over which every free parameter drifts during the record.
@@ -167,6 +173,7 @@ pub(super) struct Along<'a> {
     rates: Vec<Vec<f64>>,
     /// Root mean square of every rate.
     speeds: Vec<f64>,
+    /// The inputs without their noise.
     inputs: Vec<Vec<f64>>,
     regressors: Vec<f64>,
     maps: Vec<f64>,
@@ -190,10 +197,10 @@ impl<'a> Along<'a> {
         };
         let rates: Vec<Vec<f64>> = (0..dims.coordinates).map(|c| series(c, 1)).collect();
         let rms = |v: &Vec<f64>| (v.iter().map(|v| v * v).sum::<f64>() / samples.max(1) as f64).sqrt();
-        let inputs = signals.inputs.iter().enumerate().map(|(i, input)| {
-            let disturbed = problem.disturbed.iter().skip(i).step_by(dims.inputs.max(1));
-            input.iter().zip(disturbed).map(|(u, w)| u + w).collect()
-        });
+        // A rate of a noisy input would be that noise, which the innovations hold too.
+        let exact = problem.disturbed.iter().all(|w| w.abs() <= 0.0);
+        let inputs = (signals.inputs.iter().enumerate())
+            .map(|(i, input)| if exact { input.to_vec() } else { signals.periodic_input(i) });
         Ok(Along {
             problem,
             positions: (0..dims.coordinates).map(|c| series(c, 0)).collect(),
@@ -345,15 +352,18 @@ pub(super) fn columns(
     Ok(terms.into_iter().map(|(term, row)| Proposed { term, column: along.column(term, row) }).collect())
 }
 
-/// What the innovations show, given the first `p` columns for the parameters and the others for the candidates.
+/// What the innovations show, given the first `base` columns for the parameters and whatever else is part of the model, and the others
+/// for the candidates.
 pub(super) fn judge(
     smoothed: &Smoothed,
-    free: &[usize],
+    (free, base): (&[usize], usize),
     proposed: &[Proposed],
     bare: &Solution,
     signals: &Signals<'_>,
+    exact: bool,
 ) -> Misfit {
-    let p = free.len();
+    // Behind the parameters stand the columns that are part of the model for this record.
+    let p = base;
     let width = smoothed.width();
     let m = width - 1 - p;
     let root = |r: usize, c: usize| if c >= r { smoothed.root[r * width + c] } else { 0.0 };
@@ -439,7 +449,9 @@ pub(super) fn judge(
             range[at] = term.value.abs();
         }
     }
-    let vibration = if signals.counted() || repeats { None } else { vibration(&innovations, smoothed, signals) };
+    // What noise of inputs does at a mode of the model looks like a vibration where its level is not known well.
+    let vibration =
+        if signals.counted() || repeats || !exact { None } else { vibration(&innovations, smoothed, signals) };
     let mut bent = vec![0.0; p];
     if let Some(frequency) = vibration {
         // Below its resonance a flexible machine moves as a stiff one under an input that leads by its second rate over the square
@@ -453,7 +465,7 @@ pub(super) fn judge(
             }
         }
     }
-    Misfit { scale, correlation, periodic, repeats, terms, shift, range, vibration, bent, inflation }
+    Misfit { scale, correlation, periodic, repeats, terms, limited: false, shift, range, vibration, bent, inflation }
 }
 
 /// Correlation of successive innovations of the same sensor.
@@ -515,6 +527,7 @@ fn vibration(innovations: &[f64], smoothed: &Smoothed, signals: &Signals<'_>) ->
         let mut spectrum = transform.make_output_vec();
         transform.process(&mut series, &mut spectrum).ok()?;
         let period = samples as f64 / signals.samples_per_period;
+        let above = BEYOND_MOTION * signals.highest(c) as f64 * period;
         // Bins at the harmonics tell of terms, not of vibrations.
         let powers: Vec<(usize, f64)> = spectrum
             .iter()
@@ -540,7 +553,10 @@ fn vibration(innovations: &[f64], smoothed: &Smoothed, signals: &Signals<'_>) ->
                 && worst.is_none_or(|(most, _)| level > most)
             {
                 let strongest = window.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
-                worst = Some((level, strongest.0 as f64 / (samples as f64 * signals.sample_time)));
+                // Nearer to the sampling frequency it is how the record was sampled that shows.
+                if strongest.0 * NEAR_SAMPLING < samples && strongest.0 as f64 > above {
+                    worst = Some((level, strongest.0 as f64 / (samples as f64 * signals.sample_time)));
+                }
             }
         }
     }

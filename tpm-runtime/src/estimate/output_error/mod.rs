@@ -11,7 +11,9 @@
 //! ```
 
 mod chain;
+mod clipping;
 mod fit;
+mod local;
 mod misfit;
 mod problem;
 mod reflect;

@@ -1,7 +1,6 @@
 //! A record in the time domain, and its linearisation about a motion.
 
 use crate::estimate::output_error::chain::Chain;
-use crate::numerics::DMatrix;
 use rayon::prelude::*;
 use std::vec;
 use std::vec::Vec;
@@ -13,6 +12,8 @@ use tpm_core::model::{EvalError, Model};
 /// A sign is believed where its argument is above this share of its root mean square: nearer to rest, friction takes any value
 /// between its two.
 const AT_REST: f64 = 0.02;
+/// How much larger than friction's impulse the unknown force of a machine at rest may be.
+const FREE: f64 = 5.0;
 /// Most steps of integration from one sample to the next.
 const MOST_STEPS: usize = 16;
 /// Largest error of the integration, as a share of what a state changes in the whole record's typical sample.
@@ -89,6 +90,13 @@ struct Scratch {
     rates: [Vec<f64>; 4],
     state: Vec<f64>,
     inputs: Vec<f64>,
+    right: Vec<f64>,
+    mass: Vec<f64>,
+    matrix: Vec<f64>,
+    jacobian_of_states: Vec<f64>,
+    forces: Vec<f64>,
+    power: Vec<f64>,
+    product: Vec<f64>,
 }
 
 impl<'a> Problem<'a> {
@@ -120,6 +128,13 @@ impl<'a> Problem<'a> {
             rates: std::array::from_fn(|_| vec![0.0; n]),
             state: vec![0.0; n],
             inputs: vec![0.0; dims.inputs],
+            right: Vec::new(),
+            mass: Vec::new(),
+            matrix: Vec::new(),
+            jacobian_of_states: Vec::new(),
+            forces: Vec::new(),
+            power: Vec::new(),
+            product: Vec::new(),
         }
     }
 
@@ -230,21 +245,7 @@ impl<'a> Problem<'a> {
         Ok(steps)
     }
 
-    /// Linearises the record about states and parameters.
-    ///
-    /// # Errors
-    /// [`EvalError`] when the model cannot be evaluated.
-    pub(super) fn linearise(
-        &self,
-        states: &[f64],
-        theta: &[f64],
-        columns: &[Column],
-        scale: &[f64],
-    ) -> Result<Chain, EvalError> {
-        self.linearise_at(states, theta, columns, &vec![0.0; columns.len()], scale)
-    }
-
-    /// Linearises the record where the columns have values of their own.
+    /// Linearises the record about states, parameters and values of the columns.
     ///
     /// # Errors
     /// [`EvalError`] when the model cannot be evaluated.
@@ -375,81 +376,83 @@ impl<'a> Problem<'a> {
                 &mut scratch.switching,
             )?;
         }
-        // Right-hand sides of M x = -dr/d(state), -phi, ..., B, -jump, column by column.
+        // Right-hand sides of M x = -dr/d(state), -phi, ..., B, -jump: one row of `right` per column.
         let motion_len = dims.motion_len();
         let all = n + width;
-        let mut right = DMatrix::zeros(rows, all);
-        let mut mass = DMatrix::zeros(rows, rows);
+        let Scratch { jacobian, phi, map, switching, right, mass, matrix, .. } = scratch;
+        right.clear();
+        right.resize(all * rows, 0.0);
+        mass.clear();
         for row in 0..rows {
+            let mut put = |column: usize, value: f64| right[column * rows + row] = value;
             for (s, &of) in self.states.iter().enumerate() {
-                right[(row, s)] = -scratch.jacobian[row * motion_len + self.place(of)];
+                put(s, -jacobian[row * motion_len + self.place(of)]);
             }
             for (j, &free) in self.free.iter().enumerate() {
-                right[(row, n + j)] = -scratch.phi[row * dims.parameters + free];
+                put(n + j, -phi[row * dims.parameters + free]);
             }
             for (j, column) in columns.iter().enumerate() {
                 if column.place == Place::Row(row) {
                     let later = if column.held { column.values[k] } else { column.values[k + 1] };
-                    right[(row, n + self.free.len() + j)] = -0.5 * (column.values[k] + later);
+                    put(n + self.free.len() + j, -0.5 * (column.values[k] + later));
                 }
             }
             for i in 0..dims.inputs {
-                right[(row, n + p + i)] = scratch.map[row * dims.inputs + i];
+                put(n + p + i, map[row * dims.inputs + i]);
             }
             for s in 0..switches {
-                right[(row, n + p + dims.inputs + s)] = -scratch.switching[s * (1 + rows) + 1 + row];
+                put(n + p + dims.inputs + s, -switching[s * (1 + rows) + 1 + row]);
             }
-            for c in 0..rows {
-                mass[(row, c)] = scratch.jacobian[row * motion_len + model.coordinate_order(c) * dims.coordinates + c];
-            }
+            mass.extend(
+                (0..rows).map(|c| jacobian[row * motion_len + model.coordinate_order(c) * dims.coordinates + c]),
+            );
         }
-        let mut flat: Vec<f64> = mass.transpose().iter().copied().collect();
-        if rows == 1 {
-            let inverse = 1.0 / flat[0];
-            right *= inverse;
-        } else {
-            for mut column in right.column_iter_mut() {
-                let mut matrix = flat.clone();
-                let solved = linear::solve_in_place(&mut matrix, column.as_mut_slice());
-                solved.map_err(|coordinate| EvalError::Singular { coordinate })?;
-            }
-            flat.clear();
+        for column in right.chunks_exact_mut(rows) {
+            matrix.clear();
+            matrix.extend_from_slice(mass);
+            let solved = linear::solve_in_place(matrix, column);
+            solved.map_err(|coordinate| EvalError::Singular { coordinate })?;
         }
         // J: rates of the states by the states; g: by the forcings.
-        let mut jacobian = vec![0.0; n * n];
-        let mut rates = vec![0.0; n * width];
+        let Scratch { right, jacobian_of_states: jacobian, forces: rates, power, product, .. } = scratch;
+        jacobian.clear();
+        jacobian.resize(n * n, 0.0);
+        rates.clear();
+        rates.resize(n * width, 0.0);
         for (s, &(c, d)) in self.states.iter().enumerate() {
             if d + 1 < model.coordinate_order(c) {
                 jacobian[s * n + s + 1] = 1.0;
             } else {
                 for j in 0..n {
-                    jacobian[s * n + j] = right[(c, j)];
+                    jacobian[s * n + j] = right[j * rows + c];
                 }
                 for j in 0..width {
-                    rates[s * width + j] = right[(c, n + j)];
+                    rates[s * width + j] = right[(n + j) * rows + c];
                 }
             }
         }
         let h = self.sample_time;
         // With P = h + J h^2/2 + J^2 h^3/6 + J^3 h^4/24: the transition is 1 + J P, the forcing P g.
-        let mut power = vec![0.0; n * n];
+        power.clear();
+        power.resize(n * n, 0.0);
         for s in 0..n {
             power[s * n + s] = h;
         }
         for order in (2..=4).rev() {
-            let mut product = vec![0.0; n * n];
-            multiply(&jacobian, &power, n, n, &mut product);
-            for (i, (to, value)) in power.iter_mut().zip(&product).enumerate() {
+            product.clear();
+            product.resize(n * n, 0.0);
+            multiply(jacobian, power, n, n, product);
+            for (i, (to, value)) in power.iter_mut().zip(&*product).enumerate() {
                 *to = value * h / order as f64 + if i % (n + 1) == 0 { h } else { 0.0 };
             }
         }
         transition.fill(0.0);
-        multiply(&jacobian, &power, n, n, transition);
+        multiply(jacobian, power, n, n, transition);
         for s in 0..n {
             transition[s * n + s] += 1.0;
         }
         forcing.fill(0.0);
-        multiply(&power, &rates, n, width, forcing);
+        multiply(power, rates, n, width, forcing);
         Ok(())
     }
 
@@ -475,8 +478,9 @@ impl<'a> Problem<'a> {
 
     /// How loose every switch's force is in every transition, as a multiple of half its jump.
     ///
-    /// While a machine is at rest for L samples its friction is unknown but the same for all of them; the variance L of each has the
-    /// impulse's size.
+    /// While a machine is at rest for L samples its friction is unknown but the same for all of them; independent forces have its impulse
+    /// when their variance is L times as large. What is assumed there is wrong in the same way at every stop, so that the forces are
+    /// given [`FREE`] times that size.
     fn loose(&self, states: &[f64], theta: &[f64]) -> Result<Vec<f64>, EvalError> {
         let derivatives = self.machine.derivatives;
         let (switches, rows) = (derivatives.switches(), self.machine.model.dims().rows);
@@ -518,7 +522,7 @@ impl<'a> Problem<'a> {
                 while k + 1 < samples && unsure(k) {
                     k += 1;
                 }
-                let size = ((k - first) as f64).sqrt();
+                let size = FREE * ((k - first) as f64).sqrt();
                 for transition in first..k {
                     loose[transition * switches + s] = size;
                 }

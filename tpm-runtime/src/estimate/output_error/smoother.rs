@@ -75,12 +75,14 @@ impl Smoothed {
         let exact = |derivative: usize, scale: f64| EXACT * scale / chain.duration().powi(derivative as i32);
         let mut gathered: Vec<f64> = Vec::with_capacity((GATHERED + p + 1) * (p + 1));
         let mut work: Vec<f64> = Vec::new();
+        let mut disturbed: Vec<(usize, f64)> = Vec::new();
         // Rows in the present state and the columns.
         let width = order + p + 1;
         let mut present = vec![0.0; order * width];
         for k in 0..chain.samples {
             if k > 0 && !chain.breaks[k - 1] {
-                let disturbed: Vec<(usize, f64)> = chain.disturbances(k - 1, &noise.inputs).collect();
+                disturbed.clear();
+                disturbed.extend(chain.disturbances(k - 1, &noise.inputs));
                 let own = if coloured { outputs } else { 0 };
                 let extra = disturbed.len() + own;
                 let full = extra + 2 * order + p + 1;
@@ -209,6 +211,12 @@ impl Smoothed {
         }
     }
 
+    /// Variance of the innovations, in units of what was stated.
+    pub(super) fn scale(&self) -> f64 {
+        let left = self.root.last().map_or(0.0, |z| z * z);
+        left / self.places.len().max(1) as f64
+    }
+
     /// Number of columns and one for the right-hand side.
     pub(super) const fn width(&self) -> usize {
         self.width
@@ -294,6 +302,11 @@ impl Smoothed {
 }
 
 impl Noise {
+    /// Whether nothing but white noise of the sensors is there.
+    pub(super) fn is_plain(&self) -> bool {
+        self.inputs.iter().chain(&self.colour).all(|value| value.abs() <= 0.0)
+    }
+
     /// Standard deviation of a sensor over the record: the root of the mean variance of its readings.
     pub(super) fn typical(&self, coordinate: usize, outputs: usize) -> f64 {
         let of = self.readings.iter().skip(coordinate).step_by(outputs.max(1)).filter(|sigma| sigma.is_finite());
