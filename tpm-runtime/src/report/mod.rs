@@ -3,7 +3,9 @@
 mod file;
 mod remedy;
 mod table;
+mod uncertain;
 
 pub use file::write_whole;
 pub use remedy::Remedy;
 pub use table::{Align, TextTable, combination, number};
+pub use uncertain::{Cut, beside, cells, digits, exact, plus_minus};

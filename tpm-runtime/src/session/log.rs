@@ -296,7 +296,7 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
         hold_residuals,
     };
     let warnings = warnings(model, &record, &estimate, options, &log_report, other);
-    let Named { parameters, unobservable, combinations, covariance } =
+    let Named { parameters, unobservable, combinations, covariance, combination_covariance } =
         Named::new(model, &options.prior, Some(&estimate));
     let mut result = Identification {
         source: Source::Log,
@@ -313,6 +313,8 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
         unobservable,
         combinations,
         covariance,
+        combination_covariance,
+        physical_covariance: Vec::new(),
         rank: estimate.rank,
         condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
         residual: estimate.residual,

@@ -29,6 +29,7 @@ mod summary;
 #[cfg(test)]
 mod synthetic_tests;
 mod text;
+mod truth;
 mod validate;
 mod warning;
 

@@ -8,6 +8,7 @@ use crate::run::{Record, RunEnding, Trial};
 use crate::session::error::SessionError;
 use crate::session::identification::{Identification, Source};
 use crate::session::summary;
+use crate::session::truth::Truth;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
@@ -78,5 +79,6 @@ pub fn identify_simulated(
     play_campaign(model, &mut campaign, None, &mut play, &mut |_, _, run| progress(run))?;
     let mut result = summary::of_campaign(&campaign, Source::SimulatedPlant, experiment.seed);
     result.stability = Some(stability);
+    Truth::stated(experiment).complete(&mut result);
     Ok(result)
 }
