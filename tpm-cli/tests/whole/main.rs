@@ -3,6 +3,7 @@
 mod actuators;
 mod bad_input;
 mod campaign;
+mod compare;
 mod generate;
 mod linear;
 mod log;
