@@ -5,11 +5,14 @@ use crate::output::file;
 use std::path::{Path, PathBuf};
 use tpm_runtime::session::{StoredResult, compare};
 
+/// What stands below the options in the help.
+const ENDING: &str = "The results must come from different data: their errors are taken for independent.\n\
+    Exit codes: 0 whenever the comparison could be made, whatever it shows; 2 when a file is no result, units do not agree, or \
+    nothing is shown by both.";
+
 /// Options of `tpm compare`.
-///
-/// The results must come from different data, since their errors are taken for independent. Ends with 0 whenever the comparison
-/// could be made, whatever it shows; with 2 when a file is no result, units do not agree, or no parameter is shown by both.
 #[derive(clap::Args)]
+#[command(after_help = ENDING)]
 pub(crate) struct Args {
     /// The result before, or of the first machine: a file of `tpm identify --json` or `tpm campaign result --json`.
     #[arg(value_name = "A.json")]

@@ -12,4 +12,5 @@ mod physical;
 mod printed;
 mod readme;
 mod support;
+mod truth;
 mod validate;
