@@ -25,12 +25,14 @@ fn a_payload_is_named_and_another_seed_is_not() {
     assert!(text.contains("\nno difference that the data show\n"), "{text}");
     // A change is no failure.
     let text = printed_in(at, &["compare", "a.json", "load.json"], 0);
-    assert!(text.contains("\nchanged: m by 0.10"), "{text}");
+    assert!(text.contains("\nchanged: m by 0."), "{text}");
     let json: serde_json::Value =
         serde_json::from_str(&printed_in(at, &["compare", "a.json", "load.json", "--json"], 0)).expect("JSON");
     assert_eq!(json["schema"], "tpm.comparison/1");
     assert_eq!((&json["verdict"], &json["changed"]), (&"changed".into(), &serde_json::json!(["m"])));
     assert_eq!(json["linear"]["joint"]["degrees_of_freedom"], 3);
+    let change = json["linear"]["differences"][0]["difference"].as_f64().expect("tested");
+    assert!((change - 0.1).abs() < 1e-3, "{change}");
 }
 
 #[test]
