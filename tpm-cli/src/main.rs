@@ -32,6 +32,8 @@ enum Command {
     Check(verbs::check::Args),
     /// Propose experiments that show the most within the limits.
     Design(Box<verbs::design::Args>),
+    /// Compare two results of identifications: what changed, in their joint covariance.
+    Compare(verbs::compare::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(verbs::expand::Args),
     /// Compare common and split feed-forward on the simulated machine, with filters and motors.
@@ -66,6 +68,7 @@ fn main() -> ExitCode {
         Command::Campaign(args) => verbs::campaign::run(args),
         Command::Check(args) => verbs::check::run(args),
         Command::Design(args) => verbs::design::run(args),
+        Command::Compare(args) => verbs::compare::run(args),
         Command::Expand(args) => verbs::expand::run(args),
         Command::Feedforward(args) => verbs::feedforward::run(args),
         Command::Fit(args) => verbs::fit::run(args),

@@ -3,6 +3,7 @@
 pub(crate) mod actuator;
 pub(crate) mod campaign;
 pub(crate) mod check;
+pub(crate) mod compare;
 pub(crate) mod design;
 pub(crate) mod expand;
 pub(crate) mod feedforward;

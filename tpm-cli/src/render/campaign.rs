@@ -7,7 +7,7 @@ use std::path::Path;
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
-use tpm_runtime::report::{combination, number};
+use tpm_runtime::report::{cells, combination, number};
 use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::{Identification, Machine};
 
@@ -121,7 +121,7 @@ fn table(machine: &Machine, result: &Identification) -> String {
     if !result.combinations.is_empty() {
         text.push_str("\nWhat they do show of these parameters:\n\n");
         for shown in &result.combinations {
-            let [value, std] = [shown.value, shown.std].map(number);
+            let [value, std] = cells(Some(shown.value), Some(shown.std));
             text.push_str(&format!("- {} = {value}, standard deviation {std}\n", combination(&shown.terms)));
         }
     }

@@ -10,6 +10,7 @@ use clap::Subcommand;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use tpm_runtime::report::plus_minus;
 use tpm_runtime::session::{CampaignFolder, NextStep, Submission};
 
 /// Options of `tpm campaign`.
@@ -118,7 +119,7 @@ fn submit(folder: &Path, log: &Path, stopped: bool, columns: &ColumnArgs) -> Out
     for parameter in named {
         // Writing to a string cannot fail.
         let _ = match (parameter.value, parameter.std) {
-            (Some(value), Some(std)) => write!(text, "; {} = {value:.6} +- {std:.2e}", parameter.name),
+            (Some(value), Some(std)) => write!(text, "; {} = {}", parameter.name, plus_minus(value, std)),
             _ => write!(text, "; {} not shown", parameter.name),
         };
     }

@@ -13,7 +13,7 @@ use tpm_runtime::frequency::{
     Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root,
     StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
 };
-use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::report::{Align, TextTable, beside, cells, number, plus_minus};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::mechanics::model::ExactModel;
@@ -238,16 +238,18 @@ fn compared(found: &OrderComparison) -> String {
 
 fn described(fit: &RationalFit) -> String {
     let function = &fit.function;
-    let mut table = TextTable::new(&[("coefficient", Align::Left), ("value", Align::Right), ("std", Align::Right)]);
+    let mut table = TextTable::new(&[("coefficient", Align::Left), ("value", Align::Decimal), ("std", Align::Decimal)]);
     for (name, values, stds) in
         [("b", function.numerator(), &fit.numerator_std), ("a", function.denominator(), &fit.denominator_std)]
     {
         for (power, (value, std)) in values.iter().zip(stds).enumerate().rev() {
-            table.row(&[format!("{name}{power} s^{power}"), number(*value), number(*std)]);
+            let [value, std] = cells(Some(*value), Some(*std));
+            table.row(&[format!("{name}{power} s^{power}"), value, std]);
         }
     }
     if function.delay() != 0.0 {
-        table.row(&["delay [s]".to_owned(), number(function.delay()), number(fit.delay_std)]);
+        let [delay, std] = cells(Some(function.delay()), Some(fit.delay_std));
+        table.row(&["delay [s]".to_owned(), delay, std]);
     }
     let mut text = format!(
         "\ntransfer function of order {}/{}, b(s)/a(s)\n{}\n",
@@ -257,20 +259,21 @@ fn described(fit: &RationalFit) -> String {
     );
     let mut roots = TextTable::new(&[
         ("", Align::Left),
-        ("real [rad/s]", Align::Right),
-        ("imaginary", Align::Right),
-        ("std", Align::Right),
+        ("real [rad/s]", Align::Decimal),
+        ("imaginary", Align::Decimal),
+        ("std", Align::Decimal),
         ("frequency [Hz]", Align::Right),
         ("damping", Align::Right),
     ]);
     for (name, list) in [("pole", &fit.poles), ("zero", &fit.zeros)] {
         for root in list.iter().filter(|root| root.value.im >= 0.0) {
             let sign = if root.value.im > 0.0 { "+-" } else { "" };
+            let [re, std] = cells(Some(root.value.re), Some(root.radius()));
             roots.row(&[
                 name.to_owned(),
-                number(root.value.re),
-                format!("{sign}{}", number(root.value.im)),
-                number(root.radius()),
+                re,
+                format!("{sign}{}", beside(root.value.im, Some(root.value.re), Some(root.radius()))),
+                std,
                 number(root.natural_frequency() / std::f64::consts::TAU),
                 number(root.damping()),
             ]);
@@ -278,9 +281,8 @@ fn described(fit: &RationalFit) -> String {
     }
     text.push_str(&roots.finish());
     text.push_str(&format!(
-        "\nstatic gain {} +- {}; misfit {:.2} (1 is noise alone); |G/H - 1| {} median, {} at most; {} lines, condition number {}\n",
-        number(fit.static_gain.value),
-        number(fit.static_gain.std),
+        "\nstatic gain {}; misfit {:.2} (1 is noise alone); |G/H - 1| {} median, {} at most; {} lines, condition number {}\n",
+        plus_minus(fit.static_gain.value, fit.static_gain.std),
         fit.misfit,
         number(fit.median_error),
         number(fit.largest_error),
@@ -431,19 +433,19 @@ impl Physical {
             ("parameter", Align::Left),
             ("unit", Align::Left),
             ("start", Align::Right),
-            ("fitted", Align::Right),
-            ("std", Align::Right),
+            ("fitted", Align::Decimal),
+            ("std", Align::Decimal),
             ("", Align::Left),
         ]);
         for (i, name) in self.names.iter().enumerate() {
             let unit = self.model.quantity(self.parameters[i]).unit.as_ref().map(ToString::to_string);
             let found = fit.parameters[i];
-            let (value, std, remark) = if self.frozen[i] {
-                (number(found.value), String::new(), "frozen")
+            let ([value, std], remark) = if self.frozen[i] {
+                (cells(Some(found.value), Some(0.0)), "frozen")
             } else if found.std.is_finite() {
-                (number(found.value), number(found.std), "")
+                (cells(Some(found.value), Some(found.std)), "")
             } else {
-                (String::new(), String::new(), "unobservable")
+                (cells(None, None), "unobservable")
             };
             table.row(&[name.clone(), unit.unwrap_or_default(), number(self.start[i]), value, std, remark.to_owned()]);
         }

@@ -5,7 +5,7 @@ use crate::input::measured::{EstimatorChoice, Measured, MeasuredArgs};
 use crate::output::file;
 use clap::ValueEnum;
 use tpm_runtime::frequency::ResponseLine;
-use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::report::{Align, TextTable, cells, number};
 
 /// Most lines that the text table shows.
 const SHOWN: usize = 24;
@@ -62,10 +62,10 @@ fn text(args: &Args, measured: &Measured) -> String {
     let mut text = measured.describe(&args.measured);
     let mut table = TextTable::new(&[
         ("frequency [Hz]", Align::Right),
-        ("magnitude", Align::Right),
+        ("magnitude", Align::Decimal),
         ("phase [deg]", Align::Right),
         ("coherence", Align::Right),
-        ("std of H", Align::Right),
+        ("std of H", Align::Decimal),
     ]);
     let usable: Vec<&ResponseLine> =
         measured.response.band(measured.low, measured.high).filter(|line| line.usable).collect();
@@ -77,13 +77,8 @@ fn text(args: &Args, measured: &Measured) -> String {
         if let Some(line) = nearest.filter(|line| last != Some(line.frequency)) {
             last = Some(line.frequency);
             let [_, _, magnitude, phase] = value(args, line);
-            table.row(&[
-                number(line.hertz()),
-                number(magnitude),
-                format!("{phase:.2}"),
-                format!("{:.4}", line.coherence),
-                number(line.std),
-            ]);
+            let [magnitude, std] = cells(Some(magnitude), Some(line.std));
+            table.row(&[number(line.hertz()), magnitude, format!("{phase:.2}"), format!("{:.4}", line.coherence), std]);
         }
     }
     text.push('\n');

@@ -6,12 +6,14 @@ use crate::input::experiment::SimulatedArgs;
 use crate::interrupt;
 use crate::output::{file, progress};
 use std::path::PathBuf;
-use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::report::{Align, TextTable, beside, cells, digits, number};
 use tpm_runtime::session::SessionError;
 use tpm_runtime::study::{LIMITS, Study, Updates, study_session, updates};
 
 /// Most updates that are played per estimator and stage.
 const MOST: usize = 10;
+/// Significant digits of spread, stated deviation and bound, which are compared with each other.
+const SPREAD_DIGITS: usize = 3;
 
 /// Options of `tpm study`.
 #[derive(clap::Args)]
@@ -105,28 +107,30 @@ fn describe(study: &Study) -> String {
     let mut table = TextTable::new(&[
         ("parameter", Align::Left),
         ("unit", Align::Left),
-        ("true", Align::Right),
-        ("mean", Align::Right),
-        ("bias", Align::Right),
-        ("+-", Align::Right),
-        ("spread", Align::Right),
-        ("stated", Align::Right),
-        ("bound", Align::Right),
+        ("true", Align::Decimal),
+        ("mean", Align::Decimal),
+        ("bias", Align::Decimal),
+        ("+-", Align::Decimal),
+        ("spread", Align::Decimal),
+        ("stated", Align::Decimal),
+        ("bound", Align::Decimal),
         ("95 % interval", Align::Right),
         ("of", Align::Right),
     ]);
-    let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
+    let spread = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| digits(value, SPREAD_DIGITS));
     for parameter in &study.parameters {
+        let [mean, _] = cells(parameter.mean, parameter.bias_std);
+        let [bias, bias_std] = cells(parameter.bias, parameter.bias_std);
         table.row(&[
             parameter.name.clone(),
             parameter.unit.clone().unwrap_or_else(|| "-".to_owned()),
-            number(parameter.truth),
-            optional(parameter.mean),
-            optional(parameter.bias),
-            optional(parameter.bias_std),
-            optional(parameter.spread),
-            optional(parameter.stated),
-            optional(parameter.bound),
+            beside(parameter.truth, parameter.mean, parameter.bias_std),
+            mean,
+            bias,
+            bias_std,
+            spread(parameter.spread),
+            spread(parameter.stated),
+            spread(parameter.bound),
             parameter.coverage.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)),
             parameter.values.to_string(),
         ]);

@@ -103,11 +103,17 @@ fn plain_json(output: &Output) -> serde_json::Value {
     serde_json::from_slice(&output.stdout).expect("JSON")
 }
 
-/// A result as JSON, without what says where its runs were played and kept.
+/// A result as JSON, without what says where its runs were played and kept. True values belong to that: only a result of runs that
+/// are known to be simulated has them.
 fn json(output: &Output) -> serde_json::Value {
     let mut result = plain_json(output);
     let fields = result.as_object_mut().expect("an object");
     assert!(fields.remove("source").is_some() && fields.remove("provenance").is_some(), "{fields:?}");
+    for list in ["parameters", "physical", "combinations"] {
+        for entry in fields[list].as_array_mut().expect("a list") {
+            entry.as_object_mut().expect("an object").remove("truth");
+        }
+    }
     result
 }
 

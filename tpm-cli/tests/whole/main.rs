@@ -3,6 +3,7 @@
 mod actuators;
 mod bad_input;
 mod campaign;
+mod compare;
 mod generate;
 mod linear;
 mod log;
@@ -11,4 +12,5 @@ mod physical;
 mod printed;
 mod readme;
 mod support;
+mod truth;
 mod validate;

@@ -193,14 +193,16 @@ impl<'a> Lowering<'a, '_, '_> {
         };
         let function = self.checked.series_units.get(index).cloned().flatten();
         for (power, name) in (0_i64..).zip(&series.coefficients) {
-            let unit = match (&function, &argument, power) {
-                (Some(function), _, 0) => Some(function.clone()),
-                (Some(function), Some(argument), _) => {
-                    argument.power((-power).into()).and_then(|power| function.times(&power))
+            let unit = match (&series.unit, &function, &argument, power) {
+                (Some(unit), _, _, 0) => Some(formal(unit)),
+                (None, Some(function), _, 0) => written(function),
+                (_, Some(function), Some(argument), _) => {
+                    let unit = argument.power((-power).into()).and_then(|power| function.times(&power));
+                    unit.as_ref().and_then(written)
                 }
                 _ => None,
             };
-            let symbol = self.model.declare(&name.name, unit.as_ref().and_then(written), Kind::Parameter);
+            let symbol = self.model.declare(&name.name, unit, Kind::Parameter);
             let expr = self.model.graph.symbol(symbol);
             self.names.insert(&name.name, expr);
         }
@@ -364,9 +366,10 @@ fn formal(unit: &UnitExpr) -> FormalUnit {
 
 /// A derived unit as a product of base units; `None` when it has a scale or a root, for which there is no name.
 fn written(unit: &Unit) -> Option<FormalUnit> {
-    unit.base_powers()?.try_fold(FormalUnit::one(), |product, (name, exponent)| {
+    let product = unit.base_powers()?.try_fold(FormalUnit::one(), |product, (name, exponent)| {
         i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))
-    })
+    });
+    product.map(FormalUnit::with_torque)
 }
 
 fn bounded(order: ast::Count) -> Lower<u32> {

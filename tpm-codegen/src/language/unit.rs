@@ -100,6 +100,27 @@ impl Unit {
         })
     }
 
+    /// The unit of a product of names with integer powers, such as `kg*m^2/s`, as results write it; none where a name is not one of
+    /// the table.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
+        let mut product = Self::one();
+        let mut rest = text.trim();
+        let mut sign = 1;
+        loop {
+            let end = rest.find(['*', '/']).unwrap_or(rest.len());
+            let factor = rest[..end].trim();
+            if factor != "1" {
+                let (name, exponent) = factor.split_once('^').unwrap_or((factor, "1"));
+                let exponent: i64 = exponent.parse().ok()?;
+                product = product.times(&Self::named(name)?.power(Ratio::from_integer(sign * exponent))?)?;
+            }
+            let Some(operator) = rest[end..].chars().next() else { return Some(product) };
+            sign = if operator == '*' { 1 } else { -1 };
+            rest = &rest[end + 1..];
+        }
+    }
+
     fn of(row: &Row, ten: i8) -> Self {
         let mut unit = Self::one();
         for (to, &from) in unit.base.iter_mut().zip(&row.1) {
@@ -146,6 +167,11 @@ impl Unit {
     #[must_use]
     pub fn is_one(&self) -> bool {
         *self == Self::one()
+    }
+
+    /// Whether this is the newton metre, which is the joule too.
+    pub(crate) fn is_torque(&self) -> bool {
+        TABLE.iter().any(|row| row.0 == "J" && Self::of(row, 0) == *self)
     }
 
     /// Whether both measure the same quantity, in whatever scale.
@@ -219,6 +245,10 @@ fn power_text(name: &str, exponent: Exponent) -> String {
 
 impl Display for Unit {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        // What is derived in a model of a machine is more often the torque on a rotary coordinate than an energy.
+        if self.is_torque() {
+            return f.write_str("N*m");
+        }
         if let Some(row) = TABLE
             .iter()
             .find(|row| row.0 != "rad" && Self::of(row, 0) == *self && row.1.iter().filter(|&&e| e != 0).count() > 1)
@@ -281,11 +311,21 @@ mod tests {
     #[test]
     fn names_are_written_back() {
         assert_eq!(unit("N").to_string(), "N");
+        assert_eq!(unit("J").to_string(), "N*m");
         assert_eq!(unit("kg").to_string(), "kg");
         assert_eq!(unit("N").over(&unit("m")).map(|u| u.to_string()), Some("kg/s^2".to_owned()));
         assert_eq!(unit("mm").to_string(), "1/1000*m");
         assert_eq!(unit("m").power(Ratio::new(1, 2)).map(|u| u.to_string()), Some("m^(1/2)".to_owned()));
         assert_eq!(Unit::named("Nm"), None);
+    }
+
+    #[test]
+    fn products_are_read_from_text() {
+        assert_eq!(Unit::parse("N*m*s/rad"), Unit::parse("kg*m^2/s"));
+        assert_eq!(Unit::parse("1/s"), unit("s").power(Ratio::from_integer(-1)));
+        assert_eq!(Unit::parse("1"), Some(Unit::one()));
+        assert_ne!(Unit::parse("mm"), Unit::parse("m"));
+        assert!(["", "N*", "frog", "m^x"].into_iter().all(|text| Unit::parse(text).is_none()));
     }
 
     #[test]

@@ -261,6 +261,23 @@ impl Store {
         }
     }
 
+    /// Whether every finished run was played on a simulated machine; false where there is no run.
+    ///
+    /// # Errors
+    /// [`StoreError`] when a manifest cannot be read.
+    pub fn is_simulated(&self) -> Result<bool, StoreError> {
+        for run in 1.. {
+            let (_, manifest) = self.paths(run);
+            if !manifest.exists() {
+                return Ok(run > 1);
+            }
+            if read_json::<RunManifest>(&manifest, RUN)?.seed.is_none() {
+                break;
+            }
+        }
+        Ok(false)
+    }
+
     /// Writes a finished run to the folder.
     ///
     /// # Errors

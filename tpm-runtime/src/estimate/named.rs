@@ -2,6 +2,7 @@
 
 use crate::estimate::result::Estimate;
 use crate::estimate::verdict::Status;
+use crate::numerics::DVector;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::format;
@@ -27,6 +28,9 @@ pub struct ParameterReport {
     pub std: Option<f64>,
     /// What may be said of it.
     pub status: Status,
+    /// Value in the simulated machine that the data come from; nothing for data of a real one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<f64>,
 }
 
 /// A combination of parameters that do not show one by one.
@@ -42,6 +46,9 @@ pub struct CombinationReport {
     pub value: f64,
     /// Standard deviation.
     pub std: f64,
+    /// Value in the simulated machine that the data come from; nothing for data of a real one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<f64>,
 }
 
 /// The part of a result that is the same for a log and for a campaign.
@@ -54,6 +61,8 @@ pub(crate) struct EstimateReport {
     pub(crate) combinations: Vec<CombinationReport>,
     /// Covariance by row and column, with nothing for unobservable parameters.
     pub(crate) covariance: Vec<Vec<Option<f64>>>,
+    /// Covariance of every combination with all parameters, nothing for unobservable ones, and then with all combinations.
+    pub(crate) combination_covariance: Vec<Vec<Option<f64>>>,
 }
 
 impl EstimateReport {
@@ -70,6 +79,7 @@ impl EstimateReport {
                 value: seen(j).map(|e| e.values[j]),
                 std: seen(j).map(|e| e.std[j]),
                 status: status(j),
+                truth: None,
             })
             .collect();
         let named = |direction: &[f64]| -> BTreeMap<String, String> {
@@ -77,18 +87,28 @@ impl EstimateReport {
             parts.map(|(j, part)| (model.parameter(j).name.to_string(), nine_digits(*part))).collect()
         };
         let unobservable = estimate.map_or_else(Vec::new, |e| e.unobservable.iter().map(|d| named(d)).collect());
-        let combinations = estimate.map_or_else(Vec::new, Estimate::combinations);
-        let combinations = combinations.iter().map(|shown| CombinationReport {
+        let shown = estimate.map_or_else(Vec::new, Estimate::combinations);
+        let combinations = shown.iter().map(|shown| CombinationReport {
             terms: named(&shown.weights),
             unit: model.parameter(shown.lead).unit.map(String::from),
             prior: (prior.len() == p).then(|| shown.weights.iter().zip(prior).map(|(w, value)| w * value).sum()),
             value: shown.value,
             std: shown.std,
+            truth: None,
         });
         let combinations = combinations.collect();
         let entry = |r: usize, c: usize| seen(r).and(seen(c)).map(|e| e.covariance[(r, c)]);
         let covariance = (0..p).map(|r| (0..p).map(|c| entry(r, c)).collect()).collect();
-        Self { parameters, unobservable, combinations, covariance }
+        let combination_covariance = estimate.map_or_else(Vec::new, |e| {
+            let row = |weights: &[f64]| {
+                let with = e.covariance.dense() * DVector::from_column_slice(weights);
+                let parameters = (0..p).map(|c| seen(c).map(|_| with[c]));
+                let others = shown.iter().map(|other| Some(with.iter().zip(&other.weights).map(|(v, w)| v * w).sum()));
+                parameters.chain(others).collect()
+            };
+            shown.iter().map(|own| row(&own.weights)).collect()
+        });
+        Self { parameters, unobservable, combinations, covariance, combination_covariance }
     }
 }
 

@@ -550,6 +550,7 @@ impl Fixed {
                     value: seen.then_some(value),
                     std: (seen && !solution.held[i]).then_some(std[i]),
                     status: status[i],
+                    truth: None,
                 }
             })
             .collect();

@@ -33,9 +33,13 @@
 pub(crate) mod differences;
 pub(crate) mod eigenvalues;
 pub(crate) mod fourier;
+#[cfg(feature = "interpret")]
+pub(crate) mod independent;
 mod matrix;
 mod riccati;
 pub(crate) mod singular;
+#[cfg(feature = "interpret")]
+pub(crate) mod tail;
 
 pub use matrix::Matrix;
 pub(crate) use nalgebra::storage::Owned;

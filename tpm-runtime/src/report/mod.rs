@@ -4,8 +4,10 @@ mod displayed;
 mod file;
 mod remedy;
 mod table;
+mod uncertain;
 
 pub(crate) use displayed::displayed;
 pub use file::write_whole;
 pub use remedy::Remedy;
 pub use table::{Align, TextTable, combination, number};
+pub use uncertain::{Cut, beside, cells, digits, exact, plus_minus};

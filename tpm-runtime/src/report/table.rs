@@ -14,6 +14,8 @@ pub enum Align {
     Left,
     /// Numbers.
     Right,
+    /// Numbers, one decimal point below the other.
+    Decimal,
 }
 
 /// Rows of cells under a head, for a terminal.
@@ -41,22 +43,38 @@ impl TextTable {
     /// The text, columns two spaces apart, no trailing spaces.
     #[must_use]
     pub fn finish(&self) -> String {
-        let width = |column: usize| self.rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..self.align.len()).map(width).collect();
+        let columns: Vec<Vec<String>> = (0..self.align.len()).map(|column| self.aligned(column)).collect();
         let mut text = String::new();
-        for row in &self.rows {
+        for row in 0..self.rows.len() {
             let mut line = String::new();
-            for ((cell, &width), align) in row.iter().zip(&widths).zip(&self.align) {
-                let padding = " ".repeat(width - cell.chars().count());
-                match align {
-                    Align::Left => line.push_str(&format!("{cell}{padding}  ")),
-                    Align::Right => line.push_str(&format!("{padding}{cell}  ")),
-                }
+            for column in &columns {
+                line.push_str(&column[row]);
+                line.push_str("  ");
             }
             text.push_str(line.trim_end());
             text.push('\n');
         }
         text
+    }
+
+    /// The cells of a column with their head, all of one width.
+    fn aligned(&self, column: usize) -> Vec<String> {
+        let align = self.align[column];
+        let mut cells: Vec<String> = self.rows.iter().map(|row| row[column].clone()).collect();
+        if align == Align::Decimal {
+            let behind = |cell: &String| cell.len() - cell.find(['.', 'e']).unwrap_or(cell.len());
+            let most = cells.iter().skip(1).map(behind).max().unwrap_or(0);
+            for cell in cells.iter_mut().skip(1) {
+                let missing = most - behind(cell);
+                cell.push_str(&" ".repeat(missing));
+            }
+        }
+        let width = cells.iter().map(|cell| cell.chars().count()).max().unwrap_or(0);
+        let pad = |cell: String| {
+            let padding = " ".repeat(width - cell.chars().count());
+            if align == Align::Left { cell + &padding } else { padding + &cell }
+        };
+        cells.into_iter().map(pad).collect()
     }
 }
 
@@ -113,5 +131,16 @@ mod tests {
         table.row(&["m".to_owned(), "2".to_owned()]);
         table.row(&["long name".to_owned(), "12.5".to_owned()]);
         assert_eq!(table.finish(), "name       value\nm              2\nlong name   12.5\n");
+    }
+
+    #[test]
+    fn decimal_points_stand_below_each_other() {
+        let mut table = TextTable::new(&[("v", Align::Decimal), ("", Align::Left)]);
+        for cell in ["2.00014", "-40.002", "-", "3.756e-5", "1500"] {
+            table.row(&[cell.to_owned(), "x".to_owned()]);
+        }
+        let lines =
+            ["          v", "   2.00014   x", " -40.002     x", "   -         x", "   3.756e-5  x", "1500         x"];
+        assert_eq!(table.finish().lines().collect::<std::vec::Vec<_>>(), lines);
     }
 }

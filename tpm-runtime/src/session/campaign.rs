@@ -13,6 +13,7 @@ use crate::session::machine::Machine;
 use crate::session::model::{DeclaredModel, Identifiable, ModelFault};
 use crate::session::play::{Watch, play_campaign, play_on_simulated, play_simulated};
 use crate::session::summary::{self, Lumped};
+use crate::session::truth::Truth;
 use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -252,6 +253,14 @@ impl Session {
                     }
                 }
             }
+        }
+        let simulated = match (result.source, store) {
+            (Source::SimulatedPlant, _) => true,
+            (Source::Folder, Some(store)) => store.is_simulated()?,
+            _ => false,
+        };
+        if simulated {
+            Truth::of_model(&self.written, self.declared.prepared()).complete(&mut result);
         }
         result.provenance.model = Some(self.declared.hash());
         result.provenance.experiment = Some(fingerprint(written.text()?.as_bytes()));

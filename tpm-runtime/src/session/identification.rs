@@ -92,6 +92,10 @@ pub struct Identification {
     pub combinations: Vec<CombinationReport>,
     /// Covariance of the parameters; nothing where unobservable.
     pub covariance: Vec<Vec<Option<f64>>>,
+    /// Covariance of every combination with all parameters, nothing where unobservable, and then with all combinations.
+    pub combination_covariance: Vec<Vec<Option<f64>>>,
+    /// Covariance of the physical parameters; nothing where unobservable or held at a bound.
+    pub physical_covariance: Vec<Vec<Option<f64>>>,
     /// Independent combinations of the parameters that the data show.
     pub rank: usize,
     /// Condition number of the scaled equations; nothing when nothing is observable.
@@ -180,6 +184,10 @@ struct Form<'a> {
     unobservable: &'a [BTreeMap<String, String>],
     combinations: &'a [CombinationReport],
     covariance: &'a [Vec<Option<f64>>],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    combination_covariance: &'a [Vec<Option<f64>>],
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    physical_covariance: &'a [Vec<Option<f64>>],
     rank: usize,
     condition: Option<f64>,
     residual: f64,
@@ -229,6 +237,8 @@ impl Serialize for Identification {
             unobservable: &self.unobservable,
             combinations: &self.combinations,
             covariance: &self.covariance,
+            combination_covariance: &self.combination_covariance,
+            physical_covariance: &self.physical_covariance,
             rank: self.rank,
             condition: self.condition,
             residual: self.residual,

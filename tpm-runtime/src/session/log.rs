@@ -330,7 +330,7 @@ fn identify_with(
     };
     let mut warnings = warnings(model, &record, &estimate, options, &log_report, other);
     warnings.extend(remarks);
-    let EstimateReport { parameters, unobservable, combinations, covariance } =
+    let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
         EstimateReport::new(model, &options.prior, Some(&estimate));
     let mut result = Identification {
         source: Source::Log,
@@ -347,6 +347,8 @@ fn identify_with(
         unobservable,
         combinations,
         covariance,
+        combination_covariance,
+        physical_covariance: Vec::new(),
         rank: estimate.rank,
         condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
         residual: estimate.residual,

@@ -17,6 +17,7 @@
 //! plays its runs; a [`Session`] is for those who want the steps one by one.
 
 mod campaign;
+mod compare;
 mod error;
 mod folder;
 mod identification;
@@ -30,11 +31,15 @@ mod summary;
 #[cfg(test)]
 mod synthetic_tests;
 mod text;
+mod truth;
 mod validate;
 mod warning;
 
 pub use self::log::{LogRequest, from_log, identify_log};
 pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
+pub use compare::{
+    CompareError, Comparison, Difference, Direction, Family, Joint, Side, StoredFault, StoredResult, Verdict, compare,
+};
 pub use error::{MachineError, SessionError, Setting};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};

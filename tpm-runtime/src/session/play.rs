@@ -9,6 +9,7 @@ use crate::run::{Record, RunEnding, Trial};
 use crate::session::error::SessionError;
 use crate::session::identification::{Identification, Source};
 use crate::session::summary;
+use crate::session::truth::Truth;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
@@ -90,5 +91,7 @@ pub fn identify_simulated(
 ) -> Result<Identification, SessionError> {
     let (setup, stability) = experiment.stable_setup(model, pattern)?;
     let stable = (Campaign::new(model, setup)?, stability);
-    play_on_simulated(model, experiment, stable, None, &mut |_, _, run| progress(run))
+    let mut result = play_on_simulated(model, experiment, stable, None, &mut |_, _, run| progress(run))?;
+    Truth::stated(experiment).complete(&mut result);
+    Ok(result)
 }

@@ -40,11 +40,14 @@ pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: So
     let setup = campaign.setup();
     let own = EstimateReport::new(model, &setup.prior, estimate);
     // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
-    let (linear, found, report, physical) = match campaign.estimator().lumped() {
-        Some((lumped, found)) => (lumped, Some(found), EstimateReport::new(lumped, &[], Some(found)), own.parameters),
-        None => (model, estimate, own, Vec::new()),
+    let (linear, found, report, physical, physical_covariance) = match campaign.estimator().lumped() {
+        Some((lumped, found)) => {
+            let report = EstimateReport::new(lumped, &[], Some(found));
+            (lumped, Some(found), report, own.parameters, own.covariance)
+        }
+        None => (model, estimate, own, Vec::new(), Vec::new()),
     };
-    let EstimateReport { parameters, unobservable, combinations, covariance } = report;
+    let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } = report;
     let mut result = Identification {
         source,
         model: model.name().into(),
@@ -60,6 +63,8 @@ pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: So
         unobservable,
         combinations,
         covariance,
+        combination_covariance,
+        physical_covariance,
         rank: found.map_or(0, |e| e.rank),
         condition: found.map(|e| e.condition).filter(|c| c.is_finite()),
         residual: found.map_or(0.0, |e| e.residual),
@@ -185,6 +190,11 @@ impl<'a> Lumped<'a> {
             values.retain(|name, _| names.contains(name));
         }
         let found = physical(self.0, estimate, &settings)?;
+        // A value at a bound has no deviation, and so no covariance.
+        let known = |i: usize| found.parameters[i].std.is_some();
+        let count = found.parameters.len();
+        let entry = |r: usize, c: usize| (known(r) && known(c)).then(|| found.covariance[(r, c)]);
+        result.physical_covariance = (0..count).map(|r| (0..count).map(|c| entry(r, c)).collect()).collect();
         result.physical = found.parameters;
         result.warnings.extend(found.warnings.into_iter().map(|message| Warning::Physical { message }));
         Ok(())

@@ -2,7 +2,7 @@
 
 use crate::estimate::{CombinationReport, ParameterReport, Status};
 use crate::machine::stability::LoopStability;
-use crate::report::{Align, Remedy, TextTable, combination, number};
+use crate::report::{Align, Remedy, TextTable, beside, cells, combination, number};
 use crate::session::identification::{Identification, Source};
 use crate::session::log_report::LogReport;
 use std::borrow::ToOwned;
@@ -29,6 +29,9 @@ impl Identification {
         if !self.physical.is_empty() {
             text.push_str("\nphysical parameters\n");
             text.push_str(&parameters(&self.physical));
+        }
+        if self.knows_truth() {
+            text.push_str("\ntrue: value in the simulated plant, which only a simulation knows; error/std: identified less true, in deviations\n");
         }
         text.push('\n');
         if self.source != Source::Log {
@@ -64,6 +67,12 @@ impl Identification {
             text.push('\n');
         }
         text
+    }
+
+    /// Whether a true value stands beside any identified one.
+    fn knows_truth(&self) -> bool {
+        let parameters = self.parameters.iter().chain(&self.physical).any(|parameter| parameter.truth.is_some());
+        parameters || self.combinations.iter().any(|shown| shown.truth.is_some())
     }
 
     fn head(&self) -> String {
@@ -181,18 +190,22 @@ fn closed_loop(stability: &LoopStability) -> String {
     text
 }
 
-/// Parameter, unit, prior, identified, standard deviation, change. An unobservable parameter gets no number.
+/// Parameter, unit, prior, identified, standard deviation, change; on a simulated machine also the true value and the error in
+/// deviations. An unobservable parameter gets no number.
 fn parameters(list: &[ParameterReport]) -> String {
-    let mut table = estimates("parameter");
-    for parameter in list {
-        let remark = match parameter.status {
+    let rows = list.iter().map(|parameter| Row {
+        name: parameter.name.clone(),
+        unit: parameter.unit.as_deref(),
+        prior: parameter.prior,
+        value: parameter.value,
+        std: parameter.std,
+        truth: parameter.truth,
+        remark: match parameter.status {
             Status::Identified => String::new(),
             status => status.name().replace('_', " "),
-        };
-        let values = [parameter.prior, parameter.value, parameter.std];
-        table.row(&row(parameter.name.clone(), parameter.unit.as_deref(), values, remark));
-    }
-    table.finish()
+        },
+    });
+    estimates("parameter", &rows.collect::<Vec<_>>())
 }
 
 /// Combinations of parameters that do not show one by one, in the columns of [`parameters`].
@@ -200,31 +213,61 @@ fn combinations(list: &[CombinationReport]) -> String {
     if list.is_empty() {
         return String::new();
     }
-    let mut table = estimates("combination");
-    for shown in list {
-        let values = [shown.prior, Some(shown.value), Some(shown.std)];
-        table.row(&row(combination(&shown.terms), shown.unit.as_deref(), values, String::new()));
-    }
-    format!("\n{}", table.finish())
+    let rows = list.iter().map(|shown| Row {
+        name: combination(&shown.terms),
+        unit: shown.unit.as_deref(),
+        prior: shown.prior,
+        value: Some(shown.value),
+        std: Some(shown.std),
+        truth: shown.truth,
+        remark: String::new(),
+    });
+    format!("\n{}", estimates("combination", &rows.collect::<Vec<_>>()))
 }
 
-fn estimates(of: &str) -> TextTable {
-    TextTable::new(&[
+/// One line of a table of estimates.
+struct Row<'a> {
+    name: String,
+    unit: Option<&'a str>,
+    prior: Option<f64>,
+    value: Option<f64>,
+    std: Option<f64>,
+    truth: Option<f64>,
+    remark: String,
+}
+
+fn estimates(of: &str, rows: &[Row<'_>]) -> String {
+    let simulated = rows.iter().any(|row| row.truth.is_some());
+    let mut head = vec![
         (of, Align::Left),
         ("unit", Align::Left),
         ("prior", Align::Right),
-        ("identified", Align::Right),
-        ("std. dev.", Align::Right),
+        ("identified", Align::Decimal),
+        ("std. dev.", Align::Decimal),
         ("change", Align::Right),
-        ("", Align::Left),
-    ])
-}
-
-fn row(name: String, unit: Option<&str>, [prior, value, std]: [Option<f64>; 3], remark: String) -> [String; 7] {
-    let optional = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), number);
-    let change = match (prior, value) {
-        (Some(prior), Some(value)) if prior != 0.0 => format!("{:+.3} %", 100.0 * (value - prior) / prior),
-        _ => "-".to_owned(),
-    };
-    [name, unit.unwrap_or("-").to_owned(), optional(prior), optional(value), optional(std), change, remark]
+    ];
+    if simulated {
+        head.extend([("true", Align::Decimal), ("error/std", Align::Right)]);
+    }
+    head.push(("", Align::Left));
+    let mut table = TextTable::new(&head);
+    let dash = || "-".to_owned();
+    for row in rows {
+        let change = match (row.prior, row.value) {
+            (Some(prior), Some(value)) if prior != 0.0 => format!("{:+.3} %", 100.0 * (value - prior) / prior),
+            _ => dash(),
+        };
+        let mut line = vec![row.name.clone(), row.unit.unwrap_or("-").to_owned(), row.prior.map_or_else(dash, number)];
+        line.extend(cells(row.value, row.std));
+        line.push(change);
+        if simulated {
+            let std = row.std.filter(|std| *std > 0.0);
+            let error = row.value.zip(row.truth).zip(std).map(|((value, truth), std)| (value - truth) / std);
+            line.push(row.truth.map_or_else(dash, |truth| beside(truth, row.value, row.std)));
+            line.push(error.map_or_else(dash, |error| format!("{error:+.2}")));
+        }
+        line.push(row.remark.clone());
+        table.row(&line);
+    }
+    table.finish()
 }

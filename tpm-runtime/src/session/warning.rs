@@ -2,7 +2,7 @@
 
 use crate::campaign::{NearMode, Outcome};
 use crate::machine::actuator::LimitUse;
-use crate::report::{Remedy, displayed};
+use crate::report::{Remedy, displayed, plus_minus};
 use crate::run::RunEnding;
 use crate::session::refine::MissingTerm;
 use serde::Serialize;
@@ -221,7 +221,7 @@ impl fmt::Display for Warning {
             ),
             Warning::NotVisible { parameter, data } => write!(f, "{parameter} is not visible in {data}"),
             Warning::PoorlyDetermined { parameter, value, std } => {
-                write!(f, "{parameter} is poorly determined: {value:.3e} with a standard deviation of {std:.3e}")
+                write!(f, "{parameter} is poorly determined: {}", plus_minus(*value, *std))
             }
             Warning::OnlyInCombinations { parameters, data } => {
                 write!(f, "visible in {data} only in combinations with each other: {}", parameters.join(", "))

@@ -36,6 +36,14 @@ impl Unit {
         Self(self.0.pow(exponent))
     }
 
+    /// The unit with `kg*m^2/s^2` written as `N*m`: a product of the units of parameters that comes to this is the torque on a
+    /// rotary coordinate.
+    #[must_use]
+    pub fn with_torque(self) -> Self {
+        let torque = Self::named("kg").mul(&Self::named("m").pow(2)).mul(&Self::named("s").pow(-2));
+        if self == torque { Self::named("N").mul(&Self::named("m")) } else { self }
+    }
+
     /// The names and exponents in increasing order of the names.
     pub fn factors(&self) -> impl Iterator<Item = (&str, i32)> {
         self.0.factors().map(|(name, exponent)| (name.as_str(), exponent))
@@ -62,5 +70,19 @@ impl fmt::Display for Unit {
             write(f, name, -exponent)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Unit;
+
+    #[test]
+    fn a_product_that_comes_to_a_torque_is_written_as_one() {
+        let [kg, m, s] = ["kg", "m", "s"].map(Unit::named);
+        let acceleration = m.mul(&s.pow(-2));
+        assert_eq!(kg.mul(&acceleration).mul(&m).with_torque().to_string(), "N*m");
+        assert_eq!(kg.mul(&acceleration).with_torque().to_string(), "kg*m/s^2");
+        assert_eq!(Unit::named("J").with_torque().to_string(), "J");
     }
 }

@@ -97,7 +97,10 @@ pub(crate) fn assemble(model: &ExactModel, rows: Vec<CollectedRow>, groups: Vec<
     let mut position: Vec<(ParameterMonomial, usize)> = Vec::with_capacity(indexed.len());
     for (index, (symbol, group)) in indexed.into_iter().enumerate() {
         let first = group.members.first().map(|(monomial, _)| monomial.clone());
-        let unit = first.as_ref().and_then(|monomial| monomial_unit(model, monomial));
+        let unit = match symbol {
+            Some(symbol) => model.quantity(symbol).unit.clone(),
+            None => first.as_ref().and_then(|monomial| monomial_unit(model, monomial)).map(Unit::with_torque),
+        };
         let definition: Polynomial<ExprId> = group.members.into_iter().collect();
         let name = match symbol {
             Some(symbol) => model.quantity(symbol).name.clone(),

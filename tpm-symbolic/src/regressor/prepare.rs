@@ -255,7 +255,10 @@ fn column(
             _ => None,
         }
     });
-    let unit = definition.terms().next().and_then(|(monomial, _)| unit_of(model, monomial));
+    let unit = match parameter {
+        Some(symbol) => model.quantity(symbol).unit.clone(),
+        None => definition.terms().next().and_then(|(monomial, _)| unit_of(model, monomial)).map(Unit::with_torque),
+    };
     Column { name: name.into(), unit, definition: definition.clone(), parameter }
 }
 

@@ -10,8 +10,8 @@ use num_rational::Ratio;
 use num_traits::{CheckedAdd, CheckedMul, Zero};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, ModelDeclaration, Operation, PatternItem};
-use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols};
+use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, ModelDeclaration, Operation, PatternItem, Role};
+use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols, resolve};
 use crate::language::function::Function;
 use crate::language::lex::shorten;
 use crate::language::unit::{Exponent, Unit};
@@ -33,16 +33,33 @@ pub(super) fn check(
         .map(|series| symbols.model.get(series.function.name.as_str()).and_then(|symbol| symbol.unit.clone()))
         .collect();
     let arguments: Vec<_> = series.iter().map(|series| series.coordinate.name.as_str()).collect();
+    let torque = written_torque(model);
     loop {
         let before = bound.iter().flatten().count();
         let mut silent = Diagnostics::new();
-        Round::new(symbols, source, &arguments, &mut bound, &mut silent).visit(model);
+        Round::new(symbols, source, &arguments, &torque, &mut bound, &mut silent).visit(model);
         if bound.iter().flatten().count() == before {
             break;
         }
     }
-    Round::new(symbols, source, &arguments, &mut bound, diagnostics).visit(model);
+    Round::new(symbols, source, &arguments, &torque, &mut bound, diagnostics).visit(model);
     bound
+}
+
+/// How the model writes the unit that torques and energies share: as an input does, else as any other quantity; `N*m` where none
+/// has it.
+fn written_torque(model: &ModelDeclaration) -> String {
+    let declarations = |of_inputs: bool| {
+        model.items.iter().filter_map(move |item| match item {
+            Item::Declaration(declaration) if (declaration.role == Role::Input) == of_inputs => Some(declaration),
+            _ => None,
+        })
+    };
+    let quantities = declarations(true).chain(declarations(false)).flat_map(|declaration| &declaration.quantities);
+    let mut units = quantities.filter_map(|quantity| quantity.unit.as_ref());
+    // Unknown names are reported where the units of quantities are resolved.
+    let shared = units.find(|unit| resolve(unit, &mut Diagnostics::new()).is_some_and(|unit| unit.is_torque()));
+    shared.map_or_else(|| "N*m".to_owned(), |unit| unit.to_string().trim_matches(['[', ']']).to_owned())
 }
 
 /// The unit of an expression: exact up to powers of unknown units of series functions, or not known at all.
@@ -92,6 +109,8 @@ struct Round<'a, 's, 'd> {
     source: &'s Source,
     /// The coordinates that the series functions are functions of.
     arguments: &'s [&'a str],
+    /// How the unit of torques and energies is written.
+    torque: &'s str,
     bound: &'s mut [Option<Unit>],
     lets: HashMap<&'a str, Dimension>,
     /// The pattern in which expressions stand now.
@@ -104,10 +123,11 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         symbols: &'s Symbols<'a>,
         source: &'s Source,
         arguments: &'s [&'a str],
+        torque: &'s str,
         bound: &'s mut [Option<Unit>],
         diagnostics: &'d mut Diagnostics,
     ) -> Self {
-        Self { symbols, source, arguments, bound, lets: HashMap::new(), local: None, diagnostics }
+        Self { symbols, source, arguments, torque, bound, lets: HashMap::new(), local: None, diagnostics }
     }
 
     fn visit(&mut self, model: &'a ModelDeclaration) {
@@ -268,7 +288,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
             (None, _) if ratio.is_one() => {}
             (None, _) => {
                 if let (Dimension::Known(found, _), Dimension::Known(wanted, _)) = (&dimension, &wanted) {
-                    let diagnostic = mismatch(span, found, wanted, reference);
+                    let diagnostic = mismatch(span, found, wanted, reference, self.torque);
                     self.diagnostics.push(diagnostic);
                 }
             }
@@ -413,13 +433,18 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
     }
 }
 
-fn mismatch(span: Span, found: &Unit, wanted: &Unit, reference: &Reference) -> Diagnostic {
+fn mismatch(span: Span, found: &Unit, wanted: &Unit, reference: &Reference, torque: &str) -> Diagnostic {
     let what = &reference.what;
     let same_place = reference.span == span;
+    let scaled = found.same_dimension(wanted).then(|| found.factor(wanted));
+    let lacking = wanted
+        .over(found)
+        .map_or_else(String::new, |ratio| format!("a factor with the unit {ratio} is missing here; "));
+    let written = |unit: &Unit| if unit.is_torque() { torque.to_owned() } else { unit.to_string() };
+    let (found, wanted) = (written(found), written(wanted));
     let labelled =
         |error: Diagnostic| if same_place { error } else { error.label(reference.span, format!("in {wanted}")) };
-    if found.same_dimension(wanted) {
-        let factor = found.factor(wanted);
+    if let Some(factor) = scaled {
         return labelled(
             Diagnostic::error(span, format!("scale mismatch: this is in {found}, {what} in {wanted}"))
                 .note(format!("1 here is {factor} there"))
@@ -428,9 +453,6 @@ fn mismatch(span: Span, found: &Unit, wanted: &Unit, reference: &Reference) -> D
                 )),
         );
     }
-    let lacking = wanted
-        .over(found)
-        .map_or_else(String::new, |ratio| format!("a factor with the unit {ratio} is missing here; "));
     labelled(
         Diagnostic::error(span, format!("unit mismatch: this is in {found}, {what} in {wanted}"))
             .note(format!("in {found}"))
