@@ -5,7 +5,7 @@ use crate::input::load::Loaded;
 use crate::output::file;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
-use tpm_codegen::emit::estimator::{EmitError, Identified};
+use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError};
 use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
 use tpm_symbolic::number::rational::{self, Rational};
 
@@ -102,6 +102,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
         ..Options::new(args.lang.target(), &command)
     };
     let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
+        (EmitError::Identified(IdentifiedError::NotShown { .. }), Some(path)) => Failure::Input(format!(
+            "{}: {error} (tpm identify --prior NAME=VALUE or --freeze NAME=VALUE; in an experiment [prior] or [frozen])",
+            path.display()
+        )),
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
         (EmitError::Prefix(_) | EmitError::Filter(_), _) => Failure::Input(error.to_string()),
         _ => loaded.at_whole(&error.to_string(), None),

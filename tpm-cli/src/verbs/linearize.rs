@@ -442,7 +442,8 @@ fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>
     }
 }
 
-/// A and B in rational numbers, and whether they are exact; `None` when no values were given.
+/// A and B in rational numbers, and whether they are exact; `None` when no values were given. Parameters that a result leaves open
+/// may stay so where no entry depends on them.
 fn state_space(
     model: &ExactModel,
     linear: &Linearization,
@@ -456,15 +457,35 @@ fn state_space(
         let flags: Vec<String> = missing.iter().map(|name| format!("--set {name}=VALUE")).collect();
         return Err(Failure::Input(format!("for numbers, values are missing; give {}", flags.join(" "))));
     }
+    let values = values.settled(|values| {
+        let (space, _) = evaluated(model, linear, values)?;
+        let rates = model.coordinates.iter().map(|coordinate| format!("d/dt dot({})", coordinate.name));
+        // The upper half says that rates are rates.
+        let n = space.a.len() / 2;
+        let rows = space.a.iter().zip(&space.b).skip(n).zip(rates);
+        let entries = rows.flat_map(|((a, b), name)| {
+            a.iter().chain(b).map(move |entry| (format!("{name} of A and B"), rational::to_f64(entry)))
+        });
+        Ok(entries.collect())
+    })?;
+    evaluated(model, linear, &values).map(Some)
+}
+
+/// A and B with a value for every parameter, and whether they are exact.
+fn evaluated(
+    model: &ExactModel,
+    linear: &Linearization,
+    values: &Values,
+) -> Result<(StateSpace<Rational>, bool), Failure> {
     if let Some(exact) = linear.evaluate_exact(model, |symbol| values.get(symbol).cloned()) {
-        return Ok(Some((exact, true)));
+        return Ok((exact, true));
     }
     let rounded = linear.evaluate(model, |symbol| values.get(symbol).map_or(f64::NAN, rational::to_f64));
     let exactly = |matrix: &[Vec<f64>]| -> Option<Vec<Vec<Rational>>> {
         matrix.iter().map(|row| row.iter().map(|&value| rational::from_f64(value)).collect()).collect()
     };
     match (exactly(&rounded.a), exactly(&rounded.b)) {
-        (Some(a), Some(b)) => Ok(Some((StateSpace { a, b }, false))),
+        (Some(a), Some(b)) => Ok((StateSpace { a, b }, false)),
         _ => Err(Failure::Input(
             "with these values the mass matrix is singular or an entry is not finite; check them".to_owned(),
         )),

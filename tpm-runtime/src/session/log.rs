@@ -142,7 +142,7 @@ impl LogRequest {
             prior: if parameters.iter().all(|name| !self.prior.contains_key(name)) {
                 Vec::new()
             } else {
-                parameters.iter().map(|name| self.prior.get(name).copied().unwrap_or(0.0)).collect()
+                parameters.iter().map(|name| self.prior.get(name).copied()).collect()
             },
             frozen: held
                 .filter_map(|(parameter, name)| Some(Frozen { parameter, value: *self.frozen.get(name)? }))
@@ -245,7 +245,7 @@ pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> 
     let settings = Settings {
         harmonics: options.harmonics,
         weights: options.weights,
-        prior: options.prior.clone(),
+        prior: options.prior.iter().map(|value| value.unwrap_or(0.0)).collect(),
         frozen: options.frozen.clone(),
         ..Settings::default()
     };

@@ -16,6 +16,7 @@
 //! [`from_log`] takes a log, [`on_simulated_plant`] an experiment with a simulated machine, [`on_machine`] an experiment and whoever
 //! plays its runs; a [`Session`] is for those who want the steps one by one.
 
+mod agreeing;
 mod campaign;
 mod error;
 mod folder;
@@ -33,6 +34,7 @@ mod validate;
 mod warning;
 
 pub use self::log::{LogRequest, from_log, identify_log};
+pub use agreeing::{Agreeing, AgreeingError, OpenDirection, agreeing};
 pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
 pub use error::{MachineError, SessionError, Setting};
 pub use folder::{CampaignFolder, NextRun, Submission};
@@ -42,5 +44,5 @@ pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use summary::of_campaign;
-pub use validate::{RowPrediction, Validation, validate, validate_log};
+pub use validate::{RowPrediction, RowUnpredicted, Validation, validate, validate_log};
 pub use warning::{Data, Warning};

@@ -39,7 +39,7 @@ pub fn of_campaign(campaign: &Campaign<'_>, source: Source, seed: u64) -> Identi
     let model = campaign.model();
     let estimate = campaign.estimate();
     let setup = campaign.setup();
-    let own = EstimateReport::new(model, &setup.prior, estimate);
+    let own = EstimateReport::new(model, &setup.stated_prior(), estimate);
     // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
     let (linear, found, report, physical) = match campaign.estimator().lumped() {
         Some((lumped, found)) => (lumped, Some(found), EstimateReport::new(lumped, &[], Some(found)), own.parameters),

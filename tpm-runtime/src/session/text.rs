@@ -179,7 +179,10 @@ fn parameters(list: &[ParameterReport]) -> String {
     for parameter in list {
         let remark = match parameter.status {
             Status::Identified => String::new(),
-            status => status.name().replace('_', " "),
+            status => match parameter.with_prior {
+                Some(value) => format!("{}; {} with the prior", status.name(), number(value)),
+                None => status.name().replace('_', " "),
+            },
         };
         let values = [parameter.prior, parameter.value, parameter.std];
         table.row(&row(parameter.name.clone(), parameter.unit.as_deref(), values, remark));
