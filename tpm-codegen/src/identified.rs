@@ -10,13 +10,16 @@
 use std::collections::{BTreeMap, BTreeSet};
 use thiserror::Error;
 use tpm_symbolic::algebra::polynomial::Monomial;
-use tpm_symbolic::expr::graph::ExprId;
-use tpm_symbolic::mechanics::model::ExactModel;
+use tpm_symbolic::expr::graph::{ExprId, Node};
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational;
-use tpm_symbolic::regressor::form::{RegressorForm, Row};
+use tpm_symbolic::regressor::form::{RegressorForm, Row, Term};
 
 /// A sum below this share of its terms is what the nine digits of the result leave of nothing.
 const NOTHING: f64 = 1e-6;
+
+/// Number of motions at which it is tested whether a row changes along a direction.
+const MOTIONS: usize = 32;
 
 /// The schema of identification results.
 pub const SCHEMA: &str = "tpm.identification/2";
@@ -113,10 +116,7 @@ pub enum IdentifiedError {
 /// What helps where a direction is needed that the data do not show.
 #[must_use]
 pub fn remedy(parameters: &[String]) -> String {
-    format!(
-        "identify from data that show it, or state a prior of {} there, or hold one of them",
-        parameters.join(", ")
-    )
+    format!("identify from data that show it, or state a prior of {} there, or hold one of them", parameters.join(", "))
 }
 
 /// How the value of a parameter is known.
@@ -210,7 +210,8 @@ impl Identified {
         // What the result has combined with the priors itself stays as it is.
         let free: Vec<&str> =
             hidden.iter().filter(|p| p.with_prior.is_none()).map(|parameter| parameter.name.as_str()).collect();
-        let scale: Vec<f64> = free.iter().map(|name| values[name].abs()).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
+        let scale: Vec<f64> =
+            free.iter().map(|name| values[name].abs()).map(|s| if s > 0.0 { s } else { 1.0 }).collect();
         let weight = |terms: &Weights, name: &str| terms.get(name).copied().unwrap_or(0.0);
         let rows: Vec<Vec<f64>> = (self.combinations.iter())
             .map(|shown| free.iter().zip(&scale).map(|(name, scale)| weight(&shown.terms, name) * scale).collect())
@@ -392,7 +393,11 @@ pub fn open(directions: &[Weights], settled: impl Fn(&str) -> bool) -> Vec<Weigh
                 let (before, less) = (direction.get(other).copied().unwrap_or(0.0), factor * weight);
                 let left = before - less;
                 let nothing = other == name || left.abs() <= NOTHING * before.abs().max(less.abs());
-                if nothing { direction.remove(other) } else { direction.insert(other.clone(), left) };
+                if nothing {
+                    direction.remove(other)
+                } else {
+                    direction.insert(other.clone(), left)
+                };
             }
         }
     }
@@ -432,27 +437,54 @@ fn solve(square: &mut [Vec<f64>], mut right: Vec<f64>) -> Vec<f64> {
 
 /// The functions of the motion by which a row changes along a direction, as text; nothing for a row that does not change.
 ///
-/// Functions of the motion that a form keeps apart are independent, so that the row is unchanged for every motion when what
-/// multiplies each of them vanishes.
+/// The row is evaluated at motions drawn at will, where identities between functions of the motion hold as they do everywhere.
 fn moved(model: &ExactModel, row: &Row, weights: &[f64]) -> Option<String> {
-    let mut sums: BTreeMap<&Monomial<ExprId>, (f64, f64)> = BTreeMap::new();
-    for term in &row.terms {
-        let Some(weight) = term.column.map(|column| weights[column]).filter(|weight| *weight != 0.0) else { continue };
-        let part = rational::to_f64(&term.coefficient) * weight;
-        let (sum, size) = sums.entry(&term.atoms).or_default();
-        *sum += part;
-        *size += part.abs();
-    }
-    let changing = sums.into_iter().filter(|(_, (sum, size))| sum.abs() > NOTHING * size).map(|(atoms, _)| {
+    let along = |term: &Term| term.column.map(|column| weights[column]).filter(|weight| *weight != 0.0);
+    let terms: Vec<(&Monomial<ExprId>, f64)> = (row.terms.iter())
+        .filter_map(|term| Some((&term.atoms, along(term)? * rational::to_f64(&term.coefficient))))
+        .collect();
+    let share = |motion: usize| -> Option<f64> {
+        let leaf = |node: &Node| match node {
+            Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
+                Kind::Constant { value: Some(value) } => rational::to_f64(value),
+                _ => drawn(motion, symbol.0 as usize),
+            },
+            Node::Derivative(coordinate, order) => {
+                drawn(motion, model.symbols.len() + 16 * coordinate.0 as usize + *order as usize)
+            }
+            _ => f64::NAN,
+        };
+        let parts: Vec<f64> = (terms.iter())
+            .map(|(atoms, factor)| {
+                atoms.factors().fold(*factor, |product, (&atom, e)| product * model.graph.evaluate(atom, leaf).powi(e))
+            })
+            .collect();
+        let (sum, size) =
+            parts.iter().fold((0.0, 0.0), |(sum, size): (f64, f64), part| (sum + part, size + part.abs()));
+        // A motion at which the row has no value says nothing.
+        (size.is_finite() && size > 0.0).then(|| sum.abs() / size)
+    };
+    let shares: Vec<f64> = (0..MOTIONS).filter_map(share).collect();
+    let changes = !terms.is_empty() && (shares.is_empty() || shares.iter().any(|share| *share > NOTHING));
+    let text = |atoms: &&Monomial<ExprId>| {
         let factor = |(atom, exponent): (&ExprId, i32)| {
             let text = model.display(*atom);
             if exponent == 1 { text } else { format!("{text}^{exponent}") }
         };
         let factors: Vec<String> = atoms.factors().map(factor).collect();
         if factors.is_empty() { "a constant term".to_owned() } else { factors.join("*") }
-    });
-    let changing: Vec<String> = changing.collect();
-    (!changing.is_empty()).then(|| changing.join(", "))
+    };
+    changes.then(|| {
+        let functions: BTreeSet<&Monomial<ExprId>> = terms.iter().map(|(atoms, _)| *atoms).collect();
+        functions.iter().map(text).collect::<Vec<_>>().join(", ")
+    })
+}
+
+/// The number with this index of a motion, between -2 and 2: multiples of irrational numbers, modulo one, spread evenly.
+fn drawn(motion: usize, index: usize) -> f64 {
+    let turns = (motion as f64 + 1.0) * std::f64::consts::SQRT_2 + (index as f64 + 1.0) * std::f64::consts::E;
+    let scattered = turns * (1.0 + index as f64 * std::f64::consts::PI);
+    4.0 * scattered.fract() - 2.0
 }
 
 /// A combination for reading, such as `0.5 m - J`.
@@ -491,7 +523,11 @@ mod tests {
             model: "M".to_owned(),
             parameters: vec![a, b],
             directions: vec![weights(&[("a", 1.0), ("b", -0.5)])],
-            combinations: vec![IdentifiedCombination { terms: weights(&[("a", 1.0), ("b", 2.0)]), value: 5.0, std: 0.1 }],
+            combinations: vec![IdentifiedCombination {
+                terms: weights(&[("a", 1.0), ("b", 2.0)]),
+                value: 5.0,
+                std: 0.1,
+            }],
             ..Identified::default()
         }
     }

@@ -26,7 +26,7 @@ const ROUNDING: f64 = 1e-12;
 #[derive(clap::Args)]
 pub(crate) struct ValueArgs {
     /// Values of parameters and run-time constants: NAME = VALUE lines (.toml), or a result of `tpm identify --json`
-    /// (.json).
+    /// (.json), whose parameters need not all be identified where the answer does not depend on them.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Value of one parameter or run-time constant; goes before that of the file.
@@ -111,7 +111,8 @@ impl Values {
     /// is open stays apart until [`settled`](Self::settled).
     fn complete(&mut self, model: &ExactModel, path: &Path, identified: &Identified) -> Result<(), Failure> {
         let left = model.parameters().filter(|symbol| !self.known.contains_key(symbol));
-        let listed = |name: &str| identified.parameters.iter().chain(&identified.physical).any(|entry| entry.name == name);
+        let listed =
+            |name: &str| identified.parameters.iter().chain(&identified.physical).any(|entry| entry.name == name);
         let left: Vec<Symbol> = left.filter(|symbol| listed(&model.quantity(*symbol).name)).collect();
         if left.is_empty() {
             return Ok(());

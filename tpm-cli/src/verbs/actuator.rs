@@ -142,12 +142,7 @@ impl MachineArgs {
 }
 
 /// Both parts of every input, at the motions that are needed.
-fn inputs(
-    machine: &MotorizedMachine,
-    amplitudes: &[f64],
-    frequency: f64,
-    needed: Use,
-) -> Result<Vec<Output>, Failure> {
+fn inputs(machine: &MotorizedMachine, amplitudes: &[f64], frequency: f64, needed: Use) -> Result<Vec<Output>, Failure> {
     let (demand, model) = (machine.demand(), machine.model());
     let failed = |error: tpm_runtime::run::TrialError| Failure::Input(error.to_string());
     let mut found = Vec::new();
@@ -166,9 +161,10 @@ fn inputs(
         }
     }
     let count = model.dims().inputs;
-    let parts = found.iter().flat_map(|parts| [&parts.independent, &parts.dependent]);
-    let named = parts.flat_map(|part| {
-        part.iter().enumerate().map(|(n, value)| (format!("the input {}", model.input(n % count).name), *value))
+    let parts = found.iter().flat_map(|parts| [("independent", &parts.independent), ("dependent", &parts.dependent)]);
+    let named = parts.flat_map(|(label, part)| {
+        let name = move |n: usize| format!("the motion-{label} part of {}", model.input(n % count).name);
+        part.iter().enumerate().map(move |(n, value)| (name(n), *value))
     });
     Ok(named.collect())
 }

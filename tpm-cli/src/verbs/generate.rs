@@ -64,7 +64,8 @@ pub(crate) struct Args {
     /// the language's files do (.rs). Standard output when not given.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED.
+    /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED. Priors that were stated are marked;
+    /// what the data do not show and an equation needs is refused.
     #[arg(long, value_name = "RESULT.json")]
     params: Option<PathBuf>,
     /// Add the feed-forward behind a second-order low pass of this natural frequency (rad/s) and quality (1/sqrt(2) when

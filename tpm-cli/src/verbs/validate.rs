@@ -70,7 +70,10 @@ fn describe(result: &Validation) -> String {
     }
     text.push_str(&table.finish());
     for row in &result.unpredicted {
-        text.push_str(&format!("{} is not predicted: it changes with {}, which the result leaves open\n", row.name, row.direction));
+        text.push_str(&format!(
+            "{} is not predicted: it changes with {}, which the result leaves open\n",
+            row.name, row.direction
+        ));
     }
     text
 }

@@ -176,8 +176,7 @@ impl<'a> Search<'a> {
             Some(Equation { weights: weights.collect::<Option<_>>()?, value: shown.value, deviation })
         });
         let equations = shown.chain(combined).collect();
-        let mut search =
-            Search { map, names, free, start, stated, known, constants: BTreeMap::new(), equations };
+        let mut search = Search { map, names, free, start, stated, known, constants: BTreeMap::new(), equations };
         search.constants = search.constants_of_map();
         search
     }
@@ -185,7 +184,8 @@ impl<'a> Search<'a> {
     /// Known quantities that are no parameters of the map.
     fn constants_of_map(&self) -> BTreeMap<Symbol, f64> {
         let graph = self.map.graph();
-        let atoms = self.map.definitions().iter().flat_map(|d| d.terms().flat_map(|(m, _)| m.factors().map(|(&a, _)| a)));
+        let atoms =
+            self.map.definitions().iter().flat_map(|d| d.terms().flat_map(|(m, _)| m.factors().map(|(&a, _)| a)));
         let leaves = atoms.flat_map(|atom| graph.leaves(atom)).filter_map(|leaf| match graph.node(leaf) {
             tpm_symbolic::expr::graph::Node::Symbol(symbol) => Some(*symbol),
             _ => None,

@@ -160,7 +160,9 @@ fn parameters(context: &Context<'_>) -> TokenStream {
 fn identified(context: &Context<'_>) -> TokenStream {
     let Some(identified) = context.options.identified else { return TokenStream::new() };
     // `generate` has refused values that do not fit the model.
-    let Ok(values) = identified.in_order(&context.estimator.model, &context.estimator.form) else { return TokenStream::new() };
+    let Ok(values) = identified.in_order(&context.estimator.model, &context.estimator.form) else {
+        return TokenStream::new();
+    };
     let about = doc(&identified.about(&values));
     let fields = context.names.columns.iter().zip(&values).map(|(name, settled)| {
         let value = literal(settled.value);
