@@ -459,12 +459,18 @@ fn state_space(
     }
     let values = values.settled(|values| {
         let (space, _) = evaluated(model, linear, values)?;
-        let rates = model.coordinates.iter().map(|coordinate| format!("d/dt dot({})", coordinate.name));
+        let names: Vec<&str> = model.coordinates.iter().map(|coordinate| coordinate.name.as_str()).collect();
+        let rates = names.iter().map(|name| format!("dot({name})"));
+        let inputs = model.inputs().map(|input| model.quantity(input).name.to_string());
+        let columns: Vec<String> =
+            names.iter().map(|name| (*name).to_owned()).chain(rates.clone()).chain(inputs).collect();
         // The upper half says that rates are rates.
-        let n = space.a.len() / 2;
-        let rows = space.a.iter().zip(&space.b).skip(n).zip(rates);
-        let entries = rows.flat_map(|((a, b), name)| {
-            a.iter().chain(b).map(move |entry| (format!("{name} of A and B"), rational::to_f64(entry)))
+        let rows = space.a.iter().zip(&space.b).skip(names.len()).zip(rates);
+        let entries = rows.flat_map(|((a, b), rate)| {
+            let named = |(entry, column): (&Rational, &String)| {
+                (format!("the entry of {column} in d/dt {rate}"), rational::to_f64(entry))
+            };
+            a.iter().chain(b).zip(&columns).map(named).collect::<Vec<_>>()
         });
         Ok(entries.collect())
     })?;

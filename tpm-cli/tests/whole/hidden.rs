@@ -190,7 +190,12 @@ fn gravity_that_was_not_shown_is_no_number() {
     // Flat, nothing needs it; tilted, the row is named.
     let linearize = ["linearize", "tilted.tpm", "--params", "r.json"];
     printed_in(at, &[&linearize[..], &["--set", "tilt=0"]].concat(), 0);
-    fails(at, &[&linearize[..], &["--set", "tilt=0.5"]].concat(), 2, &["mgl", "d/dt dot(q)", "--set mgl=VALUE"]);
+    fails(
+        at,
+        &[&linearize[..], &["--set", "tilt=0.5"]].concat(),
+        2,
+        &["mgl", "the entry of q in d/dt dot(q)", "--set mgl=VALUE"],
+    );
     printed_in(at, &[&linearize[..], &["--set", "tilt=0.5", "--set", "mgl=16.7"]].concat(), 0);
     let validate = ["validate", "tilted.tpm", "--params", "r.json", "--log"];
     printed_in(at, &[&validate[..], &["flat.csv", "--constant", "tilt=0"]].concat(), 0);

@@ -46,7 +46,16 @@ impl Estimate {
                 of(j) > ROUNDING * (0..p).map(of).fold(0.0, f64::max)
             })
         };
-        (0..p).map(|j| (hidden(&j) && !moves(j)).then(|| self.values[j] + along(&|c| z[c], j))).collect()
+        let value = |j: usize| {
+            let value = self.values[j] + along(&|c| z[c], j);
+            // A prior that no combination contradicts is kept as it was stated.
+            let kept = stated.iter().zip(&scale).find(|((own, _), _)| *own == j);
+            match kept {
+                Some(((_, prior), size)) if (value - prior).abs() <= ROUNDING * size => *prior,
+                _ => value,
+            }
+        };
+        (0..p).map(|j| (hidden(&j) && !moves(j)).then(|| value(j))).collect()
     }
 
     /// The size of a parameter whose prior is zero, from those of the stated parameters that share a hidden direction with it.
