@@ -424,12 +424,13 @@ fn solve(square: &mut [Vec<f64>], mut right: Vec<f64>) -> Vec<f64> {
             break;
         }
         pivots.push(pivot);
-        for row in (0..n).filter(|&row| row != pivot) {
-            let factor = square[row][pivot] / square[pivot][pivot];
-            for column in 0..n {
-                square[row][column] -= factor * square[pivot][column];
+        let (by, of_pivot) = (square[pivot].clone(), right[pivot]);
+        for (row, (equation, right)) in square.iter_mut().zip(&mut right).enumerate() {
+            if row != pivot {
+                let factor = equation[pivot] / by[pivot];
+                equation.iter_mut().zip(&by).for_each(|(entry, by)| *entry -= factor * by);
+                *right -= factor * of_pivot;
             }
-            right[row] -= factor * right[pivot];
         }
     }
     (0..n).map(|i| if pivots.contains(&i) { right[i] / square[i][i] } else { 0.0 }).collect()
