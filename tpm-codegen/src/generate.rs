@@ -37,7 +37,7 @@ pub struct Options<'a> {
     pub language: Language,
     /// The command that gives this output again, for the header.
     pub command: &'a str,
-    /// Identified values to be baked in.
+    /// Identified values to be baked in; parameters that the data do not show come from stated priors, or do not matter.
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward, common and split; none when not given.
     pub filters: Option<&'a Filters>,
@@ -68,11 +68,11 @@ pub struct File {
 /// The source files of an estimator.
 ///
 /// # Errors
-/// [`EmitError`] when the identified values are of another model, a filter is out of range or has no feed-forward to pass, or the
+/// [`EmitError`] when the identified values are of another model or leave open what an equation needs, a filter is out of range or has no feed-forward to pass, or the
 /// target language cannot express the model.
 pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Vec<File>, EmitError> {
     if let Some(identified) = options.identified {
-        identified.in_order(estimator)?;
+        identified.in_order(&estimator.model, &estimator.form)?;
     }
     if let Some(filters) = options.filters {
         filters.check()?;

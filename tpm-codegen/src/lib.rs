@@ -83,6 +83,7 @@ pub mod diagnostic;
 pub mod emit;
 #[cfg(feature = "generate")]
 pub mod generate;
+pub mod identified;
 pub mod inline;
 pub mod language;
 pub mod source;

@@ -1,23 +1,32 @@
 //! Values of a model's parameters, run-time constants and, for a motion, amplitudes and frequency, exactly as they were
 //! written.
 //!
-//! Invariant: a decimal is the rational number that its digits say; a name that the model does not have is an error.
+//! Invariant: a decimal is the rational number that its digits say; a name that the model does not have is an error. A parameter
+//! that a result of an identification leaves open has no value until it is shown that none is needed.
 
 use crate::failure::Failure;
 use crate::input::assignments::{assignment, once};
+use crate::output::file;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use tpm_codegen::emit::estimator::READABLE_SCHEMAS;
+use tpm_codegen::identified::{Identified, IdentifiedError, READABLE_SCHEMAS, remedy};
+use tpm_runtime::report::number;
+use tpm_runtime::session::agreeing;
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::{self, Rational};
 
+/// Numbers that differ by no more than this share of their size are alike: a result has nine digits of what the data do not show.
+const ALIKE: f64 = 1e-6;
+/// Numbers below this share of the largest one are rounding.
+const ROUNDING: f64 = 1e-12;
+
 /// Options that give values.
 #[derive(clap::Args)]
 pub(crate) struct ValueArgs {
     /// Values of parameters and run-time constants: NAME = VALUE lines (.toml), or a result of `tpm identify --json`
-    /// (.json).
+    /// (.json), whose parameters need not all be identified where the answer does not depend on them.
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Value of one parameter or run-time constant; goes before that of the file.
@@ -34,7 +43,30 @@ impl ValueArgs {
 
 /// Values by symbol.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Values(BTreeMap<Symbol, Rational>);
+pub(crate) struct Values {
+    known: BTreeMap<Symbol, Rational>,
+    hidden: Hidden,
+}
+
+/// What is left open of the parameters that a result does not give.
+#[derive(Clone, Debug, Default)]
+struct Hidden {
+    /// One set of values with which the result holds.
+    values: BTreeMap<Symbol, Rational>,
+    open: Vec<Open>,
+}
+
+/// A direction along which these values may move.
+#[derive(Clone, Debug)]
+struct Open {
+    direction: String,
+    parameters: Vec<String>,
+    /// Other sets of values with which the result holds.
+    others: Vec<BTreeMap<Symbol, Rational>>,
+}
+
+/// A number that a command computes from values, with the words that name it.
+pub(crate) type Output = (String, f64);
 
 impl Values {
     /// Reads the given values of parameters and run-time constants.
@@ -44,13 +76,21 @@ impl Values {
 
     /// Reads the given values, which may include the amplitudes and the frequency of a pattern.
     pub(crate) fn load_with(args: &ValueArgs, model: &ExactModel, pattern: Option<&Pattern>) -> Result<Self, Failure> {
-        let mut values = BTreeMap::new();
+        let mut known = BTreeMap::new();
+        let mut result = None;
         if let Some(path) = &args.params {
             let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
             let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
-            let found = if json { identified(path, &text, model)? } else { table(path, &text)? };
+            let found = if json {
+                let identified = identification(path, &text)?;
+                let found = shown(&identified, model);
+                result = Some((path, identified));
+                found
+            } else {
+                table(path, &text)?
+            };
             for (name, value) in found {
-                values.insert(symbol(model, pattern, &name, &path.display().to_string())?, value);
+                known.insert(symbol(model, pattern, &name, &path.display().to_string())?, value);
             }
         }
         once("--set", &args.set)?;
@@ -58,31 +98,128 @@ impl Values {
             let value = rational::parse(text).ok_or_else(|| {
                 Failure::Input(format!("--set {name}={text}: write a number, such as 2, 0.022, 3.168e-4 or 1/3"))
             })?;
-            values.insert(symbol(model, pattern, name, "--set")?, value);
+            known.insert(symbol(model, pattern, name, "--set")?, value);
         }
-        Ok(Values(values))
+        let mut values = Self { known, hidden: Hidden::default() };
+        if let Some((path, identified)) = result {
+            values.complete(model, path, &identified)?;
+        }
+        Ok(values)
     }
 
-    /// The value of a symbol.
+    /// Takes in what a result says of the parameters that it gives no value to: stated priors become values, with a remark, and what
+    /// is open stays apart until [`settled`](Self::settled).
+    fn complete(&mut self, model: &ExactModel, path: &Path, identified: &Identified) -> Result<(), Failure> {
+        let left = model.parameters().filter(|symbol| !self.known.contains_key(symbol));
+        let listed =
+            |name: &str| identified.parameters.iter().chain(&identified.physical).any(|entry| entry.name == name);
+        let left: Vec<Symbol> = left.filter(|symbol| listed(&model.quantity(*symbol).name)).collect();
+        if left.is_empty() {
+            return Ok(());
+        }
+        let name = |symbol: Symbol| model.quantity(symbol).name.to_string();
+        let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
+        let given = self.known.iter().map(|(symbol, value)| (name(*symbol), rational::to_f64(value))).collect();
+        let found = agreeing(model, identified, &given).map_err(|error| {
+            let flags: Vec<String> = left.iter().map(|symbol| format!("--set {}=VALUE", name(*symbol))).collect();
+            at(format!("{error}; give {}", flags.join(" ")))
+        })?;
+        let by_symbol = |values: &BTreeMap<String, f64>| -> BTreeMap<Symbol, Rational> {
+            let exact = |(name, value): (&String, &f64)| Some((model.find_symbol(name)?, rational::from_f64(*value)?));
+            values.iter().filter_map(exact).collect()
+        };
+        for name in &found.from_prior {
+            let value = found.values[name];
+            file::remark(&format!(
+                "remark: {}: the data do not show `{name}`; its value {} is that of a stated prior",
+                path.display(),
+                number(value)
+            ));
+        }
+        let mut values = by_symbol(&found.values);
+        let of = |names: &[String], name: &str| names.iter().any(|other| other == name);
+        let is_open = |name: &str| found.open.iter().any(|open| of(&open.parameters, name));
+        self.known.extend(values.extract_if(.., |symbol, _| !is_open(&name(*symbol))));
+        let open = found.open.into_iter().map(|open| Open {
+            others: open.others.iter().map(&by_symbol).collect(),
+            direction: open.direction,
+            parameters: open.parameters,
+        });
+        self.hidden = Hidden { values, open: open.collect() };
+        Ok(())
+    }
+
+    /// The values with every parameter in place, when what is computed from them does not depend on what a result leaves open.
+    ///
+    /// `outputs` computes what the command needs, in numbers. It is computed from several sets of values with which the result
+    /// holds, and must come out alike.
+    pub(crate) fn settled(&self, outputs: impl Fn(&Self) -> Result<Vec<Output>, Failure>) -> Result<Self, Failure> {
+        if self.hidden.values.is_empty() {
+            return Ok(self.clone());
+        }
+        let with = |hidden: &BTreeMap<Symbol, Rational>| {
+            let all = self.known.iter().chain(hidden).map(|(symbol, value)| (*symbol, value.clone()));
+            Self { known: all.collect(), hidden: Hidden::default() }
+        };
+        let settled = with(&self.hidden.values);
+        let own = outputs(&settled)?;
+        for Open { direction, parameters, others } in &self.hidden.open {
+            for other in others {
+                let changed = match outputs(&with(other)) {
+                    Ok(other) => first_change(&own, &other),
+                    // Values with which the model is no machine are an outcome that differs.
+                    Err(_) => Some("the result".to_owned()),
+                };
+                if let Some(changed) = changed {
+                    let flags: Vec<String> = parameters.iter().map(|name| format!("--set {name}=VALUE")).collect();
+                    return Err(Failure::Input(format!(
+                        "the identified values do not determine {direction}, and {changed} needs it; {} (or give {} here)",
+                        remedy(parameters),
+                        flags.join(" or ")
+                    )));
+                }
+            }
+        }
+        Ok(settled)
+    }
+
+    /// The value of a symbol; nothing for a parameter that a result leaves open, unless the values are settled.
     pub(crate) fn get(&self, symbol: Symbol) -> Option<&Rational> {
-        self.0.get(&symbol)
+        self.known.get(&symbol)
     }
 
     /// Whether nothing was given.
     pub(crate) fn is_empty(&self) -> bool {
-        self.0.is_empty()
+        self.known.is_empty() && self.hidden.values.is_empty()
     }
 
-    /// Names of the parameters and run-time constants, and of a pattern's amplitudes and frequency, that have no value.
+    /// Names of the parameters and run-time constants, and of a pattern's amplitudes and frequency, of which nothing is known.
     pub(crate) fn missing(&self, model: &ExactModel, pattern: Option<&Pattern>) -> Vec<String> {
         model
             .parameters()
             .chain(model.run_time_constants())
             .chain(motion(pattern))
-            .filter(|symbol| !self.0.contains_key(symbol))
+            .filter(|symbol| !self.known.contains_key(symbol) && !self.hidden.values.contains_key(symbol))
             .map(|symbol| model.quantity(symbol).name.to_string())
             .collect()
     }
+}
+
+/// The first number that differs by more than rounding from what it is with other values; numbers of equal name are of one size.
+fn first_change(own: &[Output], other: &[Output]) -> Option<String> {
+    let mut sizes: BTreeMap<&str, f64> = BTreeMap::new();
+    for (name, value) in own.iter().chain(other) {
+        let size = sizes.entry(name).or_default();
+        *size = size.max(value.abs());
+    }
+    let largest = sizes.values().copied().fold(0.0, f64::max);
+    let same = |(name, value): &Output, other: &Output| {
+        (value - other.1).abs() <= (ALIKE * sizes[name.as_str()]).max(ROUNDING * largest)
+    };
+    if own.len() != other.len() {
+        return Some("the result".to_owned());
+    }
+    own.iter().zip(other).find(|(own, other)| !same(own, other)).map(|(own, _)| own.0.clone())
 }
 
 /// Amplitudes and frequency of a pattern.
@@ -136,34 +273,23 @@ fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
     Ok(values)
 }
 
-/// Parses a result of `tpm identify --json`.
-pub(crate) fn identification(path: &Path, text: &str) -> Result<serde_json::Value, Failure> {
-    let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
-    let whole: serde_json::Value = serde_json::from_str(text).map_err(|error| at(error.to_string()))?;
-    if !READABLE_SCHEMAS.iter().any(|schema| whole["schema"] == *schema) {
+/// Reads a result of `tpm identify --json`.
+pub(crate) fn identification(path: &Path, text: &str) -> Result<Identified, Failure> {
+    Identified::from_json(text).map_err(|error| {
         let known = READABLE_SCHEMAS.join(" or ");
-        return Err(at(format!("this is no result of `tpm identify --json` (schema {known})")));
-    }
-    Ok(whole)
+        Failure::Input(match error {
+            IdentifiedError::Schema(fault) => {
+                format!("{}: this is no result of `tpm identify --json` (schema {known}): {fault}", path.display())
+            }
+            other => format!("{}: {other}", path.display()),
+        })
+    })
 }
 
 /// The identified values whose names the model knows; values of lumped parameters give way to those of the physical
 /// ones.
-fn identified(path: &Path, text: &str, model: &ExactModel) -> Result<Vec<(String, Rational)>, Failure> {
-    let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
-    let whole = identification(path, text)?;
-    let mut values = Vec::new();
-    for list in ["parameters", "physical"] {
-        for entry in whole[list].as_array().into_iter().flatten() {
-            let Some(name) = entry["name"].as_str().filter(|name| model.find_symbol(name).is_some()) else { continue };
-            let value = entry["value"].as_f64().and_then(|value| rational::parse(&value.to_string()));
-            values.push((
-                name.to_owned(),
-                value.ok_or_else(|| {
-                    at(format!("`{name}` was not identified, so it has no value; give one with --set {name}=VALUE"))
-                })?,
-            ));
-        }
-    }
-    Ok(values)
+fn shown(identified: &Identified, model: &ExactModel) -> Vec<(String, Rational)> {
+    let lists = identified.parameters.iter().chain(&identified.physical);
+    let known = lists.filter(|entry| model.find_symbol(&entry.name).is_some());
+    known.filter_map(|entry| Some((entry.name.clone(), rational::parse(&entry.value?.to_string())?))).collect()
 }

@@ -3,8 +3,10 @@
 
 use crate::failure::Failure;
 use crate::output::{file, picture};
+use std::collections::BTreeMap;
 use std::path::Path;
 use tpm_runtime::campaign::RunReport;
+use tpm_runtime::estimate::ParameterReport;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_runtime::report::{cells, combination, number};
@@ -111,9 +113,16 @@ fn table(machine: &Machine, result: &Identification) -> String {
     for run in &result.runs {
         text.push_str(&row(number(run.frequency), &run.played));
     }
-    text.push_str(&row("identified".to_owned(), &result.current));
+    let own = result.parameters.iter().chain(&result.physical);
+    let own: BTreeMap<&str, &ParameterReport> = own.map(|parameter| (parameter.name.as_str(), parameter)).collect();
+    let identified = names.iter().map(|name| match own.get(name) {
+        Some(ParameterReport { value: Some(value), .. }) => number(*value),
+        Some(ParameterReport { with_prior: Some(value), .. }) => format!("{} (prior)", number(*value)),
+        _ => "not shown".to_owned(),
+    });
+    text.push_str(&format!("| identified | {} |\n", identified.collect::<Vec<_>>().join(" | ")));
     if !result.unobservable.is_empty() {
-        text.push_str("\nAlong these directions the runs show nothing, and the values above keep the prior:\n\n");
+        text.push_str("\nAlong these directions the runs show nothing; values above keep priors that were stated:\n\n");
         for direction in &result.unobservable {
             text.push_str(&format!("- {}\n", combination(direction)));
         }

@@ -4,7 +4,7 @@
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::assignment;
 use crate::input::load::Loaded;
-use crate::input::values::{ValueArgs, Values};
+use crate::input::values::{Output, ValueArgs, Values};
 use crate::output::{file, picture};
 use crate::render::flags;
 use crate::verbs::split::motions;
@@ -26,6 +26,21 @@ use tpm_symbolic::plan::split::split;
 const SAMPLES: usize = 2048;
 /// Factors on the amplitudes for which the largest frequency is tabulated.
 const FACTORS: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
+
+/// Factors on amplitudes and on the frequency at which it is tested what a motion needs of the parameters, and samples of each.
+const TESTED: [f64; 3] = [0.5, 1.0, 1.7];
+const TEST_SAMPLES: usize = 64;
+/// Number of motions, drawn at will, at which it is tested what any motion needs.
+const ANY_MOTIONS: usize = 40;
+
+/// What a command computes from the values of a machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Use {
+    /// The inputs along the pattern, with other amplitudes and frequencies too.
+    Pattern,
+    /// The inputs of any motion.
+    AnyMotion,
+}
 
 /// Options of `tpm actuator`.
 #[derive(clap::Args)]
@@ -78,8 +93,9 @@ pub(crate) struct Moved {
 }
 
 impl MachineArgs {
-    /// Reads the model and everything that its motion needs.
-    pub(crate) fn moved(&self) -> Result<Moved, Failure> {
+    /// Reads the model and everything that its motion needs; parameters that a result leaves open may stay so where nothing that is
+    /// `needed` depends on them.
+    pub(crate) fn moved(&self, needed: Use) -> Result<Moved, Failure> {
         let loaded = Loaded::from_file(&self.file)?;
         let model = loaded.model().clone();
         let pattern = loaded.pattern(self.pattern.as_deref())?.clone();
@@ -92,11 +108,20 @@ impl MachineArgs {
                 missing.join(", ")
             )));
         }
-        let of = |symbol: Symbol| values.get(symbol).map(rational::to_f64);
-        let machine = MotorizedMachine::new(&symbolic, &pattern, of).map_err(|error| match error {
-            MotorizedMachineError::Prepare(error) => loaded.at(&error),
-            other => Failure::Input(other.to_string()),
+        let machine = |values: &Values| {
+            let of = |symbol: Symbol| values.get(symbol).map(rational::to_f64);
+            MotorizedMachine::new(&symbolic, &pattern, of).map_err(|error| match error {
+                MotorizedMachineError::Prepare(error) => loaded.at(&error),
+                other => Failure::Input(other.to_string()),
+            })
+        };
+        let values = values.settled(|values| {
+            let of = |symbol: &Symbol| values.get(*symbol).map_or(f64::NAN, rational::to_f64);
+            let amplitudes: Vec<f64> = pattern.amplitudes.iter().map(of).collect();
+            inputs(&machine(values)?, &amplitudes, of(&pattern.frequency), needed)
         })?;
+        let machine = machine(&values)?;
+        let of = |symbol: Symbol| values.get(symbol).map(rational::to_f64);
         let frequency = of(pattern.frequency).unwrap_or(f64::NAN);
         if frequency.is_nan() || frequency <= 0.0 {
             let name = &model.quantity(pattern.frequency).name;
@@ -114,6 +139,34 @@ impl MachineArgs {
             pattern,
         })
     }
+}
+
+/// Both parts of every input, at the motions that are needed.
+fn inputs(machine: &MotorizedMachine, amplitudes: &[f64], frequency: f64, needed: Use) -> Result<Vec<Output>, Failure> {
+    let (demand, model) = (machine.demand(), machine.model());
+    let failed = |error: tpm_runtime::run::TrialError| Failure::Input(error.to_string());
+    let mut found = Vec::new();
+    match needed {
+        Use::Pattern => {
+            for (factor, faster) in TESTED.into_iter().flat_map(|factor| TESTED.map(|faster| (factor, faster))) {
+                let trajectory = machine.trajectory(&scaled(amplitudes, factor), faster * frequency);
+                found.push(demand.along(&trajectory, TEST_SAMPLES).map_err(failed)?);
+            }
+        }
+        Use::AnyMotion => {
+            // Multiples of an irrational number, modulo one, are spread evenly and repeat never.
+            let length = model.dims().motion_len();
+            let drawn = |n: usize| 4.0 * ((n as f64 + 1.0) * std::f64::consts::SQRT_2).fract() - 2.0;
+            found.push(demand.at((0..ANY_MOTIONS * length).map(drawn).collect()).map_err(failed)?);
+        }
+    }
+    let count = model.dims().inputs;
+    let parts = found.iter().flat_map(|parts| [("independent", &parts.independent), ("dependent", &parts.dependent)]);
+    let named = parts.flat_map(|(label, part)| {
+        let name = move |n: usize| format!("the motion-{label} part of {}", model.input(n % count).name);
+        part.iter().enumerate().map(move |(n, value)| (name(n), *value))
+    });
+    Ok(named.collect())
 }
 
 impl Moved {
@@ -182,7 +235,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(path) = &args.plot {
         picture::Picture::of(path)?;
     }
-    let moved = args.machine.moved()?;
+    let moved = args.machine.moved(Use::Pattern)?;
     let motors = moved.motors(&args.motor)?;
     if motors.iter().all(Option::is_none) {
         return Err(Failure::Input(format!("{}: there is no motor in it; add [motors.INPUT]", args.motor.display())));

@@ -2,7 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::output::{file, picture};
-use crate::verbs::actuator::{MachineArgs, Moved};
+use crate::verbs::actuator::{MachineArgs, Moved, Use};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -46,7 +46,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(path) = &args.plot {
         picture::Picture::of(path)?;
     }
-    let moved = args.machine.moved()?;
+    // The simulated machine leaves its reference.
+    let moved = args.machine.moved(Use::AnyMotion)?;
     let motors = args.motor.as_deref().map_or_else(|| Ok(Vec::new()), |path| moved.motors(path))?;
     let text = std::fs::read_to_string(&args.control).map_err(|error| Failure::read(&args.control, error))?;
     let at = |fault: FileFault| Failure::Input(format!("{}: {fault}", args.control.display()));

@@ -5,7 +5,7 @@ use crate::input::load::Loaded;
 use crate::output::file;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
-use tpm_codegen::emit::estimator::{EmitError, Identified};
+use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError};
 use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
 use tpm_symbolic::number::rational::{self, Rational};
 
@@ -64,7 +64,8 @@ pub(crate) struct Args {
     /// the language's files do (.rs). Standard output when not given.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED.
+    /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED. Priors that were stated are marked;
+    /// what the data do not show and an equation needs is refused.
     #[arg(long, value_name = "RESULT.json")]
     params: Option<PathBuf>,
     /// Add the feed-forward behind a second-order low pass of this natural frequency (rad/s) and quality (1/sqrt(2) when
@@ -102,6 +103,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
         ..Options::new(args.lang.target(), &command)
     };
     let files = generate(&estimator, &options).map_err(|error| match (&error, &args.params) {
+        (EmitError::Identified(IdentifiedError::NotShown { .. }), Some(path)) => Failure::Input(format!(
+            "{}: {error} (tpm identify --prior NAME=VALUE or --freeze NAME=VALUE; in an experiment [prior] or [frozen])",
+            path.display()
+        )),
         (EmitError::Identified(_), Some(path)) => Failure::Input(format!("{}: {error}", path.display())),
         (EmitError::Prefix(_) | EmitError::Filter(_), _) => Failure::Input(error.to_string()),
         _ => loaded.at_whole(&error.to_string()),

@@ -442,7 +442,8 @@ fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>
     }
 }
 
-/// A and B in rational numbers, and whether they are exact; `None` when no values were given.
+/// A and B in rational numbers, and whether they are exact; `None` when no values were given. Parameters that a result leaves open
+/// may stay so where no entry depends on them.
 fn state_space(
     model: &ExactModel,
     linear: &Linearization,
@@ -456,15 +457,41 @@ fn state_space(
         let flags: Vec<String> = missing.iter().map(|name| format!("--set {name}=VALUE")).collect();
         return Err(Failure::Input(format!("for numbers, values are missing; give {}", flags.join(" "))));
     }
+    let values = values.settled(|values| {
+        let (space, _) = evaluated(model, linear, values)?;
+        let names: Vec<&str> = model.coordinates.iter().map(|coordinate| coordinate.name.as_str()).collect();
+        let rates = names.iter().map(|name| format!("dot({name})"));
+        let inputs = model.inputs().map(|input| model.quantity(input).name.to_string());
+        let columns: Vec<String> =
+            names.iter().map(|name| (*name).to_owned()).chain(rates.clone()).chain(inputs).collect();
+        // The upper half says that rates are rates.
+        let rows = space.a.iter().zip(&space.b).skip(names.len()).zip(rates);
+        let entries = rows.flat_map(|((a, b), rate)| {
+            let named = |(entry, column): (&Rational, &String)| {
+                (format!("the entry of {column} in d/dt {rate}"), rational::to_f64(entry))
+            };
+            a.iter().chain(b).zip(&columns).map(named).collect::<Vec<_>>()
+        });
+        Ok(entries.collect())
+    })?;
+    evaluated(model, linear, &values).map(Some)
+}
+
+/// A and B with a value for every parameter, and whether they are exact.
+fn evaluated(
+    model: &ExactModel,
+    linear: &Linearization,
+    values: &Values,
+) -> Result<(StateSpace<Rational>, bool), Failure> {
     if let Some(exact) = linear.evaluate_exact(model, |symbol| values.get(symbol).cloned()) {
-        return Ok(Some((exact, true)));
+        return Ok((exact, true));
     }
     let rounded = linear.evaluate(model, |symbol| values.get(symbol).map_or(f64::NAN, rational::to_f64));
     let exactly = |matrix: &[Vec<f64>]| -> Option<Vec<Vec<Rational>>> {
         matrix.iter().map(|row| row.iter().map(|&value| rational::from_f64(value)).collect()).collect()
     };
     match (exactly(&rounded.a), exactly(&rounded.b)) {
-        (Some(a), Some(b)) => Ok(Some((StateSpace { a, b }, false))),
+        (Some(a), Some(b)) => Ok((StateSpace { a, b }, false)),
         _ => Err(Failure::Input(
             "with these values the mass matrix is singular or an entry is not finite; check them".to_owned(),
         )),

@@ -155,11 +155,21 @@ fn in_numbers(
         )));
     }
     let parts = split.parts().and_then(prepare).map_err(|error| loaded.at(&error))?;
-    let value = |symbol: Symbol| match &model.symbols.get(symbol.0 as usize).map(|quantity| &quantity.kind) {
-        Some(Kind::Constant { value: Some(value) }) => rational::to_f64(value),
-        _ => values.get(symbol).map_or(0.0, rational::to_f64),
+    let waves = |values: &Values| {
+        let value = |symbol: Symbol| match &model.symbols.get(symbol.0 as usize).map(|quantity| &quantity.kind) {
+            Some(Kind::Constant { value: Some(value) }) => rational::to_f64(value),
+            _ => values.get(symbol).map_or(f64::NAN, rational::to_f64),
+        };
+        numeric_parts(&parts, pattern, harmonics, value).map_err(|error| loaded.at(&error))
     };
-    let waves = numeric_parts(&parts, pattern, harmonics, value).map_err(|error| loaded.at(&error))?;
+    let values = values.settled(|values| {
+        let lines = waves(values)?.into_iter().flat_map(|part| {
+            let name = format!("the part {}", parts.form.rows[part.equation].name);
+            part.wave.cos.into_iter().chain(part.wave.sin).map(move |value| (name.clone(), value))
+        });
+        Ok(lines.collect())
+    })?;
+    let waves = waves(&values)?;
     Ok(Numbers { parts, waves, harmonics })
 }
 

@@ -5,8 +5,7 @@ use crate::input::experiment::model;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;
 use crate::output::file;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::session::{Identifiable as _, Validation, validate};
 
@@ -34,19 +33,12 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let model = model(&args.file)?;
-    let parameters = identified(&args.params)?;
+    let text = std::fs::read_to_string(&args.params).map_err(|error| Failure::read(&args.params, error))?;
+    let known = identification(&args.params, &text)?;
     let request = args.reading.request(&args.log, model.evaluated())?;
-    let result = validate(&model, request, &parameters)?;
-    file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })
-}
-
-/// The values of a result, by name; those that were not identified are left out.
-fn identified(path: &Path) -> Result<BTreeMap<String, f64>, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
-    let whole = identification(path, &text)?;
-    let entries = whole["parameters"].as_array().into_iter().flatten();
-    let known = entries.filter_map(|entry| Some((entry["name"].as_str()?.to_owned(), entry["value"].as_f64()?)));
-    Ok(known.collect())
+    let result = validate(&model, request, &known)?;
+    file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })?;
+    result.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing)))
 }
 
 fn describe(result: &Validation) -> String {
@@ -77,5 +69,11 @@ fn describe(result: &Validation) -> String {
         ]);
     }
     text.push_str(&table.finish());
+    for row in &result.unpredicted {
+        text.push_str(&format!(
+            "{} is not predicted: it changes with {}, which the result leaves open\n",
+            row.name, row.direction
+        ));
+    }
     text
 }

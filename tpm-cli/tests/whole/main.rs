@@ -5,6 +5,7 @@ mod bad_input;
 mod campaign;
 mod compare;
 mod generate;
+mod hidden;
 mod linear;
 mod log;
 mod pendulum_study;

@@ -41,9 +41,9 @@ pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files
         return Err(EmitError::OutOfScalar(Scalar::display(lost)));
     }
     if let Some(identified) = options.identified {
-        let values = identified.in_order(estimator)?;
-        if let Some(lost) = values.iter().find(|parameter| !context.scalar.holds(parameter.value)) {
-            return Err(EmitError::OutOfScalar(format!("{} of `{}`", lost.value, lost.name)));
+        let values = identified.in_order(&estimator.model, &estimator.form)?;
+        if let Some(lost) = values.iter().find(|settled| !context.scalar.holds(settled.value)) {
+            return Err(EmitError::OutOfScalar(format!("{} of `{}`", lost.value, lost.parameter.name)));
         }
     }
     let empty = [

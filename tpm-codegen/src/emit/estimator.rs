@@ -21,6 +21,8 @@ use super::number::{Rounded, resembles_constant};
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
 
+pub use crate::identified::{Identified, IdentifiedError, IdentifiedParameter, READABLE_SCHEMAS, SCHEMA};
+
 /// A model, its regressor form and its plans.
 #[derive(Clone, Debug)]
 pub struct EstimatorSource {
@@ -200,102 +202,5 @@ fn shortened(digits: &str) -> String {
     match (digits.get(..20), digits.get(digits.len().saturating_sub(10)..)) {
         (Some(first), Some(last)) if digits.len() > 40 => format!("{first}...{last}"),
         _ => digits.to_owned(),
-    }
-}
-
-/// One identified parameter.
-#[derive(Clone, Debug, PartialEq)]
-pub struct IdentifiedParameter {
-    /// Its name, as the columns of the model are named.
-    pub name: String,
-    /// The identified value, or the prior where the data say nothing about it.
-    pub value: f64,
-    /// Its standard deviation, when the data determine it.
-    pub std: Option<f64>,
-    /// The status that the identification reports.
-    pub status: String,
-}
-
-/// The result of an identification, as it is baked into emitted code.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Identified {
-    /// Name of the model.
-    pub model: String,
-    /// One entry per column.
-    pub parameters: Vec<IdentifiedParameter>,
-}
-
-/// Why the result of an identification cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum IdentifiedError {
-    /// The file does not have the schema of an identification result.
-    #[error("the identified values are of none of the schemas that can be read, {known}: {0}", known = READABLE_SCHEMAS.join(", "))]
-    Schema(String),
-    /// The result belongs to another model.
-    #[error("the identified values are of the model `{found}`, not of `{expected}`")]
-    Model {
-        /// The model in the file.
-        found: String,
-        /// The model that is emitted.
-        expected: String,
-    },
-    /// A parameter has no value.
-    #[error("the parameter `{0}` has no identified value and no prior one; identify it, or give it a prior")]
-    Missing(String),
-}
-
-/// The schema of identification results.
-pub const SCHEMA: &str = "tpm.identification/2";
-
-/// The schemas of identification results that can be read: every field of the first one is in the second.
-pub const READABLE_SCHEMAS: [&str; 2] = ["tpm.identification/1", SCHEMA];
-
-impl Identified {
-    /// One value per column of `estimator`, in its order.
-    pub(crate) fn in_order(&self, estimator: &EstimatorSource) -> Result<Vec<&IdentifiedParameter>, IdentifiedError> {
-        if self.model != estimator.model.name {
-            let expected = estimator.model.name.clone();
-            return Err(IdentifiedError::Model { found: self.model.clone(), expected });
-        }
-        let find = |name: &str| {
-            let found = self.parameters.iter().find(|parameter| parameter.name == *name);
-            found.ok_or_else(|| IdentifiedError::Missing(name.to_owned()))
-        };
-        estimator.form.columns.iter().map(|column| find(&column.name)).collect()
-    }
-
-    /// Reads the JSON that `tpm identify --json` prints.
-    ///
-    /// # Errors
-    /// When the text is not of a readable schema, or a parameter has neither an identified nor a prior value.
-    #[cfg(feature = "generate")]
-    pub fn from_json(text: &str) -> Result<Self, IdentifiedError> {
-        #[derive(serde::Deserialize)]
-        struct File {
-            schema: String,
-            model: String,
-            parameters: Vec<Parameter>,
-        }
-        #[derive(serde::Deserialize)]
-        struct Parameter {
-            name: String,
-            #[serde(default)]
-            prior: Option<f64>,
-            value: Option<f64>,
-            #[serde(default)]
-            std: Option<f64>,
-            #[serde(default)]
-            status: String,
-        }
-        let file: File = serde_json::from_str(text).map_err(|error| IdentifiedError::Schema(error.to_string()))?;
-        if !READABLE_SCHEMAS.contains(&file.schema.as_str()) {
-            return Err(IdentifiedError::Schema(format!("it says `{}`", file.schema)));
-        }
-        let parameters = file.parameters.into_iter().map(|parameter| {
-            let value = parameter.value.or(parameter.prior);
-            let value = value.ok_or_else(|| IdentifiedError::Missing(parameter.name.clone()))?;
-            Ok(IdentifiedParameter { name: parameter.name, value, std: parameter.std, status: parameter.status })
-        });
-        Ok(Self { model: file.model, parameters: parameters.collect::<Result<_, IdentifiedError>>()? })
     }
 }

@@ -127,8 +127,10 @@ pub struct Setup {
     pub pattern: ReferencePattern,
     /// Constants of the model.
     pub constants: Vec<f64>,
-    /// Estimates before the first run.
+    /// Estimates before the first run; zero where none was stated.
     pub prior: Vec<f64>,
+    /// Whether the estimate of a parameter was stated; those past the end of the list were.
+    pub stated: Vec<bool>,
     /// Feedback and sampling.
     pub control: Loop,
     /// The schedule.
@@ -137,6 +139,15 @@ pub struct Setup {
     pub method: Method,
     /// Settings of the estimator.
     pub estimation: Settings,
+}
+
+impl Setup {
+    /// The estimates before the first run that were stated.
+    #[must_use]
+    pub fn stated_prior(&self) -> Vec<Option<f64>> {
+        let stated = |(j, value): (usize, &f64)| self.stated.get(j).copied().unwrap_or(true).then_some(*value);
+        self.prior.iter().enumerate().map(stated).collect()
+    }
 }
 
 /// Why a campaign ended.

@@ -26,6 +26,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
         pattern: rest_to_rest_3(),
         constants: vec![],
         prior: vec![0.0; 3],
+        stated: vec![],
         control: Loop {
             sample_time,
             gains: vec![Gain { input: 0, coordinate: 0, proportional: 2000.0, derivative: 120.0 }],

@@ -230,7 +230,7 @@ impl Scaled<'_> {
 /// Another basis of the space that independent directions of about unit length span, by Gauss-Jordan elimination with full
 /// pivoting. Every direction has a component of its own, which is one there and zero in the others and is returned beside
 /// it, so that unrelated parameters stand in different directions.
-pub(super) fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<(usize, Vec<f64>)> {
+pub(crate) fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<(usize, Vec<f64>)> {
     let mut own = Vec::with_capacity(directions.len());
     for done in 0..directions.len() {
         let entries = directions.iter().enumerate().skip(done).flat_map(|(row, direction)| {

@@ -29,6 +29,7 @@ mod output_error;
 #[cfg(feature = "interpret")]
 pub mod physical;
 mod pool;
+mod prior;
 mod result;
 mod run;
 mod select;
@@ -44,6 +45,8 @@ pub use combination::Combination;
 pub use eliminated::{Eliminated, EliminatedError};
 pub use error::EstimateError;
 pub use estimator::Estimator;
+#[cfg(feature = "interpret")]
+pub(crate) use information::reduced;
 pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};

@@ -20,7 +20,7 @@ pub struct ParameterReport {
     pub name: String,
     /// Unit of the parameter in the model.
     pub unit: Option<String>,
-    /// Value before the identification, in that unit.
+    /// Value that was stated before the identification, in that unit; nothing where none was stated.
     pub prior: Option<f64>,
     /// Identified value; nothing when unobservable.
     pub value: Option<f64>,
@@ -31,6 +31,10 @@ pub struct ParameterReport {
     /// Value in the simulated machine that the data come from; nothing for data of a real one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
+    /// Value of an unobservable parameter that follows from stated priors and from the combinations that the data show; nothing
+    /// where they do not determine it, and for every other parameter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub with_prior: Option<f64>,
 }
 
 /// A combination of parameters that do not show one by one.
@@ -40,7 +44,7 @@ pub struct CombinationReport {
     pub terms: BTreeMap<String, String>,
     /// Unit of the combination.
     pub unit: Option<String>,
-    /// Value before the identification.
+    /// Value before the identification; nothing where not all priors in it were stated.
     pub prior: Option<f64>,
     /// Identified value.
     pub value: f64,
@@ -66,20 +70,23 @@ pub(crate) struct EstimateReport {
 }
 
 impl EstimateReport {
-    /// `prior` has one value per parameter or fewer; without an estimate every parameter is unobservable.
-    pub(crate) fn new(model: &dyn Model<f64>, prior: &[f64], estimate: Option<&Estimate>) -> Self {
+    /// `prior` has the stated values, one per parameter or fewer; without an estimate every parameter is unobservable.
+    pub(crate) fn new(model: &dyn Model<f64>, prior: &[Option<f64>], estimate: Option<&Estimate>) -> Self {
         let p = model.dims().parameters;
         let status = |j: usize| estimate.map_or(Status::Unobservable, |e| e.status[j]);
         let seen = |j: usize| estimate.filter(|_| status(j) != Status::Unobservable);
+        let stated = |j: usize| prior.get(j).copied().flatten();
+        let with_prior = estimate.map_or_else(Vec::new, |e| e.with_prior(prior));
         let parameters = (0..p)
             .map(|j| ParameterReport {
                 name: model.parameter(j).name.into(),
                 unit: model.parameter(j).unit.map(String::from),
-                prior: prior.get(j).copied(),
+                prior: stated(j),
                 value: seen(j).map(|e| e.values[j]),
                 std: seen(j).map(|e| e.std[j]),
                 status: status(j),
                 truth: None,
+                with_prior: with_prior.get(j).copied().flatten(),
             })
             .collect();
         let named = |direction: &[f64]| -> BTreeMap<String, String> {
@@ -91,7 +98,9 @@ impl EstimateReport {
         let combinations = shown.iter().map(|shown| CombinationReport {
             terms: named(&shown.weights),
             unit: model.parameter(shown.lead).unit.map(String::from),
-            prior: (prior.len() == p).then(|| shown.weights.iter().zip(prior).map(|(w, value)| w * value).sum()),
+            prior: (shown.weights.iter().enumerate().filter(|(_, weight)| weight.abs() > ROUNDING))
+                .map(|(j, weight)| Some(weight * stated(j)?))
+                .sum(),
             value: shown.value,
             std: shown.std,
             truth: None,

@@ -529,6 +529,12 @@ impl Fixed {
                 Status::of(evidence, POOR_PHYSICAL)
             })
             .collect();
+        // The search starts from the prior, and leaves it along what the lumped parameters show only.
+        let stated = |i: usize| {
+            let with: Vec<&Vec<f64>> = unobservable.iter().filter(|d: &&Vec<f64>| d[i].abs() > COMPONENT).collect();
+            let all = |d: &&Vec<f64>| (0..count).all(|j| d[j].abs() <= COMPONENT || self.prior[j].is_some());
+            !with.is_empty() && with.iter().all(all)
+        };
         let parameters: Vec<ParameterReport> = (0..count)
             .map(|i| {
                 let (name, value) = (map.name(map.parameters()[i]), solution.values[i]);
@@ -551,6 +557,7 @@ impl Fixed {
                     std: (seen && !solution.held[i]).then_some(std[i]),
                     status: status[i],
                     truth: None,
+                    with_prior: (!seen && stated(i)).then_some(value),
                 }
             })
             .collect();

@@ -7,7 +7,9 @@ use std::vec::Vec;
 /// The result that every estimator gives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Estimate {
-    /// Value of every parameter, in the model's units; the prior where unobservable.
+    /// Value of every parameter, in the model's units. Along what the data do not show these are those of the prior, or zero where
+    /// none was stated: combinations that the data show hold, but an unobservable parameter's value is no result
+    /// ([`with_prior`](Self::with_prior) gives what was stated).
     pub values: Vec<f64>,
     /// Standard deviation of every parameter; infinite where unobservable, zero where frozen.
     pub std: Vec<f64>,

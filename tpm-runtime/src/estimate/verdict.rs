@@ -30,7 +30,7 @@ pub const LARGE_RESIDUAL: f64 = 0.2;
 pub enum Status {
     /// Known with the stated standard deviation.
     Identified,
-    /// Part of a direction that the data do not show; the value is the prior.
+    /// Part of a direction that the data do not show; there is no value, or that of a stated prior.
     Unobservable,
     /// Visible, but its deviation is of the size of its value.
     PoorlyDetermined,

@@ -407,6 +407,7 @@ impl Experiment {
                 ..Settings::default()
             },
             prior,
+            stated: parameters.names.iter().map(|name| self.prior.contains_key(name)).collect(),
         })
     }
 }

@@ -49,8 +49,8 @@ pub struct LogOptions {
     pub refine: Refine,
     /// Values of the model's run-time constants, in its order.
     pub constants: Vec<f64>,
-    /// Prior values of the parameters, in the model's order; may be empty.
-    pub prior: Vec<f64>,
+    /// Prior values of the parameters, in the model's order, nothing where none is stated; may be empty.
+    pub prior: Vec<Option<f64>>,
     /// Parameters that are held at a value.
     pub frozen: Vec<Frozen>,
 }

@@ -12,9 +12,10 @@ use std::collections::BTreeMap;
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
+use tpm_codegen::identified::{Identified, IdentifiedCombination, IdentifiedParameter, Weights};
 use tpm_core::harmonics::Hold;
 
-pub use tpm_codegen::emit::estimator::{READABLE_SCHEMAS, SCHEMA};
+pub use tpm_codegen::identified::{READABLE_SCHEMAS, SCHEMA};
 
 /// Where the data of an identification come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -60,7 +61,8 @@ pub struct LogFingerprint {
 /// Identified parameters, and everything that is known about them; serialises as `tpm.identification/2`.
 ///
 /// Invariant: an unobservable parameter has neither value nor deviation, and rows and columns of the covariance that belong to it
-/// are empty. Values are in the units of the model.
+/// are empty; where stated priors tell it they stand apart, in [`with_prior`](ParameterReport::with_prior). Values are in the units of
+/// the model.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Identification {
@@ -112,8 +114,8 @@ pub struct Identification {
     pub warnings: Vec<Warning>,
     /// What has to be the same for the result to come out the same again.
     pub provenance: Provenance,
-    /// What the next feed-forward would use: the estimate, and the prior along directions that the data do not show. Not
-    /// serialised.
+    /// What the next feed-forward would use: the estimate, and along directions that the data do not show the prior, or zero where
+    /// none was stated. Not serialised, since it is no result along these directions.
     pub current: Vec<f64>,
     /// The estimate itself, for further computation; nothing when no run was accepted. Not serialised.
     pub estimate: Option<Estimate>,
@@ -250,5 +252,35 @@ impl Serialize for Identification {
             provenance: &self.provenance,
         }
         .serialize(serializer)
+    }
+}
+
+/// What the result knows of the parameters, as the verbs that compute with it read it.
+impl From<&Identification> for Identified {
+    fn from(result: &Identification) -> Self {
+        let parameter = |report: &ParameterReport| IdentifiedParameter {
+            name: report.name.clone(),
+            value: report.value,
+            std: report.std,
+            prior: report.prior,
+            with_prior: report.with_prior,
+            status: report.status.name().to_string(),
+        };
+        // Weights are printed numbers.
+        let weights = |terms: &BTreeMap<String, String>| -> Weights {
+            terms.iter().filter_map(|(name, weight)| Some((name.clone(), weight.parse().ok()?))).collect()
+        };
+        let combination = |shown: &CombinationReport| IdentifiedCombination {
+            terms: weights(&shown.terms),
+            value: shown.value,
+            std: shown.std,
+        };
+        Identified {
+            model: result.model.clone(),
+            parameters: result.parameters.iter().map(parameter).collect(),
+            physical: result.physical.iter().map(parameter).collect(),
+            directions: result.unobservable.iter().map(weights).collect(),
+            combinations: result.combinations.iter().map(combination).collect(),
+        }
     }
 }

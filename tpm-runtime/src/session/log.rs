@@ -148,7 +148,7 @@ impl LogRequest {
             prior: if parameters.iter().all(|name| !self.prior.contains_key(name)) {
                 Vec::new()
             } else {
-                parameters.iter().map(|name| self.prior.get(name).copied().unwrap_or(0.0)).collect()
+                parameters.iter().map(|name| self.prior.get(name).copied()).collect()
             },
             frozen: held
                 .filter_map(|(parameter, name)| Some(Frozen { parameter, value: *self.frozen.get(name)? }))
@@ -260,7 +260,7 @@ fn identify_with(
     let settings = Settings {
         harmonics: options.harmonics,
         weights: options.weights,
-        prior: options.prior.clone(),
+        prior: options.prior.iter().map(|value| value.unwrap_or(0.0)).collect(),
         frozen: options.frozen.clone(),
         ..Settings::default()
     };

@@ -16,6 +16,7 @@
 //! [`from_log`] takes a log, [`on_simulated_plant`] an experiment with a simulated machine, [`on_machine`] an experiment and whoever
 //! plays its runs; a [`Session`] is for those who want the steps one by one.
 
+mod agreeing;
 mod campaign;
 mod compare;
 mod error;
@@ -36,6 +37,7 @@ mod validate;
 mod warning;
 
 pub use self::log::{LogRequest, from_log, identify_log};
+pub use agreeing::{Agreeing, AgreeingError, OpenDirection, agreeing};
 pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
 pub use compare::{
     CompareError, Comparison, Difference, Direction, Family, Joint, Side, StoredFault, StoredResult, Verdict, compare,
@@ -49,5 +51,5 @@ pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use refine::{MissingTerm, RefinementReport};
 pub use summary::of_campaign;
-pub use validate::{RowPrediction, Validation, validate, validate_log};
+pub use validate::{RowPrediction, RowUnpredicted, Validation, validate, validate_log};
 pub use warning::{Data, Warning};

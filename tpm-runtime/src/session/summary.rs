@@ -38,7 +38,7 @@ pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: So
     let model = campaign.model();
     let estimate = campaign.estimate();
     let setup = campaign.setup();
-    let own = EstimateReport::new(model, &setup.prior, estimate);
+    let own = EstimateReport::new(model, &setup.stated_prior(), estimate);
     // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
     let (linear, found, report, physical, physical_covariance) = match campaign.estimator().lumped() {
         Some((lumped, found)) => {

@@ -202,7 +202,10 @@ fn parameters(list: &[ParameterReport]) -> String {
         truth: parameter.truth,
         remark: match parameter.status {
             Status::Identified => String::new(),
-            status => status.name().replace('_', " "),
+            status => match parameter.with_prior {
+                Some(value) => format!("{}; {} with the prior", status.name(), number(value)),
+                None => status.name().replace('_', " "),
+            },
         },
     });
     estimates("parameter", &rows.collect::<Vec<_>>())

@@ -2,7 +2,8 @@
 //!
 //! Invariant: nothing is fitted. The rows are evaluated on the log's own measured motion with the given parameters. The
 //! inputs that they predict are compared with the recorded inputs, harmonic by harmonic, over the harmonics that stand
-//! out of the noise.
+//! out of the noise. A row that changes, along this motion, with a direction of the parameters that is open is not predicted: it
+//! is named.
 
 use crate::estimate::{MeasuredMotion, Settings};
 use crate::log::{Log, LogError, LogOptions};
@@ -10,10 +11,14 @@ use crate::session::error::SessionError;
 use crate::session::log::{LogRequest, periodic_spectra};
 use crate::session::model::Identifiable;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
+use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_core::model::{Buffer, Model, require_len};
+
+/// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
+const CANCELLED: f64 = 1e-3;
 
 /// Prediction error of one row.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -28,6 +33,17 @@ pub struct RowPrediction {
     pub missed: f64,
     /// The prediction error as a share of `force`.
     pub share: f64,
+}
+
+/// A row that is not predicted, since it changes along a direction of the parameters that neither data nor stated priors determine.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RowUnpredicted {
+    /// Name of the row.
+    pub name: String,
+    /// The direction.
+    pub direction: String,
+    /// The parameters that take part in it.
+    pub parameters: Vec<String>,
 }
 
 /// How well parameters predict a log; serialises as `tpm.validation/1`.
@@ -49,35 +65,58 @@ pub struct Validation {
     pub hold: String,
     /// Highest harmonic that was compared.
     pub harmonics: usize,
-    /// Prediction errors of the rows.
+    /// Prediction errors of the rows that are predicted.
     pub rows: Vec<RowPrediction>,
-    /// Largest share of any row.
-    pub prediction_error: f64,
+    /// Rows that are not predicted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unpredicted: Vec<RowUnpredicted>,
+    /// Largest share of any row that is predicted; nothing when none is.
+    pub prediction_error: Option<f64>,
 }
 
-/// Predicts the inputs of a log from its motion with given values of the parameters in which the model is linear, by name.
+impl Validation {
+    /// Why not all rows are predicted; nothing when they are.
+    #[must_use]
+    pub fn shortfall(&self) -> Option<String> {
+        let row = |row: &RowUnpredicted| {
+            let direction = &row.direction;
+            format!("the result does not determine {direction}, and {} on this log changes along it", row.name)
+        };
+        let all: Vec<String> = self.unpredicted.iter().map(row).collect();
+        let parameters = &self.unpredicted.first()?.parameters;
+        Some(format!("{}; {}", all.join("; "), remedy(parameters)))
+    }
+}
+
+/// Predicts the inputs of a log from its motion with what an identification knows of the parameters in which the model is linear.
 ///
 /// # Errors
-/// [`SessionError::NotIdentified`] where a parameter has no value; another [`SessionError`] when the log cannot be read
+/// [`SessionError::NotIdentified`] where nothing is known of a parameter; another [`SessionError`] when the log cannot be read
 /// or analysed.
 pub fn validate(
     model: &impl Identifiable,
     log: impl Into<LogRequest>,
-    values: &BTreeMap<String, f64>,
+    known: impl Into<Identified>,
 ) -> Result<Validation, SessionError> {
-    let request = log.into();
+    let (request, known) = (log.into(), known.into());
     let evaluated = model.evaluated();
+    let unknown = |name: &str| SessionError::NotIdentified { name: name.to_string() };
+    let settled = known.settled().map_err(|error| match error {
+        IdentifiedError::Missing(name) => unknown(&name),
+        other => SessionError::File { path: "the identified values".into(), message: other.to_string() },
+    })?;
     let value = |j: usize| {
         let name = evaluated.parameter(j).name;
-        values.get(name).copied().ok_or_else(|| SessionError::NotIdentified { name: name.to_string() })
+        settled.value(name).ok_or_else(|| unknown(name))
     };
     let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
     let options = request.options(evaluated, &[])?;
     let log = Log::open(&request.path, evaluated, &options)?;
-    Ok(validate_log(evaluated, &log, &options, &parameters)?)
+    Ok(validate_log(evaluated, &log, &options, &parameters, &settled.open)?)
 }
 
-/// Predicts the inputs of a log from its motion with given parameters, one value per parameter of the model.
+/// Predicts the inputs of a log from its motion with given parameters, one value per parameter of the model. Rows that change along
+/// one of the `open` directions are left out.
 ///
 /// # Errors
 /// [`LogError`] when the log has no periodic part, or its harmonics cannot be computed.
@@ -86,6 +125,7 @@ pub fn validate_log(
     log: &Log,
     options: &LogOptions,
     parameters: &[f64],
+    open: &[Weights],
 ) -> Result<Validation, LogError> {
     let dims = model.dims();
     let fault = |source| LogError::Estimate { path: log.path.clone(), source };
@@ -99,7 +139,23 @@ pub fn validate_log(
         let share = if force > 0.0 { missed / force } else { 0.0 };
         RowPrediction { name: label.name.into(), unit: label.unit.map(String::from), force, missed, share }
     };
-    let rows: Vec<RowPrediction> = (0..dims.rows).map(row).collect();
+    let along = |direction: &Weights| -> Vec<f64> {
+        let weight = |j: usize| direction.get(model.parameter(j).name).copied().unwrap_or(0.0);
+        (0..dims.parameters).map(weight).collect()
+    };
+    let unpredicted = |r: usize| {
+        let changes = |direction: &&Weights| {
+            let (change, terms) = record.row_change(r, &along(direction));
+            change > CANCELLED * terms
+        };
+        open.iter().find(changes).map(|direction| RowUnpredicted {
+            name: model.row(r).name.into(),
+            direction: display(direction),
+            parameters: direction.keys().cloned().collect(),
+        })
+    };
+    let unpredicted: Vec<Option<RowUnpredicted>> = (0..dims.rows).map(unpredicted).collect();
+    let rows: Vec<RowPrediction> = (0..dims.rows).filter(|&r| unpredicted[r].is_none()).map(row).collect();
     Ok(Validation {
         schema: "tpm.validation/1",
         model: model.name().into(),
@@ -109,7 +165,8 @@ pub fn validate_log(
         periods: periodic.periods,
         hold: options.hold.to_string(),
         harmonics: record.harmonics(),
-        prediction_error: rows.iter().map(|row| row.share).fold(0.0, f64::max),
+        prediction_error: rows.iter().map(|row| row.share).reduce(f64::max),
         rows,
+        unpredicted: unpredicted.into_iter().flatten().collect(),
     })
 }

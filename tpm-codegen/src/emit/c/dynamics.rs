@@ -160,19 +160,14 @@ fn labels(context: &mut Context<'_>) {
 fn identified(context: &mut Context<'_>) {
     let Some(identified) = context.identified else { return };
     // `files` has refused values that do not fit the model.
-    let Ok(values) = identified.in_order(context.estimator) else { return };
-    let mut about =
-        String::from("The identified parameters.\n\n| parameter | value | standard deviation | |\n|---|---|---|---|\n");
-    for parameter in &values {
-        let std = parameter.std.map_or_else(|| "unknown".to_owned(), |std| format!("{std:.3e}"));
-        about.push_str(&format!("| `{}` | {} | {std} | {} |\n", parameter.name, parameter.value, parameter.status));
-    }
+    let Ok(values) = identified.in_order(&context.estimator.model, &context.estimator.form) else { return };
+    let about = identified.about(&values);
     let declaration = format!("const {} {}", context.global("parameters"), context.global("identified"));
     context.header.push_str(&format!("\n{}extern {declaration};\n", doc(0, &about)));
     let entries = values
         .iter()
         .zip(&context.names.columns)
-        .map(|(parameter, name)| format!("    {}, /* {name} */\n", context.scalar.literal(parameter.value)));
+        .map(|(settled, name)| format!("    {}, /* {name} */\n", context.scalar.literal(settled.value)));
     let entries: String = entries.collect();
     context.source.push_str(&format!("\n{declaration} = {{\n{entries}}};\n"));
 }

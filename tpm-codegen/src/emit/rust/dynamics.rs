@@ -160,16 +160,12 @@ fn parameters(context: &Context<'_>) -> TokenStream {
 fn identified(context: &Context<'_>) -> TokenStream {
     let Some(identified) = context.options.identified else { return TokenStream::new() };
     // `generate` has refused values that do not fit the model.
-    let Ok(values) = identified.in_order(context.estimator) else { return TokenStream::new() };
-    let mut about =
-        String::from("The identified parameters.\n\n| parameter | value | standard deviation | |\n|---|---|---|---|\n");
-    for parameter in &values {
-        let std = parameter.std.map_or_else(|| "unknown".to_owned(), |std| format!("{std:.3e}"));
-        about.push_str(&format!("| `{}` | {} | {std} | {} |\n", parameter.name, parameter.value, parameter.status));
-    }
-    let about = doc(&about);
-    let fields = context.names.columns.iter().zip(&values).map(|(name, parameter)| {
-        let value = literal(parameter.value);
+    let Ok(values) = identified.in_order(&context.estimator.model, &context.estimator.form) else {
+        return TokenStream::new();
+    };
+    let about = doc(&identified.about(&values));
+    let fields = context.names.columns.iter().zip(&values).map(|(name, settled)| {
+        let value = literal(settled.value);
         quote!(#name: #value)
     });
     quote! {

@@ -342,6 +342,21 @@ impl MeasuredMotion {
         (residual.sqrt(), force.sqrt())
     }
 
+    /// Root mean square over a period of the used lines of a row's terms along a direction in parameter space: of their sum, and the
+    /// root sum of squares of the terms.
+    #[must_use]
+    pub fn row_change(&self, row: usize, direction: &[f64]) -> (f64, f64) {
+        let p = self.dims.parameters;
+        let (mut change, mut terms) = (0.0, 0.0);
+        for &k in &self.used[row] {
+            let share = if k == 0 { 1.0 } else { 0.5 };
+            let parts = || direction.iter().enumerate().map(|(j, weight)| self.phi[row * p + j][k] * *weight);
+            change += share * parts().sum::<Complex<f64>>().norm_sqr();
+            terms += share * parts().map(|part| part.norm_sqr()).sum::<f64>();
+        }
+        (change.sqrt(), terms.sqrt())
+    }
+
     /// Cuts a tail that the model does not explain; true when there was one.
     pub(super) fn cut_tail(&mut self, theta: &[f64], variance: &[Vec<f64>]) -> bool {
         let mut cut = false;
