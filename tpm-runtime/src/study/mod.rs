@@ -1,6 +1,7 @@
-//! Studies over many campaigns: bias, spread and coverage of repeated ones, convergence of the estimators, and
-//! experiment design.
+//! Studies over many campaigns: bias, spread and coverage of repeated ones, convergence of the estimators, and experiment design.
 
+#[cfg(test)]
+mod bound_tests;
 mod campaigns;
 mod design;
 mod updates;
