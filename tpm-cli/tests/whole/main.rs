@@ -4,6 +4,7 @@ mod actuators;
 mod bad_input;
 mod campaign;
 mod generate;
+mod identifiability;
 mod linear;
 mod log;
 mod pendulum_study;
