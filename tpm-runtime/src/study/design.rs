@@ -462,7 +462,7 @@ fn input_harmonics(trial: &Trial, inputs: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::design;
+    use super::{design, repeated_share};
     use crate::experiment::Experiment;
     use crate::run::trajectory::tests::rest_to_rest_3;
     use crate::test_models::MassSpringDrag;
@@ -496,6 +496,29 @@ mod tests {
                 let relative = predicted.std.expect("shown") / truth;
                 assert!((relative / bound - 1.0).abs() < 0.05, "{}: {relative:e} {bound:e}", predicted.name);
             }
+        }
+    }
+
+    #[test]
+    fn what_an_encoder_repeats_is_what_noise_before_it_leaves() {
+        assert_eq!(repeated_share(1.0, 0.0), 0.0);
+        assert!((repeated_share(0.0, 0.1) - 1.0).abs() < 1e-12 && (repeated_share(1e-9, 0.1) - 1.0).abs() < 1e-2);
+        // The mean error at a position, by a sum over the noise, and its variance over the positions of one step.
+        for noise in [0.1, 0.2, 0.32, 0.5_f64] {
+            let (mut variance, positions) = (0.0, 100);
+            for n in 0..positions {
+                let position = (f64::from(n) + 0.5) / f64::from(positions);
+                let (mut sum, mut weights) = (0.0, 0.0);
+                for z in -5000..=5000 {
+                    let z = 1e-3 * f64::from(z);
+                    let weight = (-0.5 * z * z).exp();
+                    sum += weight * ((position + noise * z).round() - position);
+                    weights += weight;
+                }
+                variance += (sum / weights).powi(2) / f64::from(positions);
+            }
+            let found = repeated_share(noise, 1.0);
+            assert!((12.0 * variance - found).abs() < 1e-3 + 0.02 * found, "{noise}: {variance} {found}");
         }
     }
 
