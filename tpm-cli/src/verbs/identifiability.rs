@@ -24,8 +24,9 @@ pub(crate) struct Args {
     /// A pattern to analyse; given several times, the experiments are taken together. The model's first when not given.
     #[arg(long, value_name = "NAME")]
     pattern: Vec<String>,
-    /// Value of an amplitude, the frequency or a constant, exact (1/3, 0.25); left symbolic when not given. With several
-    /// patterns, `NAME[2]=VALUE` is for the second only.
+    /// Value of an amplitude, the frequency or a constant, exact (1/3, 0.25); left symbolic when not given, drawn at random for a
+    /// model without a table. With several patterns, `NAME[2]=VALUE` is for the second only. Where the pattern leaves a coordinate
+    /// open, parameters may be given values too: its motion depends on them.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
     /// Highest harmonic that counts; the pattern's own number when not given, else all of the table (31 of terms that have
@@ -103,8 +104,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let (report, physical) = match exact(&loaded, &asked, &settings)? {
         Ok(found) => found,
         Err(refused) => {
-            let found = numerical(&loaded, &asked, &settings)?;
+            let found = numerical(&loaded, &asked, &settings).map_err(|failure| match (&refused, failure) {
+                (ExpandError::NoMotion { .. }, Failure::Input(reason)) => loaded.at_with_help(&refused, &reason),
+                (_, failure) => failure,
+            })?;
             file::remark(&loaded.remark(&refused));
+            file::remark("remark: without a table, the answer is found in floating point along the pattern");
             found
         }
     };
@@ -127,8 +132,6 @@ fn exact(loaded: &Loaded, asked: &[Asked<'_>], settings: &[Setting]) -> Result<R
         let mut options = ExpandOptions { harmonics: *harmonics, ..ExpandOptions::default() };
         match expand_with(&prepared.model, &prepared.form, pattern, &mut options) {
             Ok(table) => tables.push(table),
-            // Without a motion there are no rows along the pattern either.
-            Err(error @ ExpandError::NoMotion { .. }) => return Err(loaded.at(&error)),
             Err(error) => return Ok(Err(error)),
         }
     }

@@ -3,6 +3,7 @@
 //!
 //! The harmonics of the regressors are computed at several settings of amplitudes, frequency and constants, those that are not
 //! stated being drawn at random; the largest rank counts, as for exact tables ([`tpm_symbolic::harmonic::identifiability`]).
+//! A coordinate without a motion moves as its rows without an input ask, for values of the parameters that are stated or drawn too.
 //!
 //! Invariant: a direction counts as unobservable when the scaled harmonics along it are no larger than the error of computing them.
 //! The error is measured by computing them from half of the samples as well. A coefficient is written as a rational number only
@@ -14,6 +15,7 @@ use crate::numerics::fourier::analyse;
 use crate::numerics::singular::{Singular, unit_columns};
 use crate::report::number;
 use crate::run::trajectory::{PatternError, ReferencePattern, Trajectory};
+use crate::run::{CompletionError, OpenReason, complete};
 use std::collections::BTreeMap;
 use std::format;
 use std::string::{String, ToString};
@@ -56,7 +58,7 @@ pub struct PlayedPattern<'a> {
     pub name: String,
     /// The pattern.
     pub pattern: &'a Pattern,
-    /// Values of amplitudes, frequency and run-time constants; the others are drawn.
+    /// Values of amplitudes, frequency, run-time constants and physical parameters; the others are drawn.
     pub values: BTreeMap<String, f64>,
     /// The highest harmonic that counts.
     pub harmonics: usize,
@@ -85,6 +87,14 @@ pub enum NumericalError {
     /// A term is not finite along the pattern at any setting.
     #[error("the rows are not finite along the pattern; state amplitudes at which they are")]
     NotFinite,
+    /// The motion of a coordinate without a pattern was not found at any setting.
+    #[error("the pattern leaves `{coordinate}` open: {reason}")]
+    Open {
+        /// The coordinate.
+        coordinate: String,
+        /// Why its motion was not found at the last setting.
+        reason: OpenReason,
+    },
 }
 
 /// What patterns show of the parameters, taken together, and of the physical parameters behind them.
@@ -98,17 +108,23 @@ pub fn numerical_identifiability(
     let model = Interpreted::new(&prepared.model, &prepared.form);
     let map = ParameterMap::new(prepared);
     let mut settings: Vec<Setting> = Vec::new();
+    let mut fault = NumericalError::NotFinite;
     for number in 0..SETTINGS {
         for share in SHARES {
-            let symbols = Symbols::new(prepared, patterns, number, share)?;
-            if let Some(harmonics) = Harmonics::new(prepared, &model, patterns, &symbols)? {
-                settings.push(Setting::new(&map, symbols, harmonics));
-                break;
+            let symbols = Symbols::new(prepared, &map, patterns, number, share)?;
+            match Harmonics::new(prepared, &map, &model, patterns, &symbols) {
+                Ok(harmonics) => {
+                    settings.push(Setting::new(&map, symbols, harmonics));
+                    break;
+                }
+                // Another setting may do.
+                Err(reason @ (NumericalError::NotFinite | NumericalError::Open { .. })) => fault = reason,
+                Err(other) => return Err(other),
             }
         }
     }
     // The first of those with the largest rank.
-    let best = settings.iter().rev().max_by_key(|setting| setting.rank()).ok_or(NumericalError::NotFinite)?;
+    let best = settings.iter().rev().max_by_key(|setting| setting.rank()).ok_or(fault)?;
     let alike: Vec<&Setting> = settings.iter().filter(|other| other.free() == best.free()).collect();
     Ok((best.report(&model, patterns, &alike), best.physical.clone()))
 }
@@ -119,11 +135,20 @@ struct Symbols {
     drawn: Vec<(String, f64)>,
     /// By pattern: values of all symbols by name.
     values: Vec<BTreeMap<String, f64>>,
+    /// Values of the physical parameters by name.
+    physical: BTreeMap<String, f64>,
+}
+
+/// A random value between a half and three halves, of few digits so that it can be stated again.
+fn drawn_value(setting: usize, index: usize) -> f64 {
+    let random = to_f64(&generic_point::value(setting as u64, index)) / f64::from(1_u32 << 31);
+    ((0.5 + random) * 1000.0).round() / 1000.0
 }
 
 impl Symbols {
     fn new(
         prepared: &Prepared,
+        map: &ParameterMap,
         patterns: &[PlayedPattern<'_>],
         setting: usize,
         share: f64,
@@ -143,10 +168,7 @@ impl Symbols {
                 let value = match (played.values.get(symbol), drawn.iter().find(|(known, _)| *known == label)) {
                     (Some(value), _) | (None, Some((_, value))) => *value,
                     (None, None) => {
-                        // Between a half and three halves, of few digits so that it can be stated again.
-                        let random =
-                            to_f64(&generic_point::value(setting as u64, drawn.len())) / f64::from(1_u32 << 31);
-                        let value = ((0.5 + random) * 1000.0).round() / 1000.0;
+                        let value = drawn_value(setting, drawn.len());
                         let value = if amplitudes.contains(symbol) { share * value } else { value };
                         drawn.push((label, value));
                         value
@@ -154,13 +176,28 @@ impl Symbols {
                 };
                 own.insert(symbol.clone(), value);
             }
-            if let Some(symbol) = played.values.keys().find(|symbol| !own.contains_key(*symbol)) {
+            let is_parameter = |symbol: &str| map.parameters().iter().any(|p| map.name(*p) == symbol);
+            if let Some(symbol) =
+                played.values.keys().find(|symbol| !own.contains_key(*symbol) && !is_parameter(symbol))
+            {
                 let (experiment, symbol) = (played.name.clone(), symbol.clone());
                 return Err(NumericalError::UnknownSymbol { experiment, symbol });
             }
             values.push(own);
         }
-        Ok(Symbols { drawn, values })
+        let physical = map.parameters().iter().enumerate().map(|(index, &parameter)| {
+            let name = map.name(parameter);
+            let stated = patterns.iter().find_map(|played| played.values.get(name).copied());
+            // Numbers apart from those of the symbols.
+            (name.to_string(), stated.unwrap_or_else(|| drawn_value(setting, 1000 + index)))
+        });
+        Ok(Symbols { drawn, values, physical: physical.collect() })
+    }
+
+    /// The value of a physical parameter or a constant.
+    fn value(&self, name: &str) -> f64 {
+        let constant = || self.values.first().and_then(|values| values.get(name));
+        self.physical.get(name).or_else(constant).copied().unwrap_or(1.0)
     }
 }
 
@@ -172,6 +209,8 @@ struct Harmonics {
     coarse: DMatrix<f64>,
     /// Root mean square of the entries' samples, row by row as the harmonics.
     sizes: DMatrix<f64>,
+    /// Whether the motion depends on the values of the parameters.
+    completed: bool,
 }
 
 /// A row of the harmonics.
@@ -184,13 +223,13 @@ struct HarmonicRow {
 }
 
 impl Harmonics {
-    /// `None` when an entry is not finite.
     fn new(
         prepared: &Prepared,
+        map: &ParameterMap,
         model: &Interpreted,
         patterns: &[PlayedPattern<'_>],
         symbols: &Symbols,
-    ) -> Result<Option<Self>, NumericalError> {
+    ) -> Result<Self, NumericalError> {
         let dims = Model::<f64>::dims(model);
         let mut rows = Vec::new();
         for (pattern, played) in patterns.iter().enumerate() {
@@ -208,21 +247,29 @@ impl Harmonics {
         }
         let empty = || DMatrix::zeros(rows.len(), dims.parameters);
         let (mut fine, mut coarse, mut sizes) = (empty(), empty(), empty());
-        let mut at = 0;
+        let (mut at, mut completed) = (0, false);
         for (played, values) in patterns.iter().zip(&symbols.values) {
             let value = |name: &str| values.get(name).copied();
             let reference = ReferencePattern::of_rows(played.pattern, &prepared.model, &prepared.form, value)?;
-            if let Some(&open) = reference.open().first() {
-                let coordinate = Model::<f64>::coordinate(model, open).name.to_string();
-                return Err(PatternError::NoMotion { coordinate }.into());
-            }
             let of = |name: &str| value(name).unwrap_or(0.0);
             let amplitudes: Vec<f64> = reference.amplitudes.iter().map(|name| of(name)).collect();
             let constants: Vec<f64> = (0..dims.constants).map(|i| of(Model::<f64>::constant(model, i).name)).collect();
-            let Samples { values: samples, every_second } =
-                Samples::new(model, &constants, &reference.trajectory(&amplitudes, of(&reference.frequency)))?;
+            let mut trajectory = reference.trajectory(&amplitudes, of(&reference.frequency));
+            let open = reference.open();
+            if let Some(&first) = open.first() {
+                completed = true;
+                let parameters = map.evaluate(|symbol| symbols.value(map.name(symbol)));
+                complete(model, &mut trajectory, &open, &parameters, &constants).map_err(|fault| match fault {
+                    CompletionError::Evaluation(source) => NumericalError::Model(source),
+                    CompletionError::Open(reason) => {
+                        let coordinate = Model::<f64>::coordinate(model, first).name.to_string();
+                        NumericalError::Open { coordinate, reason }
+                    }
+                })?;
+            }
+            let Samples { values: samples, every_second } = Samples::new(model, &constants, &trajectory)?;
             if samples.iter().any(|value| !value.is_finite()) {
-                return Ok(None);
+                return Err(NumericalError::NotFinite);
             }
             let size = dims.regressor_len();
             for entry in 0..size {
@@ -247,7 +294,7 @@ impl Harmonics {
             }
             at += dims.rows * (2 * played.harmonics + 1);
         }
-        Ok(Some(Harmonics { rows, fine, coarse, sizes }))
+        Ok(Harmonics { rows, fine, coarse, sizes, completed })
     }
 }
 
@@ -391,12 +438,7 @@ impl Setting {
             }
         }
         let count = map.parameters().len();
-        let constants = symbols.values.first();
-        let rates = map.jacobian_at(|symbol| {
-            let drawn = || 0.5 + to_f64(&generic_point::value(0, symbol.0 as usize)) / f64::from(1_u32 << 31);
-            let known = constants.and_then(|values| values.get(map.name(symbol)));
-            known.copied().unwrap_or_else(drawn)
-        });
+        let rates = map.jacobian_at(|symbol| symbols.value(map.name(symbol)));
         let jacobian = DMatrix::from_fn(rates.len(), count, |row, column| rates[row][column]);
         let null = Scaled::new(&harmonics, Some(&jacobian)).null(|_| true);
         let physical = PhysicalIdentifiability {
@@ -420,39 +462,28 @@ impl Setting {
         let names: Vec<String> =
             (0..dims.parameters).map(|j| Model::<f64>::parameter(model, j).name.to_string()).collect();
         let columns = names.len();
-        // A coefficient that is the same at every setting, as a rational number.
-        let coefficient = |which: usize, column: usize| -> (String, Option<(i64, u32)>) {
+        let coefficient = |which: usize, column: usize| {
             let value = self.directions[which].1[column];
-            let constant =
-                alike.iter().all(|other| (other.directions[which].1[column] - value).abs() <= COMPONENT * value.abs());
-            let exact = if constant { rational(value) } else { None };
-            (exact.map_or_else(|| number(value), |exact| written(exact)), exact)
+            let same = |other: &&Setting| (other.directions[which].1[column] - value).abs() <= COMPONENT * value.abs();
+            Coefficient { value, exact: if alike.iter().all(same) { rational(value) } else { None } }
         };
+        let has = |which: usize, column: usize| self.directions[which].1[column].abs() > 0.0;
         let unobservable = (0..self.directions.len()).map(|which| {
-            let parts: Vec<(usize, (String, Option<(i64, u32)>))> = (0..columns)
-                .filter(|&column| self.directions[which].1[column].abs() > 0.0)
-                .map(|column| (column, coefficient(which, column)))
-                .collect();
-            let exact: Option<Vec<(i64, u32)>> = parts.iter().map(|(_, (_, exact))| *exact).collect();
-            let whole = exact.map(|exact| whole(&exact));
-            let entry = |(at, (column, (text, _))): (usize, (usize, (String, Option<(i64, u32)>)))| {
-                let text = whole.as_ref().map_or(text, |whole| whole[at].to_string());
-                (names[column].clone(), text)
+            let columns: Vec<usize> = (0..columns).filter(|&column| has(which, column)).collect();
+            let parts: Vec<Coefficient> = columns.iter().map(|&column| coefficient(which, column)).collect();
+            let exact: Option<Vec<(i64, u32)>> = parts.iter().map(|part| part.exact).collect();
+            let texts: Vec<String> = match exact {
+                Some(exact) => whole(&exact).iter().map(ToString::to_string).collect(),
+                None => parts.iter().map(Coefficient::text).collect(),
             };
-            parts.into_iter().enumerate().map(entry).collect::<BTreeMap<String, String>>()
+            columns.iter().map(|&column| names[column].clone()).zip(texts).collect::<BTreeMap<String, String>>()
         });
-        let base = (0..columns).filter(|column| !self.free().contains(column)).map(|column| ReportedBase {
+        let free = self.free();
+        let base = (0..columns).filter(|column| !free.contains(column)).map(|column| ReportedBase {
             parameter: names[column].clone(),
-            plus: (0..self.directions.len())
-                .filter(|&which| self.directions[which].1[column].abs() > 0.0)
-                .map(|which| {
-                    let (text, exact) = coefficient(which, column);
-                    let negated = exact.map_or_else(
-                        || text.strip_prefix('-').map_or_else(|| format!("-{text}"), ToString::to_string),
-                        |(numerator, denominator)| written((-numerator, denominator)),
-                    );
-                    (names[self.directions[which].0].clone(), negated)
-                })
+            plus: (0..free.len())
+                .filter(|&which| has(which, column))
+                .map(|which| (names[free[which]].clone(), coefficient(which, column).negated().text()))
                 .collect(),
         });
         let rows = &self.harmonics.rows;
@@ -494,11 +525,19 @@ impl Setting {
             rows: (0..rows.len()).filter(|&row| (0..columns).any(|column| self.visible(row, column))).count(),
             proven: false,
             indeterminates: self.symbols.drawn.iter().map(|(name, _)| name.clone()).collect(),
-            at: self.symbols.drawn.iter().map(|(name, value)| (name.clone(), number(*value))).collect(),
+            at: self.at(patterns),
             unobservable: Some(unobservable.collect()),
             base: Some(base.collect()),
             parameters: parameters.collect(),
         }
+    }
+
+    /// The values that were drawn.
+    fn at(&self, patterns: &[PlayedPattern<'_>]) -> BTreeMap<String, String> {
+        let stated = |name: &str| patterns.iter().any(|played| played.values.contains_key(name));
+        let parameters = self.symbols.physical.iter().filter(|(name, _)| self.harmonics.completed && !stated(name));
+        let symbols = self.symbols.drawn.iter().map(|(name, value)| (name, value));
+        symbols.chain(parameters).map(|(name, value)| (name.clone(), number(*value))).collect()
     }
 
     /// Whether a harmonic of a regressor stands above the error of computing it.
@@ -506,6 +545,28 @@ impl Setting {
         let Harmonics { fine, coarse, sizes, .. } = &self.harmonics;
         let error = SAFETY * (fine[(row, column)] - coarse[(row, column)]).abs();
         fine[(row, column)].abs() > error.max(ROUNDING * sizes[(row, column)])
+    }
+}
+
+/// A coefficient of a direction.
+#[derive(Clone, Copy)]
+struct Coefficient {
+    value: f64,
+    /// The coefficient as numerator and denominator, when it is the same rational number at every setting.
+    exact: Option<(i64, u32)>,
+}
+
+impl Coefficient {
+    fn negated(self) -> Self {
+        Coefficient { value: -self.value, exact: self.exact.map(|(numerator, denominator)| (-numerator, denominator)) }
+    }
+
+    fn text(&self) -> String {
+        match self.exact {
+            None => number(self.value),
+            Some((numerator, 1)) => numerator.to_string(),
+            Some((numerator, denominator)) => format!("{numerator}/{denominator}"),
+        }
     }
 }
 
@@ -545,10 +606,6 @@ fn rational(value: f64) -> Option<(i64, u32)> {
         let near = (value * f64::from(denominator) - numerator).abs() <= COMPONENT * numerator.abs();
         (near && numerator.abs() < 1e4).then_some((numerator as i64, denominator))
     })
-}
-
-fn written((numerator, denominator): (i64, u32)) -> String {
-    if denominator == 1 { numerator.to_string() } else { format!("{numerator}/{denominator}") }
 }
 
 /// Rational numbers times the least common multiple of their denominators, without a common divisor.
@@ -683,6 +740,13 @@ mod tests {
         let plus = |name: &str| &base.iter().find(|base| base.parameter == name).expect("in the base").plus;
         assert_eq!(plus("s1")["o"], "1/2");
         assert!(plus("g1").is_empty());
+    }
+
+    #[test]
+    fn a_free_coordinate_moves_as_its_row_asks() {
+        let (found, _) = numerical(&parsed(include_str!("../../../models/rotary_pendulum_down.tpm")), 31);
+        assert!(found.rank > 0 && found.rank <= found.columns);
+        assert!(found.at.contains_key("J1") && found.at.contains_key("lambda"), "{:?}", found.at);
     }
 
     #[test]
