@@ -69,6 +69,14 @@ scalar_model!(
     Emps, "q", "force", ["M", "Fv", "Fc", "OF"], |_x, v, a| [a, v, v.sign(), T::ONE]
 );
 scalar_model!(
+    /// m x'' + d x' + k x + fc sign(x') = u.
+    RubbingSpring, "x", "u", ["m", "d", "k", "fc"], |x, v, a| [a, v, x, v.sign()]
+);
+scalar_model!(
+    /// m x'' + d x' + f0 = u: nothing holds the position.
+    FreeCart, "x", "u", ["m", "d", "f0"], |_x, v, a| [a, v, T::ONE]
+);
+scalar_model!(
     /// m y'' + d y' + k1 y + k3 y^3 = u.
     Silverbox, "y", "u", ["m", "d", "k1", "k3"], |x, v, a| [a, v, x, x * x * x]
 );

@@ -7,9 +7,12 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable};
-use tpm_symbolic::harmonic::expand::expand;
-use tpm_symbolic::harmonic::identifiability::{Experiment, Identifiability, PhysicalIdentifiability, identifiability};
-use tpm_symbolic::harmonic::report::Report;
+use tpm_runtime::study::{PlayedPattern, numerical_identifiability};
+use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
+use tpm_symbolic::harmonic::identifiability::{Experiment, PhysicalIdentifiability, identifiability};
+use tpm_symbolic::harmonic::nonsmooth::DEFAULT_HARMONICS;
+use tpm_symbolic::harmonic::report::{Means, Report};
+use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::{self, Rational};
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
@@ -21,10 +24,15 @@ pub(crate) struct Args {
     /// A pattern to analyse; given several times, the experiments are taken together. The model's first when not given.
     #[arg(long, value_name = "NAME")]
     pattern: Vec<String>,
-    /// Value of an amplitude, the frequency or a constant, exact (1/3, 0.25); left symbolic when not given. With several
-    /// patterns, `NAME[2]=VALUE` is for the second only.
+    /// Value of an amplitude, the frequency or a constant, exact (1/3, 0.25); left symbolic when not given, drawn at random for a
+    /// model without a table. With several patterns, `NAME[2]=VALUE` is for the second only. Where the pattern leaves a coordinate
+    /// open, parameters may be given values too: its motion depends on them.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     settings: Vec<String>,
+    /// Highest harmonic that counts; the pattern's own number when not given, else all of the table (31 of terms that have
+    /// infinitely many, and of models without a table).
+    #[arg(long, value_name = "N")]
+    harmonics: Option<usize>,
     /// Print JSON (tpm.identifiability/1).
     #[arg(long)]
     json: bool,
@@ -39,6 +47,24 @@ struct Setting {
     experiment: Option<usize>,
     value: Rational,
 }
+
+impl Setting {
+    /// Whether the value is for the experiment of this index.
+    fn is_for(&self, experiment: usize) -> bool {
+        self.experiment.is_none_or(|only| only == experiment)
+    }
+}
+
+/// A pattern to analyse.
+struct Asked<'a> {
+    name: &'a str,
+    pattern: &'a Pattern,
+    /// The highest harmonic that counts, where it was stated.
+    harmonics: Option<usize>,
+}
+
+/// What was found: what the patterns show, and the physical parameters behind lumped ones.
+type Found = (Report, Option<PhysicalIdentifiability>);
 
 fn setting(text: &str, experiments: usize) -> Result<Setting, Failure> {
     let wrong = |what: &str| Failure::Input(format!("--set {text}: {what}"));
@@ -67,29 +93,27 @@ pub(crate) fn run(args: &Args) -> Outcome {
     } else {
         args.pattern.iter().map(|name| Some(name.as_str())).collect()
     };
-    let prepared = loaded.prepared()?;
-    let mut tables = Vec::with_capacity(names.len());
-    for name in &names {
-        let pattern = loaded.pattern(*name)?;
-        tables.push(expand(&prepared.model, &prepared.form, pattern).map_err(|error| loaded.at(&error))?);
+    let mut asked = Vec::with_capacity(names.len());
+    for name in names {
+        let pattern = loaded.pattern(name)?;
+        let harmonics = args.harmonics.or_else(|| loaded.harmonics(pattern));
+        asked.push(Asked { name: name.unwrap_or("the pattern"), pattern, harmonics });
     }
-    let mut experiments: Vec<Experiment<'_>> = names
-        .iter()
-        .zip(&tables)
-        .map(|(name, table)| Experiment::of(name.unwrap_or("the pattern"), &prepared.model, table))
-        .collect();
-    for text in &args.settings {
-        let Setting { name, experiment, value } = setting(text, experiments.len())?;
-        for (number, slot) in experiments.iter_mut().enumerate() {
-            if experiment.is_none_or(|only| only == number) {
-                *slot = slot.clone().with(&name, value.clone());
-            }
+    let settings: Vec<Setting> =
+        args.settings.iter().map(|text| setting(text, asked.len())).collect::<Result<_, _>>()?;
+    let (report, physical) = match exact(&loaded, &asked, &settings)? {
+        Ok(found) => found,
+        Err(refused) => {
+            let found = numerical(&loaded, &asked, &settings).map_err(|failure| match (&refused, failure) {
+                (ExpandError::NoMotion { .. }, Failure::Input(reason)) => loaded.at_with_help(&refused, &reason),
+                (_, failure) => failure,
+            })?;
+            file::remark(&loaded.remark(&refused));
+            file::remark("remark: without a table, the answer is found in floating point along the pattern");
+            found
         }
-    }
-    let found = identifiability(&experiments).map_err(|error| Failure::Input(error.to_string()))?;
-    let physical = found.physical(&ParameterMap::new(&prepared));
-    let report = found.report();
-    let text = if args.json { json(&report, physical.as_ref())? } else { describe(&found, &report, physical.as_ref()) };
+    };
+    let text = if args.json { json(&report, physical.as_ref())? } else { describe(&report, physical.as_ref()) };
     file::emit(args.output.as_deref(), &text)?;
     if report.rank < report.columns {
         return Err(Failure::Incomplete(format!(
@@ -98,6 +122,53 @@ pub(crate) fn run(args: &Args) -> Outcome {
         )));
     }
     Ok(())
+}
+
+/// The exact answer, from harmonic tables; or why there is no table.
+fn exact(loaded: &Loaded, asked: &[Asked<'_>], settings: &[Setting]) -> Result<Result<Found, ExpandError>, Failure> {
+    let prepared = loaded.for_tables()?;
+    let mut tables = Vec::with_capacity(asked.len());
+    for Asked { pattern, harmonics, .. } in asked {
+        let mut options = ExpandOptions { harmonics: *harmonics, ..ExpandOptions::default() };
+        match expand_with(&prepared.model, &prepared.form, pattern, &mut options) {
+            Ok(table) => tables.push(table),
+            Err(error) => return Ok(Err(error)),
+        }
+    }
+    let mut experiments: Vec<Experiment<'_>> = asked
+        .iter()
+        .zip(&tables)
+        .map(|(asked, table)| Experiment::of(asked.name, &prepared.model, table).up_to(asked.harmonics))
+        .collect();
+    for setting in settings {
+        for (_, slot) in experiments.iter_mut().enumerate().filter(|(number, _)| setting.is_for(*number)) {
+            *slot = slot.clone().with(&setting.name, setting.value.clone());
+        }
+    }
+    let found = identifiability(&experiments).map_err(|error| Failure::Input(error.to_string()))?;
+    Ok(Ok((found.report(), found.physical(&ParameterMap::new(&prepared)))))
+}
+
+/// The answer in floating point, from the rows along the patterns.
+fn numerical(loaded: &Loaded, asked: &[Asked<'_>], settings: &[Setting]) -> Result<Found, Failure> {
+    let prepared = loaded.prepared()?;
+    let played: Vec<PlayedPattern<'_>> = asked
+        .iter()
+        .enumerate()
+        .map(|(number, asked)| PlayedPattern {
+            name: asked.name.to_owned(),
+            pattern: asked.pattern,
+            values: settings
+                .iter()
+                .filter(|setting| setting.is_for(number))
+                .map(|setting| (setting.name.clone(), rational::to_f64(&setting.value)))
+                .collect(),
+            harmonics: asked.harmonics.unwrap_or(DEFAULT_HARMONICS),
+        })
+        .collect();
+    let (report, physical) =
+        numerical_identifiability(&prepared, &played).map_err(|error| Failure::Input(error.to_string()))?;
+    Ok((report, Some(physical)))
 }
 
 fn json(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Result<String, Failure> {
@@ -124,11 +195,18 @@ fn sum(terms: &BTreeMap<String, String>) -> String {
     terms.iter().map(|(name, factor)| multiple(name, factor)).collect::<Vec<_>>().join(" + ")
 }
 
-fn describe(found: &Identifiability, report: &Report, physical: Option<&PhysicalIdentifiability>) -> String {
-    let certainty = if report.proven { "exact, proven" } else { "exact at random rational points" };
+fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> String {
+    let certainty = match (report.method, report.proven) {
+        (Means::Numerical, _) => "numerical, along the pattern",
+        (Means::Exact, true) => "exact, proven",
+        (Means::Exact, false) => "exact at random rational points",
+    };
     let mut text =
         format!("rank {} of {} parameters ({certainty}), {} rows\n", report.rank, report.columns, report.rows);
-    if !report.indeterminates.is_empty() {
+    if report.method == Means::Numerical && !report.at.is_empty() {
+        let values = report.at.iter().map(|(name, value)| format!("{name} = {value}")).collect::<Vec<_>>();
+        let _ = writeln!(text, "at {}; other settings drawn at random show no more", values.join(", "));
+    } else if !report.indeterminates.is_empty() {
         let _ = writeln!(text, "left symbolic: {}", report.indeterminates.join(", "));
     }
     let mut table = TextTable::new(&[
@@ -137,8 +215,8 @@ fn describe(found: &Identifiability, report: &Report, physical: Option<&Physical
         ("harmonics up to", Align::Right),
         ("seen in harmonics", Align::Left),
     ]);
-    for (parameter, observed) in report.parameters.iter().zip(&found.observability) {
-        let mut harmonics: Vec<usize> = observed.visible.iter().map(|&row| found.rows[row].harmonic).collect();
+    for parameter in &report.parameters {
+        let mut harmonics: Vec<usize> = parameter.visible_in.iter().map(|row| row.harmonic).collect();
         harmonics.sort_unstable();
         harmonics.dedup();
         table.row(&[

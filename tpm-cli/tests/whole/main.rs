@@ -6,6 +6,7 @@ mod campaign;
 mod compare;
 mod generate;
 mod hidden;
+mod identifiability;
 mod linear;
 mod log;
 mod pendulum_study;

@@ -25,6 +25,8 @@ const CONVERGED: f64 = 1e-12;
 /// Step of the difference quotients as a share of a slot's own amplitude: with five points exact for terms up to the
 /// fourth degree, and otherwise good to `STEP^4`.
 const STEP: f64 = 1e-2;
+/// Pivots of the derivatives below this share of the largest are what rounding leaves of a motion that nothing holds.
+const SINGULAR: f64 = 1e-12;
 
 /// The rows of a model along a reference.
 #[derive(Clone, Debug)]
@@ -113,7 +115,7 @@ impl Along {
     ///
     /// With the inputs fixed, the motion answers to a change of the parameters by `-J^-1 Phi`, in which the periodic derivatives
     /// J couple the harmonics. `None` when there are not as many rows as coordinates, or J is singular.
-    pub(crate) fn predicted(&self, theta: &[f64], noise: &[f64], samples: usize) -> Option<DMatrix<f64>> {
+    pub(super) fn predicted(&self, theta: &[f64], noise: &[f64], samples: usize) -> Option<DMatrix<f64>> {
         let Dims { rows, coordinates, parameters, .. } = self.dims;
         let highest = self.phi.first()?.len().checked_sub(1)?;
         if rows != coordinates {
@@ -147,7 +149,12 @@ impl Along {
                 felt.column_mut(j).rows_mut(row * width, width).copy_from_slice(&parts(self.regressor(row, j)));
             }
         }
-        let mut answer = derivative.lu().solve(&felt)?;
+        let factors = derivative.lu();
+        let sizes = factors.u().diagonal().abs();
+        if sizes.min() <= SINGULAR * sizes.max() {
+            return None;
+        }
+        let mut answer = factors.solve(&felt)?;
         for (c, deviation) in noise.iter().enumerate().take(coordinates) {
             for (i, mut row) in answer.rows_mut(c * width, width).row_iter_mut().enumerate() {
                 // A mean has the variance 1/N of the samples', a phasor's part 2/N.

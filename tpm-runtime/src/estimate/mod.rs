@@ -7,10 +7,11 @@
 //! What estimators share stands below them, and imports run one way, from right to left:
 //!
 //! ```text
-//! settings, error <- verdict, result <- equations, information <- table, along <- noise <- pool <- estimators <- method
+//! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- pool <- estimators <- method
 //! ```
 
 mod along;
+mod bound;
 mod combination;
 #[cfg(feature = "interpret")]
 mod eliminated;
@@ -40,6 +41,7 @@ mod tabulated;
 mod verdict;
 
 pub use along::Along;
+pub(crate) use bound::{RecordNoise, has_jumps, information_root};
 pub use combination::Combination;
 #[cfg(feature = "interpret")]
 pub use eliminated::{Eliminated, EliminatedError};

@@ -32,7 +32,7 @@ const DIFFERENCE_STEP: f64 = 1e-3;
 /// # Errors
 /// [`CompletionError::Open`] when the rows without an input do not determine the motion, [`CompletionError::Evaluation`] when
 /// the model cannot be evaluated along it.
-pub(super) fn complete(
+pub(crate) fn complete(
     model: &dyn Model<f64>,
     trajectory: &mut Trajectory,
     open: &[usize],
@@ -64,7 +64,7 @@ pub(super) fn complete(
 
 /// Why the series of the open coordinates cannot be filled.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub(super) enum CompletionError {
+pub(crate) enum CompletionError {
     /// The model could not be evaluated along the motion.
     #[error(transparent)]
     Evaluation(#[from] EvalError),

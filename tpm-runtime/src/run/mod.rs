@@ -21,6 +21,7 @@ pub(crate) use actuator::correct_actuators;
 pub use actuator::{Dynamics, LowPass};
 pub use bench::{Bench, BenchError};
 pub use completion::OpenReason;
+pub(crate) use completion::{CompletionError, complete};
 pub use error::TrialError;
 pub use feed_forward::HoldCompensation;
 pub(crate) use feed_forward::demand;

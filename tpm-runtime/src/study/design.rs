@@ -1,20 +1,21 @@
 //! Experiment design before anything moves: the information that candidates would give, and whether they keep within
 //! the limits.
 //!
-//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`Along::predicted`]): white noise on the
-//! measured positions (the step of an encoder counted as noise of variance step^2/12), inputs known exactly. Candidates
-//! are compared by the determinant of the scaled information matrix (D-optimality). A candidate that passes a limit is
-//! ranked last, with the sample at which it does.
+//! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`information_root`]) for the noise of the simulated
+//! sensors ([`deviations`]), inputs known exactly, since a simulated machine records what it applies. Candidates and the runs of a
+//! study are predicted by one function ([`predict`]). Candidates are compared by the determinant of the scaled information matrix
+//! (D-optimality). A candidate that passes a limit is ranked last, with the sample at which it does.
 
 use crate::campaign::{LEAST_PERIODS, RunReport, Setup, Stage};
-use crate::estimate::Along;
+use crate::estimate::{RecordNoise, has_jumps, information_root};
 use crate::experiment::{Experiment, ExperimentError};
-use crate::machine::simulated::{Rig, Sensor, simulate};
+use crate::machine::simulated::{Rig, Sensor, SimulatedRun, simulate};
 use crate::numerics::DMatrix;
 use crate::numerics::fourier::analyse;
 use crate::numerics::singular::{Singular, unit_columns};
-use crate::run::trajectory::{HarmonicSeries, ReferencePattern, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Line, ReferencePattern, Trajectory};
 use crate::run::{Record, RunEnding, Trial, TrialError, TrialSettings};
+use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
 use std::format;
@@ -22,7 +23,7 @@ use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_core::model::{EvalError, Model};
 
 /// Factors on the last stage's amplitudes and frequency that are tried.
 const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
@@ -35,6 +36,8 @@ const RANK: f64 = 1e-9;
 /// Highest harmonic to which the derivatives of the motion are followed, as a multiple of the motion's highest
 /// harmonic.
 const REACH: usize = 2;
+/// Harmonics of an encoder's error that are added up; those that are left out hold less than a hundredth of its variance.
+const REPEATED_HARMONICS: u32 = 100;
 /// Noise that is assumed of a sensor without noise, as a share of the amplitude.
 const LEAST_NOISE: f64 = 1e-6;
 
@@ -64,8 +67,9 @@ pub struct Design {
     /// Values of the parameters: the prior, and the simulated machine's value where the prior is zero.
     #[serde(serialize_with = "by_name")]
     pub estimates: Vec<(String, f64)>,
-    /// Standard deviation of the position noise at the last stage, an encoder's step included, unit of the coordinate;
-    /// a millionth of the amplitude for sensors without noise.
+    /// Standard deviation of the position noise of one sample at the last stage, unit of the coordinate; a millionth of the
+    /// amplitude for sensors without noise. Where the error of an encoder repeats in every period, it stands here as the white noise
+    /// that has the same mean over the periods.
     #[serde(serialize_with = "by_name")]
     pub noise: Vec<(String, f64)>,
     /// Candidates, best first; those that pass a limit come last.
@@ -140,34 +144,29 @@ pub fn design(
         multiples.retain(|list| list.iter().copied().reduce(gcd) == Some(1));
     }
     let fastest = f64::from(last.multiples.iter().copied().max().unwrap_or(1)) * last.frequency;
-    let mut candidates = Vec::new();
+    let machine = Rig { parameters: theta.clone(), constants: setup.constants.clone(), ..bench };
+    let candidate = |(share, speed, list): (f64, f64, &Vec<u32>)| {
+        // The frequency is lowered so that the fastest coordinate is no faster than in the schedule.
+        let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
+        let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
+        let stage =
+            Stage { pattern: last.pattern.clone(), amplitudes, frequency, multiples: list.clone(), gain: last.gain };
+        let periods = periods(&setup, frequency);
+        let settled = setup.procedure.settle_periods;
+        // A stage that cannot be played is left out.
+        let Ok(trial) = trial(model, pattern, &setup, &stage, settled + LEAST_PERIODS, &theta) else { return Ok(None) };
+        let reach = 4 * trial.trajectory.highest_harmonic() as usize;
+        let root = predict(model, &machine, &trial, &trial.trajectory, (settled, periods), reach)?;
+        Ok(root.map(|root| judge(model, pattern, &stage, &trial, &theta, &root, setup.procedure.effort_share)))
+    };
+    let mut asked: Vec<(f64, f64, &Vec<u32>)> = Vec::new();
     for share in SHARES {
         for speed in SHARES {
-            for list in &multiples {
-                // The frequency is lowered so that the fastest coordinate is no faster than in the schedule.
-                let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
-                let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
-                let stage = Stage {
-                    pattern: last.pattern.clone(),
-                    amplitudes,
-                    frequency,
-                    multiples: list.clone(),
-                    gain: last.gain,
-                };
-                let period = 2.0 * PI / frequency;
-                let periods = ((setup.procedure.measure_time / period).ceil() as usize).max(LEAST_PERIODS);
-                let trial = trial(model, pattern, &setup, &stage, periods, &theta);
-                // A stage that cannot be played is left out.
-                let Ok(trial) = trial else { continue };
-                let noise = deviations(&bench, &trial.trajectory);
-                let samples = periods * trial.samples_per_period;
-                let reach = 4 * trial.trajectory.highest_harmonic() as usize;
-                let along = Along::new(model, &setup.constants, &trial.trajectory, reach)?;
-                let Some(root) = along.predicted(&theta, &noise, samples) else { continue };
-                candidates.push(judge(model, pattern, &stage, &trial, &theta, &root, setup.procedure.effort_share));
-            }
+            asked.extend(multiples.iter().map(|list| (share, speed, list)));
         }
     }
+    let found: Vec<Option<Candidate>> = asked.into_par_iter().map(candidate).collect::<Result<_, ExperimentError>>()?;
+    let mut candidates: Vec<Candidate> = found.into_iter().flatten().collect();
     let estimates = (0..theta.len()).map(|j| (model.parameter(j).name.to_string(), theta[j]));
     if candidates.is_empty() {
         let estimates = estimates.map(|(name, value)| format!("{name} = {value}")).collect();
@@ -177,20 +176,97 @@ pub fn design(
         let key = |c: &Candidate| (c.passed.is_some(), std::cmp::Reverse(c.rank));
         key(a).cmp(&key(b)).then(b.determinant.total_cmp(&a.determinant))
     });
-    let noise = deviations(&bench, &last.trajectory(pattern, 1.0));
+    let noise = deviations(&machine, &last.trajectory(pattern, 1.0), periods(&setup, last.frequency));
     let noise = noise.into_iter().enumerate().map(|(c, value)| (model.coordinate(c).name.to_string(), value));
     Ok(Design { estimates: estimates.collect(), noise: noise.collect(), candidates })
 }
 
-/// Standard deviation of the noise of every coordinate.
-fn deviations(bench: &Rig, trajectory: &Trajectory) -> Vec<f64> {
+/// Whole periods in the measured time of a run.
+fn periods(setup: &Setup, frequency: f64) -> usize {
+    ((setup.procedure.measure_time * frequency / (2.0 * PI)).ceil() as usize).max(LEAST_PERIODS)
+}
+
+/// What a run tells of the machine's parameters: a square root of the information, in rows of unit variance. `motion` is the motion
+/// without noise, which is followed up to the harmonic `reach`; the trial settles in the first of the two numbers of periods, and
+/// is measured in the second. `None` where the motion does not determine its own derivatives.
+fn predict(
+    model: &dyn Model<f64>,
+    machine: &Rig,
+    trial: &Trial,
+    motion: &Trajectory,
+    (settled, measured): (usize, usize),
+    reach: usize,
+) -> Result<Option<DMatrix<f64>>, ExperimentError> {
+    let deviations = deviations(machine, motion, measured);
+    let mut stray = vec![0.0; model.dims().motion_len()];
+    if has_jumps(model, &machine.constants, motion)? {
+        stray = strayed(model, machine, trial, motion, settled)?;
+    }
+    let samples = measured * trial.samples_per_period;
+    let noise = RecordNoise { deviations: &deviations, samples, periods: measured, stray: &stray };
+    Ok(information_root(model, &machine.constants, motion, &machine.parameters, noise, reach)?)
+}
+
+/// Root mean square of the distance between the machine's motion, which feedback of the sensors' noise disturbs, and a trajectory, in
+/// every slot of a motion, after the periods in which the run settles; zero for a run that ends before.
+fn strayed(
+    model: &dyn Model<f64>,
+    machine: &Rig,
+    trial: &Trial,
+    trajectory: &Trajectory,
+    settled: usize,
+) -> Result<Vec<f64>, EvalError> {
+    let mut run = SimulatedRun::new(model, machine, trial)?;
+    let mut expected = vec![0.0; model.dims().motion_len()];
+    let mut squares = expected.clone();
+    let (mut sample, mut counted) = (0, 0);
+    loop {
+        if sample >= settled * trial.samples_per_period && sample < trial.samples() {
+            trajectory.motion_at(sample, trial.samples_per_period, 0.0, &mut expected);
+            for ((square, actual), expected) in squares.iter_mut().zip(run.motion()).zip(&expected) {
+                *square += (actual - expected).powi(2);
+            }
+            counted += 1;
+        }
+        if run.step()?.is_some() {
+            return Ok(squares.into_iter().map(|square| (square / f64::from(counted.max(1))).sqrt()).collect());
+        }
+        sample += 1;
+    }
+}
+
+/// Standard deviation of the white noise on one sample of every coordinate that has, over these periods, the effect of the sensor's
+/// noise, jitter and step.
+fn deviations(bench: &Rig, trajectory: &Trajectory, periods: usize) -> Vec<f64> {
     let sensors = bench.sensors.iter().zip(&trajectory.coordinates);
     let deviation = sensors.map(|(sensor, series)| {
         let size = series.lines.iter().map(|line| line.cos.hypot(line.sin)).fold(0.0, f64::max);
-        let variance = sensor.noise * sensor.noise + sensor.step * sensor.step / 12.0;
+        let rate =
+            |line: &Line| (f64::from(line.harmonic) * trajectory.frequency * line.cos.hypot(line.sin)).powi(2) / 2.0;
+        let late = sensor.jitter * sensor.jitter * series.lines.iter().map(rate).sum::<f64>();
+        let white = sensor.noise * sensor.noise + late;
+        // What repeats in every period does not average out over the periods.
+        let repeated = repeated_share(white.sqrt(), sensor.step) * (periods as f64 - 1.0);
+        let variance = white + sensor.step * sensor.step / 12.0 * (1.0 + repeated);
         variance.sqrt().max(LEAST_NOISE * size).max(f64::MIN_POSITIVE.sqrt())
     });
     deviation.collect()
+}
+
+/// Share of the variance of an encoder's error, step^2/12, that is the same whenever the same position is read: what white noise of
+/// this deviation before the encoder does not make random.
+///
+/// The mean error at a position is a Fourier series in the position, whose k-th harmonic the noise lowers by
+/// `exp(-2 (pi k noise/step)^2)`. All is repeated without noise, and a two-hundred-thousandth where the noise is half a step.
+fn repeated_share(noise: f64, step: f64) -> f64 {
+    if step <= 0.0 {
+        return 0.0;
+    }
+    if noise <= 0.0 {
+        return 1.0;
+    }
+    let term = |k: u32| (-(2.0 * PI * f64::from(k) * noise / step).powi(2)).exp() / f64::from(k * k);
+    6.0 / (PI * PI) * (1..=REPEATED_HARMONICS).map(term).sum::<f64>()
 }
 
 fn gcd(a: u32, b: u32) -> u32 {
@@ -262,16 +338,14 @@ pub(super) fn bounds(
         let settled = run.settled_after.unwrap_or(setup.procedure.settle_periods);
         let played = trial(model, pattern, &setup, &stage, settled + run.periods, &run.played);
         let Ok(trial) = played else { return Ok(None) };
-        let noise = deviations(&noisy, &trial.trajectory);
-        let samples = run.periods * trial.samples_per_period;
         let record = simulate(model, &bench, &trial)?;
         if record.len() < trial.samples() {
             return Ok(None);
         }
         let motion = motion(&trial, &record);
         let reach = REACH * motion.highest_harmonic() as usize;
-        let along = Along::new(model, &setup.constants, &motion, reach)?;
-        let Some(root) = along.predicted(&bench.parameters, &noise, samples) else { return Ok(None) };
+        let predicted = predict(model, &noisy, &trial, &motion, (settled, run.periods), reach)?;
+        let Some(root) = predicted else { return Ok(None) };
         rows.push(root);
     }
     let Some(first) = rows.first() else { return Ok(None) };
@@ -388,7 +462,7 @@ fn input_harmonics(trial: &Trial, inputs: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::design;
+    use super::{design, repeated_share};
     use crate::experiment::Experiment;
     use crate::run::trajectory::tests::rest_to_rest_3;
     use crate::test_models::MassSpringDrag;
@@ -422,6 +496,29 @@ mod tests {
                 let relative = predicted.std.expect("shown") / truth;
                 assert!((relative / bound - 1.0).abs() < 0.05, "{}: {relative:e} {bound:e}", predicted.name);
             }
+        }
+    }
+
+    #[test]
+    fn what_an_encoder_repeats_is_what_noise_before_it_leaves() {
+        assert_eq!(repeated_share(1.0, 0.0), 0.0);
+        assert!((repeated_share(0.0, 0.1) - 1.0).abs() < 1e-12 && (repeated_share(1e-9, 0.1) - 1.0).abs() < 1e-2);
+        // The mean error at a position, by a sum over the noise, and its variance over the positions of one step.
+        for noise in [0.1, 0.2, 0.32, 0.5_f64] {
+            let (mut variance, positions) = (0.0, 100);
+            for n in 0..positions {
+                let position = (f64::from(n) + 0.5) / f64::from(positions);
+                let (mut sum, mut weights) = (0.0, 0.0);
+                for z in -5000..=5000 {
+                    let z = 1e-3 * f64::from(z);
+                    let weight = (-0.5 * z * z).exp();
+                    sum += weight * ((position + noise * z).round() - position);
+                    weights += weight;
+                }
+                variance += (sum / weights).powi(2) / f64::from(positions);
+            }
+            let found = repeated_share(noise, 1.0);
+            assert!((12.0 * variance - found).abs() < 1e-3 + 0.02 * found, "{noise}: {variance} {found}");
         }
     }
 

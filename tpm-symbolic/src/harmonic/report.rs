@@ -10,11 +10,25 @@ use std::collections::BTreeMap;
 /// The name of the JSON schema of a [`Report`].
 pub const SCHEMA: &str = "tpm.identifiability/1";
 
-/// [`Identifiability`] as plain data; coefficients are exact, in the model language.
+/// How a [`Report`] was found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Means {
+    /// From the harmonic table, over the rationals.
+    #[default]
+    Exact,
+    /// From the rows along the pattern, in floating point.
+    Numerical,
+}
+
+/// What experiments show, as plain data. Of an [`Identifiability`], coefficients are exact, in the model language.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Report {
     /// [`SCHEMA`].
     pub schema: String,
+    /// How it was found.
+    #[serde(default)]
+    pub method: Means,
     /// The rank.
     pub rank: usize,
     /// Number of parameters.
@@ -25,6 +39,9 @@ pub struct Report {
     pub proven: bool,
     /// The symbols that were left indeterminate.
     pub indeterminates: Vec<String>,
+    /// The values drawn for these symbols, at which the coefficients hold that are no exact numbers; empty for exact results.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub at: BTreeMap<String, String>,
     /// Directions along which nothing is observed; absent when they are too long to print.
     pub unobservable: Option<Vec<BTreeMap<String, String>>>,
     /// A maximal observable set.
@@ -111,11 +128,13 @@ impl Identifiability {
         });
         Report {
             schema: SCHEMA.to_owned(),
+            method: Means::Exact,
             rank: self.rank,
             columns: self.parameters.len(),
             rows: self.rows.len(),
             proven: self.proven,
             indeterminates: self.variables.clone(),
+            at: BTreeMap::new(),
             unobservable,
             base,
             parameters: parameters.collect(),

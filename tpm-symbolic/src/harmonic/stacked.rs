@@ -26,13 +26,15 @@ pub struct Experiment<'a> {
     pub values: BTreeMap<String, Rational>,
     /// Symbols without a value that are the same in every experiment, such as run-time constants.
     pub shared: BTreeSet<String>,
+    /// The highest harmonic that counts; all when not given.
+    pub harmonics: Option<usize>,
 }
 
 impl<'a> Experiment<'a> {
     /// An experiment with all symbols indeterminate.
     #[must_use]
     pub fn new(name: &str, table: &'a HarmonicTable) -> Self {
-        Self { name: name.to_owned(), table, values: BTreeMap::new(), shared: BTreeSet::new() }
+        Self { name: name.to_owned(), table, values: BTreeMap::new(), shared: BTreeSet::new(), harmonics: None }
     }
 
     /// An experiment in which the model's run-time constants are shared with the other experiments.
@@ -47,6 +49,13 @@ impl<'a> Experiment<'a> {
     #[must_use]
     pub fn with(mut self, symbol: &str, value: Rational) -> Self {
         self.values.insert(symbol.to_owned(), value);
+        self
+    }
+
+    /// This experiment with no harmonic above the given one.
+    #[must_use]
+    pub fn up_to(mut self, harmonics: Option<usize>) -> Self {
+        self.harmonics = harmonics;
         self
     }
 }
@@ -131,6 +140,9 @@ impl Matrix {
             };
             for entry in table.entries() {
                 let Some(column) = entry.column else { continue };
+                if experiment.harmonics.is_some_and(|highest| entry.harmonic > highest) {
+                    continue;
+                }
                 let mut coefficient = entry.coefficient.clone();
                 let mut monomial = Monomial::one();
                 for (&symbol, power) in entry.powers.factors() {

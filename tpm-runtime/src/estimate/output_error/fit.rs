@@ -31,6 +31,8 @@ const BELIEVED: f64 = 10.0;
 const UNEXPLAINED: f64 = 100.0;
 /// Share of a period over which a polynomial is fitted on either side of a sample, as one over this.
 const LOCAL: u32 = 60;
+/// Shortest time between two stops of a machine, as a share of the period.
+const SHORTEST_PASSAGE: f64 = 0.02;
 /// Least noise of a sensor, as a share of its root mean square: rounding of numbers that a file holds.
 const ROUNDING: f64 = 1e-9;
 
@@ -141,6 +143,7 @@ impl OutputError {
             breaks: vec![false; samples.saturating_sub(1)],
             steps: 1,
             disturbed: vec![0.0; samples * signals.inputs.len()],
+            shortest_passage: (signals.samples_per_period * SHORTEST_PASSAGE) as usize,
         };
         let outputs = signals.coordinates.len();
         let clipped = clipping::find(&problem, signals, start)?;

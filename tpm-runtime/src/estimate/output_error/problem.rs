@@ -75,6 +75,8 @@ pub(super) struct Problem<'a> {
     pub(super) steps: usize,
     /// What the inputs are taken to be beside what was recorded, per sample.
     pub(super) disturbed: Vec<f64>,
+    /// Fewest samples between two stops of a machine with friction.
+    pub(super) shortest_passage: usize,
 }
 
 /// What the evaluation of a transition needs.
@@ -516,10 +518,21 @@ impl<'a> Problem<'a> {
                 let (a, b) = (of(k), of(k + 1));
                 a.abs() < band || b.abs() < band || (a > 0.0) != (b > 0.0)
             };
+            // While it is at rest a machine's velocity is noise, which may stand above the band for some samples.
+            let mut free: Vec<bool> = (0..samples.saturating_sub(1)).map(unsure).collect();
+            let mut last: Option<usize> = None;
+            for k in 0..free.len() {
+                if free[k] {
+                    if let Some(before) = last.filter(|before| k - before <= self.shortest_passage) {
+                        free[before..k].fill(true);
+                    }
+                    last = Some(k);
+                }
+            }
             let mut k = 0;
             while k + 1 < samples {
                 let first = k;
-                while k + 1 < samples && unsure(k) {
+                while k + 1 < samples && free[k] {
                     k += 1;
                 }
                 let size = FREE * ((k - first) as f64).sqrt();

@@ -92,6 +92,12 @@ impl<'a> SimulatedRun<'a> {
         })
     }
 
+    /// The machine's motion at the sample that is played next, without the noise of the sensors.
+    #[must_use]
+    pub fn motion(&self) -> &[f64] {
+        self.plant.motion()
+    }
+
     /// Plays one sample; the ending when the run ended with it.
     ///
     /// # Errors
