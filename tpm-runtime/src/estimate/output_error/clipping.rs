@@ -1,9 +1,12 @@
 //! Inputs that were cut off at a limit behind the place where they were recorded.
 //!
 //! A command that is recorded before a limiter shows no plateau. Along the measured motion the rows are linear in the parameters
-//! whatever the limit is, so that a limit can be tried by one regression; the one that leaves least is compared with none.
+//! whatever the limit is, so that a limit can be tried by one regression, with the same low pass on both sides; the one that leaves
+//! least is compared with none. Where the input is at its limit nearly all the time, the regression shows the parameters over the limit
+//! rather than both; the fit that follows tells them apart.
 
 use crate::estimate::output_error::fit::{OutputErrorFault, Signals};
+use crate::estimate::output_error::local;
 use crate::estimate::output_error::problem::{Column, Place, Problem};
 use crate::numerics::{DMatrix, DVector};
 use std::vec;
@@ -13,9 +16,11 @@ use tpm_core::harmonics::Hold;
 /// A limit is believed when it leaves less than this share of the squares that are left without one.
 const BELIEVED: f64 = 0.25;
 /// Limits that are tried between the smallest share of the peak and the peak.
-const TRIED: usize = 120;
+const TRIED: usize = 60;
 /// Smallest limit that is tried, as a share of the peak.
 const LEAST: f64 = 0.04;
+/// Reach of the low pass on either side of a sample, as a share of the period.
+const WINDOW: f64 = 0.05;
 
 /// A limit of an input, found from the record.
 #[derive(Clone, Debug)]
@@ -26,7 +31,9 @@ pub(super) struct Clipping {
     pub(super) applied: Vec<f64>,
     /// Parameters that explain the record with this limit, all of the model's.
     pub(super) theta: Vec<f64>,
-    /// How the force changes with the limit, per row on which the input acts.
+    /// Factor of the input in its row, sample by sample.
+    factor: Vec<f64>,
+    /// How the force changes with the limit.
     pub(super) edge: Column,
 }
 
@@ -38,13 +45,22 @@ pub(super) fn find(
 ) -> Result<Option<Clipping>, OutputErrorFault> {
     let model = problem.machine.model;
     let dims = model.dims();
-    let samples = problem.samples();
+    let whole = problem.samples();
     if dims.inputs != 1 {
         return Ok(None);
     }
-    let slots: Vec<(usize, usize)> =
-        (0..dims.coordinates).flat_map(|c| (0..=model.coordinate_order(c)).map(move |d| (c, d))).collect();
-    let motion = signals.motion(&slots);
+    let half = (signals.samples_per_period * WINDOW) as usize;
+    // The low pass leaves nothing that needs every sample.
+    let stride = (half / 6).max(1);
+    let samples = whole.div_ceil(stride);
+    let mut motions = Vec::with_capacity(dims.coordinates);
+    for (c, signal) in signals.coordinates.iter().enumerate() {
+        let order = model.coordinate_order(c);
+        let Some(motion) = local::derivatives(signal, problem.sample_time, half.max(3 + order), order, stride) else {
+            return Ok(None);
+        };
+        motions.push((order, motion));
+    }
     let mut scratch = vec![0.0; model.workspace_len()];
     let (mut phi, mut known) = (vec![0.0; dims.regressor_len()], vec![0.0; dims.rows]);
     let mut map = vec![0.0; dims.input_map_len()];
@@ -54,8 +70,10 @@ pub(super) fn find(
     let mut fixed = DVector::zeros(samples * dims.rows);
     let mut maps = vec![0.0; samples * dims.rows];
     for k in 0..samples {
-        for (&(c, d), value) in slots.iter().zip(&motion[k * slots.len()..]) {
-            instant[d * dims.coordinates + c] = *value;
+        for (c, (order, motion)) in motions.iter().enumerate() {
+            for d in 0..=*order {
+                instant[d * dims.coordinates + c] = motion[k * (order + 1) + d];
+            }
         }
         model.regressor(&instant, problem.constants, &mut scratch, &mut phi)?;
         model.known(&instant, problem.constants, &mut scratch, &mut known)?;
@@ -72,6 +90,18 @@ pub(super) fn find(
             maps[at] = map[row];
         }
     }
+    let smooth = |values: &mut dyn FnMut(usize) -> f64| -> Vec<f64> {
+        let raw: Vec<f64> = (0..samples).map(values).collect();
+        mean_over(&raw, half / stride)
+    };
+    for row in 0..dims.rows {
+        for column in 0..p {
+            let smoothed = smooth(&mut |k| left[(k * dims.rows + row, column)]);
+            smoothed.iter().enumerate().for_each(|(k, value)| left[(k * dims.rows + row, column)] = *value);
+        }
+        let smoothed = smooth(&mut |k| fixed[k * dims.rows + row]);
+        smoothed.iter().enumerate().for_each(|(k, value)| fixed[k * dims.rows + row] = *value);
+    }
     let scales: Vec<f64> = left.column_iter().map(|c| c.norm().max(f64::MIN_POSITIVE)).collect();
     for (mut column, scale) in left.column_iter_mut().zip(&scales) {
         column /= *scale;
@@ -85,8 +115,16 @@ pub(super) fn find(
     };
     let fit = |limit: f64| -> (f64, DVector<f64>) {
         let applied: Vec<f64> = u.iter().map(|u| u.clamp(-limit, limit)).collect();
-        let right =
-            DVector::from_fn(samples * dims.rows, |at, _| fixed[at] + maps[at] * held(&applied, at / dims.rows));
+        let mut right = fixed.clone();
+        for row in 0..dims.rows {
+            let held: Vec<f64> = (0..whole).map(|k| held(&applied, k)).collect();
+            // The polynomials of the motion and the mean are the low pass of the other side.
+            let Some(held) = local::derivatives(&held, problem.sample_time, half.max(4), 2, stride) else { continue };
+            let force: Vec<f64> =
+                held.iter().step_by(3).enumerate().map(|(k, u)| maps[k * dims.rows + row] * u).collect();
+            let smoothed = mean_over(&force, half / stride);
+            smoothed.iter().enumerate().for_each(|(k, value)| right[k * dims.rows + row] += *value);
+        }
         let solved = normal.solve(&left.tr_mul(&right));
         let squares = (&right - &left * &solved).norm_squared() / right.norm_squared().max(f64::MIN_POSITIVE);
         (squares, solved)
@@ -107,18 +145,41 @@ pub(super) fn find(
     for ((&j, value), scale) in problem.free.iter().zip(solved.iter()).zip(&scales) {
         theta[j] = value / scale;
     }
-    let row =
-        (0..dims.rows).find(|row| (0..samples).any(|k| maps[k * dims.rows + row].abs() > 0.0)).unwrap_or_default();
-    let edge = |k: usize| if u[k].abs() > limit { -maps[k * dims.rows + row] * u[k].signum() } else { 0.0 };
-    Ok(Some(Clipping {
-        input: 0,
-        limit,
-        applied: u.iter().map(|u| u.clamp(-limit, limit)).collect(),
-        theta,
-        edge: Column {
-            place: Place::Row(row),
-            values: (0..samples).map(edge).collect(),
-            held: problem.hold == Hold::Zoh,
-        },
-    }))
+    Ok(Some(Clipping::new(limit, theta, (&maps, dims.rows, stride), u, problem.hold)))
+}
+
+impl Clipping {
+    fn new(limit: f64, theta: Vec<f64>, (maps, rows, stride): (&[f64], usize, usize), u: &[f64], hold: Hold) -> Self {
+        let samples = maps.len() / rows;
+        let row = (0..rows).find(|row| (0..samples).any(|k| maps[k * rows + row].abs() > 0.0)).unwrap_or_default();
+        let factor = (0..u.len()).map(|k| maps[k / stride * rows + row]).collect();
+        let edge = Column { place: Place::Row(row), values: Vec::new(), held: hold == Hold::Zoh };
+        let mut this = Clipping { input: 0, limit, applied: Vec::new(), theta, factor, edge };
+        this.move_to(limit, u);
+        this
+    }
+
+    /// Takes another limit of the recorded input.
+    pub(super) fn move_to(&mut self, limit: f64, u: &[f64]) {
+        self.limit = limit;
+        self.applied = u.iter().map(|u| u.clamp(-limit, limit)).collect();
+        let force = |(u, factor): (&f64, &f64)| if u.abs() > limit { -factor * u.signum() } else { 0.0 };
+        self.edge.values = u.iter().zip(&self.factor).map(force).collect();
+    }
+}
+
+/// Means over `2 half + 1` samples; at the ends over those that there are.
+fn mean_over(values: &[f64], half: usize) -> Vec<f64> {
+    let mut sums = Vec::with_capacity(values.len() + 1);
+    let mut sum = 0.0;
+    sums.push(sum);
+    for value in values {
+        sum += value;
+        sums.push(sum);
+    }
+    let mean = |k: usize| {
+        let (from, to) = (k.saturating_sub(half), (k + half + 1).min(values.len()));
+        (sums[to] - sums[from]) / (to - from) as f64
+    };
+    (0..values.len()).map(mean).collect()
 }

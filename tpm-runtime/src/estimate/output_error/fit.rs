@@ -1,13 +1,14 @@
 //! Gauss-Newton over states and parameters, and the noise under which it weighs a record.
 
 use crate::estimate::output_error::chain::Chain;
-use crate::estimate::output_error::clipping::{self, Clipping};
+use crate::estimate::output_error::clipping;
 use crate::estimate::output_error::local;
 use crate::estimate::output_error::misfit::{self, Along, Candidate, CandidateKind, Half, Misfit};
 use crate::estimate::output_error::problem::{Column, Differentiable, Place, Problem};
 use crate::estimate::output_error::smoother::{Noise, Smoothed};
 use crate::numerics::DMatrix;
 use num_complex::Complex;
+use std::borrow::Cow;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -33,6 +34,10 @@ const UNEXPLAINED: f64 = 100.0;
 const LOCAL: u32 = 60;
 /// Shortest time between two stops of a machine, as a share of the period.
 const SHORTEST_PASSAGE: f64 = 0.02;
+/// Most limits of an input that are tried one after the other.
+const MOST_MOVES: usize = 8;
+/// A limit stays where it is when it moves by less than this share.
+const STAYS: f64 = 1e-3;
 /// Least noise of a sensor, as a share of its root mean square: rounding of numbers that a file holds.
 const ROUNDING: f64 = 1e-9;
 
@@ -137,7 +142,7 @@ impl OutputError {
             hold: signals.hold,
             sample_time: signals.sample_time,
             coordinates: signals.coordinates.clone(),
-            inputs: signals.inputs.clone(),
+            inputs: signals.inputs.iter().map(|input| Cow::Borrowed(*input)).collect(),
             free: free.to_vec(),
             states,
             breaks: vec![false; samples.saturating_sub(1)],
@@ -146,7 +151,7 @@ impl OutputError {
             shortest_passage: (signals.samples_per_period * SHORTEST_PASSAGE) as usize,
         };
         let outputs = signals.coordinates.len();
-        let clipped = clipping::find(&problem, signals, start)?;
+        let mut clipped = clipping::find(&problem, signals, start)?;
         let mut state = State {
             motion: signals.motion(&problem.states),
             theta: clipped.as_ref().map_or(start, |clipped| &clipped.theta).to_vec(),
@@ -154,14 +159,25 @@ impl OutputError {
             noise: signals.noise(),
             own: Vec::new(),
         };
-        if let Some(Clipping { input, applied, edge, .. }) = &clipped {
-            problem.inputs[*input] = applied;
-            state.own.push((edge.clone(), 0.0));
-        }
         let scale: Vec<f64> = (0..outputs).map(|c| state.noise.typical(c, outputs)).collect();
         problem.steps = problem.needed_steps(&state.motion, &state.theta)?;
         let begun = state.clone();
-        let settled = state.settle(&mut problem, signals, &scale, hidden, true);
+        let mut settled = Err(OutputErrorFault::NotConverged { steps: 0 });
+        // Where the input leaves its limit depends on the limit, which is moved until it stays.
+        for _ in 0..MOST_MOVES {
+            state.own.clear();
+            if let Some(clipped) = &clipped {
+                problem.inputs[clipped.input] = Cow::Owned(clipped.applied.clone());
+                state.own.push((clipped.edge.clone(), 0.0));
+            }
+            settled = state.settle(&mut problem, signals, &scale, hidden, true);
+            let (Some(clipping), Some((_, moved)), Ok(_)) = (&mut clipped, state.own.first(), &settled) else { break };
+            if moved.abs() <= STAYS * clipping.limit {
+                break;
+            }
+            let limit = (clipping.limit + moved).clamp(0.5 * clipping.limit, 2.0 * clipping.limit);
+            clipping.move_to(limit, signals.inputs[clipping.input]);
+        }
         if settled.is_err() {
             // Terms that are missing may be what keeps the parameters from settling; they are looked for where the fit began.
             state = State { noise: state.noise, ..begun };
@@ -456,7 +472,7 @@ impl Signals<'_> {
             let order = slots.iter().filter(|slot| slot.0 == c).map(|slot| slot.1).max().unwrap_or(0);
             let half = ((self.samples_per_period / f64::from(LOCAL)) as usize).max(3 + order);
             let local = if left > UNEXPLAINED * noise {
-                local::derivatives(signal, self.sample_time, half, order)
+                local::derivatives(signal, self.sample_time, half, order, 1)
             } else {
                 None
             };

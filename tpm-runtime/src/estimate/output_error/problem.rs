@@ -2,6 +2,7 @@
 
 use crate::estimate::output_error::chain::Chain;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::derivatives::RowDerivatives;
@@ -17,7 +18,9 @@ const FREE: f64 = 5.0;
 /// Most steps of integration from one sample to the next.
 const MOST_STEPS: usize = 16;
 /// Largest error of the integration, as a share of what a state changes in the whole record's typical sample.
-const INTEGRATION: f64 = 1e-6;
+const INTEGRATION: f64 = 1e-9;
+/// The same where a sign jumps within a step.
+const JUMPING: f64 = 1e-3;
 /// Transitions on which the number of steps is decided.
 const TRIED: usize = 64;
 /// Transitions that one task linearises.
@@ -64,7 +67,7 @@ pub(super) struct Problem<'a> {
     pub(super) hold: Hold,
     pub(super) sample_time: f64,
     pub(super) coordinates: Vec<&'a [f64]>,
-    pub(super) inputs: Vec<&'a [f64]>,
+    pub(super) inputs: Vec<Cow<'a, [f64]>>,
     /// Parameters that are estimated.
     pub(super) free: Vec<usize>,
     /// Coordinate and order of every state.
@@ -147,15 +150,7 @@ impl<'a> Problem<'a> {
             *value = disturbed
                 + match self.hold {
                     Hold::Zoh => input[k],
-                    Hold::None => {
-                        let next = (k + 1).min(input.len() - 1);
-                        let (before, after) = (input[k.saturating_sub(1)], input[(next + 1).min(input.len() - 1)]);
-                        let (a, b) = (input[k], input[next]);
-                        // Hermite's cubic with slopes from the neighbours.
-                        let (left, right) = (0.5 * (b - before), 0.5 * (after - a));
-                        let s = share;
-                        a + s * (left + s * (3.0 * (b - a) - 2.0 * left - right + s * (2.0 * (a - b) + left + right)))
-                    }
+                    Hold::None => between(input, k, share),
                 };
         }
     }
@@ -238,7 +233,7 @@ impl<'a> Problem<'a> {
                 }
             }
             // A step across the jump of a sign is wrong by its nature and has a noise of its own, which the mean bears.
-            let bound = if self.machine.derivatives.switches() > 0 { 1e3 * INTEGRATION } else { INTEGRATION };
+            let bound = if self.machine.derivatives.switches() > 0 { JUMPING } else { INTEGRATION };
             if moved.iter().zip(&wrong).all(|(moved, wrong)| *wrong <= bound * moved) {
                 break;
             }
@@ -544,6 +539,25 @@ impl<'a> Problem<'a> {
         }
         Ok(loose)
     }
+}
+
+/// A signal at a share of the time after sample k: the polynomial through six samples around.
+fn between(signal: &[f64], k: usize, share: f64) -> f64 {
+    const NODES: usize = 6;
+    if share <= 0.0 || signal.len() < NODES {
+        return signal[k];
+    }
+    let first = k.saturating_sub(NODES / 2 - 1).min(signal.len() - NODES);
+    let at = (k - first) as f64 + share;
+    let mut value = 0.0;
+    for (i, sample) in signal[first..first + NODES].iter().enumerate() {
+        let mut weight = 1.0;
+        for j in (0..NODES).filter(|&j| j != i) {
+            weight *= (at - j as f64) / (i as f64 - j as f64);
+        }
+        value += weight * sample;
+    }
+    value
 }
 
 /// `out += a b` for row-major matrices, a n by n and b n by `width`.
