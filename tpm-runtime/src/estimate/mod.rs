@@ -7,11 +7,12 @@
 //! What estimators share stands below them, and imports run one way, from right to left:
 //!
 //! ```text
-//! settings, error <- verdict, result <- equations, information <- table, along <- noise <- pool <- estimators <- method
+//! settings, error <- verdict, result <- equations, information <- table, along <- noise <- pool, consistency <- estimators <- method
 //! ```
 
 mod along;
 mod combination;
+mod consistency;
 #[cfg(feature = "interpret")]
 mod eliminated;
 mod equations;
@@ -40,6 +41,7 @@ mod verdict;
 
 pub use along::Along;
 pub use combination::Combination;
+pub use consistency::LeftOut;
 #[cfg(feature = "interpret")]
 pub use eliminated::{Eliminated, EliminatedError};
 pub use error::EstimateError;

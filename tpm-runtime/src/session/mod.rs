@@ -17,6 +17,8 @@
 //! plays its runs; a [`Session`] is for those who want the steps one by one.
 
 mod campaign;
+#[cfg(test)]
+mod contradiction_tests;
 mod error;
 mod folder;
 mod identification;
