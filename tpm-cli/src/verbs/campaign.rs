@@ -40,7 +40,9 @@ enum Step {
         #[arg(short, long, value_name = "CSV")]
         output: Option<PathBuf>,
     },
-    /// Take in the log of the run that `next` gave, and say what comes.
+    /// Take in the log of the run that `next` gave, and say what comes: the next run, why a run is not pooled, what ended the campaign.
+    ///
+    /// A log that the campaign has already is refused. A run that contradicts the others is kept but not pooled.
     Submit {
         /// The campaign's folder.
         folder: PathBuf,
@@ -114,7 +116,8 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
 fn submit(folder: &Path, log: &Path, stopped: bool, columns: &ColumnArgs) -> Outcome {
     let Submission { run, kept, outcome, result } =
         CampaignFolder::open(folder, BTreeMap::new())?.submit(columns.request(log)?, stopped)?;
-    let mut text = format!("run {}: {}", run.run, run.ending);
+    let pooled = if run.contradicts.is_some() { ", not pooled" } else { "" };
+    let mut text = format!("run {}: {}{pooled}", run.run, run.ending);
     let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
     for parameter in named {
         // Writing to a string cannot fail.
@@ -130,7 +133,10 @@ fn submit(folder: &Path, log: &Path, stopped: bool, columns: &ColumnArgs) -> Out
         (false, _) => {
             writeln!(text, "not kept: mend the sensor and play the run again: tpm campaign next {folder} -o run.csv")
         }
-        (true, Some(outcome)) => writeln!(text, "ended: {}; tpm campaign result {folder}", outcome.describe()),
+        (true, Some(outcome)) => {
+            let limit = result.stop.as_ref().map(|stop| format!(": {stop}")).unwrap_or_default();
+            writeln!(text, "ended: {}{limit}; tpm campaign result {folder}", outcome.describe())
+        }
         (true, None) => writeln!(text, "next: tpm campaign next {folder} -o run.csv"),
     };
     file::print(&text)

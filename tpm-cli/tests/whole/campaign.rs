@@ -384,3 +384,118 @@ fn a_run_that_the_machine_stopped_can_be_submitted_and_leads_to_backing_off() {
     place.next("again.csv");
     assert!((peak("again.csv") / peak("run.csv") - 0.5).abs() < 1e-9);
 }
+
+#[test]
+fn a_log_counts_once_whatever_its_name_and_form() {
+    let place = Place::new();
+    place.first_run();
+    place.submit("log.csv");
+    place.next("run.csv");
+    let kept = names(&place.at("c"));
+    let refused = |log: &str, columns: &[&str]| {
+        let output = place.tpm(&[&["campaign", "submit", "c", log], columns].concat());
+        says(&output, 2, "holds the samples of run 1, which the campaign has already");
+        says(&output, 2, "play run 2");
+        assert_eq!(names(&place.at("c")), kept);
+    };
+    refused("log.csv", &[]);
+    // Other columns do not make another run of it.
+    refused("log.csv", &["--scale", "x=2"]);
+    // Other bytes, equal numbers: another name, another order of columns, another way to write a number, other line ends.
+    let mut other = String::from("u,x,t_s\r\n");
+    for line in place.read("log.csv").lines().skip(1) {
+        let fields: Vec<f64> = line.split(',').map(|field| field.parse().expect("a number")).collect();
+        other.push_str(&format!("{:e},{:e},{}\r\n", fields[2], fields[1], fields[0]));
+    }
+    place.write("other.csv", &other);
+    refused("other.csv", &[]);
+    refused("c/run-001.csv", &[]);
+    place.simulate("log.csv", &SHORT);
+    assert!(place.submit("log.csv").starts_with("run 2: complete;"));
+}
+
+#[test]
+fn a_run_that_contradicts_the_others_is_named_at_once() {
+    let place = Place::new();
+    place.first_run();
+    place.submit("log.csv");
+    place.next("run.csv");
+    place.simulate("log.csv", &[&SHORT[..], &["--set", "plant.parameters.m=2.2"]].concat());
+    let said = place.submit("log.csv");
+    assert!(said.starts_with("run 2: complete, not pooled; m = "), "{said}");
+    assert!(said.contains("warning: run 2 contradicts run 1: m differs most, by ") && said.contains("again"), "{said}");
+    assert!(said.ends_with("next: tpm campaign next c -o run.csv\n"), "{said}");
+    assert!(names(&place.at("c")).contains(&"run-002.json".to_owned()));
+    // Played again, the run tells which of the two was wrong.
+    place.next("run.csv");
+    place.simulate("log.csv", &SHORT);
+    let said = place.submit("log.csv");
+    assert!(said.starts_with("run 3: complete; m = ") && said.contains("run 2 contradicts runs 1, 3: m"), "{said}");
+    let text = String::from_utf8(place.tpm(&["campaign", "result", "c"]).stdout).expect("text");
+    assert!(text.contains("complete, not pooled") && text.contains("run 2 contradicts runs 1, 3: m"), "{text}");
+    let result = plain_json(&place.tpm(&["campaign", "result", "c", "--json"]));
+    assert_eq!(result["runs"][1]["contradicts"]["parameter"], "m");
+}
+
+#[test]
+fn what_ends_a_campaign_is_said_when_it_does() {
+    // Whether and how the campaign ends when logs, changed in this way, are submitted.
+    let ends = |sets: &[&str], arguments: &[&str], change: &dyn Fn(&mut Vec<Vec<f64>>)| {
+        let place = Place::new();
+        let sets = [&["--set", "schedule.measure_time=6"], sets].concat();
+        place.start(&sets);
+        let mut all = Vec::new();
+        while !all.last().is_some_and(|said: &String| said.contains("\nended: ")) {
+            assert!(all.len() < 6, "{all:?}");
+            place.next("run.csv");
+            place.simulate("log.csv", &sets);
+            let log = place.read("log.csv");
+            let numbers = |line: &str| line.split(',').map(|field| field.parse().expect("a number")).collect();
+            let mut rows: Vec<Vec<f64>> = log.lines().skip(1).map(numbers).collect();
+            change(&mut rows);
+            let line = |row: &Vec<f64>| row.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+            let text: Vec<String> = rows.iter().map(line).collect();
+            place.write("log.csv", &format!("t_s,x,u\n{}\n", text.join("\n")));
+            all.push(place.run(&[&["campaign", "submit", "c", "log.csv"], arguments].concat()));
+        }
+        all
+    };
+    let said = |all: &[String], runs: usize, parts: &[&str]| {
+        assert_eq!(all.len(), runs, "{all:?}");
+        let last = all.last().expect("submitted");
+        parts.iter().for_each(|part| assert!(last.contains(part), "{part}: {last}"));
+    };
+    let nothing = |_: &mut Vec<Vec<f64>>| ();
+
+    // Something slips at the beginning of the third period from the end.
+    let slips = |rows: &mut Vec<Vec<f64>>| {
+        let last = rows.len().saturating_sub(5800);
+        rows[..last].iter_mut().for_each(|row| row[1] += 0.02);
+    };
+    let all = ends(&[], &[], &slips);
+    assert!(all[0].starts_with("run 1: unsettled") && all[0].contains("it was played again for longer"), "{all:?}");
+    let early = "warning: the campaign ended early: the motion did not settle";
+    said(&all, 4, &["run 4: the motion had not settled\n", early, "ended: the motion did not settle;"]);
+
+    let all = ends(&["--set", "limits.max_aborts=1"], &["--stopped"], &|rows| rows.truncate(3000));
+    assert!(all[0].contains("run 1: aborted (stopped), amplitudes reduced\n"), "{all:?}");
+    said(&all, 2, &["run 2: aborted (stopped)\n", "ended early: run after run", "ended: run after run"]);
+
+    let far = |rows: &mut Vec<Vec<f64>>| rows[700][1] = 9.0;
+    let all = ends(&["--set", "limits.max_aborts=0"], &[], &far);
+    said(&all, 1, &["run 1: tracking bound", "run 1: aborted (tracking bound)\n", "ended: run after run"]);
+
+    // A drive that was cut at its limit once.
+    let all = ends(&[], &[], &|rows| rows[9000][2] = 800.0);
+    said(
+        &all,
+        1,
+        &["ended early: an input was cut at its limit: the command of u", "ended: an input was cut at its limit: the"],
+    );
+
+    let all = ends(&["--set", "limits.effort_share=0.01"], &[], &nothing);
+    said(&all, 1, &["ended: an input reached the stated share of its limit: the command of u"]);
+
+    let all = ends(&["--set", "schedule.max_runs=1"], &[], &nothing);
+    said(&all, 1, &["ended early: all runs were used", "ended: all runs were used before the estimates converged;"]);
+}

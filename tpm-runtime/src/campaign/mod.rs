@@ -12,8 +12,9 @@ mod system_a;
 mod wire;
 
 pub use procedure::{
-    Campaign, CampaignError, LEAST_PERIODS, NearMode, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
+    Campaign, CampaignError, Contradiction, LEAST_PERIODS, NearMode, Outcome, Procedure, RunParameter, RunReport,
+    Setup, Stage,
 };
 pub use settling::settled_from;
-pub use store::{GainManifest, Manifest, RunManifest, Store, StoreError, samples_text};
+pub use store::{GainManifest, LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};
 pub use wire::{Law, RUN_FILE, Rate, RunFile, Timing, WireError, read_trial, trial_samples};

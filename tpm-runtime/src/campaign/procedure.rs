@@ -197,6 +197,15 @@ impl Outcome {
     }
 }
 
+/// How a run contradicts the runs that are pooled.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Contradiction {
+    /// The parameter that differs most.
+    pub parameter: String,
+    /// Its difference, in standard deviations of the difference.
+    pub deviations: f64,
+}
+
 /// One parameter's value in a run's report.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunParameter {
@@ -244,9 +253,12 @@ pub struct RunReport {
     /// the parameters of the feed-forward.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub near_mode: Option<NearMode>,
-    /// Whether the run belongs to an update. A perturbed run of the estimator `numerical` belongs to one together with
-    /// later runs.
+    /// Whether the run belonged to an update when it came in. A perturbed run of the estimator `numerical` belongs to one together
+    /// with later runs.
     pub updated: bool,
+    /// How the run contradicts the others, so that it is not pooled; nothing for a run that is. Later runs may change it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contradicts: Option<Contradiction>,
     /// Estimates after the run.
     pub parameters: Vec<RunParameter>,
     /// Rank of all equations so far.
@@ -257,6 +269,14 @@ pub struct RunReport {
     pub residual: Option<f64>,
     /// Highest harmonic used by the estimator.
     pub harmonics: Option<usize>,
+}
+
+impl RunReport {
+    /// Whether the estimates contain the run: it was played whole, had settled, and agrees with the others.
+    #[must_use]
+    pub const fn is_pooled(&self) -> bool {
+        self.settled_after.is_some() && self.contradicts.is_none()
+    }
 }
 
 /// A harmonic near a natural mode of the machine (Feng, 2.1, 4.2).
@@ -332,6 +352,8 @@ pub struct Campaign<'m> {
     current: Vec<f64>,
     estimate: Option<Estimate>,
     reports: Vec<RunReport>,
+    /// Index among the reports of every run that the estimator has taken in.
+    taken: Vec<usize>,
     stage: usize,
     updates_in_stage: usize,
     /// Factor on the amplitudes of the present stage.
@@ -393,6 +415,7 @@ impl<'m> Campaign<'m> {
             current,
             estimate: None,
             reports: Vec::new(),
+            taken: Vec::new(),
             stage: 0,
             updates_in_stage: 0,
             scale: 1.0,
@@ -534,6 +557,7 @@ impl<'m> Campaign<'m> {
         let update =
             self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
         self.aborts = 0;
+        self.taken.push(self.reports.len());
         report.settled_after = Some(from);
         report.periods = periods;
         report.tracking_rms = tracking_rms(&trial, record, from * samples);
@@ -542,15 +566,36 @@ impl<'m> Campaign<'m> {
             report.limit = most_used(report.limit.take(), used);
             report.effort_share = report.limit.as_ref().map(|limit| limit.share);
         }
+        report.contradicts = self.contradictions();
         if let Some(estimate) = update {
-            let converged = self.converged(&estimate) || self.tracks_well(&trial, &spectra);
+            // A run that is left out changes nothing, which is no convergence: its stage is played again.
+            let pooled = report.contradicts.is_none();
+            let converged = pooled && (self.converged(&estimate) || self.tracks_well(&trial, &spectra));
             self.current.clone_from(&estimate.values);
-            report.updated = true;
+            report.updated = pooled;
             self.estimate = Some(estimate);
-            self.updates_in_stage += 1;
+            self.updates_in_stage += usize::from(pooled);
             self.decide(&trial, record, &report, converged);
         }
         self.finish(report)
+    }
+
+    /// Says in the report of every run whether the runs that are pooled contradict it. Gives what is to be said of the last run,
+    /// whose report is not filed yet.
+    fn contradictions(&mut self) -> Option<Contradiction> {
+        let mut last = None;
+        for (run, &at) in self.taken.iter().enumerate() {
+            let left_out = self.estimator.left_out().iter().find(|left_out| left_out.run == run);
+            let said = left_out.map(|left_out| Contradiction {
+                parameter: self.model.parameter(left_out.parameter).name.into(),
+                deviations: left_out.deviations,
+            });
+            match self.reports.get_mut(at) {
+                Some(report) => report.contradicts = said,
+                None => last = said,
+            }
+        }
+        last
     }
 
     /// After an update: repeats the stage, moves on to the next one, or ends the campaign.
@@ -764,6 +809,7 @@ impl<'m> Campaign<'m> {
             ending: record.ending.kind(),
             near_mode: self.near_mode(trial),
             updated: false,
+            contradicts: None,
             parameters: Vec::new(),
             rank: None,
             condition: None,

@@ -139,6 +139,27 @@ pub struct RunManifest {
     pub saturated: usize,
     /// Hash of the samples' file.
     pub samples_hash: String,
+    /// Fingerprints of the log that the run was read from; nothing for a run that was not submitted as a file.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub log: Option<LogFingerprints>,
+}
+
+/// What tells the log of a run from others.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LogFingerprints {
+    /// Hash of the file's bytes.
+    pub bytes: String,
+    /// Hash of the samples as [`samples_text`] writes them, whatever the file looks like.
+    pub samples: String,
+}
+
+impl RunManifest {
+    /// Whether the run holds the samples of a log, as bytes or as numbers.
+    fn holds(&self, log: &LogFingerprints) -> bool {
+        let own = self.log.as_ref().map_or([&self.samples_hash; 2], |own| [&own.bytes, &own.samples]);
+        own.into_iter().chain([&self.samples_hash]).any(|hash| *hash == log.bytes || *hash == log.samples)
+    }
 }
 
 /// Why a campaign's folder cannot be used.
@@ -250,14 +271,26 @@ impl Store {
     /// # Errors
     /// [`StoreError`] when a manifest cannot be read.
     pub fn fingerprints(&self) -> Result<Vec<(String, String)>, StoreError> {
+        let named = |run: RunManifest| (file_name(&self.paths(run.run).0), run.samples_hash);
+        Ok(self.manifests()?.into_iter().map(named).collect())
+    }
+
+    /// Number of the finished run that holds the samples of a log already.
+    ///
+    /// # Errors
+    /// [`StoreError`] when a manifest cannot be read.
+    pub fn run_with(&self, log: &LogFingerprints) -> Result<Option<usize>, StoreError> {
+        Ok(self.manifests()?.iter().find(|run| run.holds(log)).map(|run| run.run))
+    }
+
+    fn manifests(&self) -> Result<Vec<RunManifest>, StoreError> {
         let mut found = Vec::new();
         loop {
-            let (samples, manifest) = self.paths(found.len() + 1);
+            let (_, manifest) = self.paths(found.len() + 1);
             if !manifest.exists() {
                 return Ok(found);
             }
-            let run: RunManifest = read_json(&manifest, RUN)?;
-            found.push((file_name(&samples), run.samples_hash));
+            found.push(read_json(&manifest, RUN)?);
         }
     }
 
@@ -278,7 +311,8 @@ impl Store {
         Ok(false)
     }
 
-    /// Writes a finished run to the folder.
+    /// Writes a finished run to the folder: one of a simulated machine with the seed of its noise, one that was submitted as a file
+    /// with the fingerprints of its log.
     ///
     /// # Errors
     /// [`StoreError::Io`] when a file cannot be written. The run is then not in the folder; all earlier ones are.
@@ -288,6 +322,7 @@ impl Store {
         trial: &Trial,
         record: &Record,
         seed: Option<u64>,
+        log: Option<LogFingerprints>,
     ) -> Result<(), StoreError> {
         let text = samples_text(model, record);
         let passed = match record.ending {
@@ -318,6 +353,7 @@ impl Store {
             passed,
             saturated: record.saturated,
             samples_hash: fingerprint(text.as_bytes()),
+            log,
         };
         let (samples, path) = self.paths(trial.run + 1);
         keep(&samples, text.as_bytes())?;

@@ -4,6 +4,7 @@
 //! and the noise in what is formed of them, read bin by bin at a first estimate; it takes as long as the record does.
 //! [`Estimator::update`] goes from there to new parameters and needs harmonics alone.
 
+use crate::estimate::consistency::LeftOut;
 use crate::estimate::error::EstimateError;
 use crate::estimate::result::Estimate;
 use crate::estimate::run::Run;
@@ -50,6 +51,13 @@ pub trait Estimator: Send {
     /// without eliminated coordinates.
     fn lumped(&self) -> Option<(&dyn Model<f64>, &Estimate)> {
         None
+    }
+
+    /// The runs that the last estimate leaves out, since they contradict the runs that are pooled. Only `measured-motion` judges
+    /// runs so: the linearisation error of the other estimators shrinks from run to run, and is no contradiction. Models with
+    /// eliminated coordinates are not judged either, since one run alone does not show their parameters.
+    fn left_out(&self) -> &[LeftOut] {
+        &[]
     }
 
     /// What the user should know about the last estimate.

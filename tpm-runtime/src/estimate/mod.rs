@@ -7,12 +7,13 @@
 //! What estimators share stands below them, and imports run one way, from right to left:
 //!
 //! ```text
-//! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- pool <- estimators <- method
+//! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- pool, consistency <- estimators <- method
 //! ```
 
 mod along;
 mod bound;
 mod combination;
+mod consistency;
 #[cfg(feature = "interpret")]
 mod eliminated;
 mod equations;
@@ -43,6 +44,7 @@ mod verdict;
 pub use along::Along;
 pub(crate) use bound::{RecordNoise, has_jumps, information_root};
 pub use combination::Combination;
+pub use consistency::LeftOut;
 #[cfg(feature = "interpret")]
 pub use eliminated::{Eliminated, EliminatedError};
 pub use error::EstimateError;

@@ -13,6 +13,7 @@ use crate::estimate::named::ParameterReport;
 use crate::estimate::result::Estimate;
 use crate::estimate::verdict::{COMPONENT, Evidence, POOR_PHYSICAL, Status};
 use crate::numerics::Owned;
+use crate::numerics::chance::deviation;
 use crate::numerics::singular::{Singular, complement, largest_one, unit_columns};
 use crate::numerics::{DMatrix, DVector, Dyn, Matrix};
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
@@ -585,16 +586,6 @@ impl Fixed {
             warnings,
         }
     }
-}
-
-/// How far a sum of `freedom` squared normal variables lies above its mean, in standard deviations of a normal variable
-/// (Wilson and Hilferty's cube root).
-fn deviation(sum: f64, freedom: usize) -> f64 {
-    if freedom == 0 {
-        return 0.0;
-    }
-    let width = 2.0 / (9.0 * freedom as f64);
-    ((sum / freedom as f64).cbrt() - (1.0 - width)) / width.sqrt()
 }
 
 /// The problem that the Levenberg-Marquardt library solves: the free parameters, each as a share of its scale.

@@ -30,6 +30,7 @@
 //! present way stays: it is less exact only in the vectors of singular values near the tolerance, along which an estimate is
 //! 1e10 times less certain than along the best direction anyway. faer is the next choice where matrices become large.
 
+pub(crate) mod chance;
 pub(crate) mod differences;
 pub(crate) mod eigenvalues;
 pub(crate) mod fourier;

@@ -100,6 +100,18 @@ pub enum SessionError {
         /// What does not fit.
         source: RecordError,
     },
+    /// A log holds the samples of a run that the campaign has already; they would count twice.
+    #[error(
+        "{path} holds the samples of run {run}, which the campaign has already, and a run counts once: play run {next}, and submit what is recorded then"
+    )]
+    SameLog {
+        /// The log.
+        path: String,
+        /// Number of the run that has the samples, from 1.
+        run: usize,
+        /// Number of the run that comes next.
+        next: usize,
+    },
     /// A setting names something that the model does not have.
     #[error("{setting} `{name}`: the model has no such name; {}", listed(.known))]
     UnknownName {

@@ -1,10 +1,12 @@
 //! A campaign that lives in a folder, and goes on by files: what to play next goes out, logs come in.
 
-use crate::campaign::{Manifest, Outcome, RunFile, RunReport, Store, StoreError, trial_samples};
+use crate::campaign::{
+    LogFingerprints, Manifest, Outcome, RunFile, RunReport, Store, StoreError, samples_text, trial_samples,
+};
 use crate::experiment::Experiment;
-use crate::log::Log;
+use crate::log::{Log, fingerprint};
 use crate::report::write_whole;
-use crate::run::{Record, RunEnding, Trial};
+use crate::run::{Ending, Record, RunEnding, Trial};
 use crate::session::campaign::{ExperimentRequest, Session};
 use crate::session::error::SessionError;
 use crate::session::identification::{Identification, Source};
@@ -133,10 +135,11 @@ impl CampaignFolder {
     /// Takes in the log of the run that [`next`](Self::next) gave: columns `t_s`, coordinates and applied inputs by name, measured
     /// rates, if any, in columns like `dot(x)`. Of the request only what concerns columns is used. A log that ends early because a
     /// bound was passed, or because the machine `stopped` the run for a reason that the log does not show, makes the campaign back
-    /// off.
+    /// off. A run that contradicts the earlier ones is kept, and the submission says so.
     ///
     /// # Errors
-    /// [`SessionError`]; the campaign is then as it was before.
+    /// [`SessionError`]; [`SessionError::SameLog`] for a log whose bytes, or whose samples, are those of a run that is kept. The
+    /// campaign is then as it was before.
     pub fn submit(&self, log: impl Into<LogRequest>, stopped: bool) -> Result<Submission, SessionError> {
         let request = log.into();
         let (mut campaign, stability) = self.session.restored(&self.store)?;
@@ -148,12 +151,24 @@ impl CampaignFolder {
         let inputs = coordinates.split_off(plant.dims().coordinates);
         let fault =
             |error: &dyn std::fmt::Display| SessionError::File { path: path.clone(), message: error.to_string() };
+        let bytes = std::fs::read(&request.path).map_err(|error| fault(&error))?;
+        let whole = Record {
+            rates: rates.clone(),
+            ..Record::new(trial.control.sample_time, coordinates.clone(), inputs.clone(), Ending::Complete)
+        };
+        let own = LogFingerprints {
+            bytes: fingerprint(&bytes),
+            samples: fingerprint(samples_text(plant, &whole).as_bytes()),
+        };
+        if let Some(run) = self.store.run_with(&own)? {
+            return Err(SessionError::SameLog { path, run, next: campaign.runs().len() + 1 });
+        }
         let record = Record::of_samples(&trial, measured.sample_time, coordinates, inputs, rates, stopped)
             .map_err(|source| SessionError::Record { path: path.clone(), source })?;
         let run = campaign.submit(&record).map_err(|error| fault(&error))?.clone();
         let kept = run.ending != RunEnding::SensorLost;
         if kept {
-            self.store.append(plant, &trial, &record, None)?;
+            self.store.append(plant, &trial, &record, None, Some(own))?;
         }
         let result = self.session.result(&campaign, stability, Source::Folder, Some(&self.store))?;
         Ok(Submission { run, kept, outcome: campaign.outcome(), result })

@@ -145,6 +145,11 @@ impl Identification {
         if let Some(untrusted) = untrusted {
             return Some(untrusted.to_string());
         }
+        let divided =
+            self.warnings.iter().find(|warning| matches!(warning, Warning::Contradicts { majority: false, .. }));
+        if let (Some(divided), Some(_)) = (divided, self.outcome) {
+            return Some(divided.to_string());
+        }
         match (self.source, self.outcome) {
             (Source::Log, _) if !self.is_explained() => Some(no_result(self.residual)),
             (Source::Log, _) => {

@@ -19,6 +19,8 @@
 mod agreeing;
 mod campaign;
 mod compare;
+#[cfg(test)]
+mod contradiction_tests;
 mod error;
 mod folder;
 mod identification;

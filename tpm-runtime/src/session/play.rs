@@ -57,7 +57,7 @@ pub fn play_campaign(
         let whole = report.ending != RunEnding::SensorLost;
         let go_on = watch(&trial, &record, report);
         if let Some(store) = store.filter(|_| is_new && whole) {
-            store.append(campaign.model(), &trial, &record, noise)?;
+            store.append(campaign.model(), &trial, &record, noise, None)?;
         }
         if !go_on {
             break;

@@ -1,6 +1,6 @@
 //! What every result says in the same way, wherever its data come from.
 
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Contradiction, RunReport};
 use crate::estimate::named::EstimateReport;
 use crate::estimate::physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
 use crate::estimate::{Estimate, LARGE_RESIDUAL, Status};
@@ -90,7 +90,10 @@ pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: So
 fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campaign: &Campaign<'_>) -> Vec<Warning> {
     let runs = campaign.runs();
     let stopped = runs.iter().filter(|run| run.ending != RunEnding::Complete);
-    let mut warnings: Vec<Warning> = stopped.map(|run| Warning::Run { run: run.run, ending: run.ending }).collect();
+    let goes_on = |run: &RunReport| campaign.outcome().is_none() || run.run < runs.len();
+    let mut warnings: Vec<Warning> =
+        stopped.map(|run| Warning::Run { run: run.run, ending: run.ending, goes_on: goes_on(run) }).collect();
+    warnings.extend(contradictions(runs));
     warnings.extend(runs.iter().filter_map(|run| {
         let mode = run.near_mode.clone()?;
         Some(Warning::NearMode { run: run.run, fundamental: run.frequency, mode })
@@ -115,6 +118,17 @@ fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campai
     let said = campaign.estimator().warnings();
     warnings.extend(said.iter().map(|message| Warning::Estimator { message: message.clone() }));
     warnings
+}
+
+/// The runs that contradict those that are pooled.
+fn contradictions(runs: &[RunReport]) -> impl Iterator<Item = Warning> + '_ {
+    let pooled: Vec<usize> = runs.iter().filter(|run| run.is_pooled()).map(|run| run.run).collect();
+    let outside = runs.iter().filter(|run| run.contradicts.is_some()).count();
+    let majority = pooled.len() > outside;
+    runs.iter().filter_map(move |run| {
+        let Contradiction { parameter, deviations } = run.contradicts.clone()?;
+        Some(Warning::Contradicts { run: run.run, parameter, deviations, pooled: pooled.clone(), majority })
+    })
 }
 
 /// What is unexplained, and which parameters the data do not tell well.

@@ -125,7 +125,8 @@ impl Identification {
             row.push(run.tracking_rms.iter().map(|rms| number(*rms)).collect::<Vec<_>>().join(" "));
             row.push(run.effort_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)));
             row.push(run.condition.map_or_else(|| "-".to_owned(), number));
-            row.push(run.ending.to_string());
+            let pooled = if run.contradicts.is_some() { ", not pooled" } else { "" };
+            row.push(format!("{}{pooled}", run.ending));
             table.row(&row);
         }
         table.finish()

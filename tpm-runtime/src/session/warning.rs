@@ -8,7 +8,7 @@ use crate::session::refine::MissingTerm;
 use serde::Serialize;
 use std::fmt;
 use std::format;
-use std::string::String;
+use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 
@@ -111,6 +111,21 @@ pub enum Warning {
         run: usize,
         /// How it ended.
         ending: RunEnding,
+        /// Whether the campaign goes on after the run.
+        goes_on: bool,
+    },
+    /// A run differs from the runs that are pooled by more than chance, and is left out of the result.
+    Contradicts {
+        /// Number of the run, from 1.
+        run: usize,
+        /// The parameter that differs most.
+        parameter: String,
+        /// Its difference, in standard deviations of the difference.
+        deviations: f64,
+        /// Numbers of the runs that are pooled.
+        pooled: Vec<usize>,
+        /// Whether the runs that are pooled are more than those that are not.
+        majority: bool,
     },
     /// A harmonic that was played lies near a natural frequency of the machine.
     NearMode {
@@ -239,13 +254,34 @@ impl fmt::Display for Warning {
                 f,
                 "{parameter} = {value:.4e} is negative, which no machine has: a term may be missing, or a scale, a sign or a column may be wrong"
             ),
-            Warning::Run { run, ending } => match ending {
-                RunEnding::Unsettled => {
+            Warning::Run { run, ending, goes_on } => match (ending, goes_on) {
+                (RunEnding::Unsettled, true) => {
                     write!(f, "run {run}: the motion had not settled; it was played again for longer")
                 }
-                RunEnding::SensorLost => write!(f, "run {run}: a sensor gave no value; the run is not used"),
-                ending => write!(f, "run {run}: aborted ({ending}), amplitudes reduced"),
+                (RunEnding::Unsettled, false) => write!(f, "run {run}: the motion had not settled"),
+                (RunEnding::SensorLost, _) => write!(f, "run {run}: a sensor gave no value; the run is not used"),
+                (ending, true) => write!(f, "run {run}: aborted ({ending}), amplitudes reduced"),
+                (ending, false) => write!(f, "run {run}: aborted ({ending})"),
             },
+            Warning::Contradicts { run, parameter, deviations, pooled, majority } => {
+                let (runs, which) = if pooled.len() == 1 { ("run", "that run") } else { ("runs", "those runs") };
+                let list: Vec<String> = pooled.iter().map(ToString::to_string).collect();
+                write!(
+                    f,
+                    "run {run} contradicts {runs} {}: {parameter} differs most, by {deviations:.1} standard deviations; run {run} is kept but not pooled; ",
+                    list.join(", ")
+                )?;
+                if *majority {
+                    f.write_str(
+                        "something was different in that run: a load, a setting, a sensor, friction after a pause, an input that did not act as recorded",
+                    )
+                } else {
+                    write!(
+                        f,
+                        "it may be right and {which} wrong: play the run again, and the larger number of runs that agree is pooled"
+                    )
+                }
+            }
             Warning::NearMode { run, fundamental, mode } => write!(
                 f,
                 "run {run}: harmonic {} of {} ({:.4} rad/s) lies near a natural mode of the machine ({:.4} rad/s): choose another frequency, or its vibration is measured",

@@ -14,6 +14,7 @@ mod model_error;
 mod path;
 mod pooled;
 mod record;
+mod records;
 mod refine;
 mod sampling;
 mod variance;

@@ -1,11 +1,13 @@
-//! `measured-motion` over all runs of a campaign.
+//! `measured-motion` over the runs of a campaign that agree with each other.
 
 use crate::estimate::along::Along;
+use crate::estimate::consistency::LeftOut;
 use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::information::Information;
 use crate::estimate::measured_motion::fit::estimate_measured_motion;
 use crate::estimate::measured_motion::record::MeasuredMotion;
+use crate::estimate::measured_motion::records::Records;
 use crate::estimate::measured_motion::refine::refine_last;
 use crate::estimate::result::Estimate;
 use crate::estimate::run::{Run, reach};
@@ -15,38 +17,52 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// The estimator `measured-motion`, over all runs.
+/// The estimator `measured-motion`, over all runs that agree.
 pub(in crate::estimate) struct PooledMotion {
     settings: Settings,
-    records: Vec<MeasuredMotion>,
-    /// Per run, what the references up to it show, and the directions that they do not show.
-    design: Vec<(Information, Vec<Vec<f64>>)>,
+    records: Records,
+    /// What the reference of every run shows.
+    designs: Vec<Information>,
+    /// The number of the model's parameters.
+    parameters: usize,
 }
 
 impl PooledMotion {
     /// The estimator before any run.
     pub(in crate::estimate) fn new(settings: &Settings) -> Self {
-        PooledMotion { settings: settings.clone(), records: Vec::new(), design: Vec::new() }
+        PooledMotion { settings: settings.clone(), records: Records::new(settings), designs: Vec::new(), parameters: 0 }
     }
 
-    /// What the earlier references and this motion show together, and the directions that they do not show.
-    fn design(
-        &self,
-        model: &dyn Model<f64>,
-        constants: &[f64],
-        motion: &Trajectory,
-    ) -> Result<(Information, Vec<Vec<f64>>), EstimateError> {
-        let free = self.settings.free(model.dims().parameters)?;
-        let own = Along::design(model, constants, motion, reach(motion).max(1), &free.indices)?;
-        let whole = self.design.last().map_or_else(|| own.clone(), |(before, _)| before.pool(&own));
-        let found = whole.solve(&vec![0.0; free.indices.len()], None).unobservable;
+    /// The settings with the directions that the references of some runs do not show together.
+    fn hidden(&self, runs: impl Fn(usize) -> bool) -> Result<Settings, EstimateError> {
+        let free = self.settings.free(self.parameters)?;
+        let shown = self.designs.iter().enumerate().filter(|(run, _)| runs(*run)).map(|(_, own)| own.clone());
+        let whole = shown.reduce(|whole, own| whole.pool(&own));
+        let found = whole.map_or_else(Vec::new, |whole| whole.solve(&vec![0.0; free.indices.len()], None).unobservable);
         let hidden = found.iter().map(|direction| free.spread(direction)).collect();
-        Ok((whole, hidden))
+        Ok(Settings { hidden, ..self.settings.clone() })
     }
 
-    /// The settings with directions that the references do not show.
-    fn with(&self, hidden: &[Vec<f64>]) -> Settings {
-        Settings { hidden: hidden.to_vec(), ..self.settings.clone() }
+    /// [`Estimator::reduce`] of a run whose design stands in the list already.
+    fn reduce_last(&mut self, model: &dyn Model<f64>, run: &Run<'_>, motion: &Trajectory) -> Result<(), EstimateError> {
+        let last = self.designs.len() - 1;
+        let own = Settings { reach: reach(motion), ..self.hidden(|run| run == last)? };
+        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &own)?;
+        let refine = |records: &mut [MeasuredMotion], settings: &Settings| {
+            let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, settings)?.values);
+            refine_last(records, model, &run.trial.constants, run.spectra, run.hold, &mut first)
+        };
+        if self.records.judges() {
+            let mut alone = [record.clone()];
+            refine(&mut alone, &own)?;
+            let estimate = estimate_measured_motion(&mut alone, &own)?;
+            let [alone] = alone;
+            if !self.records.joins(alone, estimate) {
+                return Ok(());
+            }
+        }
+        let settings = Settings { reach: own.reach, ..self.hidden(|run| self.records.pools(run))? };
+        self.records.replace(record, |records| refine(records, &settings))
     }
 }
 
@@ -56,32 +72,31 @@ impl Estimator for PooledMotion {
     }
 
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
+        let free = self.settings.free(model.dims().parameters)?;
         let motion = run.judged_motion();
-        let design = self.design(model, &run.trial.constants, &motion)?;
-        let settings = Settings { reach: reach(&motion), ..self.with(&design.1) };
-        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &settings)?;
-        self.records.push(record);
-        let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, &settings)?.values);
-        let refined = refine_last(&mut self.records, model, &run.trial.constants, run.spectra, run.hold, &mut first);
-        if refined.is_err() {
-            self.records.pop();
-        } else {
-            self.design.push(design);
-        }
-        refined
+        let design = Along::design(model, &run.trial.constants, &motion, reach(&motion).max(1), &free.indices)?;
+        self.parameters = model.dims().parameters;
+        self.designs.push(design);
+        let reduced = self.reduce_last(model, run, &motion);
+        self.designs.truncate(self.records.len());
+        reduced
     }
 
     fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
-        let settings = self.with(self.design.last().map_or(&[], |(_, hidden)| hidden));
-        let estimate = estimate_measured_motion(&mut self.records, &settings);
+        let settings = self.hidden(|run| self.records.pools(run))?;
+        let estimate = self.records.pooled(|records| estimate_measured_motion(records, &settings));
         if estimate.is_err() {
             self.records.pop();
-            self.design.pop();
+            self.designs.truncate(self.records.len());
         }
         estimate.map(Some)
     }
 
     fn harmonics(&self) -> usize {
-        self.records.last().map_or(0, MeasuredMotion::harmonics)
+        self.records.harmonics()
+    }
+
+    fn left_out(&self) -> &[LeftOut] {
+        self.records.left_out()
     }
 }
