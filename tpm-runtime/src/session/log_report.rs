@@ -1,6 +1,6 @@
 //! What was found about a log on the way to its parameters.
 
-use crate::session::refine::RefinementReport;
+use crate::session::refinement_report::RefinementReport;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::string::String;

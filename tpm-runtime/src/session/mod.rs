@@ -30,6 +30,7 @@ mod machine;
 mod model;
 mod play;
 mod refine;
+mod refinement_report;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;
@@ -51,7 +52,7 @@ pub use log_report::{ActuatorReport, HoldResiduals, LogReport};
 pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
-pub use refine::{MissingTerm, RefinementReport};
+pub use refinement_report::{MissingTerm, RefinementReport};
 pub use summary::of_campaign;
 pub use validate::{RowPrediction, RowUnpredicted, Validation, validate, validate_log};
 pub use warning::{Data, Warning};

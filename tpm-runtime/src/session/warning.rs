@@ -4,7 +4,7 @@ use crate::campaign::{NearMode, Outcome};
 use crate::machine::actuator::LimitUse;
 use crate::report::{Remedy, displayed, plus_minus};
 use crate::run::RunEnding;
-use crate::session::refine::MissingTerm;
+use crate::session::refinement_report::MissingTerm;
 use serde::Serialize;
 use std::fmt;
 use std::format;

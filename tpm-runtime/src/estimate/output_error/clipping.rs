@@ -5,9 +5,10 @@
 //! least is compared with none. Where the input is at its limit nearly all the time, the regression shows the parameters over the limit
 //! rather than both; the fit that follows tells them apart.
 
-use crate::estimate::output_error::fit::{OutputErrorFault, Signals};
+use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::local;
 use crate::estimate::output_error::problem::{Column, Place, Problem};
+use crate::estimate::output_error::signals::Signals;
 use crate::numerics::{DMatrix, DVector};
 use std::vec;
 use std::vec::Vec;

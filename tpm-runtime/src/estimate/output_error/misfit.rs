@@ -9,9 +9,11 @@
 //! model, since nobody knows whether they should be, and by the power that is left at the harmonics of the motion, where noise has no
 //! reason to be stronger than elsewhere.
 
-use crate::estimate::output_error::fit::{OutputErrorFault, Signals, Solution};
+use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::problem::{Column, Place, Problem};
+use crate::estimate::output_error::signals::Signals;
 use crate::estimate::output_error::smoother::Smoothed;
+use crate::estimate::output_error::solution::Solution;
 use crate::numerics::DVector;
 use crate::numerics::fourier::forward;
 use num_complex::Complex;
@@ -423,7 +425,11 @@ pub(super) fn judge(
             }
         }
     }
-    let innovations = smoothed.remaining(p, &bare.step, &chosen.iter().map(|c| c.0).collect::<Vec<_>>(), &terms);
+    let innovations = smoothed.remaining(
+        p,
+        &bare.step,
+        &chosen.iter().map(|c| c.0).zip(terms.iter().map(|t| t.value)).collect::<Vec<_>>(),
+    );
     let correlation = neighbours(&innovations, signals.coordinates.len());
     let (periodic, repeats) = at_harmonics(&innovations, smoothed, signals);
     let repeats = repeats && !signals.counted();

@@ -7,18 +7,26 @@
 //! model is evaluated on the estimated motion; an input that is exact is one whose noise is found to be none.
 //!
 //! ```text
-//! problem (record, model) -> chain (linearised) -> smoother (one step) -> fit (iteration, noise) -> misfit (what is left)
+//! signals, problem (record, model) -> chain (linearised) -> smoother, solution (one step) -> misfit (what is left), tuning (noise)
+//!   -> state (iteration) -> fit
 //! ```
 
 mod chain;
 mod clipping;
+mod error;
 mod fit;
 mod local;
 mod misfit;
 mod problem;
 mod reflect;
+mod signals;
 mod smoother;
+mod solution;
+mod state;
+mod tuning;
 
-pub use fit::{OutputError, OutputErrorFault, Signals};
+pub use error::OutputErrorFault;
+pub use fit::OutputError;
 pub use misfit::{Candidate, CandidateKind, Misfit};
 pub use problem::Differentiable;
+pub use signals::Signals;

@@ -15,7 +15,6 @@
 //! Sensor noise of a colour is a state of its own, `n_{k+1} = phi n_k + e_k`.
 
 use crate::estimate::output_error::chain::Chain;
-use crate::estimate::output_error::misfit::Candidate;
 use crate::estimate::output_error::reflect::triangularise;
 use std::vec;
 use std::vec::Vec;
@@ -224,12 +223,12 @@ impl Smoothed {
 
     /// The innovations that are left with a step of the first `p` columns, and with chosen candidates, by their number among the
     /// other columns, at their values.
-    pub(super) fn remaining(&self, p: usize, step: &[f64], chosen: &[usize], terms: &[Candidate]) -> Vec<f64> {
+    pub(super) fn remaining(&self, p: usize, step: &[f64], chosen: &[(usize, f64)]) -> Vec<f64> {
         // With the candidates the parameters move too; the innovations are those of both together.
         let mut columns = vec![0.0; self.width - 1];
         columns[..p].copy_from_slice(step);
-        for (&j, term) in chosen.iter().zip(terms) {
-            columns[p + j] = term.value;
+        for &(j, value) in chosen {
+            columns[p + j] = value;
         }
         let mut felt = vec![0.0; p];
         for (r, felt) in felt.iter_mut().enumerate() {

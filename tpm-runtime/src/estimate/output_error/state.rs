@@ -1,0 +1,123 @@
+//! Gauss-Newton steps over states, parameters and the terms that are part of the model.
+
+use crate::estimate::output_error::error::OutputErrorFault;
+use crate::estimate::output_error::misfit::{Along, CandidateKind};
+use crate::estimate::output_error::problem::{Column, Problem};
+use crate::estimate::output_error::signals::Signals;
+use crate::estimate::output_error::smoother::{Noise, Smoothed};
+use crate::estimate::output_error::solution::Solution;
+use crate::estimate::output_error::tuning::tune;
+use std::vec::Vec;
+
+/// Most Gauss-Newton steps.
+const MOST_STEPS: usize = 25;
+/// The iteration has converged when no parameter moves by more than this share of its deviation.
+const CONVERGED: f64 = 1e-2;
+/// After this many steps a parameter may still move by [`SETTLED`].
+const PATIENT: usize = 6;
+/// Share of its deviation by which a parameter may move when the steps no longer become smaller.
+const SETTLED: f64 = 0.5;
+/// Variance of the first innovations, in units of the sensors' white noise, above which there is more than that.
+const NOISY: f64 = 10.0;
+
+/// A candidate term that is part of the model.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Active {
+    pub(super) term: CandidateKind,
+    pub(super) row: Option<usize>,
+    pub(super) value: f64,
+    pub(super) std: f64,
+}
+
+/// What Gauss-Newton steps change.
+#[derive(Clone)]
+pub(super) struct State {
+    pub(super) motion: Vec<f64>,
+    pub(super) theta: Vec<f64>,
+    pub(super) terms: Vec<Active>,
+    pub(super) noise: Noise,
+    /// Columns that are part of the model for this record, with their values.
+    pub(super) own: Vec<(Column, f64)>,
+}
+
+impl State {
+    /// Makes Gauss-Newton steps until they are small; with `tuned`, the noise is found on the way. Returns how many.
+    pub(super) fn settle(
+        &mut self,
+        problem: &mut Problem<'_>,
+        signals: &Signals<'_>,
+        scale: &[f64],
+        hidden: &[Vec<f64>],
+        tuned: bool,
+    ) -> Result<usize, OutputErrorFault> {
+        let free = problem.free.clone();
+        for iteration in 0..MOST_STEPS {
+            let columns = self.columns(problem, signals)?;
+            let own = self.own.iter().map(|(_, value)| *value);
+            let values: Vec<f64> = own.chain(self.terms.iter().map(|active| active.value)).collect();
+            let mut chain = problem.linearise_at(&self.motion, &self.theta, &columns, &values, scale)?;
+            // The noise is told from the motion once the motion obeys the model, and again where there is more than white noise of
+            // the sensors.
+            if tuned && (iteration == 1 || iteration == 3 && !self.noise.is_plain()) {
+                self.noise = tune(&chain, &self.noise, signals);
+                if self.noise.inputs.iter().all(|sigma| *sigma <= 0.0) {
+                    problem.disturbed.fill(0.0);
+                    chain = chain.as_recorded();
+                }
+            }
+            let mut smoothed = Smoothed::new(&chain, &self.noise, true);
+            if tuned && iteration == 0 && smoothed.scale() > NOISY {
+                self.noise = tune(&chain, &self.noise, signals);
+                smoothed = Smoothed::new(&chain, &self.noise, true);
+            }
+            let solution = Solution::of_columns(&smoothed, chain.columns, hidden)?;
+            let (states, inputs) =
+                smoothed.corrections(&chain, &self.noise, &solution.step).ok_or(OutputErrorFault::Singular)?;
+            // Signs that turn a sample earlier or later make whole steps go to and fro.
+            let turning = iteration >= PATIENT && problem.machine.derivatives.switches() > 0;
+            let whole = if turning { 0.5 } else { 1.0 };
+            let mut share: f64 = whole;
+            for (at, &j) in free.iter().enumerate() {
+                // A parameter moves by half of itself at most in one step, unless it is nothing.
+                let size = (0.5 * self.theta[j].abs()).max(3.0 * solution.deviation(at));
+                share = share.min(size / solution.step[at].abs().max(f64::MIN_POSITIVE));
+            }
+            for (at, &j) in free.iter().enumerate() {
+                self.theta[j] += share * solution.step[at];
+            }
+            for (value, correction) in self.motion.iter_mut().zip(&states) {
+                *value += share * correction;
+            }
+            for (value, correction) in problem.disturbed.iter_mut().zip(&inputs) {
+                *value += share * correction;
+            }
+            let mut at = free.len();
+            for (_, value) in &mut self.own {
+                *value += share * solution.step[at];
+                at += 1;
+            }
+            for active in &mut self.terms {
+                active.value += share * solution.step[at];
+                active.std = solution.deviation(at);
+                at += 1;
+            }
+            let small = if turning { SETTLED } else { CONVERGED };
+            let still = (0..chain.columns).all(|at| solution.step[at].abs() <= small * solution.deviation(at));
+            if share >= whole && still && (iteration > 3 || iteration > 1 && self.noise.is_plain() || !tuned) {
+                return Ok(iteration + 1);
+            }
+        }
+        Err(OutputErrorFault::NotConverged { steps: MOST_STEPS })
+    }
+
+    /// The columns that are part of the model for this record, and those of the terms.
+    fn columns(&self, problem: &Problem<'_>, signals: &Signals<'_>) -> Result<Vec<Column>, OutputErrorFault> {
+        let mut columns: Vec<Column> = self.own.iter().map(|(column, _)| column.clone()).collect();
+        if self.terms.is_empty() {
+            return Ok(columns);
+        }
+        let along = Along::new(problem, signals, &self.motion, &self.theta)?;
+        columns.extend(self.terms.iter().map(|active| along.column(active.term, active.row)));
+        Ok(columns)
+    }
+}

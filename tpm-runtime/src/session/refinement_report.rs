@@ -1,0 +1,72 @@
+//! What a refinement by output error did with a log.
+
+use crate::estimate::OutputErrorFault;
+use serde::Serialize;
+use std::format;
+use std::string::String;
+use std::vec::Vec;
+
+/// What the refinement did with a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RefinementReport {
+    /// Whether its values are those of the result.
+    pub used: bool,
+    /// Why they are not, or what else there is to say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub note: Option<String>,
+    /// Samples that were simulated.
+    pub samples: usize,
+    /// Periods that were averaged into each one that was simulated.
+    pub averaged: usize,
+    /// Gauss-Newton steps.
+    pub steps: usize,
+    /// Standard deviation of every sensor's noise, unit of the coordinate.
+    pub sensor_noise: Vec<f64>,
+    /// Standard deviation of every recorded input's noise, unit of the input; zero for an exact record.
+    pub input_noise: Vec<f64>,
+    /// Root mean square of measured less simulated motion, unit of the coordinate.
+    pub residual: Vec<f64>,
+    /// Values before the refinement, by parameter.
+    pub before: Vec<f64>,
+    /// Terms whose lack the residual shows.
+    pub missing: Vec<MissingTerm>,
+}
+
+/// A term that would take what a model leaves unexplained.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MissingTerm {
+    /// The term, in the words of the model.
+    pub term: String,
+    /// The row on which it acts; nothing for one that acts on a reading.
+    pub row: Option<String>,
+    /// Its factor, in the units of row and term.
+    pub value: f64,
+    /// Standard deviation of the factor.
+    pub std: f64,
+    /// Share of the unexplained sum of squares that it takes.
+    pub gain: f64,
+    /// What the term would mean.
+    pub meaning: String,
+}
+
+impl RefinementReport {
+    /// A refinement that came to nothing.
+    pub(super) fn refused(values: &[f64], fault: &OutputErrorFault) -> Self {
+        let note = match fault {
+            OutputErrorFault::NotSimulable => None,
+            fault => Some(format!("not refined, the estimates are those of the harmonics alone: {fault}")),
+        };
+        RefinementReport {
+            used: false,
+            note,
+            samples: 0,
+            averaged: 1,
+            steps: 0,
+            sensor_noise: Vec::new(),
+            input_noise: Vec::new(),
+            residual: Vec::new(),
+            before: values.to_vec(),
+            missing: Vec::new(),
+        }
+    }
+}
