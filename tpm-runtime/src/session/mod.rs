@@ -28,6 +28,8 @@ mod machine;
 mod model;
 mod play;
 mod refine;
+#[cfg(test)]
+mod refine_tests;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;

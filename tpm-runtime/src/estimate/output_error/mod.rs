@@ -13,11 +13,17 @@
 mod chain;
 mod clipping;
 mod fit;
+#[cfg(all(test, feature = "interpret"))]
+mod fit_tests;
 mod local;
 mod misfit;
 mod problem;
+#[cfg(all(test, feature = "interpret"))]
+mod problem_tests;
 mod reflect;
 mod smoother;
+#[cfg(test)]
+mod smoother_tests;
 
 pub use fit::{OutputError, OutputErrorFault, Signals};
 pub use misfit::{Candidate, CandidateKind, Misfit};
