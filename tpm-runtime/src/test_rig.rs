@@ -8,9 +8,9 @@ use std::vec;
 use std::vec::Vec;
 
 /// Time between samples, s.
-pub(crate) const SAMPLE_TIME: f64 = 2e-3;
+pub(crate) const SAMPLE_TIME: f64 = 4e-3;
 /// Samples of a period.
-pub(crate) const PERIOD: usize = 500;
+pub(crate) const PERIOD: usize = 250;
 /// Mass, damping, stiffness.
 pub(crate) const TRUTH: [f64; 3] = [2.0, 3.0, 40.0];
 /// The model that is right where nothing is spoilt.
@@ -22,7 +22,7 @@ pub(crate) const MODEL: &str = "model S {
     m*ddot(x) + d*dot(x) + k*x = u;
 }";
 /// Samples before the record begins.
-const SETTLING: usize = 1500;
+const SETTLING: usize = 750;
 /// Amplitude of the motion, m.
 const AMPLITUDE: f64 = 0.3;
 
@@ -106,7 +106,7 @@ impl Rig {
             }
             let error = r - y;
             let difference = (error - before.replace(error).unwrap_or(error)) / SAMPLE_TIME;
-            slope += 0.63 * (difference - slope);
+            slope += 0.8 * (difference - slope);
             let u = m * ddr + damping * dr + k * r + 400.0 * error + 20.0 * slope;
             let noise = self.force_noise * normal();
             if i >= SETTLING {
