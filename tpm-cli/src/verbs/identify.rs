@@ -12,6 +12,7 @@ use clap::ValueEnum;
 use std::path::PathBuf;
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::estimate::Weights;
+use tpm_runtime::log::Refine;
 use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::{CampaignFolder, Identifiable as _, from_log};
 
@@ -34,6 +35,9 @@ pub(crate) struct Args {
     /// How much every harmonic counts: by its noise, or alike, for a model that leaves something out.
     #[arg(long, value_enum, requires = "log")]
     weights: Option<WeightsChoice>,
+    /// Whether the estimates from harmonics are refined by simulating the model sample by sample.
+    #[arg(long, value_enum, requires = "log")]
+    refine: Option<RefineChoice>,
     #[command(flatten)]
     bounds: BoundArgs,
     #[command(flatten)]
@@ -59,6 +63,24 @@ enum WeightsChoice {
     Noise,
     /// Alike, rows by the size of their force: the nearest model over the period, whatever the noise.
     Equal,
+}
+
+/// How the estimates of a log are refined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum RefineChoice {
+    /// By output error, where the model can be simulated (the default).
+    OutputError,
+    /// Not at all: the estimates are those of the harmonics.
+    None,
+}
+
+impl From<RefineChoice> for Refine {
+    fn from(choice: RefineChoice) -> Self {
+        match choice {
+            RefineChoice::OutputError => Refine::OutputError,
+            RefineChoice::None => Refine::None,
+        }
+    }
 }
 
 impl From<WeightsChoice> for Weights {
@@ -87,6 +109,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             request.frozen = once("--freeze", &args.freeze)?;
             request.bounds = args.bounds.by_name()?;
             request.weights = args.weights.map_or_else(Weights::default, Weights::from);
+            request.refine = args.refine.map_or_else(Refine::default, Refine::from);
             let result = from_log(&model, request)?;
             print(&result, args.json, args.output.as_deref())?;
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))

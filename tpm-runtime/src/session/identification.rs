@@ -102,7 +102,8 @@ pub struct Identification {
     pub rank: usize,
     /// Condition number of the scaled equations; nothing when nothing is observable.
     pub condition: Option<f64>,
-    /// Root mean square of the residual, as a share of the force.
+    /// Root mean square of what is not explained, as a share: of the force; for a log that was refined, of the motion or of the inputs,
+    /// whichever is larger.
     pub residual: f64,
     /// The runs of a campaign; none for a log.
     pub runs: Vec<RunReport>,
@@ -137,9 +138,12 @@ impl Identification {
     /// Why this is not all that was asked for; nothing when it is.
     #[must_use]
     pub fn shortfall(&self) -> Option<String> {
-        let negative = self.warnings.iter().find(|warning| matches!(warning, Warning::NegativeInertia { .. }));
-        if let Some(negative) = negative {
-            return Some(negative.to_string());
+        let untrusted = self
+            .warnings
+            .iter()
+            .find(|warning| matches!(warning, Warning::NegativeInertia { .. } | Warning::Halves { .. }));
+        if let Some(untrusted) = untrusted {
+            return Some(untrusted.to_string());
         }
         match (self.source, self.outcome) {
             (Source::Log, _) if !self.is_explained() => Some(no_result(self.residual)),

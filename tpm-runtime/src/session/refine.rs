@@ -21,6 +21,8 @@ use tpm_core::model::{Label, Model};
 const CERTAIN: f64 = 9.0;
 /// Share of a parameter by which something that is missing must move it to be spoken of.
 const NEGLIGIBLE: f64 = 1e-3;
+/// Deviations by which the halves of a record must contradict each other for its numbers not to be trusted.
+const CONTRADICTION: f64 = 3.5;
 /// Most samples that are simulated one by one; a longer record is averaged over periods first.
 const MOST_SAMPLES: usize = 50_000;
 
@@ -180,6 +182,15 @@ pub(super) fn refine(
     }
     if let Some(frequency) = misfit.vibration.filter(|_| matters(&|a| misfit.bent[a])) {
         warnings.push(Warning::Vibration { frequency });
+    }
+    for ((a, half), &j) in misfit.halves.iter().enumerate().zip(&free) {
+        let known = misfit.shift[a].powi(2) + misfit.range[a].powi(2) + misfit.bent[a].powi(2);
+        // A half has twice the variance of the whole, so that the difference of two has four times as much.
+        let deviation = (half.variance * misfit.scale * misfit.inflation + 4.0 * known).sqrt();
+        if half.moved.abs() > CONTRADICTION * deviation && half.moved.abs() > NEGLIGIBLE * found.values[j].abs() {
+            let parameter = model.parameter(j).name.to_string();
+            warnings.push(Warning::Halves { parameter, moved: half.moved, deviation });
+        }
     }
     let (share, settled) = (found.share, found.iterations.is_some());
     let mut restated = record.restated(estimate, found.values, covariance, settings);

@@ -145,6 +145,15 @@ pub enum Warning {
         #[serde(flatten)]
         term: MissingTerm,
     },
+    /// The halves of a log contradict each other.
+    Halves {
+        /// The parameter.
+        parameter: String,
+        /// By how much its value in the second half is larger, in its unit.
+        moved: f64,
+        /// Widened standard deviation of that difference.
+        deviation: f64,
+    },
     /// An input was cut off at a limit behind the place where it was recorded.
     Limited {
         /// The limit.
@@ -261,6 +270,11 @@ impl fmt::Display for Warning {
                 term.row.as_ref().map(|row| format!(" in row {row}")).unwrap_or_default(),
                 100.0 * term.gain,
                 term.meaning
+            ),
+            Warning::Halves { parameter, moved, deviation } => write!(
+                f,
+                "the halves of the log contradict each other: {parameter} is {moved:+.3e} larger in the second half, {:.1} deviations: the machine changed, or the recording did",
+                moved.abs() / deviation
             ),
             Warning::Limited { term } => write!(
                 f,

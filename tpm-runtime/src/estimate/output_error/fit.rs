@@ -3,7 +3,7 @@
 use crate::estimate::output_error::chain::Chain;
 use crate::estimate::output_error::clipping::{self, Clipping};
 use crate::estimate::output_error::local;
-use crate::estimate::output_error::misfit::{self, Along, Candidate, CandidateKind, Misfit};
+use crate::estimate::output_error::misfit::{self, Along, Candidate, CandidateKind, Half, Misfit};
 use crate::estimate::output_error::problem::{Column, Differentiable, Place, Problem};
 use crate::estimate::output_error::smoother::{Noise, Smoothed};
 use crate::numerics::DMatrix;
@@ -177,6 +177,7 @@ impl OutputError {
         let p = free.len() + state.own.len();
         let bare = Solution::of_columns(&smoothed, p, hidden)?;
         let mut found = misfit::judge(&smoothed, (free, p), &columns, &bare, signals, state.noise.is_plain());
+        found.halves = halves(&chain, &state.noise, p, hidden);
         let mut explained = false;
         if !found.terms.is_empty() {
             // With the terms in the model the parameters may be far away, where the linear answer is not exact.
@@ -256,6 +257,26 @@ impl OutputError {
     }
 }
 
+/// The steps of the first `p` columns that either half of a record asks for, with their variances; nothing where a half does not show
+/// them.
+fn halves(chain: &Chain, noise: &Noise, p: usize, hidden: &[Vec<f64>]) -> Vec<Half> {
+    let middle = chain.samples / 2;
+    let outputs = chain.outputs.len();
+    let of = |from: usize, samples: usize| -> Option<Vec<(f64, f64)>> {
+        let part = chain.stretch(from, samples);
+        let readings = noise.readings[from * outputs..(from + samples) * outputs].to_vec();
+        let smoothed = Smoothed::new(&part, &Noise { readings, ..noise.clone() }, false);
+        let solution = Solution::of_columns(&smoothed, p, hidden).ok()?;
+        Some((0..p).map(|j| (solution.step[j], solution.covariance[(j, j)])).collect())
+    };
+    let (Some(first), Some(second)) = (of(0, middle), of(middle, chain.samples - middle)) else { return Vec::new() };
+    let pair = |((first, own), (second, other)): ((f64, f64), (f64, f64))| Half {
+        moved: second - first,
+        variance: own + other,
+    };
+    first.into_iter().zip(second).map(pair).collect()
+}
+
 /// A candidate term that is part of the model.
 #[derive(Clone, Copy, Debug)]
 struct Active {
@@ -290,11 +311,7 @@ impl State {
         for iteration in 0..MOST_STEPS {
             let columns = self.columns(problem, signals)?;
             let own = self.own.iter().map(|(_, value)| *value);
-            let by_term = (self.terms.iter()).flat_map(|active| {
-                let limit = matches!(active.term, CandidateKind::Limit { .. });
-                std::iter::once(active.value).chain(limit.then_some(0.0))
-            });
-            let values: Vec<f64> = own.chain(by_term).collect();
+            let values: Vec<f64> = own.chain(self.terms.iter().map(|active| active.value)).collect();
             let mut chain = problem.linearise_at(&self.motion, &self.theta, &columns, &values, scale)?;
             // The noise is told from the motion once the motion obeys the model, and again where there is more than white noise of
             // the sensors.
@@ -322,18 +339,6 @@ impl State {
                 let size = (0.5 * self.theta[j].abs()).max(3.0 * solution.deviation(at));
                 share = share.min(size / solution.step[at].abs().max(f64::MIN_POSITIVE));
             }
-            if std::env::var("TPM_DEBUG").is_ok() {
-                std::eprintln!(
-                    "it {iteration} share {share} theta {:?} step {:?} dev {:?} noise {:?} colour {:?} rss {} det {}",
-                    self.theta,
-                    solution.step,
-                    (0..free.len()).map(|a| solution.deviation(a)).collect::<Vec<_>>(),
-                    self.noise.inputs,
-                    self.noise.colour,
-                    smoothed.root.last().unwrap().powi(2) / smoothed.places.len() as f64,
-                    smoothed.determinant
-                );
-            }
             for (at, &j) in free.iter().enumerate() {
                 self.theta[j] += share * solution.step[at];
             }
@@ -352,10 +357,6 @@ impl State {
                 active.value += share * solution.step[at];
                 active.std = solution.deviation(at);
                 at += 1;
-                if let CandidateKind::Limit { limit, .. } = &mut active.term {
-                    *limit += (share * solution.step[at]).clamp(-0.2 * *limit, 0.2 * *limit);
-                    at += 1;
-                }
             }
             let small = if turning { SETTLED } else { CONVERGED };
             let still = (0..chain.columns).all(|at| solution.step[at].abs() <= small * solution.deviation(at));
@@ -366,19 +367,14 @@ impl State {
         Err(OutputErrorFault::NotConverged { steps: MOST_STEPS })
     }
 
-    /// The columns of the terms that are part of the model; a limit has one more, for where it lies.
+    /// The columns that are part of the model for this record, and those of the terms.
     fn columns(&self, problem: &Problem<'_>, signals: &Signals<'_>) -> Result<Vec<Column>, OutputErrorFault> {
         let mut columns: Vec<Column> = self.own.iter().map(|(column, _)| column.clone()).collect();
         if self.terms.is_empty() {
             return Ok(columns);
         }
         let along = Along::new(problem, signals, &self.motion, &self.theta)?;
-        for active in &self.terms {
-            columns.push(along.column(active.term, active.row));
-            if let CandidateKind::Limit { .. } = active.term {
-                columns.push(along.edge(active.term, active.row, active.value));
-            }
-        }
+        columns.extend(self.terms.iter().map(|active| along.column(active.term, active.row)));
         Ok(columns)
     }
 }

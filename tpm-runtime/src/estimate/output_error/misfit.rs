@@ -41,8 +41,6 @@ const BEYOND_MOTION: f64 = 2.0;
 const NEAR_SAMPLING: usize = 5;
 /// Bins on either side over which the power of the innovations is averaged.
 const SMOOTHED: usize = 10;
-/// Limits of an input that are tried, as shares of its largest value.
-const LIMITS: [f64; 14] = [0.04, 0.06, 0.09, 0.13, 0.18, 0.24, 0.31, 0.39, 0.48, 0.58, 0.68, 0.78, 0.87, 0.95];
 
 /// A term that a model may lack.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -158,6 +156,18 @@ pub struct Misfit {
     pub bent: Vec<f64>,
     /// Factor on variances for what no candidate explains.
     pub inflation: f64,
+    /// How far every free parameter moves from the first half of the record to the second; empty where the halves do not show them.
+    pub halves: Vec<Half>,
+}
+
+/// How far a parameter moves from the first half of a record to the second.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
+pub struct Half {
+    /// Second half less first half, unit of the parameter.
+    pub moved: f64,
+    /// Variance of that difference by the stated noise.
+    pub variance: f64,
 }
 
 /// A candidate with its column.
@@ -235,8 +245,7 @@ impl<'a> Along<'a> {
     pub(super) fn column(&self, term: CandidateKind, row: Option<usize>) -> Column {
         let samples = self.samples();
         let r = row.unwrap_or_default();
-        let by_input =
-            matches!(term, CandidateKind::Delay { .. } | CandidateKind::Flexible { .. } | CandidateKind::Limit { .. });
+        let by_input = matches!(term, CandidateKind::Delay { .. } | CandidateKind::Flexible { .. });
         let sign = |c: usize, v: f64| (v / (SLOW * self.speeds[c])).tanh();
         let of =
             |values: &[f64], f: &dyn Fn(f64) -> f64| -> Vec<f64> { values.iter().map(|&value| f(value)).collect() };
@@ -273,10 +282,8 @@ impl<'a> Along<'a> {
                 let bend = |k: usize| (u[k] - 2.0 * u[k.saturating_sub(1)] + u[k.saturating_sub(2)]) / (h * h);
                 (0..samples).map(|k| self.factor(k, r, input) * bend(k)).collect()
             }
-            CandidateKind::Limit { input, limit } => {
-                let excess = |u: f64| u.signum() * (u.abs() - limit).max(0.0);
-                (0..samples).map(|k| self.factor(k, r, input) * excess(self.inputs[input][k])).collect()
-            }
+            // A limit is no term of the model: it is looked for before the fit.
+            CandidateKind::Limit { .. } => vec![0.0; samples],
         };
         Column {
             place: row.map_or_else(
@@ -289,18 +296,6 @@ impl<'a> Along<'a> {
             values,
             held: by_input && self.problem.hold == Hold::Zoh,
         }
-    }
-
-    /// How a limit's force changes with the limit, at a factor of the term.
-    pub(super) fn edge(&self, term: CandidateKind, row: Option<usize>, value: f64) -> Column {
-        let whole = self.column(term, row);
-        let CandidateKind::Limit { input, limit } = term else { return whole };
-        let r = row.unwrap_or_default();
-        let edge = |k: usize| {
-            let u = self.inputs[input][k];
-            if u.abs() > limit { -value * self.factor(k, r, input) * u.signum() } else { 0.0 }
-        };
-        Column { values: (0..self.samples()).map(edge).collect(), ..whole }
     }
 }
 
@@ -336,16 +331,12 @@ pub(super) fn columns(
                 add(CandidateKind::Drift { parameter });
             }
         }
-        for (input, u) in signals.inputs.iter().enumerate() {
+        for input in 0..dims.inputs {
             if !along.acts(row, input) {
                 continue;
             }
             add(CandidateKind::Delay { input });
             add(CandidateKind::Flexible { input });
-            let peak = u.iter().map(|u| u.abs()).fold(0.0, f64::max);
-            for share in LIMITS {
-                add(CandidateKind::Limit { input, limit: share * peak });
-            }
         }
     }
     terms.extend((0..dims.coordinates).map(|coordinate| (CandidateKind::Backlash { coordinate }, None)));
@@ -465,7 +456,20 @@ pub(super) fn judge(
             }
         }
     }
-    Misfit { scale, correlation, periodic, repeats, terms, limited: false, shift, range, vibration, bent, inflation }
+    Misfit {
+        scale,
+        correlation,
+        periodic,
+        repeats,
+        terms,
+        limited: false,
+        shift,
+        range,
+        vibration,
+        bent,
+        inflation,
+        halves: Vec::new(),
+    }
 }
 
 /// Correlation of successive innovations of the same sensor.
