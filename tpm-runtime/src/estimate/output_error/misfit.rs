@@ -24,7 +24,7 @@ const FALSE_ALARMS: f64 = 0.01;
 /// Most candidates that are taken in.
 const MOST_TERMS: usize = 3;
 /// A candidate whose column is explained by the others but for this share of its power says nothing of its own.
-const OWN: f64 = 1e-4;
+const OWN: f64 = 1e-9;
 /// Harmonics at which the residual is compared with its neighbours.
 const HARMONICS: usize = 24;
 /// Standard deviations beyond which the power at the harmonics, or the correlation of neighbouring residuals, is no chance.
