@@ -93,8 +93,7 @@ fn calibrated(what: &str, fits: &[OutputError]) -> f64 {
     all.iter().filter(|z| z.abs() < 1.96).count() as f64 / all.len() as f64
 }
 
-/// One period of nothing and the state after one sample: `[x', v'] = A [x, v] + b u` for a held force, by the series of the
-/// exponential.
+/// A and b of `[x, v]_{k+1} = A [x, v]_k + b u_k` for the linear machine under a held force, by the series of the matrix exponential.
 fn transition([m, d, k]: [f64; 3]) -> ([[f64; 2]; 2], [f64; 2]) {
     let rate = [[0.0, 1.0, 0.0], [-k / m, -d / m, 1.0 / m], [0.0; 3]];
     let mut term = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -179,9 +178,11 @@ fn noise_of_the_recorded_force_is_found_and_leaves_no_bias() {
     let fits = fits(rig, FEWER);
     let covered = calibrated("force noise", &fits);
     assert!((0.9..0.995).contains(&covered), "{covered}");
-    for found in &fits {
-        assert!((0.7..1.4).contains(&(found.input_noise[0] / 0.5)), "{:?}", found.input_noise);
-    }
+    // Among 1000 readings few tell the size of this noise, so that single logs scatter.
+    let sizes: Vec<f64> = fits.iter().map(|found| found.input_noise[0] / 0.5).collect();
+    assert!(sizes.iter().all(|size| (0.4..2.5).contains(size)), "{sizes:?}");
+    let mean = sizes.iter().map(|size| size.ln()).sum::<f64>() / sizes.len() as f64;
+    assert!(mean.abs() < 0.15, "{sizes:?}");
     for (j, scores) in scores(&fits).iter().enumerate() {
         let mean = scores.iter().sum::<f64>() / (FEWER as f64).sqrt();
         assert!(mean.abs() < 3.3, "{j}: bias of {mean} deviations of the mean");
