@@ -529,6 +529,9 @@ impl Model<f64> for Interpreted {
 }
 
 #[cfg(test)]
+mod derivatives_tests;
+
+#[cfg(test)]
 mod tests {
     use super::Interpreted;
     use crate::test_models::Emps;

@@ -62,3 +62,5 @@ pub use tpm_macros::{model, model_file};
 
 #[cfg(test)]
 mod test_models;
+#[cfg(all(test, feature = "interpret"))]
+mod test_rig;

@@ -1,7 +1,19 @@
 //! Models written by hand: the ground that tests stand on without the language or the macro.
 
+#[cfg(feature = "interpret")]
+use crate::interpret::{Interpreted, InterpretedDerivatives};
 use tpm_core::Real;
 use tpm_core::model::{Buffer, Dims, EvalError, Label, Model, require_len};
+
+/// A model and the derivatives of its rows, from its text.
+#[cfg(feature = "interpret")]
+pub(crate) fn differentiable(text: &str) -> (Interpreted, InterpretedDerivatives) {
+    let source = tpm_codegen::source::Source::new("test", text);
+    let Ok(parsed) = tpm_codegen::parse_model(&source) else { panic!("no model: {text}") };
+    let prepared = tpm_symbolic::regressor::prepare::prepare(parsed.model).expect("linear in the parameters");
+    let (model, form) = (&prepared.model, &prepared.form);
+    (Interpreted::new(model, form), InterpretedDerivatives::new(model, form))
+}
 
 /// Implements a one-coordinate, one-input model of second order whose regressor row is an expression of (x, x', x'').
 macro_rules! scalar_model {

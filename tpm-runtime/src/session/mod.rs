@@ -30,6 +30,8 @@ mod machine;
 mod model;
 mod play;
 mod refine;
+#[cfg(test)]
+mod refine_tests;
 mod refinement_report;
 mod summary;
 #[cfg(test)]

@@ -65,6 +65,7 @@ pub(super) fn refine(
         white: coordinates.iter().map(|signal| white(signal)).collect(),
         steps: (0..dims.coordinates).map(|c| if averaged.is_some() { 0.0 } else { spectra.step(c) }).collect(),
         lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
+        unexplained: estimate.residual,
         input_lines: (0..dims.inputs).map(|i| motion(spectra, dims.coordinates + i, spectra.highest())).collect(),
     };
     let free: Vec<usize> =
@@ -73,6 +74,10 @@ pub(super) fn refine(
         estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
     let found = OutputError::fit(machine, &options.constants, &signals, &estimate.values, &free, &hidden)?;
     let misfit = found.misfit.clone();
+    // A parameter may move further with the strongest term alone than with all of them.
+    let shift: Vec<f64> = (misfit.shift.iter().zip(&misfit.by_first))
+        .map(|(all, first)| if first.abs() > all.abs() { *first } else { *all })
+        .collect();
     let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
     for (a, &i) in free.iter().enumerate() {
         for (b, &j) in free.iter().enumerate() {
@@ -80,7 +85,7 @@ pub(super) fn refine(
                 Some(_) => found.covariance(a, b).unwrap_or_default() * misfit.inflation,
                 None => estimate.covariance[(i, j)],
             };
-            covariance[i][j] = own + misfit.shift[a] * misfit.shift[b];
+            covariance[i][j] = own + shift[a] * shift[b];
         }
         covariance[i][i] += misfit.range[a].powi(2) + misfit.bent[a].powi(2);
     }
@@ -103,7 +108,7 @@ pub(super) fn refine(
     let matters = |moved: &dyn Fn(usize) -> f64| {
         free.iter().enumerate().any(|(a, &j)| moved(a).abs() > NEGLIGIBLE * found.values[j].abs())
     };
-    let lacking = matters(&|a| misfit.shift[a].hypot(misfit.range[a]));
+    let lacking = matters(&|a| shift[a].hypot(misfit.range[a]));
     let wide = matters(&|a| (found.covariance(a, a).unwrap_or_default() * misfit.inflation).sqrt());
     let mut warnings: Vec<Warning> =
         report.note.iter().cloned().map(|message| Warning::Estimator { message }).collect();
@@ -119,7 +124,7 @@ pub(super) fn refine(
         warnings.push(Warning::Vibration { frequency });
     }
     for ((a, half), &j) in misfit.halves.iter().enumerate().zip(&free) {
-        let known = misfit.shift[a].powi(2) + misfit.range[a].powi(2) + misfit.bent[a].powi(2);
+        let known = shift[a].powi(2) + misfit.range[a].powi(2) + misfit.bent[a].powi(2);
         // A half has twice the variance of the whole, so that the difference of two has four times as much.
         let deviation = (half.variance * misfit.scale * misfit.inflation + 4.0 * known).sqrt();
         if half.moved.abs() > CONTRADICTION * deviation && half.moved.abs() > NEGLIGIBLE * found.values[j].abs() {

@@ -3,6 +3,7 @@
 mod appendix_a;
 mod chain;
 mod common;
+mod derivatives;
 mod elimination;
 mod exactness;
 mod expansion;

@@ -97,7 +97,7 @@ impl Chain {
 
 impl Chain {
     /// The chain with the inputs as they were recorded.
-    pub(super) fn as_recorded(mut self) -> Self {
+    pub(super) fn undisturbed(mut self) -> Self {
         let (n, width) = (self.order, self.width());
         for (k, defect) in self.defect.chunks_exact_mut(n).enumerate() {
             for (s, value) in defect.iter_mut().enumerate() {

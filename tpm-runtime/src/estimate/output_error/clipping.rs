@@ -16,6 +16,8 @@ use tpm_core::harmonics::Hold;
 
 /// A limit is believed when it leaves less than this share of the squares that are left without one.
 const BELIEVED: f64 = 0.25;
+/// Share of the force that must be unexplained for a limit to be looked for.
+const NOTICED: f64 = 0.01;
 /// Limits that are tried between the smallest share of the peak and the peak.
 const TRIED: usize = 60;
 /// Smallest limit that is tried, as a share of the peak.
@@ -47,7 +49,8 @@ pub(super) fn find(
     let model = problem.machine.model;
     let dims = model.dims();
     let whole = problem.samples();
-    if dims.inputs != 1 {
+    let high = (0..dims.coordinates).any(|c| model.coordinate_order(c) > 2);
+    if dims.inputs != 1 || high || signals.unexplained < NOTICED {
         return Ok(None);
     }
     let half = (signals.samples_per_period * WINDOW) as usize;
@@ -131,14 +134,14 @@ pub(super) fn find(
         (squares, solved)
     };
     let peak = u.iter().map(|u| u.abs()).fold(0.0, f64::max);
-    if !(peak > 0.0) {
+    if peak <= 0.0 {
         return Ok(None);
     }
     let (none, _) = fit(2.0 * peak);
     let ratio = LEAST.powf(1.0 / TRIED as f64);
     let tried = (1..=TRIED).map(|i| peak * ratio.powi(i as i32)).map(|limit| (limit, fit(limit).0));
     let (limit, least) = tried.fold((peak, f64::INFINITY), |best, now| if now.1 < best.1 { now } else { best });
-    if !(least < BELIEVED * none) {
+    if least >= BELIEVED * none {
         return Ok(None);
     }
     let (_, solved) = fit(limit);

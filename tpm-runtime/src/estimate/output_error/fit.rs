@@ -198,7 +198,7 @@ impl OutputError {
             covariance: &bare.covariance * found.scale,
             free: free.to_vec(),
             iterations,
-            sensor_noise: scale.iter().map(|sigma| sigma * found.scale.sqrt()).collect(),
+            sensor_noise: signals.sensor_noise(&scale, found.scale),
             input_noise: state.noise.inputs.iter().map(|sigma| sigma * found.scale.sqrt()).collect(),
             colour: state.noise.colour,
             residual,

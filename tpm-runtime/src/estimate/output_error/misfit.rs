@@ -25,8 +25,10 @@ use tpm_core::harmonics::Hold;
 const FALSE_ALARMS: f64 = 0.01;
 /// Most candidates that are taken in.
 const MOST_TERMS: usize = 3;
-/// A candidate whose column is explained by the others but for this share of its power says nothing of its own.
-const OWN: f64 = 1e-4;
+/// A first candidate whose column is explained by the parameters but for this share of its power says nothing of its own.
+const OWN: f64 = 1e-9;
+/// The same for a further candidate, beside the parameters and those before it.
+const DISTINCT: f64 = 1e-4;
 /// Harmonics at which the residual is compared with its neighbours.
 const HARMONICS: usize = 24;
 /// Standard deviations beyond which the power at the harmonics, or the correlation of neighbouring residuals, is no chance.
@@ -150,6 +152,8 @@ pub struct Misfit {
     pub limited: bool,
     /// How far every free parameter moves when these terms are part of the model.
     pub shift: Vec<f64>,
+    /// How far every free parameter moves when the strongest of them alone is part of the model.
+    pub by_first: Vec<f64>,
     /// Half of the range over which every free parameter drifts during the record.
     pub range: Vec<f64>,
     /// Frequency of a vibration that the model does not have, Hz.
@@ -377,7 +381,10 @@ pub(super) fn judge(
             let share = direction.dot(&column);
             column -= direction * share;
         }
-        (column.norm_squared() > OWN * whole[j].max(f64::MIN_POSITIVE)).then_some(column)
+        // One term may be all but explained by the parameters, as a cubic spring is where the motion has few harmonics. A further one
+        // that is would only trade with the first.
+        let least = if basis.is_empty() { OWN } else { DISTINCT };
+        (column.norm_squared() > least * whole[j].max(f64::MIN_POSITIVE)).then_some(column)
     };
     while chosen.len() < MOST_TERMS {
         let gain = |j: usize| own(j, &basis).map(|own| (j, own.dot(&left).powi(2) / own.norm_squared()));
@@ -385,7 +392,7 @@ pub(super) fn judge(
             (0..m).filter(|j| chosen.iter().all(|(i, _)| i != j)).filter_map(gain).max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((j, gain)) = best else { break };
         let after = ((rest + left.norm_squared() - gain) / freedom).max(least);
-        if !(gain > significant * after) {
+        if gain <= significant * after {
             break;
         }
         let Some(own) = own(j, &basis) else { break };
@@ -399,7 +406,7 @@ pub(super) fn judge(
     // The chosen candidates together: values, and how far they move the parameters.
     let q = chosen.len();
     let mut terms = Vec::new();
-    let mut shift = vec![0.0; p];
+    let (mut shift, mut by_first) = (vec![0.0; p], vec![0.0; p]);
     if q > 0 {
         let matrix = crate::numerics::DMatrix::from_fn(m, q, |i, c| root(p + i, p + chosen[c].0));
         let gram = matrix.tr_mul(&matrix);
@@ -422,6 +429,12 @@ pub(super) fn judge(
             let felt = DVector::from_fn(p, |r, _| (0..q).map(|c| root(r, p + chosen[c].0) * values[c]).sum::<f64>());
             if let Some(moved) = bare.root.solve_upper_triangular(&felt) {
                 shift = moved.iter().copied().collect();
+            }
+            let (first, alone) = (chosen[0].0, matrix.column(0));
+            let value = alone.dot(&target) / alone.norm_squared();
+            let felt = DVector::from_fn(p, |r, _| root(r, p + first) * value);
+            if let Some(moved) = bare.root.solve_upper_triangular(&felt) {
+                by_first = moved.iter().copied().collect();
             }
         }
     }
@@ -470,6 +483,7 @@ pub(super) fn judge(
         terms,
         limited: false,
         shift,
+        by_first,
         range,
         vibration,
         bent,
@@ -551,7 +565,7 @@ fn vibration(innovations: &[f64], smoothed: &Smoothed, signals: &Signals<'_>) ->
             .collect();
         let mean = powers.iter().map(|p| p.1).sum::<f64>() / powers.len().max(1) as f64;
         let count = 2 * SMOOTHED + 1;
-        if !(mean > 0.0) || powers.len() < 4 * count {
+        if mean <= 0.0 || powers.len() < 4 * count {
             continue;
         }
         for window in powers.windows(count) {

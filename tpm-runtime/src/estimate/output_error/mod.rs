@@ -15,12 +15,18 @@ mod chain;
 mod clipping;
 mod error;
 mod fit;
+#[cfg(all(test, feature = "interpret"))]
+mod fit_tests;
 mod local;
 mod misfit;
 mod problem;
+#[cfg(all(test, feature = "interpret"))]
+mod problem_tests;
 mod reflect;
 mod signals;
 mod smoother;
+#[cfg(test)]
+mod smoother_tests;
 mod solution;
 mod state;
 mod tuning;

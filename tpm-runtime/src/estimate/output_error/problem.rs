@@ -298,7 +298,7 @@ impl<'a> Problem<'a> {
                     *value = next[s] - states[(k + 1) * n + s];
                     next[s] = 0.5 * (next[s] + from[s]);
                 }
-                self.differentiate(k, &next, theta, columns, &mut scratch, transition, forcing)?;
+                self.differentiate(k, &next, theta, columns, &mut scratch, (transition, forcing))?;
             }
             Ok(())
         })?;
@@ -340,8 +340,7 @@ impl<'a> Problem<'a> {
         theta: &[f64],
         columns: &[Column],
         scratch: &mut Scratch,
-        transition: &mut [f64],
-        forcing: &mut [f64],
+        (transition, forcing): (&mut [f64], &mut [f64]),
     ) -> Result<(), EvalError> {
         let (model, derivatives) = (self.machine.model, self.machine.derivatives);
         let dims = model.dims();

@@ -33,8 +33,19 @@ pub struct Signals<'a> {
     pub steps: Vec<f64>,
     /// Phasors of the coordinates at the harmonics of the period, as far as they stand out of the noise.
     pub lines: Vec<Vec<Complex<f64>>>,
+    /// Share of the force that the values from which the fit begins leave unexplained.
+    pub unexplained: f64,
     /// Phasors of the inputs at the harmonics of the period, as far as they stand out of the noise.
     pub input_lines: Vec<Vec<Complex<f64>>>,
+}
+
+/// A harmonic on its way through the samples.
+struct Wave {
+    /// Angle from one sample to the next, rad.
+    angle: f64,
+    phasor: Complex<f64>,
+    now: Complex<f64>,
+    turn: Complex<f64>,
 }
 
 impl Signals<'_> {
@@ -90,27 +101,27 @@ impl Signals<'_> {
         &self,
         lines: &[Complex<f64>],
         derivative: usize,
-        mut samples: impl Iterator<Item = &'s mut f64> + ExactSizeIterator,
+        mut samples: impl ExactSizeIterator<Item = &'s mut f64>,
     ) {
         let fundamental = 2.0 * std::f64::consts::PI / (self.samples_per_period * self.sample_time);
         let wanted = |(k, line): (usize, &Complex<f64>)| {
             let phasor = line * Complex::new(0.0, k as f64 * fundamental).powu(derivative as u32);
             (phasor.norm_sqr() > 0.0).then_some((k as f64 * fundamental * self.sample_time, phasor))
         };
-        let mut waves: Vec<(f64, Complex<f64>, Complex<f64>, Complex<f64>)> = (lines.iter().enumerate())
+        let mut waves: Vec<Wave> = (lines.iter().enumerate())
             .filter_map(wanted)
-            .map(|(angle, phasor)| (angle, phasor, phasor, Complex::from_polar(1.0, angle)))
+            .map(|(angle, phasor)| Wave { angle, phasor, now: phasor, turn: Complex::from_polar(1.0, angle) })
             .collect();
         for i in 0..samples.len() {
             let mut sum = 0.0;
-            for (angle, phasor, wave, step) in &mut waves {
+            for wave in &mut waves {
                 // The angle is formed anew now and then, so that rounding does not add up.
                 if i % 1024 == 0 {
-                    *wave =
-                        *phasor * Complex::from_polar(1.0, (i as f64 * *angle).rem_euclid(2.0 * std::f64::consts::PI));
+                    let angle = (i as f64 * wave.angle).rem_euclid(2.0 * std::f64::consts::PI);
+                    wave.now = wave.phasor * Complex::from_polar(1.0, angle);
                 }
-                sum += wave.re;
-                *wave *= *step;
+                sum += wave.now.re;
+                wave.now *= wave.turn;
             }
             if let Some(slot) = samples.next() {
                 *slot += sum;
@@ -158,6 +169,15 @@ impl Signals<'_> {
             }
         }
         Noise { readings, colour: vec![0.0; outputs], inputs: vec![0.0; self.inputs.len()] }
+    }
+
+    /// Standard deviation of every sensor's noise, given that of the readings and the variance of the innovations in its units.
+    pub(super) fn sensor_noise(&self, scale: &[f64], innovations: f64) -> Vec<f64> {
+        let of = |(sigma, step): (&f64, &f64)| {
+            // Readings whose errors are alike are given more noise than they have.
+            if self.counted() && *step > 0.0 { step / 12.0_f64.sqrt() } else { sigma * innovations.sqrt() }
+        };
+        scale.iter().zip(&self.steps).map(of).collect()
     }
 
     /// Whether rounding to counts makes up the noise of a sensor.

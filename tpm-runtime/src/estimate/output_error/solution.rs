@@ -5,6 +5,9 @@ use crate::estimate::output_error::smoother::Smoothed;
 use crate::numerics::DMatrix;
 use std::vec::Vec;
 
+/// Least size of a column of unit length, beside those before it, that is told from them.
+const SINGULAR: f64 = 1e-9;
+
 /// A step of the columns, and their covariance for noise of the stated size.
 pub(super) struct Solution {
     pub(super) step: Vec<f64>,
@@ -41,7 +44,8 @@ impl Solution {
         let matrix = rows.columns(0, p).into_owned();
         let qr = matrix.qr();
         let (q, r) = qr.unpack();
-        if (0..p).any(|i| !(r[(i, i)].abs() > 1e-9)) {
+        let shown = |i: usize| r[(i, i)].abs() > SINGULAR;
+        if !(0..p).all(shown) {
             return Err(OutputErrorFault::Singular);
         }
         let solved = r.solve_upper_triangular(&q.tr_mul(&right)).ok_or(OutputErrorFault::Singular)?;

@@ -62,7 +62,7 @@ impl State {
                 self.noise = tune(&chain, &self.noise, signals);
                 if self.noise.inputs.iter().all(|sigma| *sigma <= 0.0) {
                     problem.disturbed.fill(0.0);
-                    chain = chain.as_recorded();
+                    chain = chain.undisturbed();
                 }
             }
             let mut smoothed = Smoothed::new(&chain, &self.noise, true);

@@ -16,7 +16,7 @@ pub(super) fn tune(chain: &Chain, before: &Noise, signals: &Signals<'_>) -> Nois
     let outputs = chain.outputs.len();
     let length = chain.samples.min(TUNING);
     let from = (chain.samples - length) / 2;
-    let stretch = chain.stretch(from, length).as_recorded();
+    let stretch = chain.stretch(from, length).undisturbed();
     let cut = |noise: &Noise| Noise {
         readings: noise.readings[from * outputs..(from + length) * outputs].to_vec(),
         colour: noise.colour.clone(),

@@ -1,0 +1,215 @@
+//! Fits of simulated records: what is stated against what comes out over many seeds, and against the Cramer-Rao bound.
+
+use crate::estimate::output_error::fit::OutputError;
+use crate::estimate::output_error::problem::Differentiable;
+use crate::estimate::output_error::signals::Signals;
+use crate::interpret::{Interpreted, InterpretedDerivatives};
+use crate::numerics::DMatrix;
+use crate::run::Spectra;
+use crate::test_models::differentiable;
+use crate::test_rig::{MODEL, PERIOD, Recorded, Rig, SAMPLE_TIME, TRUTH};
+use num_complex::Complex;
+use rayon::prelude::*;
+use std::vec;
+use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+
+const SEEDS: u64 = 60;
+/// Fits where noise of other kinds has to be found too, which takes longer.
+const FEWER: u64 = 40;
+
+/// The band that the ratio of a spread to the true deviation keeps to with 99.8 %, for a number of fits: roots of chi-squared over its
+/// degrees of freedom (Wilson and Hilferty).
+fn band(fits: usize) -> std::ops::Range<f64> {
+    let spread = 2.0 / (9.0 * fits as f64);
+    let edge = |z: f64| (1.0 - spread + z * spread.sqrt()).powf(1.5);
+    edge(-3.09)..edge(3.09)
+}
+
+/// Root mean square of a signal's sixth differences, as a deviation of white noise.
+fn white(signal: &[f64]) -> f64 {
+    let binomial = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
+    let power = signal.windows(7).map(|w| w.iter().zip(&binomial).map(|(x, b)| x * b).sum::<f64>().powi(2));
+    (power.sum::<f64>() / (signal.len() - 6) as f64 / 924.0).sqrt()
+}
+
+/// Parameters near the truth.
+const START: [f64; 3] = [1.04 * TRUTH[0], 0.9 * TRUTH[1], 1.02 * TRUTH[2]];
+
+fn fit(
+    (model, derivatives): (&Interpreted, &InterpretedDerivatives),
+    recorded: &Recorded,
+    periods: usize,
+    start: [f64; 3],
+) -> OutputError {
+    let channels = [recorded.position.as_slice(), recorded.force.as_slice()];
+    let spectra = Spectra::analyse(&channels, SAMPLE_TIME, PERIOD as f64, periods).expect("whole periods");
+    let lines = |channel: usize| -> Vec<Complex<f64>> {
+        let certain = |(k, line): (usize, &Complex<f64>)| {
+            let stands_out = k == 0 || line.norm_sqr() > 9.0 * spectra.variance(channel, k);
+            if stands_out { *line } else { Complex::new(0.0, 0.0) }
+        };
+        spectra.lines[channel].iter().take(20).enumerate().map(certain).collect()
+    };
+    let signals = Signals {
+        sample_time: SAMPLE_TIME,
+        hold: Hold::Zoh,
+        coordinates: vec![channels[0]],
+        inputs: vec![channels[1]],
+        samples_per_period: PERIOD as f64,
+        white: vec![white(channels[0])],
+        steps: vec![0.0],
+        lines: vec![lines(0)],
+        unexplained: 1.0,
+        input_lines: vec![lines(1)],
+    };
+    let machine = Differentiable { model, derivatives };
+    OutputError::fit(machine, &[], &signals, &start, &[0, 1, 2], &[]).expect("settles")
+}
+
+/// All fits of a rig, by seed.
+fn fits(rig: Rig, seeds: u64) -> Vec<OutputError> {
+    let (model, derivatives) = differentiable(MODEL);
+    (0..seeds).into_par_iter().map(|seed| fit((&model, &derivatives), &rig.play(seed), rig.periods, START)).collect()
+}
+
+fn deviation(found: &OutputError, parameter: usize) -> f64 {
+    found.covariance(parameter, parameter).expect("free").sqrt()
+}
+
+/// Errors in units of the stated deviation, by parameter and fit.
+fn scores(fits: &[OutputError]) -> [Vec<f64>; 3] {
+    [0, 1, 2].map(|j| fits.iter().map(|found| (found.values[j] - TRUTH[j]) / deviation(found, j)).collect())
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|z| z * z).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+/// Checks deviations parameter by parameter, and returns the share of all values within 1.96 of them.
+fn calibrated(what: &str, fits: &[OutputError]) -> f64 {
+    let scores = scores(fits);
+    let ratios = scores.each_ref().map(|scores| rms(scores));
+    assert!(ratios.iter().all(|ratio| band(fits.len()).contains(ratio)), "{what}: {ratios:?}");
+    let all: Vec<f64> = scores.concat();
+    all.iter().filter(|z| z.abs() < 1.96).count() as f64 / all.len() as f64
+}
+
+/// A and b of `[x, v]_{k+1} = A [x, v]_k + b u_k` for the linear machine under a held force, by the series of the matrix exponential.
+fn transition([m, d, k]: [f64; 3]) -> ([[f64; 2]; 2], [f64; 2]) {
+    let rate = [[0.0, 1.0, 0.0], [-k / m, -d / m, 1.0 / m], [0.0; 3]];
+    let mut term = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mut sum = term;
+    for order in 1..20 {
+        let mut next = [[0.0; 3]; 3];
+        for (r, row) in next.iter_mut().enumerate() {
+            for (c, entry) in row.iter_mut().enumerate() {
+                *entry = (0..3).map(|i| term[r][i] * rate[i][c]).sum::<f64>() * SAMPLE_TIME / f64::from(order);
+            }
+        }
+        term = next;
+        for (row, add) in sum.iter_mut().zip(&term) {
+            row.iter_mut().zip(add).for_each(|(entry, add)| *entry += add);
+        }
+    }
+    ([[sum[0][0], sum[0][1]], [sum[1][0], sum[1][1]]], [sum[0][2], sum[1][2]])
+}
+
+/// Positions of the linear machine under a held force, from parameters and starting state.
+fn positions(unknown: &[f64; 5], force: &[f64]) -> Vec<f64> {
+    let (a, b) = transition([unknown[0], unknown[1], unknown[2]]);
+    let [mut x, mut v] = [unknown[3], unknown[4]];
+    let step = |u: &f64| {
+        let before = x;
+        (x, v) = (a[0][0] * x + a[0][1] * v + b[0] * u, a[1][0] * x + a[1][1] * v + b[1] * u);
+        before
+    };
+    force.iter().map(step).collect()
+}
+
+/// Least deviations of the parameters for white noise of the sensor and a force that is known, the starting state unknown.
+fn cramer_rao(force: &[f64], sigma: f64) -> [f64; 3] {
+    let at = [TRUTH[0], TRUTH[1], TRUTH[2], 0.266, 0.0];
+    let sensitivity = DMatrix::from_columns(
+        &[1e-4, 1e-4, 1e-3, 1e-4, 1e-4]
+            .iter()
+            .enumerate()
+            .map(|(j, step)| {
+                let moved = |by: f64| {
+                    let mut unknown = at;
+                    unknown[j] += by;
+                    positions(&unknown, force)
+                };
+                let (after, before) = (moved(*step), moved(-step));
+                crate::numerics::DVector::from_iterator(
+                    force.len(),
+                    after.iter().zip(&before).map(|(a, b)| (a - b) / (2.0 * step)),
+                )
+            })
+            .collect::<Vec<_>>(),
+    );
+    let covariance = sensitivity.tr_mul(&sensitivity).cholesky().expect("all show").inverse();
+    [0, 1, 2].map(|j| sigma * covariance[(j, j)].sqrt())
+}
+
+#[test]
+fn white_noise_is_met_at_the_cramer_rao_bound() {
+    let rig = Rig::default();
+    let fits = fits(rig, SEEDS);
+    let covered = calibrated("white", &fits);
+    assert!((0.91..0.99).contains(&covered), "{covered}");
+    let bound = cramer_rao(&rig.play(0).force, rig.white);
+    for (j, bound) in bound.iter().enumerate() {
+        let errors: Vec<f64> = fits.iter().map(|found| found.values[j] - TRUTH[j]).collect();
+        let efficiency = rms(&errors) / bound;
+        assert!(efficiency < 1.2, "{j}: {efficiency}");
+        // What is stated is the bound itself, but for the noise that each record is found to have.
+        let stated = fits.iter().map(|found| deviation(found, j)).sum::<f64>() / fits.len() as f64;
+        assert!((0.97..1.03).contains(&(stated / bound)), "{j}: {}", stated / bound);
+    }
+    for found in &fits {
+        assert!((0.93..1.07).contains(&(found.sensor_noise[0] / rig.white)), "{:?}", found.sensor_noise);
+        assert_eq!((found.input_noise.as_slice(), found.colour.as_slice()), ([0.0].as_slice(), [0.0].as_slice()));
+        assert!(found.iterations.is_some_and(|steps| steps <= 8));
+    }
+}
+
+#[test]
+fn noise_of_the_recorded_force_is_found_and_leaves_no_bias() {
+    let rig = Rig { force_noise: 0.5, ..Rig::default() };
+    let fits = fits(rig, FEWER);
+    let covered = calibrated("force noise", &fits);
+    assert!((0.9..0.995).contains(&covered), "{covered}");
+    // Among 1000 readings few tell the size of this noise, so that single logs scatter.
+    let sizes: Vec<f64> = fits.iter().map(|found| found.input_noise[0] / 0.5).collect();
+    assert!(sizes.iter().all(|size| (0.4..2.5).contains(size)), "{sizes:?}");
+    let mean = sizes.iter().map(|size| size.ln()).sum::<f64>() / sizes.len() as f64;
+    assert!(mean.abs() < 0.15, "{sizes:?}");
+    for (j, scores) in scores(&fits).iter().enumerate() {
+        let mean = scores.iter().sum::<f64>() / (FEWER as f64).sqrt();
+        assert!(mean.abs() < 3.3, "{j}: bias of {mean} deviations of the mean");
+    }
+}
+
+#[test]
+fn coloured_noise_of_the_sensor_is_found() {
+    let rig = Rig { white: 0.0, coloured: 1e-4, ..Rig::default() };
+    let fits = fits(rig, FEWER);
+    let covered = calibrated("coloured", &fits);
+    assert!((0.9..0.995).contains(&covered), "{covered}");
+    let off = fits.iter().filter(|found| (found.colour[0] - crate::test_rig::COLOUR).abs() > 0.06).count();
+    assert!(off * 20 <= fits.len(), "{:?}", fits.iter().map(|found| found.colour[0]).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_start_from_far_away_ends_at_the_same_values() {
+    let (model, derivatives) = differentiable(MODEL);
+    let rig = Rig::default();
+    let recorded = rig.play(1);
+    let near = fit((&model, &derivatives), &recorded, rig.periods, START);
+    let far = fit((&model, &derivatives), &recorded, rig.periods, [0.5 * TRUTH[0], 4.0 * TRUTH[1], 2.0 * TRUTH[2]]);
+    for j in 0..3 {
+        let apart = (near.values[j] - far.values[j]) / deviation(&near, j);
+        assert!(apart.abs() < 0.05, "{j}: {apart}");
+    }
+}

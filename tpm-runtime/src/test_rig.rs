@@ -1,0 +1,132 @@
+//! A mass with damper and spring that follows a rest-to-rest motion under a loop, spoilt as a test asks.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use std::f64::consts::PI;
+use std::vec;
+use std::vec::Vec;
+
+/// Time between samples, s.
+pub(crate) const SAMPLE_TIME: f64 = 4e-3;
+/// Samples of a period.
+pub(crate) const PERIOD: usize = 250;
+/// Mass, damping, stiffness.
+pub(crate) const TRUTH: [f64; 3] = [2.0, 3.0, 40.0];
+/// The model that is right where nothing is spoilt.
+pub(crate) const MODEL: &str = "model S {
+    coordinate x [m];
+    input u [N];
+    parameter m [kg], d [N*s/m], k [N/m];
+
+    m*ddot(x) + d*dot(x) + k*x = u;
+}";
+/// Samples before the record begins.
+const SETTLING: usize = 750;
+/// Amplitude of the motion, m.
+const AMPLITUDE: f64 = 0.3;
+
+/// What the machine has beside the model, and how it is recorded.
+#[derive(Clone, Copy)]
+pub(crate) struct Rig {
+    pub(crate) periods: usize,
+    /// Force beside the model's, by position and velocity, N.
+    pub(crate) force: fn(f64, f64) -> f64,
+    /// Steps of integration from one sample to the next.
+    pub(crate) steps: usize,
+    /// Standard deviation of the sensor's white noise, m.
+    pub(crate) white: f64,
+    /// Standard deviation of the sensor's noise of a colour, whose successive values correlate by [`COLOUR`], m.
+    pub(crate) coloured: f64,
+    /// Step of the sensor; zero for none, m.
+    pub(crate) step: f64,
+    /// Standard deviation of the noise on the record of the force, N.
+    pub(crate) force_noise: f64,
+    /// What is added to the record of the force, N.
+    pub(crate) offset: f64,
+    /// Share by which the damping has grown at the end of the record.
+    pub(crate) drift: f64,
+    /// Samples by which the force acts later than it was recorded.
+    pub(crate) delay: usize,
+    /// Largest force; the command is recorded before it is cut off, N.
+    pub(crate) limit: f64,
+}
+
+/// Correlation of successive values of coloured noise.
+pub(crate) const COLOUR: f64 = 0.88;
+
+/// Position and force, sample by sample.
+pub(crate) struct Recorded {
+    pub(crate) position: Vec<f64>,
+    pub(crate) force: Vec<f64>,
+}
+
+impl Default for Rig {
+    fn default() -> Self {
+        Self {
+            periods: 4,
+            force: |_, _| 0.0,
+            steps: 1,
+            white: 1e-4,
+            coloured: 0.0,
+            step: 0.0,
+            force_noise: 0.0,
+            offset: 0.0,
+            drift: 0.0,
+            delay: 0,
+            limit: f64::INFINITY,
+        }
+    }
+}
+
+impl Rig {
+    /// Plays the motion and records it.
+    pub(crate) fn play(&self, seed: u64) -> Recorded {
+        let [m, damping, k] = TRUTH;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let w = 2.0 * PI / (PERIOD as f64 * SAMPLE_TIME);
+        let reference = |t: f64| {
+            let [(s, c), (s3, c3)] = [(w * t).sin_cos(), (3.0 * w * t).sin_cos()];
+            [c - c3 / 9.0, w * (s3 / 3.0 - s), w * w * (c3 - c)].map(|value| AMPLITUDE * value)
+        };
+        let samples = self.periods * PERIOD;
+        let mut recorded = Recorded { position: Vec::with_capacity(samples), force: Vec::with_capacity(samples) };
+        let [mut x, mut v, _] = reference(0.0);
+        let (mut colour, mut slope) = (0.0, 0.0);
+        let mut before: Option<f64> = None;
+        let mut waiting = vec![0.0; self.delay];
+        let h = SAMPLE_TIME / self.steps as f64;
+        for i in 0..SETTLING + samples {
+            let [r, dr, ddr] = reference(i as f64 * SAMPLE_TIME);
+            colour = COLOUR * colour + (1.0 - COLOUR * COLOUR).sqrt() * self.coloured * normal();
+            let mut y = x + self.white * normal() + colour;
+            if self.step > 0.0 {
+                y = (y / self.step).round() * self.step;
+            }
+            let error = r - y;
+            let difference = (error - before.replace(error).unwrap_or(error)) / SAMPLE_TIME;
+            slope += 0.8 * (difference - slope);
+            let u = m * ddr + damping * dr + k * r + 400.0 * error + 20.0 * slope;
+            let noise = self.force_noise * normal();
+            if i >= SETTLING {
+                recorded.position.push(y);
+                recorded.force.push(u + noise + self.offset);
+            }
+            waiting.push(u);
+            let applied = waiting.remove(0).clamp(-self.limit, self.limit);
+            let passed = (i.saturating_sub(SETTLING)) as f64 / samples as f64;
+            let d = damping * (1.0 + self.drift * passed);
+            let rate = |x: f64, v: f64| (applied - d * v - k * x - (self.force)(x, v)) / m;
+            for _ in 0..self.steps {
+                let a = rate(x, v);
+                let (v2, b) = (v + 0.5 * h * a, rate(x + 0.5 * h * v, v + 0.5 * h * a));
+                let (v3, c) = (v + 0.5 * h * b, rate(x + 0.5 * h * v2, v + 0.5 * h * b));
+                let (v4, e) = (v + h * c, rate(x + h * v3, v + h * c));
+                x += h / 6.0 * (v + 2.0 * (v2 + v3) + v4);
+                v += h / 6.0 * (a + 2.0 * (b + c) + e);
+            }
+        }
+        recorded
+    }
+}
