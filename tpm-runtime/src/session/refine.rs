@@ -23,8 +23,6 @@ const CERTAIN: f64 = 9.0;
 const NEGLIGIBLE: f64 = 1e-3;
 /// Deviations by which the halves of a record must contradict each other for its numbers not to be trusted.
 const CONTRADICTION: f64 = 3.5;
-/// Share of a parameter that rounding and integration leave open, whatever the noise.
-const ACCURACY: f64 = 1e-8;
 /// Most samples that are simulated one by one; a longer record is averaged over periods first.
 const MOST_SAMPLES: usize = 50_000;
 
@@ -89,8 +87,7 @@ pub(super) fn refine(
             };
             covariance[i][j] = own + shift[a] * shift[b];
         }
-        let exact = (ACCURACY * found.values[i]).powi(2);
-        covariance[i][i] += misfit.range[a].powi(2) + misfit.bent[a].powi(2) + exact;
+        covariance[i][i] += misfit.range[a].powi(2) + misfit.bent[a].powi(2);
     }
     let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| estimate.covariance.clone());
     let report = RefinementReport {
