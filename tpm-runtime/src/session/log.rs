@@ -29,8 +29,6 @@ use tpm_core::derivatives::RowDerivatives;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 
-/// Share of the force below which nothing is left that a refinement could explain.
-const EXPLAINED_EXACTLY: f64 = 1e-7;
 /// The other hold explains a log clearly better when it leaves less than this share of the residual.
 const CLEARLY_BETTER: f64 = 0.7;
 /// A difference of successive periods above this share of the motion is flagged.
@@ -284,9 +282,7 @@ fn identify_with(
         Hold::Zoh => HoldResiduals { none: other, zoh: Some(estimate.residual) },
     };
     let ideal = options.actuators.iter().all(Dynamics::is_ideal);
-    // What harmonics explain to rounding cannot be explained better.
-    let asked = options.refine == Refine::OutputError && ideal && estimate.residual > EXPLAINED_EXACTLY;
-    let refined = match derivatives.filter(|_| asked) {
+    let refined = match derivatives.filter(|_| options.refine == Refine::OutputError && ideal) {
         Some(derivatives) => {
             let machine = Differentiable { model, derivatives };
             Some(refine(machine, log, (&periodic, &spectra), options, (&record, &estimate), &settings))

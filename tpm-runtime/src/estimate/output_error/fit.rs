@@ -16,8 +16,6 @@ use std::vec::Vec;
 
 /// Shortest time between two stops of a machine, as a share of the period.
 const SHORTEST_PASSAGE: f64 = 0.02;
-/// Share of what noise of the inputs would explain at which terms in its place are believed.
-const EXPLAINED: f64 = 0.9;
 /// Most limits of an input that are tried one after the other.
 const MOST_MOVES: usize = 8;
 /// A limit stays where it is when it moves by less than this share.
@@ -128,18 +126,7 @@ impl OutputError {
         let smoothed = Smoothed::new(&chain, &state.noise, false);
         let p = free.len() + state.own.len();
         let bare = Solution::of_columns(&smoothed, p, hidden)?;
-        let mut found =
-            misfit::judge(&smoothed, (free, p, &state.theta), &columns, &bare, signals, state.noise.is_plain());
-        if state.noise.inputs.iter().any(|sigma| *sigma > 0.0) {
-            // What a missing term leaves may pass for noise of the inputs: exact inputs with terms are tried too.
-            let exact = Noise { inputs: vec![0.0; signals.inputs.len()], ..signals.noise() };
-            let sharp = Smoothed::new(&chain.clone().undisturbed(), &exact, false);
-            let alone = Solution::of_columns(&sharp, p, hidden)?;
-            let terms = misfit::judge(&sharp, (free, p, &state.theta), &columns, &alone, signals, true);
-            if terms.explained > EXPLAINED {
-                found.adopt(terms);
-            }
-        }
+        let mut found = misfit::judge(&smoothed, (free, p), &columns, &bare, signals, state.noise.is_plain());
         found.halves = halves(&chain, &state.noise, p, hidden);
         let mut explained = false;
         if !found.terms.is_empty() {

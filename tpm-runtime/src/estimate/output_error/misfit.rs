@@ -29,8 +29,6 @@ const MOST_TERMS: usize = 3;
 const OWN: f64 = 1e-9;
 /// The same for a further candidate, beside the parameters and those before it.
 const DISTINCT: f64 = 1e-4;
-/// Deviations by which a candidate may move a parameter beyond its own size.
-const UNCERTAIN: f64 = 5.0;
 /// Harmonics at which the residual is compared with its neighbours.
 const HARMONICS: usize = 24;
 /// Standard deviations beyond which the power at the harmonics, or the correlation of neighbouring residuals, is no chance.
@@ -150,8 +148,6 @@ pub struct Misfit {
     pub repeats: bool,
     /// Significant candidates, the strongest first.
     pub terms: Vec<Candidate>,
-    /// Share of the excess over the noise of the sensors that these terms take together.
-    pub explained: f64,
     /// Whether the first of them is a limit of an input that is part of the fit: without it the record makes no sense.
     pub limited: bool,
     /// How far every free parameter moves when these terms are part of the model.
@@ -168,13 +164,6 @@ pub struct Misfit {
     pub inflation: f64,
     /// How far every free parameter moves from the first half of the record to the second; empty where the halves do not show them.
     pub halves: Vec<Half>,
-}
-
-impl Misfit {
-    /// Takes over the terms of another judgement of the same record.
-    pub(super) fn adopt(&mut self, other: Self) {
-        *self = Self { scale: self.scale, correlation: self.correlation, inflation: self.inflation, ..other };
-    }
 }
 
 /// How far a parameter moves from the first half of a record to the second.
@@ -364,7 +353,7 @@ pub(super) fn columns(
 /// for the candidates.
 pub(super) fn judge(
     smoothed: &Smoothed,
-    (free, base, theta): (&[usize], usize, &[f64]),
+    (free, base): (&[usize], usize),
     proposed: &[Proposed],
     bare: &Solution,
     signals: &Signals<'_>,
@@ -398,17 +387,7 @@ pub(super) fn judge(
         (column.norm_squared() > least * whole[j].max(f64::MIN_POSITIVE)).then_some(column)
     };
     while chosen.len() < MOST_TERMS {
-        let gain = |j: usize| {
-            let own = own(j, &basis)?;
-            let value = own.dot(&left) / own.norm_squared();
-            // A term that the parameters nearly explain would need other parameters altogether: it trades with them.
-            let felt = DVector::from_fn(p, |r, _| root(r, p + j) * value);
-            let moved = bare.root.solve_upper_triangular(&felt)?;
-            let sensible = free.iter().enumerate().all(|(a, &free)| {
-                moved[a].abs() <= theta[free].abs() + UNCERTAIN * bare.covariance[(a, a)].max(0.0).sqrt()
-            });
-            sensible.then(|| (j, own.dot(&left).powi(2) / own.norm_squared()))
-        };
+        let gain = |j: usize| own(j, &basis).map(|own| (j, own.dot(&left).powi(2) / own.norm_squared()));
         let best =
             (0..m).filter(|j| chosen.iter().all(|(i, _)| i != j)).filter_map(gain).max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((j, gain)) = best else { break };
@@ -424,8 +403,6 @@ pub(super) fn judge(
         chosen.push((j, gain));
     }
     let scale = ((rest + left.norm_squared()) / freedom).max(least);
-    let unexplained = (rest + target.norm_squared() - freedom).max(0.0);
-    let explained = (target.norm_squared() - left.norm_squared()) / unexplained.max(f64::MIN_POSITIVE);
     // The chosen candidates together: values, and how far they move the parameters.
     let q = chosen.len();
     let mut terms = Vec::new();
@@ -504,7 +481,6 @@ pub(super) fn judge(
         periodic,
         repeats,
         terms,
-        explained,
         limited: false,
         shift,
         by_first,
