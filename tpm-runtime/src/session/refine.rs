@@ -73,11 +73,8 @@ pub(super) fn refine(
     let hidden: Vec<Vec<f64>> =
         estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
     let found = OutputError::fit(machine, &options.constants, &signals, &estimate.values, &free, &hidden)?;
-    let misfit = found.misfit.clone();
-    // A parameter may move further with the strongest term alone than with all of them.
-    let shift: Vec<f64> = (misfit.shift.iter().zip(&misfit.by_first))
-        .map(|(all, first)| if first.abs() > all.abs() { *first } else { *all })
-        .collect();
+    let misfit = &found.misfit;
+    let shift = &misfit.shift;
     let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
     for (a, &i) in free.iter().enumerate() {
         for (b, &j) in free.iter().enumerate() {

@@ -1,5 +1,6 @@
 //! A record linearised about a motion, sample by sample.
 
+use crate::estimate::output_error::noise::Noise;
 use std::vec::Vec;
 
 /// A record linearised about states x_k and parameters.
@@ -39,6 +40,8 @@ pub(super) struct Chain {
     pub(super) reading_columns: Vec<f64>,
     /// Standard deviation of every switch's force as a multiple of half its jump, per transition.
     pub(super) loose: Vec<f64>,
+    /// Whether a coordinate turns, per transition.
+    pub(super) turns: Vec<bool>,
     /// What the inputs are taken to be beside what was recorded, per sample.
     pub(super) disturbed: Vec<f64>,
     /// As many zeros as there are columns.
@@ -88,10 +91,12 @@ impl Chain {
     }
 
     /// The forcings that disturb the transition after sample k, with their standard deviations.
-    pub(super) fn disturbances<'a>(&'a self, k: usize, inputs: &'a [f64]) -> impl Iterator<Item = (usize, f64)> + 'a {
+    pub(super) fn disturbances<'a>(&'a self, k: usize, noise: &'a Noise) -> impl Iterator<Item = (usize, f64)> + 'a {
+        let exact = noise.only_at_turns && !self.turns[k];
+        let inputs = noise.inputs.iter().map(move |size| if exact { 0.0 } else { *size });
         let loose = &self.loose[k * self.switches..(k + 1) * self.switches];
-        let sizes = inputs.iter().chain(loose).enumerate();
-        sizes.filter(|(_, size)| **size > 0.0).map(|(i, &size)| (self.columns + i, size))
+        let sizes = inputs.chain(loose.iter().copied()).enumerate();
+        sizes.filter(|(_, size)| *size > 0.0).map(|(i, size)| (self.columns + i, size))
     }
 }
 
@@ -129,6 +134,7 @@ impl Chain {
             defect: part(&self.defect, n, transitions),
             errors: part(&self.errors, outputs, samples),
             reading_columns: part(&self.reading_columns, outputs * self.columns, samples),
+            turns: self.turns[from..from + transitions].to_vec(),
             loose: part(&self.loose, self.switches, transitions),
             disturbed: part(&self.disturbed, self.inputs, samples),
             nothing: self.nothing.clone(),

@@ -1,14 +1,11 @@
 //! The fit of a record: noise, parameters and motion first, then what is left.
 
-use crate::estimate::output_error::chain::Chain;
-use crate::estimate::output_error::clipping;
+use crate::estimate::output_error::clipping::{self, Clipping};
 use crate::estimate::output_error::error::OutputErrorFault;
-use crate::estimate::output_error::misfit::{self, Candidate, CandidateKind, Half, Misfit};
-use crate::estimate::output_error::problem::{Column, Differentiable, Place, Problem};
+use crate::estimate::output_error::misfit::{self, Misfit};
+use crate::estimate::output_error::problem::{Differentiable, Problem, Trajectory};
 use crate::estimate::output_error::signals::Signals;
-use crate::estimate::output_error::smoother::{Noise, Smoothed};
-use crate::estimate::output_error::solution::Solution;
-use crate::estimate::output_error::state::{Active, State};
+use crate::estimate::output_error::state::State;
 use crate::numerics::DMatrix;
 use std::borrow::Cow;
 use std::vec;
@@ -70,6 +67,8 @@ impl OutputError {
     ) -> Result<Self, OutputErrorFault> {
         let states = Problem::states(machine.model).ok_or(OutputErrorFault::NotSimulable)?;
         let samples = signals.coordinates.first().map_or(0, |c| c.len());
+        let outputs = signals.coordinates.len();
+        let noise = signals.noise();
         let mut problem = Problem {
             machine,
             constants,
@@ -81,148 +80,91 @@ impl OutputError {
             states,
             breaks: vec![false; samples.saturating_sub(1)],
             steps: 1,
-            disturbed: vec![0.0; samples * signals.inputs.len()],
             shortest_passage: (signals.samples_per_period * SHORTEST_PASSAGE) as usize,
+            scale: (0..outputs).map(|c| noise.typical(c, outputs)).collect(),
+            hidden: hidden.to_vec(),
         };
-        let outputs = signals.coordinates.len();
         let mut clipped = clipping::find(&problem, signals, start)?;
-        let mut state = State {
-            motion: signals.motion(&problem.states),
+        let begun = State {
+            trajectory: Trajectory {
+                states: signals.motion(&problem.states),
+                disturbed: vec![0.0; samples * signals.inputs.len()],
+            },
             theta: clipped.as_ref().map_or(start, |clipped| &clipped.theta).to_vec(),
             terms: Vec::new(),
-            noise: signals.noise(),
+            noise,
             own: Vec::new(),
         };
-        let scale: Vec<f64> = (0..outputs).map(|c| state.noise.typical(c, outputs)).collect();
-        problem.steps = problem.needed_steps(&state.motion, &state.theta)?;
-        let begun = state.clone();
-        let mut settled = Err(OutputErrorFault::NotConverged { steps: 0 });
-        // Where the input leaves its limit depends on the limit, which is moved until it stays.
-        for _ in 0..MOST_MOVES {
-            state.own.clear();
-            if let Some(clipped) = &clipped {
-                problem.inputs[clipped.input] = Cow::Owned(clipped.applied.clone());
-                state.own.push((clipped.edge.clone(), 0.0));
-            }
-            settled = state.settle(&mut problem, signals, &scale, hidden, true);
-            let (Some(clipping), Some((_, moved)), Ok(_)) = (&mut clipped, state.own.first(), &settled) else { break };
-            if moved.abs() <= STAYS * clipping.limit {
-                break;
-            }
-            let limit = (clipping.limit + moved).clamp(0.5 * clipping.limit, 2.0 * clipping.limit);
-            clipping.move_to(limit, signals.inputs[clipping.input]);
-        }
+        problem.steps = problem.needed_steps(&begun.trajectory, &begun.theta)?;
+        let mut state = begun.clone();
+        let settled = settle_with_limit(&mut state, &mut problem, signals, clipped.as_mut());
         if settled.is_err() {
             // Terms that are missing may be what keeps the parameters from settling; they are looked for where the fit began.
-            state = State { noise: state.noise, ..begun };
-            problem.disturbed.fill(0.0);
+            state = State { noise: state.noise, own: state.own, ..begun };
         }
-        let columns = misfit::columns(&problem, signals, &state.motion, &state.theta)?;
-        let own = state.own.iter().map(|(column, _)| column.clone());
-        let acting: Vec<Column> = own.chain(columns.iter().map(|candidate| candidate.column.clone())).collect();
-        let mut values: Vec<f64> = state.own.iter().map(|(_, value)| *value).collect();
-        values.resize(acting.len(), 0.0);
-        let chain = problem.linearise_at(&state.motion, &state.theta, &acting, &values, &scale)?;
-        let smoothed = Smoothed::new(&chain, &state.noise, false);
-        let p = free.len() + state.own.len();
-        let bare = Solution::of_columns(&smoothed, p, hidden)?;
-        let mut found = misfit::judge(&smoothed, (free, p), &columns, &bare, signals, state.noise.is_plain());
-        found.halves = halves(&chain, &state.noise, p, hidden);
-        let mut explained = false;
-        if !found.terms.is_empty() {
-            // With the terms in the model the parameters may be far away, where the linear answer is not exact.
-            let mut richer = State {
-                terms: found
-                    .terms
-                    .iter()
-                    .map(|term| Active { term: term.term, row: term.row, value: 0.0, std: 0.0 })
-                    .collect(),
-                ..state.clone()
-            };
-            let kept = problem.disturbed.clone();
-            if richer.settle(&mut problem, signals, &scale, hidden, settled.is_err()).is_ok() {
-                explained = true;
-                for (term, active) in found.terms.iter_mut().zip(&richer.terms) {
-                    (term.term, term.value) = (active.term, active.value);
-                    term.std = active.std * found.scale.sqrt();
-                }
-                for (shift, &j) in found.shift.iter_mut().zip(free) {
-                    *shift = richer.theta[j] - state.theta[j];
-                }
-            }
-            problem.disturbed = kept;
-        }
-        if let (Some(clipped), Some((_, moved))) = (&clipped, state.own.first()) {
-            let at = free.len();
-            found.terms.insert(
-                0,
-                Candidate {
-                    term: CandidateKind::Limit { input: clipped.input, limit: clipped.limit + moved },
-                    row: match clipped.edge.place {
-                        Place::Row(row) => Some(row),
-                        Place::Reading(_) => None,
-                    },
-                    value: 1.0,
-                    std: (bare.covariance[(at, at)] * found.scale).sqrt(),
-                    gain: 1.0,
-                },
-            );
-            found.limited = true;
-        }
+        let examined = misfit::examine(&problem, signals, &state, clipped.as_ref())?;
         let iterations = match settled {
             Ok(iterations) => Some(iterations),
-            Err(_) if explained => None,
+            Err(_) if examined.settles => None,
             Err(fault) => return Err(fault),
         };
-        let residual = (0..outputs)
-            .map(|c| {
-                let of = chain.errors.iter().skip(c).step_by(outputs);
-                (of.map(|e| e * e).sum::<f64>() / samples.max(1) as f64).sqrt()
-            })
-            .collect();
-        let spread = |signal: &[f64]| -> f64 {
-            let mean = signal.iter().sum::<f64>() / signal.len().max(1) as f64;
-            (signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / signal.len().max(1) as f64).sqrt()
-        };
-        let residual: Vec<f64> = residual;
+        let residual: Vec<f64> =
+            (0..outputs).map(|c| rms(examined.errors.iter().skip(c).step_by(outputs), 0.0)).collect();
         let by_motion = residual.iter().zip(&signals.coordinates).map(|(left, signal)| left / spread(signal));
         let inputs = signals.inputs.len();
         let by_input = signals.inputs.iter().enumerate().map(|(i, input)| {
-            let taken: Vec<f64> = problem.disturbed.iter().skip(i).step_by(inputs.max(1)).copied().collect();
+            let taken: Vec<f64> = state.trajectory.disturbed.iter().skip(i).step_by(inputs).copied().collect();
             spread(&taken) / spread(input)
         });
         let share = by_motion.chain(by_input).filter(|share| share.is_finite()).fold(0.0, f64::max);
+        let scale = examined.misfit.scale;
         Ok(OutputError {
             share,
             values: state.theta,
-            covariance: &bare.covariance * found.scale,
+            covariance: examined.covariance,
             free: free.to_vec(),
             iterations,
-            sensor_noise: signals.sensor_noise(&scale, found.scale),
-            input_noise: state.noise.inputs.iter().map(|sigma| sigma * found.scale.sqrt()).collect(),
+            sensor_noise: signals.sensor_noise(&problem.scale, scale),
+            input_noise: state.noise.inputs.iter().map(|sigma| sigma * scale.sqrt()).collect(),
             colour: state.noise.colour,
             residual,
-            misfit: found,
+            misfit: examined.misfit,
         })
     }
 }
 
-/// The steps of the first `p` columns that either half of a record asks for, with their variances; nothing where a half does not show
-/// them.
-fn halves(chain: &Chain, noise: &Noise, p: usize, hidden: &[Vec<f64>]) -> Vec<Half> {
-    let middle = chain.samples / 2;
-    let outputs = chain.outputs.len();
-    let of = |from: usize, samples: usize| -> Option<Vec<(f64, f64)>> {
-        let part = chain.stretch(from, samples);
-        let readings = noise.readings[from * outputs..(from + samples) * outputs].to_vec();
-        let smoothed = Smoothed::new(&part, &Noise { readings, ..noise.clone() }, false);
-        let solution = Solution::of_columns(&smoothed, p, hidden).ok()?;
-        Some((0..p).map(|j| (solution.step[j], solution.covariance[(j, j)])).collect())
-    };
-    let (Some(first), Some(second)) = (of(0, middle), of(middle, chain.samples - middle)) else { return Vec::new() };
-    let pair = |((first, own), (second, other)): ((f64, f64), (f64, f64))| Half {
-        moved: second - first,
-        variance: own + other,
-    };
-    first.into_iter().zip(second).map(pair).collect()
+/// Settles a state; where the input leaves its limit depends on the limit, which is moved until it stays.
+fn settle_with_limit<'a>(
+    state: &mut State,
+    problem: &mut Problem<'a>,
+    signals: &Signals<'a>,
+    mut clipped: Option<&mut Clipping>,
+) -> Result<usize, OutputErrorFault> {
+    let mut settled = Err(OutputErrorFault::NotConverged { steps: 0 });
+    for _ in 0..MOST_MOVES {
+        state.own.clear();
+        if let Some(clipped) = &clipped {
+            problem.inputs[clipped.input] = Cow::Owned(clipped.applied.clone());
+            state.own.push((clipped.edge.clone(), 0.0));
+        }
+        settled = state.settle(problem, signals, true);
+        let (Some(clipping), Some((_, moved)), Ok(_)) = (&mut clipped, state.own.first(), &settled) else { break };
+        if moved.abs() <= STAYS * clipping.limit {
+            break;
+        }
+        let limit = (clipping.limit + moved).clamp(0.5 * clipping.limit, 2.0 * clipping.limit);
+        clipping.move_to(limit, signals.inputs[clipping.input]);
+    }
+    settled
+}
+
+/// Root mean square of values beside a centre.
+fn rms<'v>(values: impl Iterator<Item = &'v f64>, centre: f64) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), x| (sum + (x - centre).powi(2), count + 1.0));
+    (sum / f64::max(count, 1.0)).sqrt()
+}
+
+/// Standard deviation of a signal.
+fn spread(signal: &[f64]) -> f64 {
+    rms(signal.iter(), signal.iter().sum::<f64>() / signal.len().max(1) as f64)
 }

@@ -7,22 +7,26 @@
 //! model is evaluated on the estimated motion; an input that is exact is one whose noise is found to be none.
 //!
 //! ```text
-//! signals, problem (record, model) -> chain (linearised) -> smoother, solution (one step) -> misfit (what is left), tuning (noise)
-//!   -> state (iteration) -> fit
+//! signals, problem (record, model) -> chain (linearised) -> smoother, solution (one step) -> tuning (noise) -> state (iteration)
+//!   -> explanation (which terms are missing), residuals -> misfit (what is left) -> fit
 //! ```
 
+mod candidates;
 mod chain;
 mod clipping;
 mod error;
+mod explanation;
 mod fit;
 #[cfg(all(test, feature = "interpret"))]
 mod fit_tests;
 mod local;
 mod misfit;
+mod noise;
 mod problem;
 #[cfg(all(test, feature = "interpret"))]
 mod problem_tests;
 mod reflect;
+mod residuals;
 mod signals;
 mod smoother;
 #[cfg(test)]
@@ -31,8 +35,9 @@ mod solution;
 mod state;
 mod tuning;
 
+pub use candidates::{Candidate, CandidateKind};
 pub use error::OutputErrorFault;
 pub use fit::OutputError;
-pub use misfit::{Candidate, CandidateKind, Misfit};
+pub use misfit::Misfit;
 pub use problem::Differentiable;
 pub use signals::Signals;

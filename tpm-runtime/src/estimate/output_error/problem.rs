@@ -13,6 +13,8 @@ use tpm_core::model::{EvalError, Model};
 /// A sign is believed where its argument is above this share of its root mean square: nearer to rest, friction takes any value
 /// between its two.
 const AT_REST: f64 = 0.02;
+/// Share of its root mean square velocity below which a coordinate turns: what a model without friction lacks may be anything there.
+const TURNING: f64 = 0.05;
 /// How much larger than friction's impulse the unknown force of a machine at rest may be.
 const FREE: f64 = 5.0;
 /// Most steps of integration from one sample to the next.
@@ -60,6 +62,15 @@ pub(super) enum Place {
     Reading(usize),
 }
 
+/// The motion of a record, and what its inputs are taken to have been.
+#[derive(Clone, Debug)]
+pub(super) struct Trajectory {
+    /// The states, sample by sample.
+    pub(super) states: Vec<f64>,
+    /// What the inputs are taken to be beside what was recorded, sample by sample.
+    pub(super) disturbed: Vec<f64>,
+}
+
 /// A record whose motion follows from its inputs.
 pub(super) struct Problem<'a> {
     pub(super) machine: Differentiable<'a>,
@@ -76,16 +87,24 @@ pub(super) struct Problem<'a> {
     pub(super) breaks: Vec<bool>,
     /// Steps of integration per sample.
     pub(super) steps: usize,
-    /// What the inputs are taken to be beside what was recorded, per sample.
-    pub(super) disturbed: Vec<f64>,
     /// Fewest samples between two stops of a machine with friction.
     pub(super) shortest_passage: usize,
+    /// Size of the noise of each sensor, beside which what is exact is small.
+    pub(super) scale: Vec<f64>,
+    /// Directions of the free parameters that the data do not show.
+    pub(super) hidden: Vec<Vec<f64>>,
+}
+
+/// Motion and inputs at an instant.
+struct Instant {
+    motion: Vec<f64>,
+    inputs: Vec<f64>,
+    forward: Vec<f64>,
 }
 
 /// What the evaluation of a transition needs.
 struct Scratch {
-    motion: Vec<f64>,
-    forward: Vec<f64>,
+    now: Instant,
     rows: Vec<f64>,
     model: Vec<f64>,
     jacobian: Vec<f64>,
@@ -94,7 +113,6 @@ struct Scratch {
     switching: Vec<f64>,
     rates: [Vec<f64>; 4],
     state: Vec<f64>,
-    inputs: Vec<f64>,
     right: Vec<f64>,
     mass: Vec<f64>,
     matrix: Vec<f64>,
@@ -122,8 +140,11 @@ impl<'a> Problem<'a> {
         let (dims, n) = (self.machine.model.dims(), self.states.len());
         let derivatives = self.machine.derivatives;
         Scratch {
-            motion: vec![0.0; dims.motion_len()],
-            forward: vec![0.0; self.machine.model.forward_workspace_len()],
+            now: Instant {
+                motion: vec![0.0; dims.motion_len()],
+                inputs: vec![0.0; dims.inputs],
+                forward: vec![0.0; self.machine.model.forward_workspace_len()],
+            },
             rows: vec![0.0; derivatives.workspace_len()],
             model: vec![0.0; self.machine.model.workspace_len()],
             jacobian: vec![0.0; dims.rows * dims.motion_len()],
@@ -132,7 +153,6 @@ impl<'a> Problem<'a> {
             switching: vec![0.0; derivatives.switches() * (1 + dims.rows)],
             rates: std::array::from_fn(|_| vec![0.0; n]),
             state: vec![0.0; n],
-            inputs: vec![0.0; dims.inputs],
             right: Vec::new(),
             mass: Vec::new(),
             matrix: Vec::new(),
@@ -143,70 +163,71 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The inputs at a share of the time after sample k.
-    fn inputs_at(&self, k: usize, share: f64, out: &mut [f64]) {
-        let disturbed = &self.disturbed[k * self.inputs.len()..(k + 1) * self.inputs.len()];
-        for ((value, input), disturbed) in out.iter_mut().zip(&self.inputs).zip(disturbed) {
+    fn place(&self, (coordinate, derivative): (usize, usize)) -> usize {
+        derivative * self.machine.model.dims().coordinates + coordinate
+    }
+
+    /// Takes a state and the inputs at a share of the time after sample k, and solves the rows for the highest derivatives.
+    fn at(
+        &self,
+        (k, share): (usize, f64),
+        state: &[f64],
+        disturbed: &[f64],
+        theta: &[f64],
+        now: &mut Instant,
+    ) -> Result<(), EvalError> {
+        for ((value, input), disturbed) in now.inputs.iter_mut().zip(&self.inputs).zip(disturbed) {
             *value = disturbed
                 + match self.hold {
                     Hold::Zoh => input[k],
                     Hold::None => between(input, k, share),
                 };
         }
-    }
-
-    fn place(&self, (coordinate, derivative): (usize, usize)) -> usize {
-        derivative * self.machine.model.dims().coordinates + coordinate
-    }
-
-    /// Writes a state into the motion and solves the rows for the highest derivatives.
-    fn solve(&self, state: &[f64], theta: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
         for (&of, &value) in self.states.iter().zip(state) {
-            scratch.motion[self.place(of)] = value;
+            now.motion[self.place(of)] = value;
         }
-        self.machine.model.forward_dynamics(
-            &mut scratch.motion,
-            theta,
-            self.constants,
-            &scratch.inputs,
-            &mut scratch.forward,
-        )
+        self.machine.model.forward_dynamics(&mut now.motion, theta, self.constants, &now.inputs, &mut now.forward)
     }
 
-    /// The state one sample later, into `to`.
+    /// What a trajectory adds to the inputs at sample k.
+    fn disturbed<'t>(&self, trajectory: &'t Trajectory, k: usize) -> &'t [f64] {
+        &trajectory.disturbed[k * self.inputs.len()..(k + 1) * self.inputs.len()]
+    }
+
+    /// The states of a trajectory at sample k.
+    fn state<'t>(&self, trajectory: &'t Trajectory, k: usize) -> &'t [f64] {
+        &trajectory.states[k * self.states.len()..(k + 1) * self.states.len()]
+    }
+
+    /// The state one sample after sample k of a trajectory, into `to`.
     fn advance(
         &self,
         k: usize,
-        from: &[f64],
+        trajectory: &Trajectory,
         theta: &[f64],
         steps: usize,
         scratch: &mut Scratch,
         to: &mut [f64],
     ) -> Result<(), EvalError> {
-        let n = self.states.len();
         let h = self.sample_time / steps as f64;
         let coordinates = self.machine.model.dims().coordinates;
-        to.copy_from_slice(from);
+        let disturbed = self.disturbed(trajectory, k);
+        let Scratch { now, rates, state, .. } = scratch;
+        to.copy_from_slice(self.state(trajectory, k));
         for step in 0..steps {
             for stage in 0..4 {
                 let reach = [0.0, 0.5, 0.5, 1.0][stage];
-                let mut inputs = core::mem::take(&mut scratch.inputs);
-                self.inputs_at(k, (step as f64 + reach) / steps as f64, &mut inputs);
-                scratch.inputs = inputs;
-                let mut state = core::mem::take(&mut scratch.state);
-                for i in 0..n {
-                    let before = if stage > 0 { scratch.rates[stage - 1][i] } else { 0.0 };
-                    state[i] = to[i] + reach * h * before;
+                for (i, value) in state.iter_mut().enumerate() {
+                    let before = if stage > 0 { rates[stage - 1][i] } else { 0.0 };
+                    *value = to[i] + reach * h * before;
                 }
-                let solved = self.solve(&state, theta, scratch);
-                scratch.state = state;
-                solved?;
-                for (i, &of) in self.states.iter().enumerate() {
-                    scratch.rates[stage][i] = scratch.motion[self.place(of) + coordinates];
+                self.at((k, (step as f64 + reach) / steps as f64), state, disturbed, theta, now)?;
+                for (rate, &of) in rates[stage].iter_mut().zip(&self.states) {
+                    *rate = now.motion[self.place(of) + coordinates];
                 }
             }
             for (i, value) in to.iter_mut().enumerate() {
-                let [a, b, c, d] = &scratch.rates;
+                let [a, b, c, d] = &*rates;
                 *value += h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]);
             }
         }
@@ -214,7 +235,7 @@ impl<'a> Problem<'a> {
     }
 
     /// How many steps from one sample to the next leave no error of the integration that matters.
-    pub(super) fn needed_steps(&self, states: &[f64], theta: &[f64]) -> Result<usize, EvalError> {
+    pub(super) fn needed_steps(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<usize, EvalError> {
         let n = self.states.len();
         let transitions = self.samples().saturating_sub(1);
         let stride = (transitions / TRIED).max(1);
@@ -224,9 +245,9 @@ impl<'a> Problem<'a> {
         while steps < MOST_STEPS {
             let (mut moved, mut wrong) = (vec![0.0; n], vec![0.0; n]);
             for k in (0..transitions).step_by(stride) {
-                let from = &states[k * n..(k + 1) * n];
-                self.advance(k, from, theta, steps, &mut scratch, &mut coarse)?;
-                self.advance(k, from, theta, 2 * steps, &mut scratch, &mut fine)?;
+                let from = self.state(trajectory, k);
+                self.advance(k, trajectory, theta, steps, &mut scratch, &mut coarse)?;
+                self.advance(k, trajectory, theta, 2 * steps, &mut scratch, &mut fine)?;
                 for i in 0..n {
                     moved[i] += (fine[i] - from[i]).abs();
                     wrong[i] += (fine[i] - coarse[i]).abs();
@@ -242,17 +263,16 @@ impl<'a> Problem<'a> {
         Ok(steps)
     }
 
-    /// Linearises the record about states, parameters and values of the columns.
+    /// Linearises the record about a trajectory, parameters and values of the columns.
     ///
     /// # Errors
     /// [`EvalError`] when the model cannot be evaluated.
     pub(super) fn linearise_at(
         &self,
-        states: &[f64],
+        trajectory: &Trajectory,
         theta: &[f64],
         columns: &[Column],
         values: &[f64],
-        scale: &[f64],
     ) -> Result<Chain, EvalError> {
         let dims = self.machine.model.dims();
         let (n, samples) = (self.states.len(), self.samples());
@@ -271,15 +291,16 @@ impl<'a> Problem<'a> {
             outputs: (0..dims.coordinates)
                 .map(|c| self.states.iter().position(|&of| of == (c, 0)).unwrap_or_default())
                 .collect(),
-            scale: scale.to_vec(),
+            scale: self.scale.clone(),
             breaks: self.breaks.clone(),
             transition: vec![0.0; transitions * n * n],
             forcing: vec![0.0; transitions * n * width],
             defect: vec![0.0; transitions * n],
             errors: vec![0.0; samples * dims.coordinates],
             reading_columns: Vec::new(),
-            loose: Vec::new(),
-            disturbed: self.disturbed.clone(),
+            loose: self.loose(trajectory, theta)?,
+            turns: self.turns(trajectory),
+            disturbed: trajectory.disturbed.clone(),
             nothing: vec![0.0; p],
         };
         let parts = (chain.transition.par_chunks_mut(n * n * TASK))
@@ -292,19 +313,20 @@ impl<'a> Problem<'a> {
             let parts = transition.chunks_exact_mut(n * n).zip(forcing.chunks_exact_mut(n * width));
             for (i, ((transition, forcing), defect)) in parts.zip(defect.chunks_exact_mut(n)).enumerate() {
                 let k = task * TASK + i;
-                let from = &states[k * n..(k + 1) * n];
-                self.advance(k, from, theta, self.steps, &mut scratch, &mut next)?;
+                let (from, to) = (self.state(trajectory, k), self.state(trajectory, k + 1));
+                self.advance(k, trajectory, theta, self.steps, &mut scratch, &mut next)?;
                 for (s, value) in defect.iter_mut().enumerate() {
-                    *value = next[s] - states[(k + 1) * n + s];
+                    *value = next[s] - to[s];
                     next[s] = 0.5 * (next[s] + from[s]);
                 }
-                self.differentiate(k, &next, theta, columns, &mut scratch, (transition, forcing))?;
+                let middle = (k, next.as_slice(), self.disturbed(trajectory, k));
+                self.differentiate(middle, theta, columns, &mut scratch, (transition, forcing))?;
             }
             Ok(())
         })?;
         for (k, errors) in chain.errors.chunks_exact_mut(dims.coordinates).enumerate() {
             for (c, error) in errors.iter_mut().enumerate() {
-                *error = self.coordinates[c][k] - states[k * n + chain.outputs[c]];
+                *error = self.coordinates[c][k] - trajectory.states[k * n + chain.outputs[c]];
             }
         }
         if columns.iter().any(|column| matches!(column.place, Place::Reading(_))) {
@@ -328,15 +350,14 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        chain.loose = self.loose(states, theta)?;
         Ok(chain)
     }
 
-    /// Derivatives of a transition at the state in its middle: those of `exp(J h)` and of its integral, to the fourth order.
+    /// Derivatives of the transition after sample k at the state in its middle: those of `exp(J h)` and of its integral, to the fourth
+    /// order.
     fn differentiate(
         &self,
-        k: usize,
-        middle: &[f64],
+        (k, middle, disturbed): (usize, &[f64], &[f64]),
         theta: &[f64],
         columns: &[Column],
         scratch: &mut Scratch,
@@ -348,29 +369,13 @@ impl<'a> Problem<'a> {
         let switches = derivatives.switches();
         let p = self.free.len() + columns.len();
         let width = p + dims.inputs + switches;
-        let mut inputs = core::mem::take(&mut scratch.inputs);
-        self.inputs_at(k, 0.5, &mut inputs);
-        scratch.inputs = inputs;
-        self.solve(middle, theta, scratch)?;
-        derivatives.rows(
-            &scratch.motion,
-            theta,
-            self.constants,
-            &scratch.inputs,
-            &mut scratch.rows,
-            &mut scratch.jacobian,
-        )?;
-        model.regressor(&scratch.motion, self.constants, &mut scratch.model, &mut scratch.phi)?;
-        model.input_map(&scratch.motion, self.constants, &mut scratch.model, &mut scratch.map)?;
+        self.at((k, 0.5), middle, disturbed, theta, &mut scratch.now)?;
+        let Instant { motion, inputs, .. } = &scratch.now;
+        derivatives.rows(motion, theta, self.constants, inputs, &mut scratch.rows, &mut scratch.jacobian)?;
+        model.regressor(motion, self.constants, &mut scratch.model, &mut scratch.phi)?;
+        model.input_map(motion, self.constants, &mut scratch.model, &mut scratch.map)?;
         if switches > 0 {
-            derivatives.switching(
-                &scratch.motion,
-                theta,
-                self.constants,
-                &scratch.inputs,
-                &mut scratch.rows,
-                &mut scratch.switching,
-            )?;
+            self.switching(theta, scratch)?;
         }
         // Right-hand sides of M x = -dr/d(state), -phi, ..., B, -jump: one row of `right` per column.
         let motion_len = dims.motion_len();
@@ -452,24 +457,60 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// Regressors and input maps along a motion, sample by sample.
-    pub(super) fn along(&self, states: &[f64], theta: &[f64]) -> Result<(Vec<f64>, Vec<f64>), EvalError> {
-        let (model, n) = (self.machine.model, self.states.len());
+    /// Arguments and jumps of all switches at the instant in `scratch`.
+    fn switching(&self, theta: &[f64], scratch: &mut Scratch) -> Result<(), EvalError> {
+        let Instant { motion, inputs, .. } = &scratch.now;
+        let derivatives = self.machine.derivatives;
+        derivatives.switching(motion, theta, self.constants, inputs, &mut scratch.rows, &mut scratch.switching)
+    }
+
+    /// Evaluates `width` numbers at every sample of a trajectory.
+    fn at_every_sample(
+        &self,
+        trajectory: &Trajectory,
+        theta: &[f64],
+        width: usize,
+        evaluate: impl Fn(&mut Scratch, &mut [f64]) -> Result<(), EvalError> + Sync,
+    ) -> Result<Vec<f64>, EvalError> {
+        let mut values = vec![0.0; self.samples() * width];
+        values.par_chunks_mut(width.max(1) * TASK).enumerate().try_for_each(|(task, values)| {
+            let mut scratch = self.scratch();
+            for (i, values) in values.chunks_exact_mut(width).enumerate() {
+                let k = task * TASK + i;
+                let (state, disturbed) = (self.state(trajectory, k), self.disturbed(trajectory, k));
+                self.at((k, 0.0), state, disturbed, theta, &mut scratch.now)?;
+                evaluate(&mut scratch, values)?;
+            }
+            Ok(())
+        })?;
+        Ok(values)
+    }
+
+    /// The regressor and, behind it, the input map along a trajectory, sample by sample.
+    pub(super) fn along(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<Vec<f64>, EvalError> {
+        let model = self.machine.model;
         let dims = model.dims();
-        let mut scratch = self.scratch();
-        let mut regressors = Vec::with_capacity(self.samples() * dims.regressor_len());
-        let mut maps = Vec::with_capacity(self.samples() * dims.input_map_len());
-        for k in 0..self.samples() {
-            let mut inputs = core::mem::take(&mut scratch.inputs);
-            self.inputs_at(k, 0.0, &mut inputs);
-            scratch.inputs = inputs;
-            self.solve(&states[k * n..(k + 1) * n], theta, &mut scratch)?;
-            model.regressor(&scratch.motion, self.constants, &mut scratch.model, &mut scratch.phi)?;
-            model.input_map(&scratch.motion, self.constants, &mut scratch.model, &mut scratch.map)?;
-            regressors.extend_from_slice(&scratch.phi);
-            maps.extend_from_slice(&scratch.map);
+        let width = dims.regressor_len() + dims.input_map_len();
+        self.at_every_sample(trajectory, theta, width, |scratch, values| {
+            let (regressor, map) = values.split_at_mut(dims.regressor_len());
+            model.regressor(&scratch.now.motion, self.constants, &mut scratch.model, regressor)?;
+            model.input_map(&scratch.now.motion, self.constants, &mut scratch.model, map)
+        })
+    }
+
+    /// Whether a coordinate turns in a transition, or moves slowly beside its root mean square velocity.
+    fn turns(&self, trajectory: &Trajectory) -> Vec<bool> {
+        let (n, samples) = (self.states.len(), self.samples());
+        let mut turns = vec![false; samples.saturating_sub(1)];
+        for s in (0..n).filter(|&s| self.states[s].1 == 1) {
+            let rate = |k: usize| trajectory.states[k * n + s];
+            let power = (0..samples).map(|k| rate(k) * rate(k)).sum::<f64>() / samples.max(1) as f64;
+            let band = TURNING * power.sqrt();
+            for (k, turn) in turns.iter_mut().enumerate() {
+                *turn |= slow(rate(k), rate(k + 1), band);
+            }
         }
-        Ok((regressors, maps))
+        turns
     }
 
     /// How loose every switch's force is in every transition, as a multiple of half its jump.
@@ -477,41 +518,24 @@ impl<'a> Problem<'a> {
     /// While a machine is at rest for L samples its friction is unknown but the same for all of them; independent forces have its impulse
     /// when their variance is L times as large. What is assumed there is wrong in the same way at every stop, so that the forces are
     /// given [`FREE`] times that size.
-    fn loose(&self, states: &[f64], theta: &[f64]) -> Result<Vec<f64>, EvalError> {
-        let derivatives = self.machine.derivatives;
-        let (switches, rows) = (derivatives.switches(), self.machine.model.dims().rows);
+    fn loose(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<Vec<f64>, EvalError> {
+        let (switches, rows) = (self.machine.derivatives.switches(), self.machine.model.dims().rows);
         if switches == 0 {
             return Ok(Vec::new());
         }
-        let (n, samples) = (self.states.len(), self.samples());
-        let mut scratch = self.scratch();
-        let mut arguments = vec![0.0; samples * switches];
-        for k in 0..samples {
-            let mut inputs = core::mem::take(&mut scratch.inputs);
-            self.inputs_at(k, 0.0, &mut inputs);
-            scratch.inputs = inputs;
-            self.solve(&states[k * n..(k + 1) * n], theta, &mut scratch)?;
-            derivatives.switching(
-                &scratch.motion,
-                theta,
-                self.constants,
-                &scratch.inputs,
-                &mut scratch.rows,
-                &mut scratch.switching,
-            )?;
-            for s in 0..switches {
-                arguments[k * switches + s] = scratch.switching[s * (1 + rows)];
-            }
-        }
+        let samples = self.samples();
+        let arguments = self.at_every_sample(trajectory, theta, switches, |scratch, values| {
+            self.switching(theta, scratch)?;
+            let arguments = scratch.switching.iter().step_by(1 + rows);
+            values.iter_mut().zip(arguments).for_each(|(value, argument)| *value = *argument);
+            Ok(())
+        })?;
         let mut loose = vec![0.0; samples.saturating_sub(1) * switches];
         for s in 0..switches {
             let of = |k: usize| arguments[k * switches + s];
             let power = (0..samples).map(|k| of(k) * of(k)).sum::<f64>() / samples.max(1) as f64;
             let band = AT_REST * power.sqrt();
-            let unsure = |k: usize| {
-                let (a, b) = (of(k), of(k + 1));
-                a.abs() < band || b.abs() < band || (a > 0.0) != (b > 0.0)
-            };
+            let unsure = |k: usize| slow(of(k), of(k + 1), band);
             // While it is at rest a machine's velocity is noise, which may stand above the band for some samples.
             let mut free: Vec<bool> = (0..samples.saturating_sub(1)).map(unsure).collect();
             let mut last: Option<usize> = None;
@@ -538,6 +562,11 @@ impl<'a> Problem<'a> {
         }
         Ok(loose)
     }
+}
+
+/// Whether a signal is within a band or crosses zero between two samples.
+fn slow(before: f64, after: f64, band: f64) -> bool {
+    before.abs() < band || after.abs() < band || (before > 0.0) != (after > 0.0)
 }
 
 /// A signal at a share of the time after sample k: the polynomial through six samples around.

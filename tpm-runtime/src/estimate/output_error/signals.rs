@@ -1,7 +1,7 @@
 //! The signals of a record, the motion from which a fit begins, and the noise that the sensors are taken to have.
 
 use crate::estimate::output_error::local;
-use crate::estimate::output_error::smoother::Noise;
+use crate::estimate::output_error::noise::Noise;
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
@@ -168,7 +168,7 @@ impl Signals<'_> {
                 readings.iter_mut().skip(c).step_by(outputs).for_each(|slot| *slot = sigma);
             }
         }
-        Noise { readings, colour: vec![0.0; outputs], inputs: vec![0.0; self.inputs.len()] }
+        Noise { readings, colour: vec![0.0; outputs], inputs: vec![0.0; self.inputs.len()], only_at_turns: false }
     }
 
     /// Standard deviation of every sensor's noise, given that of the readings and the variance of the innovations in its units.

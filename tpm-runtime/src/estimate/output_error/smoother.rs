@@ -15,6 +15,7 @@
 //! Sensor noise of a colour is a state of its own, `n_{k+1} = phi n_k + e_k`.
 
 use crate::estimate::output_error::chain::Chain;
+use crate::estimate::output_error::noise::Noise;
 use crate::estimate::output_error::reflect::triangularise;
 use std::vec;
 use std::vec::Vec;
@@ -23,17 +24,6 @@ use std::vec::Vec;
 const GATHERED: usize = 48;
 /// Standard deviation of what is exact, beside that of a reading.
 const EXACT: f64 = 1e-8;
-
-/// The size of what is not known in a record.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Noise {
-    /// Standard deviation of every reading, sample by sample and coordinate by coordinate; infinite where there is none.
-    pub(super) readings: Vec<f64>,
-    /// Correlation of a sensor's noise from one sample to the next, per coordinate; zero for white noise.
-    pub(super) colour: Vec<f64>,
-    /// Standard deviation of every input.
-    pub(super) inputs: Vec<f64>,
-}
 
 /// What the record says of the parameters, and of the states.
 #[derive(Clone, Debug)]
@@ -56,10 +46,10 @@ pub(super) struct Smoothed {
 }
 
 impl Smoothed {
-    /// Passes over a linearised record; `keep` keeps what the states need.
-    pub(super) fn new(chain: &Chain, noise: &Noise, keep: bool) -> Self {
+    /// Passes over a linearised record with its first `p` columns; `keep` keeps what the states need.
+    pub(super) fn new(chain: &Chain, noise: &Noise, p: usize, keep: bool) -> Self {
         let coloured = noise.colour.iter().any(|colour| colour.abs() > 0.0);
-        let (n, outputs, p) = (chain.order, chain.outputs.len(), chain.columns);
+        let (n, outputs) = (chain.order, chain.outputs.len());
         let order = if coloured { n + outputs } else { n };
         let mut this = Smoothed {
             root: Vec::new(),
@@ -81,7 +71,7 @@ impl Smoothed {
         for k in 0..chain.samples {
             if k > 0 && !chain.breaks[k - 1] {
                 disturbed.clear();
-                disturbed.extend(chain.disturbances(k - 1, &noise.inputs));
+                disturbed.extend(chain.disturbances(k - 1, noise));
                 let own = if coloured { outputs } else { 0 };
                 let extra = disturbed.len() + own;
                 let full = extra + 2 * order + p + 1;
@@ -170,7 +160,7 @@ impl Smoothed {
                 if coloured {
                     row[n + c] = 1.0 / sigma;
                 }
-                for (j, value) in chain.readings(k, c).iter().enumerate() {
+                for (j, value) in chain.readings(k, c)[..p].iter().enumerate() {
                     row[order + j] = value / sigma;
                 }
                 row[width - 1] = chain.error(k, c) / sigma;
@@ -212,8 +202,21 @@ impl Smoothed {
 
     /// Variance of the innovations, in units of what was stated.
     pub(super) fn scale(&self) -> f64 {
-        let left = self.root.last().map_or(0.0, |z| z * z);
-        left / self.places.len().max(1) as f64
+        self.least_squares() / self.places.len().max(1) as f64
+    }
+
+    /// Twice the negative logarithm of the likelihood, but for a constant, where `left` squares are left and the variance of the noise,
+    /// in units of what was stated, is what these say but no less than `least`.
+    pub(super) fn cost(&self, left: f64, least: f64) -> f64 {
+        let readings = self.places.len().max(1) as f64;
+        let scale = (left / readings).max(least).max(f64::MIN_POSITIVE);
+        let cost = readings * scale.ln() + left / scale + self.determinant;
+        if cost.is_finite() { cost } else { f64::INFINITY }
+    }
+
+    /// The squares that all columns leave.
+    pub(super) fn least_squares(&self) -> f64 {
+        self.root.last().map_or(0.0, |left| left * left)
     }
 
     /// Number of columns and one for the right-hand side.
@@ -221,32 +224,15 @@ impl Smoothed {
         self.width
     }
 
-    /// The innovations that are left with a step of the first `p` columns, and with chosen candidates, by their number among the
-    /// other columns, at their values.
-    pub(super) fn remaining(&self, p: usize, step: &[f64], chosen: &[(usize, f64)]) -> Vec<f64> {
-        // With the candidates the parameters move too; the innovations are those of both together.
-        let mut columns = vec![0.0; self.width - 1];
-        columns[..p].copy_from_slice(step);
-        for &(j, value) in chosen {
-            columns[p + j] = value;
-        }
-        let mut felt = vec![0.0; p];
-        for (r, felt) in felt.iter_mut().enumerate() {
-            *felt = (p..self.width - 1).map(|c| self.root[r * self.width + c] * columns[c]).sum();
-        }
-        for r in (0..p).rev() {
-            let mut moved = felt[r];
-            for (c, felt) in felt.iter().enumerate().skip(r + 1) {
-                moved -= self.root[r * self.width + c] * felt;
-            }
-            felt[r] =
-                if self.root[r * self.width + r].abs() > 0.0 { moved / self.root[r * self.width + r] } else { 0.0 };
-        }
-        for (column, moved) in columns.iter_mut().zip(&felt) {
-            *column -= moved;
-        }
+    /// Entry of the triangle of information; the right-hand side is its last column.
+    pub(super) fn entry(&self, row: usize, column: usize) -> f64 {
+        if column >= row { self.root[row * self.width + column] } else { 0.0 }
+    }
+
+    /// The innovations that values of the columns leave.
+    pub(super) fn remaining(&self, values: &[f64]) -> Vec<f64> {
         let left = |row: &[f64]| {
-            row[self.width - 1] - row.iter().zip(&columns).map(|(factor, value)| factor * value).sum::<f64>()
+            row[self.width - 1] - row.iter().zip(values).map(|(factor, value)| factor * value).sum::<f64>()
         };
         self.innovations.chunks_exact(self.width).map(left).collect()
     }
@@ -287,7 +273,7 @@ impl Smoothed {
                 now[i] = if row[i].abs() > 0.0 { value / row[i] } else { 0.0 };
             }
             if extra > 0 {
-                for (w, (column, size)) in chain.disturbances(k, &noise.inputs).enumerate() {
+                for (w, (column, size)) in chain.disturbances(k, noise).enumerate() {
                     if column < chain.columns + chain.inputs {
                         inputs[k * chain.inputs + column - chain.columns] = now[w] * size;
                     }
@@ -297,19 +283,5 @@ impl Smoothed {
             next.copy_from_slice(&now[extra..]);
         }
         states.iter().chain(&inputs).all(|value| value.is_finite()).then_some((states, inputs))
-    }
-}
-
-impl Noise {
-    /// Whether nothing but white noise of the sensors is there.
-    pub(super) fn is_plain(&self) -> bool {
-        self.inputs.iter().chain(&self.colour).all(|value| value.abs() <= 0.0)
-    }
-
-    /// Standard deviation of a sensor over the record: the root of the mean variance of its readings.
-    pub(super) fn typical(&self, coordinate: usize, outputs: usize) -> f64 {
-        let of = self.readings.iter().skip(coordinate).step_by(outputs.max(1)).filter(|sigma| sigma.is_finite());
-        let (sum, count) = of.fold((0.0, 0_u32), |(sum, count), sigma| (sum + sigma * sigma, count + 1));
-        (sum / f64::from(count.max(1))).sqrt()
     }
 }

@@ -1,10 +1,11 @@
-//! Gauss-Newton steps over states, parameters and the terms that are part of the model.
+//! Gauss-Newton steps over motion, parameters and the terms that are part of the model.
 
+use crate::estimate::output_error::candidates::{Along, Term};
 use crate::estimate::output_error::error::OutputErrorFault;
-use crate::estimate::output_error::misfit::{Along, CandidateKind};
-use crate::estimate::output_error::problem::{Column, Problem};
+use crate::estimate::output_error::noise::Noise;
+use crate::estimate::output_error::problem::{Column, Problem, Trajectory};
 use crate::estimate::output_error::signals::Signals;
-use crate::estimate::output_error::smoother::{Noise, Smoothed};
+use crate::estimate::output_error::smoother::Smoothed;
 use crate::estimate::output_error::solution::Solution;
 use crate::estimate::output_error::tuning::tune;
 use std::vec::Vec;
@@ -23,8 +24,7 @@ const NOISY: f64 = 10.0;
 /// A candidate term that is part of the model.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Active {
-    pub(super) term: CandidateKind,
-    pub(super) row: Option<usize>,
+    pub(super) term: Term,
     pub(super) value: f64,
     pub(super) std: f64,
 }
@@ -32,7 +32,7 @@ pub(super) struct Active {
 /// What Gauss-Newton steps change.
 #[derive(Clone)]
 pub(super) struct State {
-    pub(super) motion: Vec<f64>,
+    pub(super) trajectory: Trajectory,
     pub(super) theta: Vec<f64>,
     pub(super) terms: Vec<Active>,
     pub(super) noise: Noise,
@@ -44,62 +44,57 @@ impl State {
     /// Makes Gauss-Newton steps until they are small; with `tuned`, the noise is found on the way. Returns how many.
     pub(super) fn settle(
         &mut self,
-        problem: &mut Problem<'_>,
+        problem: &Problem<'_>,
         signals: &Signals<'_>,
-        scale: &[f64],
-        hidden: &[Vec<f64>],
         tuned: bool,
     ) -> Result<usize, OutputErrorFault> {
-        let free = problem.free.clone();
         for iteration in 0..MOST_STEPS {
             let columns = self.columns(problem, signals)?;
             let own = self.own.iter().map(|(_, value)| *value);
             let values: Vec<f64> = own.chain(self.terms.iter().map(|active| active.value)).collect();
-            let mut chain = problem.linearise_at(&self.motion, &self.theta, &columns, &values, scale)?;
+            let mut chain = problem.linearise_at(&self.trajectory, &self.theta, &columns, &values)?;
             // The noise is told from the motion once the motion obeys the model, and again where there is more than white noise of
             // the sensors.
             if tuned && (iteration == 1 || iteration == 3 && !self.noise.is_plain()) {
                 self.noise = tune(&chain, &self.noise, signals);
                 if self.noise.inputs.iter().all(|sigma| *sigma <= 0.0) {
-                    problem.disturbed.fill(0.0);
+                    self.trajectory.disturbed.fill(0.0);
                     chain = chain.undisturbed();
                 }
             }
-            let mut smoothed = Smoothed::new(&chain, &self.noise, true);
+            let mut smoothed = Smoothed::new(&chain, &self.noise, chain.columns, true);
             if tuned && iteration == 0 && smoothed.scale() > NOISY {
                 self.noise = tune(&chain, &self.noise, signals);
-                smoothed = Smoothed::new(&chain, &self.noise, true);
+                smoothed = Smoothed::new(&chain, &self.noise, chain.columns, true);
             }
-            let solution = Solution::of_columns(&smoothed, chain.columns, hidden)?;
+            let solution = Solution::of_columns(&smoothed, chain.columns, &problem.hidden)?;
             let (states, inputs) =
                 smoothed.corrections(&chain, &self.noise, &solution.step).ok_or(OutputErrorFault::Singular)?;
             // Signs that turn a sample earlier or later make whole steps go to and fro.
             let turning = iteration >= PATIENT && problem.machine.derivatives.switches() > 0;
             let whole = if turning { 0.5 } else { 1.0 };
             let mut share: f64 = whole;
-            for (at, &j) in free.iter().enumerate() {
+            for (at, &j) in problem.free.iter().enumerate() {
                 // A parameter moves by half of itself at most in one step, unless it is nothing.
                 let size = (0.5 * self.theta[j].abs()).max(3.0 * solution.deviation(at));
                 share = share.min(size / solution.step[at].abs().max(f64::MIN_POSITIVE));
             }
-            for (at, &j) in free.iter().enumerate() {
-                self.theta[j] += share * solution.step[at];
+            let move_by = |values: &mut [f64], steps: &[f64]| {
+                values.iter_mut().zip(steps).for_each(|(value, step)| *value += share * step);
+            };
+            move_by(&mut self.trajectory.states, &states);
+            move_by(&mut self.trajectory.disturbed, &inputs);
+            let mut steps = solution.step.iter().map(|step| share * step);
+            for (&j, step) in problem.free.iter().zip(&mut steps) {
+                self.theta[j] += step;
             }
-            for (value, correction) in self.motion.iter_mut().zip(&states) {
-                *value += share * correction;
+            for ((_, value), step) in self.own.iter_mut().zip(&mut steps) {
+                *value += step;
             }
-            for (value, correction) in problem.disturbed.iter_mut().zip(&inputs) {
-                *value += share * correction;
-            }
-            let mut at = free.len();
-            for (_, value) in &mut self.own {
-                *value += share * solution.step[at];
-                at += 1;
-            }
-            for active in &mut self.terms {
-                active.value += share * solution.step[at];
-                active.std = solution.deviation(at);
-                at += 1;
+            let first = problem.free.len() + self.own.len();
+            for ((at, active), step) in self.terms.iter_mut().enumerate().zip(&mut steps) {
+                active.value += step;
+                active.std = solution.deviation(first + at);
             }
             let small = if turning { SETTLED } else { CONVERGED };
             let still = (0..chain.columns).all(|at| solution.step[at].abs() <= small * solution.deviation(at));
@@ -116,8 +111,8 @@ impl State {
         if self.terms.is_empty() {
             return Ok(columns);
         }
-        let along = Along::new(problem, signals, &self.motion, &self.theta)?;
-        columns.extend(self.terms.iter().map(|active| along.column(active.term, active.row)));
+        let along = Along::new(problem, signals, &self.trajectory, &self.theta)?;
+        columns.extend(self.terms.iter().map(|active| along.column(active.term)));
         Ok(columns)
     }
 }
