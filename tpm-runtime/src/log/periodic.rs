@@ -3,6 +3,7 @@
 //! Invariant: the part `[from, from + periods * samples_per_period)` repeats: every block of it differs from the last
 //! period by no more than the last two periods differ from each other. Period and start are found from the signals alone.
 
+use crate::numerics::differences::{WHITE_NOISE_SPREAD, white_noise};
 use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
@@ -26,9 +27,6 @@ const TOLERANCE: f64 = 3.0;
 const REFINED: usize = 64;
 /// Standard deviations by which chance may raise the difference between two periods of pure noise.
 const CHANCE: f64 = 4.0;
-/// Variance of third differences of white noise of variance one, and of the mean of their squares times the number of samples as a
-/// share of its square: from the coefficients 1, -3, 3, -1.
-const THIRD_DIFFERENCES: (f64, f64) = (20.0, 4.62);
 /// Largest deviation of a period from a whole number of samples, summed over the record, at which the period is rounded;
 /// samples.
 const WHOLE: f64 = 0.02;
@@ -55,7 +53,7 @@ pub struct Mismatch {
     /// Root mean square as a share of the motion; one for two stretches that have nothing in common.
     pub share: f64,
     /// Standard deviation of the samples' white noise as a share of what was recorded, where this noise explains the difference in
-    /// every coordinate; nothing where the periods differ by more.
+    /// every coordinate; nothing where the periods differ by more, or hardly differ.
     pub noise: Option<f64>,
 }
 
@@ -65,21 +63,21 @@ impl Mismatch {
         let last = length.round() as usize;
         // A fractional period needs one sample more on the far side than rounding may leave.
         let reach = (length.ceil() as usize + last).min(end);
-        let (mut share, mut noise): (f64, Option<f64>) = (0.0, Some(0.0));
-        for c in motion {
-            let signal = &c[..end];
+        let moving = motion.iter().map(|c| &c[..end]).filter_map(|signal| {
             let scale = variance(&signal[end - reach..]);
-            if scale <= 0.0 {
-                continue;
-            }
             let difference = |i: usize| signal[i] - value_at(signal, i as f64 - length);
-            let own = (end - last..end).map(|i| difference(i).powi(2)).sum::<f64>() / last as f64 / (2.0 * scale);
-            let white = white_noise(signal);
-            let chance = 1.0 + CHANCE * (2.0 / last as f64 + THIRD_DIFFERENCES.1 / end as f64).sqrt();
+            let square = (end - last..end).map(|i| difference(i).powi(2)).sum::<f64>() / last as f64;
+            (scale > 0.0).then_some((signal, scale, square / (2.0 * scale)))
+        });
+        let moving: Vec<(&[f64], f64, f64)> = moving.collect();
+        let share = moving.iter().map(|(.., own)| own.sqrt()).fold(0.0, f64::max);
+        let mut noise = (share > NOT_PERIODIC).then_some(0.0_f64);
+        for &(signal, scale, own) in &moving {
+            let Some(most) = noise else { break };
+            let white = white_noise(signal).powi(2);
+            let chance = 1.0 + CHANCE * (2.0 / last as f64 + WHITE_NOISE_SPREAD / end as f64).sqrt();
             let explained = own <= NOT_PERIODIC.powi(2) + chance * white / scale;
-            let part = (white / variance(signal)).sqrt().min(1.0);
-            share = share.max(own.sqrt());
-            noise = noise.filter(|_| explained).map(|most| most.max(part));
+            noise = explained.then(|| most.max((white / variance(signal)).sqrt().min(1.0)));
         }
         Mismatch { share, noise }
     }
@@ -346,14 +344,6 @@ fn value_at(signal: &[f64], position: f64) -> f64 {
     -a * (u - 1.0) * (u - 2.0) * (u - 3.0) / 6.0 + b * u * (u - 2.0) * (u - 3.0) / 2.0
         - c * u * (u - 1.0) * (u - 3.0) / 2.0
         + d * u * (u - 1.0) * (u - 2.0) / 6.0
-}
-
-/// Variance of the white noise of a signal's samples, from third differences, in which motion much slower than the samples leaves
-/// next to nothing.
-fn white_noise(signal: &[f64]) -> f64 {
-    let third = |w: &[f64]| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).powi(2);
-    let count = signal.len().saturating_sub(3).max(1) as f64;
-    signal.windows(4).map(third).sum::<f64>() / count / THIRD_DIFFERENCES.0
 }
 
 fn variance(signal: &[f64]) -> f64 {
