@@ -203,7 +203,7 @@ pub enum LogError {
         from: u64,
         /// Last data line of the searched part.
         to: u64,
-        /// Best period, s; chance where noise explains the mismatch.
+        /// Best period, s; it means nothing where noise explains the mismatch.
         period: f64,
         /// Difference of successive periods.
         mismatch: Mismatch,

@@ -90,7 +90,7 @@ pub enum PeriodicFault {
     None,
     /// The best lag leaves too large a difference between successive periods.
     Mismatch {
-        /// The best period, samples; chance where noise explains the mismatch.
+        /// The best period, samples; it means nothing where noise explains the mismatch.
         period: f64,
         /// Its mismatch.
         mismatch: Mismatch,
