@@ -50,7 +50,8 @@ pub struct IdentifiedParameter {
 impl IdentifiedParameter {
     /// What was stated of a parameter that the data do not show. Results that do not tell stated priors from missing ones
     /// write zero for a missing one, so that their zeros count for nothing.
-    fn stated(&self) -> Option<f64> {
+    #[must_use]
+    pub fn stated(&self) -> Option<f64> {
         self.with_prior.or(self.prior.filter(|prior| *prior != 0.0))
     }
 }

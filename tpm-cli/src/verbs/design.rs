@@ -5,7 +5,7 @@ use crate::input::experiment::SimulatedArgs;
 use crate::output::file;
 use std::path::PathBuf;
 use tpm_runtime::model::Model as _;
-use tpm_runtime::report::{Align, TextTable, number};
+use tpm_runtime::report::{Align, TextTable, number, or_dash};
 use tpm_runtime::session::SessionError;
 use tpm_runtime::study::{Candidate, Design, design};
 
@@ -70,8 +70,8 @@ fn describe(found: &Design, best: usize) -> String {
         row.push(candidate.rank.to_string());
         row.push(number(candidate.condition));
         row.push(number(candidate.determinant));
-        row.push(candidate.effort_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)));
-        row.extend(candidate.parameters.iter().map(|p| p.std.map_or_else(|| "-".to_owned(), number)));
+        row.push(or_dash(candidate.effort_share, |share| format!("{:.1} %", 100.0 * share)));
+        row.extend(candidate.parameters.iter().map(|p| or_dash(p.std, number)));
         table.row(&row);
     }
     let mut text = table.finish();

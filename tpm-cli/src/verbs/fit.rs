@@ -13,7 +13,7 @@ use tpm_runtime::frequency::{
     Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root,
     StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
 };
-use tpm_runtime::report::{Align, TextTable, beside, cells, number, plus_minus};
+use tpm_runtime::report::{Align, TextTable, beside, cells, number, or_dash, plus_minus};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::linear::linearize::{OperatingPoint, linearize};
 use tpm_symbolic::mechanics::model::ExactModel;
@@ -210,7 +210,7 @@ fn compared(found: &OrderComparison) -> String {
         ("", Align::Left),
     ]);
     for (at, trial) in found.trials.iter().enumerate() {
-        let or_none = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |v| format!("{v:.3}"));
+        let or_none = |value: Option<f64>| or_dash(value, |v| format!("{v:.3}"));
         let remark = match &trial.fit {
             _ if found.recommended == Some(at) => "recommended".to_owned(),
             Err(fault) => fault.to_string(),

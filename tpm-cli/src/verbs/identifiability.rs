@@ -6,7 +6,7 @@ use crate::output::file;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_runtime::report::{Align, TextTable};
+use tpm_runtime::report::{Align, TextTable, or_dash};
 use tpm_runtime::study::{PlayedPattern, numerical_identifiability};
 use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::identifiability::{Experiment, PhysicalIdentifiability, identifiability};
@@ -222,7 +222,7 @@ fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Stri
         table.row(&[
             parameter.name.clone(),
             if parameter.observable { "yes" } else { "no" }.to_owned(),
-            parameter.harmonics_up_to.map_or_else(|| "-".to_owned(), |harmonic| harmonic.to_string()),
+            or_dash(parameter.harmonics_up_to, |harmonic| harmonic.to_string()),
             harmonics.iter().map(usize::to_string).collect::<Vec<_>>().join(" "),
         ]);
     }

@@ -6,7 +6,7 @@ use crate::input::experiment::SimulatedArgs;
 use crate::interrupt;
 use crate::output::{file, progress};
 use std::path::PathBuf;
-use tpm_runtime::report::{Align, TextTable, beside, cells, digits, number};
+use tpm_runtime::report::{Align, TextTable, beside, cells, digits, number, or_dash};
 use tpm_runtime::session::SessionError;
 use tpm_runtime::study::{LIMITS, Study, Updates, study_session, updates};
 
@@ -117,13 +117,13 @@ fn describe(study: &Study) -> String {
         ("95 % interval", Align::Right),
         ("of", Align::Right),
     ]);
-    let spread = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| digits(value, SPREAD_DIGITS));
+    let spread = |value: Option<f64>| or_dash(value, |value| digits(value, SPREAD_DIGITS));
     for parameter in &study.parameters {
         let [mean, _] = cells(parameter.mean, parameter.bias_std);
         let [bias, bias_std] = cells(parameter.bias, parameter.bias_std);
         table.row(&[
             parameter.name.clone(),
-            parameter.unit.clone().unwrap_or_else(|| "-".to_owned()),
+            parameter.unit.as_deref().unwrap_or("-").to_owned(),
             beside(parameter.truth, parameter.mean, parameter.bias_std),
             mean,
             bias,
@@ -131,7 +131,7 @@ fn describe(study: &Study) -> String {
             spread(parameter.spread),
             spread(parameter.stated),
             spread(parameter.bound),
-            parameter.coverage.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)),
+            or_dash(parameter.coverage, |share| format!("{:.1} %", 100.0 * share)),
             parameter.values.to_string(),
         ]);
     }

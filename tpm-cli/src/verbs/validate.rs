@@ -62,7 +62,7 @@ fn describe(result: &Validation) -> String {
     for row in &result.rows {
         table.row(&[
             row.name.clone(),
-            row.unit.clone().unwrap_or_else(|| "-".to_owned()),
+            row.unit.as_deref().unwrap_or("-").to_owned(),
             number(row.force),
             number(row.missed),
             format!("{:.2} %", 100.0 * row.share),

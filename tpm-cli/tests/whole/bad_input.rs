@@ -149,6 +149,16 @@ fn faulty_logs_are_refused() {
         ("no sample", text(&log()[..1]), &["log.csv:1:", "0 samples"]),
         ("empty", Vec::new(), &["log.csv:1:", "no column `t_s`"]),
         ("one period", text(&log()[..260]), &["log.csv:2-260:", "not periodic", "two whole periods"]),
+        (
+            "one period to the sample",
+            text(&log()[..201]),
+            &["not periodic", "no stretch of it occurs twice", "--period"],
+        ),
+        (
+            "only noise",
+            column(1, &|i| noise[i].to_string()),
+            &["is noise of single samples", "move further", "--period"],
+        ),
         ("not periodic", column(1, &|i| noise[i].to_string()), &["not periodic", "--period"]),
         ("constant position", column(1, &|_| "1".to_owned()), &["log.csv:2-4001:", "`x` is 1 throughout", "--map"]),
         ("constant force", column(2, &|_| "3".to_owned()), &["log.csv:2-4001:", "`u` is 3 throughout", "--map"]),

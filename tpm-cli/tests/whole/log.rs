@@ -30,3 +30,62 @@ fn what_one_harmonic_shows_of_two_parameters_is_reported() {
         assert_eq!((&combination["terms"]["m"], &combination["unit"]), (&"1".into(), &"kg".into()), "{found}");
     }
 }
+
+/// A log of the slider of Feng, Eqn 3.24 over twenty periods of two seconds; `read` makes readings of positions.
+fn slider(read: impl Fn(usize, f64) -> f64) -> String {
+    let mut log = "t_s,x,u\n".to_owned();
+    for i in 0..4000 {
+        let (t, w) = (0.01 * i as f64, 0.5 * TAU);
+        let x = 0.3 * ((w * t).cos() - (3.0 * w * t).cos() / 9.0);
+        let v = 0.3 * w * ((3.0 * w * t).sin() / 3.0 - (w * t).sin());
+        let a = 0.3 * w * w * ((3.0 * w * t).cos() - (w * t).cos());
+        log.push_str(&format!("{t},{},{}\n", read(i, x), 2.0 * a + 40.0 * x + 1.5 * v * v));
+    }
+    log
+}
+
+/// What the command finds in a log, as JSON, at this exit code.
+fn found(log: &str, options: &[&str], code: i32) -> serde_json::Value {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("log.csv"), log).expect("writable");
+    let model = root().join("models/mass_spring_drag.tpm");
+    let arguments = ["identify", model.to_str().expect("plain"), "--log", "log.csv", "--json", "--hold", "none"];
+    serde_json::from_str(&printed_in(folder.path(), &[&arguments[..], options].concat(), code)).expect("JSON")
+}
+
+#[test]
+fn nothing_is_identified_where_the_exit_code_says_that_there_is_no_result() {
+    // An encoder whose steps are as large as the motion's amplitude reads two counts.
+    for step in [0.2, 0.3, 0.45] {
+        let found = found(&slider(|_, x| (x / step).round() * step), &[], 1);
+        assert!(found["residual"].as_f64().is_some_and(|residual| residual > 0.5), "{found}");
+        let statuses: Vec<&str> = (found["parameters"].as_array().expect("a list").iter())
+            .map(|parameter| parameter["status"].as_str().expect("a text"))
+            .collect();
+        assert!(statuses.iter().all(|status| ["untrusted", "poorly_determined"].contains(status)), "{found}");
+        assert!(step == 0.45 || statuses.contains(&"untrusted"), "{statuses:?}");
+    }
+}
+
+#[test]
+fn a_stated_period_is_believed_where_noise_hides_it() {
+    // Sums of uniform numbers (xorshift), nearly normal, of deviation one.
+    let mut state = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut uniform = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+    };
+    let noise: Vec<f64> = (0..4000).map(|_| (0..12).map(|_| uniform()).sum()).collect();
+    // A sixth of the motion: too much for two periods to look alike, and little for the mean of twenty.
+    let visible = found(&slider(|i, x| x + 0.035 * noise[i]), &["--period", "2"], 0);
+    for (parameter, truth) in visible["parameters"].as_array().expect("a list").iter().zip([2.0, 40.0, 1.5]) {
+        let [value, std] = ["value", "std"].map(|field| parameter[field].as_f64().expect("a number"));
+        assert!((value - truth).abs() < 3.0 * std && std < 0.1 * truth, "{parameter}");
+    }
+    // Ten times the motion.
+    let drowned = found(&slider(|i, x| x + 2.4 * noise[i]), &["--period", "2"], 1);
+    let parameters = drowned["parameters"].as_array().expect("a list");
+    assert!(parameters.iter().all(|parameter| parameter["status"] != "identified"), "{drowned}");
+}

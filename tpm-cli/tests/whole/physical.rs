@@ -102,6 +102,7 @@ fn a_fit_that_no_machine_has_and_one_that_explains_nothing_are_no_success() {
     let (code, text, error) = identify(&path);
     assert_eq!(code, Some(1), "{text}{error}");
     assert!(text.contains("warning: m = -2") && error.contains("is negative"), "{text}{error}");
+    assert!(text.lines().any(|line| line.starts_with("m ") && line.ends_with("untrusted")), "{text}");
     // Friction that the model lacks, stronger than every force that the model has.
     let path = slider(folder.path(), |x, rate, acceleration| 2.0 * acceleration + 40.0 * x + 60.0 * rate);
     let (code, text, error) = identify(&path);

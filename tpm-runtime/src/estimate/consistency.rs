@@ -6,9 +6,9 @@
 //! residuals that a run has beyond its parameters, often a dozen. The ratio follows F.
 //!
 //! Invariant: all runs are judged anew whenever one comes in, by one rule. A set of runs is consistent when each of its runs agrees
-//! with the pool of the others. Sets begin with one run each and take in, in their order, the runs with which they stay consistent;
-//! the largest of them is the pool of the campaign, of sets of one size that with the earlier beginning. A run that came first is
-//! therefore left out once more runs agree without it.
+//! with the pool of the others. A set begins with one run and takes in, in their order, all runs with which it stays consistent. The
+//! largest set is the pool of the campaign; among sets of equal size the one that begins with the earliest run. A run that came first
+//! is therefore left out once more runs agree without it.
 
 use crate::estimate::result::Estimate;
 use crate::numerics::chance::deviation_by_residuals;
@@ -44,7 +44,7 @@ pub(super) struct Consistency {
 }
 
 impl Consistency {
-    /// Whether every run is pooled, by run.
+    /// For every run, whether it is pooled.
     pub(super) fn members(&self) -> &[bool] {
         &self.members
     }
@@ -54,7 +54,8 @@ impl Consistency {
         &self.left_out
     }
 
-    /// Takes in what a further run says alone, from so many residuals beyond its parameters, and judges all runs anew.
+    /// Adds the estimate that a further run gives alone and judges all runs anew. `residuals` is the number of residuals that this run
+    /// has beyond its parameters.
     pub(super) fn push(&mut self, own: Estimate, residuals: usize) {
         self.own.push((own, residuals));
         self.judge();
@@ -141,8 +142,7 @@ fn statements(own: &[(Estimate, usize)]) -> Vec<Statement> {
         let untold = (0..p).filter(|&j| !told[j]).map(|j| DVector::from_fn(p, |i, _| if i == j { 1.0 } else { 0.0 }));
         let directions = estimate.unobservable.iter().map(|d| DVector::from_fn(p, |j, _| d[j] / scale[j]));
         let hidden: Vec<DVector<f64>> = untold.chain(directions).filter(|direction| direction.norm() > 0.0).collect();
-        let shown =
-            if hidden.is_empty() { DMatrix::identity(p, p) } else { complement(&DMatrix::from_columns(&hidden)) };
+        let shown = orthogonal_to(&hidden, p);
         let covariance = DMatrix::from_fn(p, p, |r, c| {
             let floor = if r == c { (ACCURACY * estimate.values[r]).powi(2) } else { 0.0 };
             let shown = if told[r] && told[c] { estimate.covariance[(r, c)] } else { 0.0 };
@@ -166,22 +166,25 @@ fn pooled(runs: &[Statement], set: &[usize]) -> Statement {
         let own = shown * own * shown.transpose();
         right += &own * values;
         information += own;
-        columns.extend(shown.column_iter().map(|column| column.into_owned()));
+        columns.extend(columns_of(shown));
     }
     // What no run shows is orthogonal to what any of them shows.
-    let shown = match columns.is_empty() {
-        true => DMatrix::zeros(p, 0),
-        false => complement_of(&complement(&DMatrix::from_columns(&columns)), p),
-    };
+    let hidden = orthogonal_to(&columns, p);
+    let shown = orthogonal_to(&columns_of(&hidden).collect::<Vec<_>>(), p);
     let covariance = inverse(shown.tr_mul(&(&information * &shown)));
     let covariance = covariance.map_or_else(|| DMatrix::zeros(p, p), |own| &shown * own * shown.transpose());
     let residuals = set.iter().map(|&run| runs[run].residuals).sum();
     Statement { values: &covariance * right, covariance, shown, residuals }
 }
 
-/// An orthonormal basis of the complement of columns of which there may be none.
-fn complement_of(columns: &DMatrix<f64>, p: usize) -> DMatrix<f64> {
-    if columns.ncols() == 0 { DMatrix::identity(p, p) } else { complement(columns) }
+/// An orthonormal basis, by columns, of the vectors of `p` components that are orthogonal to all of `columns`, of which there may be
+/// none.
+fn orthogonal_to(columns: &[DVector<f64>], p: usize) -> DMatrix<f64> {
+    if columns.is_empty() { DMatrix::identity(p, p) } else { complement(&DMatrix::from_columns(columns)) }
+}
+
+fn columns_of(matrix: &DMatrix<f64>) -> impl Iterator<Item = DVector<f64>> + '_ {
+    matrix.column_iter().map(|column| column.into_owned())
 }
 
 fn inverse(matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
@@ -203,12 +206,7 @@ impl Statement {
     fn difference(&self, other: &Statement) -> Option<Difference> {
         let p = self.values.len();
         let hidden = [&self.shown, &other.shown].map(complement);
-        let columns: Vec<DVector<f64>> =
-            hidden.iter().flat_map(|hidden| hidden.column_iter().map(|column| column.into_owned())).collect();
-        let both = match columns.is_empty() {
-            true => DMatrix::identity(p, p),
-            false => complement(&DMatrix::from_columns(&columns)),
-        };
+        let both = orthogonal_to(&hidden.iter().flat_map(columns_of).collect::<Vec<_>>(), p);
         let values = both.tr_mul(&(&other.values - &self.values));
         let covariance = both.tr_mul(&((&self.covariance + &other.covariance) * &both));
         let weights = inverse(covariance.clone()).filter(|_| both.ncols() > 0)?;

@@ -540,7 +540,7 @@ impl Fixed {
             .map(|i| {
                 let (name, value) = (map.name(map.parameters()[i]), solution.values[i]);
                 match status[i] {
-                    Status::Identified | Status::Frozen => {}
+                    Status::Identified | Status::Frozen | Status::Untrusted => {}
                     Status::Unobservable => {
                         warnings.push(format!("the lumped parameters do not determine {name}"));
                     }

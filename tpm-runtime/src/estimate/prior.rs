@@ -7,8 +7,8 @@ use crate::numerics::{DMatrix, DVector};
 use std::vec;
 use std::vec::Vec;
 
-/// Singular values of the stated parameters' shares of hidden directions below this share of the largest are rounding, and so
-/// are components of a direction beside its largest one.
+/// Components of a hidden direction below this share of its largest one are rounding. So are singular values of the matrix of the
+/// stated parameters' components in all hidden directions, below this share of the largest.
 const ROUNDING: f64 = 1e-9;
 
 impl Estimate {

@@ -36,6 +36,9 @@ pub enum Status {
     PoorlyDetermined,
     /// Held at a given value.
     Frozen,
+    /// Visible, but the value is no result and its deviation does not hold: the model does not explain what was measured, or the value
+    /// is that of no machine.
+    Untrusted,
 }
 
 /// What the status of one parameter follows from.
@@ -78,7 +81,14 @@ impl Status {
             Status::Unobservable => "unobservable",
             Status::PoorlyDetermined => "poorly_determined",
             Status::Frozen => "frozen",
+            Status::Untrusted => "untrusted",
         }
+    }
+
+    /// The status in a result that is trusted or is not. A stated deviation holds under the model alone, so that nothing is identified
+    /// by a model that does not explain what was measured.
+    pub(crate) fn in_result(self, trusted: bool) -> Self {
+        if self == Status::Identified && !trusted { Status::Untrusted } else { self }
     }
 }
 
@@ -134,5 +144,14 @@ mod tests {
         assert_eq!(shown(0.0, 1.1, 0.009), Status::Identified);
         assert_eq!(Status::of(Evidence::AtBound, POOR), Status::PoorlyDetermined);
         assert_eq!(Status::of(Evidence::Hidden, POOR), Status::Unobservable);
+    }
+
+    #[test]
+    fn nothing_is_identified_by_a_model_that_does_not_explain_the_data() {
+        assert_eq!(Status::Identified.in_result(true), Status::Identified);
+        assert_eq!(Status::Identified.in_result(false), Status::Untrusted);
+        for status in [Status::Unobservable, Status::PoorlyDetermined, Status::Frozen] {
+            assert_eq!(status.in_result(false), status);
+        }
     }
 }

@@ -1,9 +1,11 @@
 //! Faults of a log.
 
 use crate::estimate::EstimateError;
-use crate::report::Remedy;
+use crate::log::periodic::Mismatch;
+use crate::report::{Remedy, number};
 use crate::run::SpectrumError;
 use std::fmt;
+use std::format;
 use std::string::String;
 use std::vec::Vec;
 
@@ -192,12 +194,8 @@ pub enum LogError {
         /// Its value.
         value: f64,
     },
-    /// No two periods follow each other.
-    #[error(
-        "{path}:{from}-{to}: the motion is not periodic: the best period found, {period} s, leaves {:.1} % between successive periods; \
-         run the machine on a periodic reference, record at least two whole periods after it has settled, or state period and first sample",
-        100.0 * .mismatch
-    )]
+    /// No two periods follow each other, or noise hides whether they do.
+    #[error("{path}:{from}-{to}: {}", not_periodic(*.period, .mismatch))]
     NotPeriodic {
         /// The file.
         path: String,
@@ -205,15 +203,15 @@ pub enum LogError {
         from: u64,
         /// Last data line of the searched part.
         to: u64,
-        /// Best period, s.
+        /// Best period, s; it means nothing where noise explains the mismatch.
         period: f64,
-        /// Root-mean-square difference of successive periods, as a share of the motion.
-        mismatch: f64,
+        /// Difference of successive periods.
+        mismatch: Mismatch,
     },
-    /// No candidate for a period was found.
+    /// No stretch of the motion occurs twice.
     #[error(
-        "{path}:{from}-{to}: the motion does not repeat within the log; run the machine on a periodic reference and record at least two whole periods, \
-         or state period and first sample"
+        "{path}:{from}-{to}: the motion is not periodic within the log: no stretch of it occurs twice; run the machine on a periodic reference \
+         and record at least two whole periods after it has settled, or state period and first sample"
     )]
     NoPeriod {
         /// The file.
@@ -263,6 +261,23 @@ pub enum LogError {
         /// The reason.
         source: EstimateError,
     },
+}
+
+/// Why two periods do not count as following each other, and what would help.
+fn not_periodic(period: f64, mismatch: &Mismatch) -> String {
+    match mismatch.noise {
+        Some(noise) => format!(
+            "the motion is not periodic as far as can be seen through its noise: {:.1} % (rms) of what was recorded is noise of single samples, \
+             from which a motion that repeats cannot be told; state the period and record many, so that the noise is averaged, move further, or measure with less noise",
+            100.0 * noise
+        ),
+        None => format!(
+            "the motion is not periodic: the best period found, {} s, leaves {:.1} % between successive periods; run the machine on a periodic \
+             reference, record at least two whole periods after it has settled, or state period and first sample",
+            number(period),
+            100.0 * mismatch.share
+        ),
+    }
 }
 
 impl LogError {

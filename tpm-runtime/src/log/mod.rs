@@ -11,6 +11,6 @@ mod read;
 pub use error::{Adjustment, LogError};
 pub(crate) use fingerprint::FingerprintReader;
 pub use fingerprint::fingerprint;
-pub use periodic::{Periodic, PeriodicFault, find_periodic};
+pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
 pub use read::{Log, LogOptions, Rates, Refine};

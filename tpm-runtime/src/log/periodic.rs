@@ -3,6 +3,7 @@
 //! Invariant: the part `[from, from + periods * samples_per_period)` repeats: every block of it differs from the last
 //! period by no more than the last two periods differ from each other. Period and start are found from the signals alone.
 
+use crate::numerics::differences::{WHITE_NOISE_SPREAD, white_noise};
 use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
@@ -24,6 +25,8 @@ const SLIP: f64 = 1e-3;
 const TOLERANCE: f64 = 3.0;
 /// Most harmonics with which the period is refined.
 const REFINED: usize = 64;
+/// Standard deviations by which chance may raise the difference between two periods of pure noise.
+const CHANCE: f64 = 4.0;
 /// Largest deviation of a period from a whole number of samples, summed over the record, at which the period is rounded;
 /// samples.
 const WHOLE: f64 = 0.02;
@@ -44,17 +47,53 @@ pub struct Periodic {
     pub mismatch: f64,
 }
 
+/// The difference between two successive periods.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mismatch {
+    /// Root mean square as a share of the motion; one for two stretches that have nothing in common.
+    pub share: f64,
+    /// Standard deviation of the samples' white noise as a share of what was recorded, where this noise explains the difference in
+    /// every coordinate; nothing where the periods differ by more, or hardly differ.
+    pub noise: Option<f64>,
+}
+
+impl Mismatch {
+    /// Compares the last period, of any length, with the one before.
+    fn at(motion: &[&[f64]], end: usize, length: f64) -> Self {
+        let last = length.round() as usize;
+        // A fractional period needs one sample more on the far side than rounding may leave.
+        let reach = (length.ceil() as usize + last).min(end);
+        let moving = motion.iter().map(|c| &c[..end]).filter_map(|signal| {
+            let scale = variance(&signal[end - reach..]);
+            let difference = |i: usize| signal[i] - value_at(signal, i as f64 - length);
+            let square = (end - last..end).map(|i| difference(i).powi(2)).sum::<f64>() / last as f64;
+            (scale > 0.0).then_some((signal, scale, square / (2.0 * scale)))
+        });
+        let moving: Vec<(&[f64], f64, f64)> = moving.collect();
+        let share = moving.iter().map(|(.., own)| own.sqrt()).fold(0.0, f64::max);
+        let mut noise = (share > NOT_PERIODIC).then_some(0.0_f64);
+        for &(signal, scale, own) in &moving {
+            let Some(most) = noise else { break };
+            let white = white_noise(signal).powi(2);
+            let chance = 1.0 + CHANCE * (2.0 / last as f64 + WHITE_NOISE_SPREAD / end as f64).sqrt();
+            let explained = own <= NOT_PERIODIC.powi(2) + chance * white / scale;
+            noise = explained.then(|| most.max((white / variance(signal)).sqrt().min(1.0)));
+        }
+        Mismatch { share, noise }
+    }
+}
+
 /// Why no periodic part was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PeriodicFault {
-    /// No lag is a candidate for the period.
+    /// No stretch of the motion occurs twice.
     None,
     /// The best lag leaves too large a difference between successive periods.
     Mismatch {
-        /// The best period, samples.
+        /// The best period, samples; it means nothing where noise explains the mismatch.
         period: f64,
         /// Its mismatch.
-        mismatch: f64,
+        mismatch: Mismatch,
     },
     /// The part from the stated sample on does not hold one whole period.
     Range,
@@ -62,7 +101,8 @@ pub enum PeriodicFault {
 
 /// Finds the periodic part of signals of which the first `coordinates` channels are motion.
 ///
-/// `period` (samples) and `from` are taken as given when stated.
+/// `period` (samples) and `from` are taken as given when stated. Periods of a stated length may differ by as much as the white noise
+/// of their samples explains.
 ///
 /// # Errors
 /// [`PeriodicFault`] when no lag repeats well enough, or the part from `from` on holds no whole period.
@@ -98,8 +138,8 @@ pub fn find_periodic(
         }
         None => search(&motion)?,
     };
-    let mismatch = mismatch_at(&motion, end, length);
-    if mismatch > NOT_PERIODIC {
+    let mismatch = Mismatch::at(&motion, end, length);
+    if mismatch.share > NOT_PERIODIC && (period.is_none() || mismatch.noise.is_none()) {
         return Err(PeriodicFault::Mismatch { period: length, mismatch });
     }
     let tails: Vec<&[f64]> = channels.iter().map(|c| &c[start..start + end]).collect();
@@ -122,7 +162,7 @@ pub fn find_periodic(
     let spare = (end - first).saturating_sub((periods as f64 * length).ceil() as usize);
     let steady_from = start + first;
     let from = if from.is_some() { steady_from } else { steady_from + spare / 2 };
-    Ok(Periodic { steady_from, from, samples_per_period: length, periods, mismatch })
+    Ok(Periodic { steady_from, from, samples_per_period: length, periods, mismatch: mismatch.share })
 }
 
 /// The shortest lag at which the motion repeats best, and the sample at which the periodic part ends.
@@ -139,7 +179,7 @@ fn search(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
     let mut fault = PeriodicFault::None;
     for part in (10..=20).rev() {
         let end = length * part / 20;
-        let Some(lag) = best_lag(&coarse, end) else {
+        let Some((lag, least)) = best_lags(&coarse, end) else {
             continue;
         };
         let fine_end = (end * block).min(samples);
@@ -153,19 +193,40 @@ fn search(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
             continue;
         }
         let refined = refine(motion, full - 2 * near, full, near as f64);
-        let mismatch = mismatch_at(motion, full, refined);
-        if mismatch <= NOT_PERIODIC {
+        let mismatch = Mismatch::at(motion, full, refined);
+        if mismatch.share <= NOT_PERIODIC {
             return Ok((refined, full));
         }
         if fault == PeriodicFault::None {
-            fault = PeriodicFault::Mismatch { period: refined, mismatch };
+            // Noise hides which lag it is, and so it is judged where the motion differs least.
+            let hidden = Mismatch::at(motion, full, (least * block) as f64);
+            if hidden.noise.is_some() {
+                fault = PeriodicFault::Mismatch { period: refined, mismatch: hidden };
+            } else if repeats(motion, full, near) {
+                fault = PeriodicFault::Mismatch { period: refined, mismatch };
+            }
         }
     }
     Err(fault)
 }
 
-/// The shortest lag whose difference is nearly the smallest of all.
-fn best_lag(motion: &[&[f64]], end: usize) -> Option<usize> {
+/// Whether the motion is more alike after a lag than after half of it, over the whole record. A periodic motion is; one that was
+/// recorded for a single period has no such lag, though two short stretches of it may well look alike.
+fn repeats(motion: &[&[f64]], end: usize, lag: usize) -> bool {
+    let apart = |lag: usize| -> f64 {
+        let of = |c: &&[f64]| {
+            let scale = variance(&c[..end]);
+            let pairs = c[..end - lag].iter().zip(&c[lag..end]);
+            let mean = pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / (end - lag) as f64;
+            if scale > 0.0 { mean / scale } else { 0.0 }
+        };
+        motion.iter().map(of).sum()
+    };
+    apart(lag) < apart(lag / 2)
+}
+
+/// The shortest lag whose difference is nearly the smallest of all, and the lag of the smallest.
+fn best_lags(motion: &[&[f64]], end: usize) -> Option<(usize, usize)> {
     let whole: Vec<f64> = motion.iter().map(|c| variance(c)).collect();
     let sums: Vec<TailSums> = motion.iter().map(|c| TailSums::of(&c[..end])).collect();
     let differences: Vec<f64> = (0..=end / 2)
@@ -205,7 +266,7 @@ fn best_lag(motion: &[&[f64]], end: usize) -> Option<usize> {
         })
         .map(|lag| (lag, minimum(lag)))
         .collect();
-    let least = minima.iter().map(|m| m.1).fold(f64::INFINITY, f64::min);
+    let &(at_least, least) = minima.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
     // Resolution of the parabola: a small share of the change from one sample to the next.
     let step = motion
         .iter()
@@ -216,7 +277,7 @@ fn best_lag(motion: &[&[f64]], end: usize) -> Option<usize> {
             sum / c.len() as f64 / (2.0 * whole)
         })
         .fold(0.0, f64::max);
-    minima.into_iter().find(|(_, left)| *left <= 4.0 * least + 0.02 * step + 1e-9).map(|(lag, _)| lag)
+    minima.into_iter().find(|(_, left)| *left <= 4.0 * least + 0.02 * step + 1e-9).map(|(lag, _)| (lag, at_least))
 }
 
 /// Mean square difference between the last period and the one before, over twice the variance of the two; the largest of
@@ -265,23 +326,6 @@ impl TailSums {
         let n = length.max(1) as f64;
         (self.second[length] / n - (self.first[length] / n).powi(2)).max(0.0)
     }
-}
-
-/// Root-mean-square difference of the last two periods as a share of the motion, for a period of any length.
-fn mismatch_at(motion: &[&[f64]], end: usize, length: f64) -> f64 {
-    let last = length.round() as usize;
-    // A fractional period needs one sample more on the far side than rounding may leave.
-    let reach = (length.ceil() as usize + last).min(end);
-    motion
-        .iter()
-        .map(|c| {
-            let signal = &c[..end];
-            let sum: f64 = (end - last..end).map(|i| (signal[i] - value_at(signal, i as f64 - length)).powi(2)).sum();
-            let scale = variance(&signal[end - reach..]);
-            if scale > 0.0 { sum / last as f64 / (2.0 * scale) } else { 0.0 }
-        })
-        .fold(0.0, f64::max)
-        .sqrt()
 }
 
 /// Cubic interpolation between samples; a whole position is the sample itself.
@@ -478,5 +522,43 @@ mod tests {
         ));
         assert_eq!(find_periodic(std::slice::from_ref(&x), 1, Some(5000.0), None), Err(PeriodicFault::Range));
         assert_eq!(find_periodic(&[x], 1, None, Some(5000)), Err(PeriodicFault::Range));
+    }
+
+    #[test]
+    fn a_single_period_names_no_period() {
+        // Shapes and phases at which two short stretches look more alike than their neighbours.
+        for shape in 0..3 {
+            for start in 0..9 {
+                let x: Vec<f64> = (0..1000)
+                    .map(|i| {
+                        let th = 2.0 * PI * f64::from(i) / 1000.0 + 0.7 * f64::from(start);
+                        match shape {
+                            0 => th.cos(),
+                            1 => th.cos() - (3.0 * th).cos() / 9.0,
+                            _ => th.cos() + 0.5 * (3.0 * th).sin() + 0.3 * (5.0 * th + 1.0).cos(),
+                        }
+                    })
+                    .collect();
+                assert_eq!(find_periodic(&[x], 1, None, None), Err(PeriodicFault::None), "{shape} {start}");
+            }
+        }
+    }
+
+    #[test]
+    fn noise_is_told_from_motion_that_does_not_repeat() {
+        for (noise, share) in [(0.2, 0.26), (7.3, 0.995)] {
+            let x = motion(300.0, 3000, 0.0, noise);
+            let fault = find_periodic(std::slice::from_ref(&x), 1, None, None).expect_err("too much noise");
+            let PeriodicFault::Mismatch { mismatch, .. } = fault else { panic!("{fault:?}") };
+            let found = mismatch.noise.expect("all is noise");
+            assert!((found - share).abs() < 0.05, "{noise}: {found}");
+            // Whoever states the period need not see it in two periods.
+            let stated = find_periodic(&[x], 1, Some(300.0), None).expect("stated");
+            assert!(stated.samples_per_period == 300.0 && stated.periods == 10, "{stated:?}");
+        }
+        let x = motion(300.0, 3000, 0.0, 0.01);
+        let fault = find_periodic(&[x], 1, Some(251.0), None);
+        let Err(PeriodicFault::Mismatch { period: 251.0, mismatch }) = fault else { panic!("{fault:?}") };
+        assert_eq!(mismatch.noise, None);
     }
 }

@@ -9,5 +9,5 @@ mod uncertain;
 pub(crate) use displayed::displayed;
 pub use file::write_whole;
 pub use remedy::Remedy;
-pub use table::{Align, TextTable, combination, number};
+pub use table::{Align, TextTable, combination, number, or_dash};
 pub use uncertain::{Cut, beside, cells, digits, exact, plus_minus};

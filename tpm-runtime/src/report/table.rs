@@ -78,6 +78,11 @@ impl TextTable {
     }
 }
 
+/// The text of a value; a dash where there is none.
+pub fn or_dash<T>(value: Option<T>, text: impl FnOnce(T) -> String) -> String {
+    value.map_or_else(|| "-".to_owned(), text)
+}
+
 /// A number with six significant digits, plain where that is short.
 #[must_use]
 pub fn number(value: f64) -> String {

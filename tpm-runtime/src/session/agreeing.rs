@@ -15,7 +15,7 @@ use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
 use tpm_codegen::identified::{Identified, IdentifiedParameter, Weights, display, open};
-use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::expr::graph::{Node, Symbol};
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::{PrepareError, prepare};
@@ -26,7 +26,8 @@ const RANK_TOLERANCE: f64 = 1e-9;
 const ENOUGH: f64 = 1e-13;
 /// Most steps of the search, and most halvings of one.
 const STEPS: usize = 60;
-/// Least deviation of an equation, as a share of its value: one that is held or exact must not outweigh the digits of others.
+/// Least deviation of an equation, as a share of its value: the equation of an exact or held value must not make the others vanish in
+/// rounding.
 const SHARPEST: f64 = 1e-6;
 /// How far other sets of values lie away, as the largest relative change of a parameter.
 const AWAY: f64 = 0.25;
@@ -132,8 +133,9 @@ struct Search<'a> {
     start: DVector<f64>,
     /// Unknowns that were stated before the identification.
     stated: BTreeSet<String>,
-    /// Known parameters and constants.
+    /// Values of identified and given parameters, and of constants, by name.
     known: BTreeMap<String, f64>,
+    /// Values of the quantities in the map that are no parameters of it.
     constants: BTreeMap<Symbol, f64>,
     equations: Vec<Equation>,
 }
@@ -142,18 +144,13 @@ impl<'a> Search<'a> {
     fn new(map: &'a ParameterMap, identified: &Identified, given: &BTreeMap<String, f64>, lumped: bool) -> Self {
         let names: Vec<String> = map.parameters().iter().map(|&symbol| map.name(symbol).to_string()).collect();
         let of = |name: &str| -> Option<&IdentifiedParameter> {
-            let find = |list: &'_ Vec<IdentifiedParameter>| list.iter().position(|entry| entry.name == name);
-            (find(&identified.physical).map(|i| &identified.physical[i]))
-                .or_else(|| find(&identified.parameters).map(|i| &identified.parameters[i]))
+            identified.physical.iter().chain(&identified.parameters).find(|entry| entry.name == name)
         };
         let mut known: BTreeMap<String, f64> =
             names.iter().filter_map(|name| Some((name.clone(), of(name)?.value?))).collect();
         known.extend(given.iter().map(|(name, value)| (name.clone(), *value)));
         let free: Vec<usize> = (0..names.len()).filter(|&i| !known.contains_key(&names[i])).collect();
-        let prior = |name: &str| {
-            let entry = of(name)?;
-            entry.with_prior.or(entry.prior.filter(|prior| *prior != 0.0))
-        };
+        let prior = |name: &str| of(name)?.stated();
         // A product has no derivative where both factors are zero.
         let plain = if lumped { 1.0 } else { 0.0 };
         let start = free.iter().map(|&i| prior(&names[i]).unwrap_or(plain));
@@ -181,13 +178,13 @@ impl<'a> Search<'a> {
         search
     }
 
-    /// Known quantities that are no parameters of the map.
+    /// Values of the quantities in the map that are no parameters of it, as far as they are known.
     fn constants_of_map(&self) -> BTreeMap<Symbol, f64> {
         let graph = self.map.graph();
         let atoms =
             self.map.definitions().iter().flat_map(|d| d.terms().flat_map(|(m, _)| m.factors().map(|(&a, _)| a)));
         let leaves = atoms.flat_map(|atom| graph.leaves(atom)).filter_map(|leaf| match graph.node(leaf) {
-            tpm_symbolic::expr::graph::Node::Symbol(symbol) => Some(*symbol),
+            Node::Symbol(symbol) => Some(*symbol),
             _ => None,
         });
         leaves.filter_map(|symbol| Some((symbol, *self.known.get(self.map.name(symbol))?))).collect()

@@ -149,7 +149,7 @@ pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) ->
                 value: estimate.values[j],
                 std: estimate.std[j],
             }),
-            Status::Identified | Status::Frozen => {}
+            Status::Identified | Status::Frozen | Status::Untrusted => {}
         }
     }
     if !together.is_empty() {
@@ -158,8 +158,8 @@ pub(super) fn doubts(model: &dyn Model<f64>, estimate: &Estimate, data: Data) ->
     doubts
 }
 
-/// Warns of masses and inertias that came out negative, unless the matrix of accelerations at rest at a position is that of some
-/// machine: a coupling of inertias may well be negative where the whole matrix is positive definite.
+/// Warns of masses and inertias that came out negative, and trusts them no more, unless the matrix of accelerations at rest at a
+/// position is that of some machine: a coupling of inertias may well be negative where the whole matrix is positive definite.
 pub(super) fn warn_of_negative_inertias(
     result: &mut Identification,
     model: &dyn Model<f64>,
@@ -169,8 +169,11 @@ pub(super) fn warn_of_negative_inertias(
     if has_inertia(model, &result.current, constants, position) {
         return;
     }
-    let named = if result.physical.is_empty() { &result.parameters } else { &result.physical };
+    let named = if result.physical.is_empty() { &mut result.parameters } else { &mut result.physical };
     let negative = negative_inertias(named);
+    for parameter in named.iter_mut().filter(|own| negative.iter().any(|(name, _)| *name == own.name)) {
+        parameter.status = parameter.status.in_result(false);
+    }
     result
         .warnings
         .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
@@ -209,7 +212,11 @@ impl<'a> Lumped<'a> {
         let count = found.parameters.len();
         let entry = |r: usize, c: usize| (known(r) && known(c)).then(|| found.covariance[(r, c)]);
         result.physical_covariance = (0..count).map(|r| (0..count).map(|c| entry(r, c)).collect()).collect();
+        let explained = estimate.is_explained();
         result.physical = found.parameters;
+        for parameter in &mut result.physical {
+            parameter.status = parameter.status.in_result(explained);
+        }
         result.warnings.extend(found.warnings.into_iter().map(|message| Warning::Physical { message }));
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use crate::estimate::{CombinationReport, ParameterReport, Status};
 use crate::machine::stability::LoopStability;
-use crate::report::{Align, Remedy, TextTable, beside, cells, combination, number};
+use crate::report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash};
 use crate::session::identification::{Identification, Source};
 use crate::session::log_report::LogReport;
 use std::borrow::ToOwned;
@@ -45,7 +45,7 @@ impl Identification {
             "rank {} of {}, condition number {}, residual {} % of the force\n",
             self.rank,
             self.parameters.len(),
-            self.condition.map_or_else(|| "-".to_owned(), number),
+            or_dash(self.condition, number),
             number(100.0 * self.residual),
         ));
         for direction in &self.unobservable {
@@ -115,16 +115,16 @@ impl Identification {
         let mut table = TextTable::new(&head);
         for run in &self.runs {
             let mut row = vec![run.run.to_string()];
-            row.extend(several.then(|| run.pattern.clone().unwrap_or_else(|| "-".to_owned())));
+            row.extend(several.then(|| run.pattern.as_deref().unwrap_or("-").to_owned()));
             row.extend(amplitudes.iter().map(|name| {
                 let own = run.amplitudes.iter().find(|(own, _)| own == name);
-                own.map_or_else(|| "-".to_owned(), |(_, value)| number(*value))
+                or_dash(own, |(_, value)| number(*value))
             }));
             row.push(number(run.frequency));
             row.push(run.periods.to_string());
             row.push(run.tracking_rms.iter().map(|rms| number(*rms)).collect::<Vec<_>>().join(" "));
-            row.push(run.effort_share.map_or_else(|| "-".to_owned(), |share| format!("{:.1} %", 100.0 * share)));
-            row.push(run.condition.map_or_else(|| "-".to_owned(), number));
+            row.push(or_dash(run.effort_share, |share| format!("{:.1} %", 100.0 * share)));
+            row.push(or_dash(run.condition, number));
             let pooled = if run.contradicts.is_some() { ", not pooled" } else { "" };
             row.push(format!("{}{pooled}", run.ending));
             table.row(&row);
@@ -255,20 +255,19 @@ fn estimates(of: &str, rows: &[Row<'_>]) -> String {
     }
     head.push(("", Align::Left));
     let mut table = TextTable::new(&head);
-    let dash = || "-".to_owned();
     for row in rows {
         let change = match (row.prior, row.value) {
             (Some(prior), Some(value)) if prior != 0.0 => format!("{:+.3} %", 100.0 * (value - prior) / prior),
-            _ => dash(),
+            _ => "-".to_owned(),
         };
-        let mut line = vec![row.name.clone(), row.unit.unwrap_or("-").to_owned(), row.prior.map_or_else(dash, number)];
+        let mut line = vec![row.name.clone(), row.unit.unwrap_or("-").to_owned(), or_dash(row.prior, number)];
         line.extend(cells(row.value, row.std));
         line.push(change);
         if simulated {
             let std = row.std.filter(|std| *std > 0.0);
             let error = row.value.zip(row.truth).zip(std).map(|((value, truth), std)| (value - truth) / std);
-            line.push(row.truth.map_or_else(dash, |truth| beside(truth, row.value, row.std)));
-            line.push(error.map_or_else(dash, |error| format!("{error:+.2}")));
+            line.push(or_dash(row.truth, |truth| beside(truth, row.value, row.std)));
+            line.push(or_dash(error, |error| format!("{error:+.2}")));
         }
         line.push(row.remark.clone());
         table.row(&line);

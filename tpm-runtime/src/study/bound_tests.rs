@@ -133,12 +133,16 @@ fn the_bound_with_friction_is_reached_by_regression_in_time_outside_rest() {
 }
 
 #[test]
-fn campaigns_with_friction_spread_no_more_than_a_few_times_the_bound() {
-    let found = study(&RubbingSpring, &rest_to_rest_3(), &experiment(&RUBBING, 1e-4), 24, &|_| true).expect("runs");
-    for parameter in &found.parameters {
+fn campaigns_with_friction_come_as_near_the_bound_as_harmonics_do() {
+    let found = study(&RubbingSpring, &rest_to_rest_3(), &experiment(&RUBBING, 1e-4), 48, &|_| true).expect("runs");
+    // Over 200 seeds. The bound itself is right: the regression above reaches it. A campaign fits harmonics of the force, in which
+    // the instants of rest, where friction takes any value, cannot be left out; damping and friction lose the most by that.
+    let measured = [("m", 0.78), ("d", 0.255), ("k", 0.81), ("fc", 0.237)];
+    for (parameter, (name, expected)) in found.parameters.iter().zip(measured) {
         let ratio = parameter.bound.expect("predicted") / parameter.spread.expect("many");
-        // Measured over 30 seeds: m 0.77, d 0.31, k 0.8, fc 0.3.
-        assert!((0.2..1.5).contains(&ratio), "{}: {ratio}", parameter.name);
+        // The deviation of 48 estimates is itself uncertain by 10 %.
+        assert_eq!(parameter.name, name);
+        assert!((expected / 1.35..1.35 * expected).contains(&ratio), "{name}: {ratio}");
     }
 }
 

@@ -33,9 +33,12 @@ impl Derivatives {
     /// The derivatives of `form`, which belongs to `model`.
     #[must_use]
     pub fn new(model: &ExactModel, form: &RegressorForm) -> Self {
-        let Entries { graph, coordinates, inputs, regressor, known, input_map } = Entries::new(model, form);
+        Self::of_entries(Entries::new(model, form), form.columns.len())
+    }
+
+    pub(crate) fn of_entries(entries: Entries, columns: usize) -> Self {
+        let Entries { graph, coordinates, inputs, regressor, known, input_map } = entries;
         let mut draft = Draft::new(graph);
-        let columns = form.columns.len();
         let theta: Vec<ExprId> = (0..columns).map(|column| draft.leaf(Leaf::Column(column))).collect();
         let graph = &mut draft.graph;
         let mut forces = Vec::with_capacity(known.len());

@@ -6,6 +6,7 @@
 
 use crate::expr::graph::{Coordinate, ExprId, Symbol};
 use crate::mechanics::model::ExactModel;
+use crate::plan::derivatives::Derivatives;
 use crate::plan::dynamics::Dynamics;
 use crate::plan::entries::Entries;
 use crate::plan::straight_line::Plan;
@@ -44,6 +45,14 @@ impl Evaluation {
         let evaluation = Self::of_entries(model, &entries);
         let dynamics = Dynamics::new(entries);
         (evaluation, dynamics)
+    }
+
+    /// The plans of `form`, which belongs to `model`, and the plans of the derivatives of its rows.
+    #[must_use]
+    pub fn with_derivatives(model: &ExactModel, form: &RegressorForm) -> (Self, Derivatives) {
+        let entries = Entries::new(model, form);
+        let evaluation = Self::of_entries(model, &entries);
+        (evaluation, Derivatives::of_entries(entries, form.columns.len()))
     }
 
     fn of_entries(model: &ExactModel, entries: &Entries) -> Self {

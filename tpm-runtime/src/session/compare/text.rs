@@ -1,6 +1,6 @@
 //! A comparison as people read it.
 
-use crate::report::{Align, TextTable, cells, digits, plus_minus};
+use crate::report::{Align, TextTable, cells, digits, or_dash, plus_minus};
 use crate::session::compare::comparison::{Comparison, Difference, Family, Verdict};
 use std::borrow::ToOwned;
 use std::fmt::{self, Write as _};
@@ -103,7 +103,6 @@ fn table(of: &str, family: &Family) -> String {
         ("Holm", Align::Right),
         ("", Align::Left),
     ]);
-    let dash = || "-".to_owned();
     for entry in &family.differences {
         let [a, of_a] = cells(entry.a.value, entry.a.std);
         let [b, of_b] = cells(entry.b.value, entry.b.std);
@@ -115,16 +114,16 @@ fn table(of: &str, family: &Family) -> String {
         };
         table.row(&[
             entry.name.clone(),
-            entry.unit.clone().unwrap_or_else(dash),
+            entry.unit.as_deref().unwrap_or("-").to_owned(),
             a,
             of_a,
             b,
             of_b,
             difference,
             std,
-            entry.z.map_or_else(dash, |z| format!("{z:+.2}")),
-            entry.p.map_or_else(dash, probability),
-            entry.p_adjusted.map_or_else(dash, probability),
+            or_dash(entry.z, |z| format!("{z:+.2}")),
+            or_dash(entry.p, probability),
+            or_dash(entry.p_adjusted, probability),
             remark,
         ]);
     }
