@@ -138,10 +138,9 @@ impl Identification {
     /// Why this is not all that was asked for; nothing when it is.
     #[must_use]
     pub fn shortfall(&self) -> Option<String> {
-        let untrusted = self
-            .warnings
-            .iter()
-            .find(|warning| matches!(warning, Warning::NegativeInertia { .. } | Warning::Halves { .. }));
+        let untrusted = self.warnings.iter().find(|warning| {
+            matches!(warning, Warning::NegativeInertia { .. } | Warning::Halves { .. } | Warning::Unsettled { .. })
+        });
         if let Some(untrusted) = untrusted {
             return Some(untrusted.to_string());
         }

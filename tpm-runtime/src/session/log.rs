@@ -3,7 +3,8 @@
 use crate::estimate::named::EstimateReport;
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{
-    Differentiable, Estimate, EstimateError, Frozen, MeasuredMotion, Settings, Weights, estimate_measured_motion,
+    Differentiable, Estimate, EstimateError, Frozen, MeasuredMotion, OutputErrorFault, Settings, Weights,
+    estimate_measured_motion,
 };
 use crate::interpret::InterpretedDerivatives;
 use crate::log::{FingerprintReader, Log, LogError, LogOptions, Periodic, PeriodicFault, Refine, find_periodic};
@@ -289,11 +290,16 @@ fn identify_with(
         }
         None => None,
     };
+    let by_harmonics = estimate.residual;
     let (estimate, refinement, remarks) = match refined {
         Some(Ok(refined)) => (refined.estimate, Some(refined.report), refined.warnings),
         Some(Err(fault)) => {
             let report = RefinementReport::refused(&estimate.values, &fault);
-            let remarks = report.note.iter().cloned().map(|message| Warning::Estimator { message }).collect();
+            let remark = |message| match fault {
+                OutputErrorFault::NotConverged { .. } => Warning::Unsettled { message },
+                _ => Warning::Estimator { message },
+            };
+            let remarks = report.note.iter().cloned().map(remark).collect();
             (estimate, Some(report), remarks)
         }
         None => (estimate, None, Vec::new()),
@@ -329,6 +335,7 @@ fn identify_with(
         hold_residuals,
         refinement,
     };
+    let other = other.map(|left| (by_harmonics, left));
     let mut warnings = warnings(model, &record, &estimate, options, &log_report, other);
     warnings.extend(remarks);
     let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
@@ -364,6 +371,7 @@ fn identify_with(
     let mean = |channel: &Vec<f64>| channel.iter().sum::<f64>() / channel.len().max(1) as f64;
     let position: Vec<f64> = log.channels[..dims.coordinates].iter().map(mean).collect();
     summary::warn_of_negative_inertias(&mut result, model, &options.constants, &position);
+    summary::distrust(&mut result);
     Ok(result)
 }
 
@@ -429,14 +437,14 @@ fn warnings(
     estimate: &Estimate,
     options: &LogOptions,
     log: &LogReport,
-    other: Option<f64>,
+    holds: Option<(f64, f64)>,
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();
-    if let Some(left_by_better) = other
-        && left_by_better < CLEARLY_BETTER * estimate.residual
+    if let Some((left, left_by_better)) = holds
+        && left_by_better < CLEARLY_BETTER * left
     {
         let better = options.hold.other();
-        warnings.push(Warning::OtherHold { stated: options.hold, left: estimate.residual, better, left_by_better });
+        warnings.push(Warning::OtherHold { stated: options.hold, left, better, left_by_better });
     }
     if log.periods == 1 {
         warnings.push(Warning::OnePeriod);

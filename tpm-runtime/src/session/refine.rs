@@ -6,6 +6,7 @@ use crate::estimate::{
 };
 use crate::log::{Log, LogOptions, Periodic};
 use crate::numerics::Matrix;
+use crate::numerics::differences::white_noise;
 use crate::run::Spectra;
 use crate::session::refinement_report::{MissingTerm, RefinementReport};
 use crate::session::warning::Warning;
@@ -62,7 +63,7 @@ pub(super) fn refine(
         coordinates: coordinates.to_vec(),
         inputs: inputs.to_vec(),
         samples_per_period: periodic.samples_per_period,
-        white: coordinates.iter().map(|signal| white(signal)).collect(),
+        white: coordinates.iter().map(|signal| white_noise(signal)).collect(),
         steps: (0..dims.coordinates).map(|c| if averaged.is_some() { 0.0 } else { spectra.step(c) }).collect(),
         lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
         unexplained: estimate.residual,
@@ -75,6 +76,10 @@ pub(super) fn refine(
     let found = OutputError::fit(machine, &options.constants, &signals, &estimate.values, &free, &hidden)?;
     let misfit = &found.misfit;
     let shift = &misfit.shift;
+    // A parameter that drifts has gone on drifting where the log was left out.
+    let middle = periodic.from as f64 + 0.5 * samples as f64;
+    let reach = middle.max(log.len() as f64 - middle) / (0.5 * samples as f64);
+    let range: Vec<f64> = misfit.range.iter().map(|range| range * reach).collect();
     let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
     for (a, &i) in free.iter().enumerate() {
         for (b, &j) in free.iter().enumerate() {
@@ -84,7 +89,7 @@ pub(super) fn refine(
             };
             covariance[i][j] = own + shift[a] * shift[b];
         }
-        covariance[i][i] += misfit.range[a].powi(2) + misfit.bent[a].powi(2);
+        covariance[i][i] += range[a].powi(2) + misfit.bent[a].powi(2);
     }
     let covariance = Matrix::from_rows(&covariance).unwrap_or_else(|| estimate.covariance.clone());
     let report = RefinementReport {
@@ -105,7 +110,7 @@ pub(super) fn refine(
     let matters = |moved: &dyn Fn(usize) -> f64| {
         free.iter().enumerate().any(|(a, &j)| moved(a).abs() > NEGLIGIBLE * found.values[j].abs())
     };
-    let lacking = matters(&|a| shift[a].hypot(misfit.range[a]));
+    let lacking = matters(&|a| shift[a].hypot(range[a]));
     let wide = matters(&|a| (found.covariance(a, a).unwrap_or_default() * misfit.inflation).sqrt());
     let mut warnings: Vec<Warning> =
         report.note.iter().cloned().map(|message| Warning::Estimator { message }).collect();
@@ -121,7 +126,7 @@ pub(super) fn refine(
         warnings.push(Warning::Vibration { frequency });
     }
     for ((a, half), &j) in misfit.halves.iter().enumerate().zip(&free) {
-        let known = shift[a].powi(2) + misfit.range[a].powi(2) + misfit.bent[a].powi(2);
+        let known = shift[a].powi(2) + range[a].powi(2) + misfit.bent[a].powi(2);
         // A half has twice the variance of the whole, so that the difference of two has four times as much.
         let deviation = (half.variance * misfit.scale * misfit.inflation + 4.0 * known).sqrt();
         if half.moved.abs() > CONTRADICTION * deviation && half.moved.abs() > NEGLIGIBLE * found.values[j].abs() {
@@ -135,22 +140,6 @@ pub(super) fn refine(
         restated.residual = share;
     }
     Ok(Refined { estimate: restated, report, warnings })
-}
-
-/// Standard deviation of the white noise on a signal: the median size of its sixth differences, which hold nothing of a motion that is
-/// sampled densely.
-fn white(signal: &[f64]) -> f64 {
-    const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
-    let power: f64 = BINOMIAL.iter().map(|b| b * b).sum();
-    let difference = |w: &[f64]| w.iter().zip(&BINOMIAL).map(|(x, b)| x * b).sum::<f64>().abs();
-    let mut sizes: Vec<f64> = signal.windows(BINOMIAL.len()).map(difference).collect();
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    // The median size of a normal variable is 0.6745 of its deviation.
-    *median / 0.674_489_750_196_082 / power.sqrt()
 }
 
 /// Harmonics of a coordinate that stand out of the noise.

@@ -179,6 +179,18 @@ pub(super) fn warn_of_negative_inertias(
         .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
 }
 
+/// Trusts parameters no more of which halves of the log contradict each other, and none where nothing follows the record.
+pub(super) fn distrust(result: &mut Identification) {
+    for warning in &result.warnings {
+        let all = matches!(warning, Warning::Unsettled { .. });
+        for parameter in &mut result.parameters {
+            if all || matches!(warning, Warning::Halves { parameter: name, .. } if *name == parameter.name) {
+                parameter.status = parameter.status.in_result(false);
+            }
+        }
+    }
+}
+
 /// A model whose parameters were lumped.
 pub(super) struct Lumped<'a>(&'a Prepared);
 

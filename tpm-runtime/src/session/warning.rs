@@ -169,6 +169,11 @@ pub enum Warning {
         /// Widened standard deviation of that difference.
         deviation: f64,
     },
+    /// No parameters of the model make it follow the record sample by sample.
+    Unsettled {
+        /// How the simulation went.
+        message: String,
+    },
     /// An input was cut off at a limit behind the place where it was recorded.
     Limited {
         /// The limit.
@@ -326,6 +331,10 @@ impl fmt::Display for Warning {
                 "the residual vibrates at about {frequency:.1} Hz, where the model has no mode: a flexible mode between input and sensor; deviations contain how far its static part would move the parameters"
             ),
             Warning::NothingAccepted => f.write_str("no run was accepted; nothing is identified"),
+            Warning::Unsettled { message } => write!(
+                f,
+                "{message}; no values of the parameters make the model follow the log: it lacks something large, or a channel is not what it is taken for"
+            ),
             Warning::Estimator { message } | Warning::Physical { message } => f.write_str(message),
         }
     }

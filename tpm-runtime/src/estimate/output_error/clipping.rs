@@ -1,9 +1,9 @@
 //! Inputs that were cut off at a limit behind the place where they were recorded.
 //!
 //! A command that is recorded before a limiter shows no plateau. Along the measured motion the rows are linear in the parameters
-//! whatever the limit is, so that a limit can be tried by one regression, with the same low pass on both sides; the one that leaves
-//! least is compared with none. Where the input is at its limit nearly all the time, the regression shows the parameters over the limit
-//! rather than both; the fit that follows tells them apart.
+//! whatever the limit is, so that a limit can be tried by one regression, with the same low pass on both sides; those that leave much
+//! less than none does are promising. Where the input is at its limit nearly all the time, the regression shows the parameters over the
+//! limit rather than both; the likelihood of every sample tells them apart, and decides whether there is a limit at all.
 
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::local;
@@ -14,44 +14,43 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 
-/// A limit is believed when it leaves less than this share of the squares that are left without one.
-const BELIEVED: f64 = 0.25;
+/// A limit is worth a fit when it leaves less than this share of the squares that are left without one.
+const PROMISING: f64 = 0.7;
 /// Share of the force that must be unexplained for a limit to be looked for.
 const NOTICED: f64 = 0.01;
 /// Limits that are tried between the smallest share of the peak and the peak.
 const TRIED: usize = 60;
 /// Smallest limit that is tried, as a share of the peak.
 const LEAST: f64 = 0.04;
+/// Power of a combination of regressors of unit length below which the regression leaves it out.
+const COLLINEAR: f64 = 1e-9;
 /// Reach of the low pass on either side of a sample, as a share of the period.
 const WINDOW: f64 = 0.05;
 
-/// A limit of an input, found from the record.
+/// A limit of an input.
 #[derive(Clone, Debug)]
-pub(super) struct Clipping {
+pub(super) struct Limit {
     pub(super) input: usize,
-    pub(super) limit: f64,
-    /// The input as it was applied.
-    pub(super) applied: Vec<f64>,
-    /// Parameters that explain the record with this limit, all of the model's.
-    pub(super) theta: Vec<f64>,
+    /// The limit, unit of the input.
+    pub(super) size: f64,
     /// Factor of the input in its row, sample by sample.
-    factor: Vec<f64>,
-    /// How the force changes with the limit.
-    pub(super) edge: Column,
+    pub(super) factor: Vec<f64>,
+    /// The row in which the input acts.
+    pub(super) row: usize,
 }
 
-/// The input whose limit explains most of what is left without limits; nothing where none does.
-pub(super) fn find(
+/// Limits that explain much of what is left without one, each with the parameters, all of the model's, that explain the record with it.
+pub(super) fn promising(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
     start: &[f64],
-) -> Result<Option<Clipping>, OutputErrorFault> {
+) -> Result<Vec<(Limit, Vec<f64>)>, OutputErrorFault> {
     let model = problem.machine.model;
     let dims = model.dims();
     let whole = problem.samples();
     let high = (0..dims.coordinates).any(|c| model.coordinate_order(c) > 2);
     if dims.inputs != 1 || high || signals.unexplained < NOTICED {
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let half = (signals.samples_per_period * WINDOW) as usize;
     // The low pass leaves nothing that needs every sample.
@@ -61,7 +60,7 @@ pub(super) fn find(
     for (c, signal) in signals.coordinates.iter().enumerate() {
         let order = model.coordinate_order(c);
         let Some(motion) = local::derivatives(signal, problem.sample_time, half.max(3 + order), order, stride) else {
-            return Ok(None);
+            return Ok(Vec::new());
         };
         motions.push((order, motion));
     }
@@ -110,7 +109,8 @@ pub(super) fn find(
     for (mut column, scale) in left.column_iter_mut().zip(&scales) {
         column /= *scale;
     }
-    let Some(normal) = left.tr_mul(&left).cholesky() else { return Ok(None) };
+    // A machine that swings at one frequency does not tell its mass from its stiffness here; a start needs none of both alone.
+    let Ok(inverse) = left.tr_mul(&left).pseudo_inverse(COLLINEAR) else { return Ok(Vec::new()) };
     let u = signals.inputs[0];
     // What is held until the next sample acts half a sample later than it was recorded.
     let held = |applied: &[f64], k: usize| match problem.hold {
@@ -129,46 +129,41 @@ pub(super) fn find(
             let smoothed = mean_over(&force, half / stride);
             smoothed.iter().enumerate().for_each(|(k, value)| right[k * dims.rows + row] += *value);
         }
-        let solved = normal.solve(&left.tr_mul(&right));
+        let solved = &inverse * left.tr_mul(&right);
         let squares = (&right - &left * &solved).norm_squared() / right.norm_squared().max(f64::MIN_POSITIVE);
         (squares, solved)
     };
     let peak = u.iter().map(|u| u.abs()).fold(0.0, f64::max);
     if peak <= 0.0 {
-        return Ok(None);
+        return Ok(Vec::new());
     }
     let (none, _) = fit(2.0 * peak);
     let ratio = LEAST.powf(1.0 / TRIED as f64);
-    let tried = (1..=TRIED).map(|i| peak * ratio.powi(i as i32)).map(|limit| (limit, fit(limit).0));
-    let (limit, least) = tried.fold((peak, f64::INFINITY), |best, now| if now.1 < best.1 { now } else { best });
-    if least >= BELIEVED * none {
-        return Ok(None);
-    }
-    let (_, solved) = fit(limit);
-    let mut theta = start.to_vec();
-    for ((&j, value), scale) in problem.free.iter().zip(solved.iter()).zip(&scales) {
-        theta[j] = value / scale;
-    }
-    Ok(Some(Clipping::new(limit, theta, (&maps, dims.rows, stride), u, problem.hold)))
+    let tried = (1..=TRIED).map(|i| peak * ratio.powi(i as i32)).map(|limit| (limit, fit(limit)));
+    let row =
+        (0..dims.rows).find(|row| (0..samples).any(|k| maps[k * dims.rows + row].abs() > 0.0)).unwrap_or_default();
+    let factor: Vec<f64> = (0..whole).map(|k| maps[k / stride * dims.rows + row]).collect();
+    let promising = tried.filter(|(_, (squares, _))| *squares < PROMISING * none).map(|(size, (_, solved))| {
+        let mut theta = start.to_vec();
+        for ((&j, value), scale) in problem.free.iter().zip(solved.iter()).zip(&scales) {
+            theta[j] = value / scale;
+        }
+        (Limit { input: 0, size, factor: factor.clone(), row }, theta)
+    });
+    Ok(promising.collect())
 }
 
-impl Clipping {
-    fn new(limit: f64, theta: Vec<f64>, (maps, rows, stride): (&[f64], usize, usize), u: &[f64], hold: Hold) -> Self {
-        let samples = maps.len() / rows;
-        let row = (0..rows).find(|row| (0..samples).any(|k| maps[k * rows + row].abs() > 0.0)).unwrap_or_default();
-        let factor = (0..u.len()).map(|k| maps[k / stride * rows + row]).collect();
-        let edge = Column { place: Place::Row(row), values: Vec::new(), held: hold == Hold::Zoh };
-        let mut this = Clipping { input: 0, limit, applied: Vec::new(), theta, factor, edge };
-        this.move_to(limit, u);
-        this
+impl Limit {
+    /// The input as it acts.
+    pub(super) fn applied(&self, recorded: &[f64]) -> Vec<f64> {
+        recorded.iter().map(|u| u.clamp(-self.size, self.size)).collect()
     }
 
-    /// Takes another limit of the recorded input.
-    pub(super) fn move_to(&mut self, limit: f64, u: &[f64]) {
-        self.limit = limit;
-        self.applied = u.iter().map(|u| u.clamp(-limit, limit)).collect();
-        let force = |(u, factor): (&f64, &f64)| if u.abs() > limit { -factor * u.signum() } else { 0.0 };
-        self.edge.values = u.iter().zip(&self.factor).map(force).collect();
+    /// How the rows change with the limit.
+    pub(super) fn edge(&self, recorded: &[f64], hold: Hold) -> Column {
+        let force = |(u, factor): (&f64, &f64)| if u.abs() > self.size { -factor * u.signum() } else { 0.0 };
+        let values = recorded.iter().zip(&self.factor).map(force).collect();
+        Column { place: Place::Row(self.row), values, held: hold == Hold::Zoh }
     }
 }
 

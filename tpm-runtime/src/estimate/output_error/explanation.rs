@@ -51,7 +51,7 @@ pub(super) struct Explanation {
     /// Variance of the innovations with the terms, in units of what the noise states.
     pub(super) scale: f64,
     /// Twice the negative logarithm of the likelihood, but for a constant.
-    cost: f64,
+    pub(super) cost: f64,
     smoothed: Smoothed,
     candidates: Vec<Term>,
     chosen: Vec<(usize, f64)>,
@@ -197,10 +197,9 @@ fn widened(
 ) -> Result<(Vec<Term>, Chain), OutputErrorFault> {
     let along = Along::new(problem, signals, trajectory, &state.theta)?;
     let terms = candidates(&along);
-    let own = state.own.iter().map(|(column, _)| column.clone());
-    let columns: Vec<Column> = own.chain(terms.iter().map(|term| along.column(*term))).collect();
-    let mut values: Vec<f64> = state.own.iter().map(|(_, value)| *value).collect();
-    values.resize(columns.len(), 0.0);
+    let mut columns: Vec<Column> = state.own(problem);
+    columns.extend(terms.iter().map(|term| along.column(*term)));
+    let values = vec![0.0; columns.len()];
     let chain = problem.linearise_at(trajectory, &state.theta, &columns, &values)?;
     Ok((terms, chain))
 }

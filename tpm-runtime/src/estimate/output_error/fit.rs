@@ -1,22 +1,25 @@
 //! The fit of a record: noise, parameters and motion first, then what is left.
 
-use crate::estimate::output_error::clipping::{self, Clipping};
+use crate::estimate::output_error::candidates::CandidateKind;
+use crate::estimate::output_error::clipping::{self, Limit};
 use crate::estimate::output_error::error::OutputErrorFault;
-use crate::estimate::output_error::misfit::{self, Misfit};
+use crate::estimate::output_error::misfit::{self, Examined, Misfit};
 use crate::estimate::output_error::problem::{Differentiable, Problem, Trajectory};
 use crate::estimate::output_error::signals::Signals;
+use crate::estimate::output_error::smoother::Smoothed;
+use crate::estimate::output_error::solution::Solution;
 use crate::estimate::output_error::state::State;
+use crate::estimate::output_error::tuning::BELIEVED;
 use crate::numerics::DMatrix;
-use std::borrow::Cow;
 use std::vec;
 use std::vec::Vec;
 
 /// Shortest time between two stops of a machine, as a share of the period.
 const SHORTEST_PASSAGE: f64 = 0.02;
-/// Most limits of an input that are tried one after the other.
-const MOST_MOVES: usize = 8;
-/// A limit stays where it is when it moves by less than this share.
-const STAYS: f64 = 1e-3;
+/// Limits of an input that are weighed on either side of the most likely one.
+const LIMITS: i32 = 20;
+/// How far from it they reach, in deviations by the curvature there.
+const REACH: f64 = 6.0;
 
 /// Parameters that explain every sample of a record.
 #[derive(Clone, Debug)]
@@ -75,7 +78,7 @@ impl OutputError {
             hold: signals.hold,
             sample_time: signals.sample_time,
             coordinates: signals.coordinates.clone(),
-            inputs: signals.inputs.iter().map(|input| Cow::Borrowed(*input)).collect(),
+            inputs: signals.inputs.clone(),
             free: free.to_vec(),
             states,
             breaks: vec![false; samples.saturating_sub(1)],
@@ -84,30 +87,28 @@ impl OutputError {
             scale: (0..outputs).map(|c| noise.typical(c, outputs)).collect(),
             hidden: hidden.to_vec(),
         };
-        let mut clipped = clipping::find(&problem, signals, start)?;
         let begun = State {
             trajectory: Trajectory {
                 states: signals.motion(&problem.states),
                 disturbed: vec![0.0; samples * signals.inputs.len()],
+                applied: None,
             },
-            theta: clipped.as_ref().map_or(start, |clipped| &clipped.theta).to_vec(),
+            theta: start.to_vec(),
             terms: Vec::new(),
             noise,
-            own: Vec::new(),
+            limit: None,
         };
         problem.steps = problem.needed_steps(&begun.trajectory, &begun.theta)?;
-        let mut state = begun.clone();
-        let settled = settle_with_limit(&mut state, &mut problem, signals, clipped.as_mut());
-        if settled.is_err() {
-            // Terms that are missing may be what keeps the parameters from settling; they are looked for where the fit began.
-            state = State { noise: state.noise, own: state.own, ..begun };
-        }
-        let examined = misfit::examine(&problem, signals, &state, clipped.as_ref())?;
-        let iterations = match settled {
-            Ok(iterations) => Some(iterations),
-            Err(_) if examined.settles => None,
-            Err(fault) => return Err(fault),
+        let whole = fitted(&problem, signals, begun.clone());
+        let exact = whole.as_ref().is_ok_and(|fitted| fitted.iterations.is_some() && fitted.state.noise.is_plain());
+        let limited = if exact { None } else { most_likely_limit(&problem, signals, &begun)? };
+        let limited = limited.and_then(|state| fitted(&problem, signals, state).ok());
+        let least = whole.as_ref().map_or(f64::INFINITY, |fitted| fitted.examined.cost);
+        let Fitted { mut state, iterations, mut examined } = match limited {
+            Some(limited) if limited.examined.cost < least - BELIEVED => limited,
+            _ => whole?,
         };
+        over_limits(&problem, signals, &mut state, &mut examined)?;
         let residual: Vec<f64> =
             (0..outputs).map(|c| rms(examined.errors.iter().skip(c).step_by(outputs), 0.0)).collect();
         let by_motion = residual.iter().zip(&signals.coordinates).map(|(left, signal)| left / spread(signal));
@@ -133,29 +134,109 @@ impl OutputError {
     }
 }
 
-/// Settles a state; where the input leaves its limit depends on the limit, which is moved until it stays.
-fn settle_with_limit<'a>(
-    state: &mut State,
-    problem: &mut Problem<'a>,
-    signals: &Signals<'a>,
-    mut clipped: Option<&mut Clipping>,
-) -> Result<usize, OutputErrorFault> {
-    let mut settled = Err(OutputErrorFault::NotConverged { steps: 0 });
-    for _ in 0..MOST_MOVES {
-        state.own.clear();
-        if let Some(clipped) = &clipped {
-            problem.inputs[clipped.input] = Cow::Owned(clipped.applied.clone());
-            state.own.push((clipped.edge.clone(), 0.0));
-        }
-        settled = state.settle(problem, signals, true);
-        let (Some(clipping), Some((_, moved)), Ok(_)) = (&mut clipped, state.own.first(), &settled) else { break };
-        if moved.abs() <= STAYS * clipping.limit {
-            break;
-        }
-        let limit = (clipping.limit + moved).clamp(0.5 * clipping.limit, 2.0 * clipping.limit);
-        clipping.move_to(limit, signals.inputs[clipping.input]);
+/// A state that has settled, or where it began when nothing but further terms let it settle, with what it leaves.
+struct Fitted {
+    state: State,
+    iterations: Option<usize>,
+    examined: Examined,
+}
+
+/// Settles a state and examines it.
+fn fitted(problem: &Problem<'_>, signals: &Signals<'_>, begun: State) -> Result<Fitted, OutputErrorFault> {
+    let mut state = begun.clone();
+    let settled = if state.limit.is_some() {
+        // Noise of the inputs would pass for a limit that is not yet right.
+        state.settle(problem, signals, false).and_then(|_| state.settle(problem, signals, true))
+    } else {
+        state.settle(problem, signals, true)
+    };
+    if settled.is_err() {
+        // Terms that are missing may be what keeps the parameters from settling; they are looked for where the fit began.
+        state = State { noise: state.noise, ..begun };
     }
-    settled
+    let examined = misfit::examine(problem, signals, &state)?;
+    match settled {
+        Ok(iterations) => Ok(Fitted { state, iterations: Some(iterations), examined }),
+        Err(_) if examined.settles => Ok(Fitted { state, iterations: None, examined }),
+        Err(fault) => Err(fault),
+    }
+}
+
+/// The state with the limit of an input that is most likely among those that are promising.
+fn most_likely_limit(
+    problem: &Problem<'_>,
+    signals: &Signals<'_>,
+    begun: &State,
+) -> Result<Option<State>, OutputErrorFault> {
+    let mut best: Option<(State, f64)> = None;
+    for (limit, theta) in clipping::promising(problem, signals, &begun.theta)? {
+        let applied = Some((limit.input, limit.applied(signals.inputs[limit.input])));
+        let trajectory = Trajectory { applied, ..begun.trajectory.clone() };
+        let state = State { trajectory, theta, limit: Some(limit), ..begun.clone() };
+        let columns = state.own(problem);
+        let chain = problem.linearise_at(&state.trajectory, &state.theta, &columns, &vec![0.0; columns.len()])?;
+        let smoothed = Smoothed::new(&chain, &state.noise, chain.columns, false);
+        let cost = smoothed.cost(smoothed.least_squares(), 0.0);
+        if best.as_ref().is_none_or(|(_, least)| cost < *least) {
+            best = Some((state, cost));
+        }
+    }
+    Ok(best.map(|(state, _)| state))
+}
+
+/// Replaces parameters at the most likely limit of an input by their mean over all limits, each as likely as it makes the record, and their
+/// covariance by that over all limits. Samples leave the limit one by one when it moves, so that the likelihood has corners, and
+/// its curvature at the top does not tell how wide it is.
+fn over_limits(
+    problem: &Problem<'_>,
+    signals: &Signals<'_>,
+    state: &mut State,
+    examined: &mut Examined,
+) -> Result<(), OutputErrorFault> {
+    let Some(found) = state.limit.clone() else { return Ok(()) };
+    let p = problem.free.len();
+    let deviation = examined.covariance[(p, p)].sqrt();
+    let mut tried: Vec<(f64, f64, Vec<f64>)> = Vec::new();
+    for i in -LIMITS..=LIMITS {
+        let size = found.size + f64::from(i) / f64::from(LIMITS) * REACH * deviation;
+        if size <= 0.0 {
+            continue;
+        }
+        let limit = Limit { size, ..found.clone() };
+        let applied = Some((limit.input, limit.applied(signals.inputs[limit.input])));
+        let trajectory = Trajectory { applied, ..state.trajectory.clone() };
+        let chain = problem.linearise_at(&trajectory, &state.theta, &[], &[])?;
+        let smoothed = Smoothed::new(&chain, &state.noise, p, false);
+        let solution = Solution::of_columns(&smoothed, p, &problem.hidden)?;
+        tried.push((size, smoothed.cost(smoothed.least_squares(), 0.0), solution.step));
+        if i == 0 {
+            examined.covariance = solution.covariance * examined.misfit.scale;
+        }
+    }
+    let least = tried.iter().map(|(_, cost, _)| *cost).fold(f64::INFINITY, f64::min);
+    let weights: Vec<f64> = tried.iter().map(|(_, cost, _)| (0.5 * (least - cost)).exp()).collect();
+    let total: f64 = weights.iter().sum();
+    let mean = |of: &dyn Fn(&(f64, f64, Vec<f64>)) -> f64| -> f64 {
+        tried.iter().zip(&weights).map(|(tried, weight)| weight * of(tried)).sum::<f64>() / total
+    };
+    let steps: Vec<f64> = (0..p).map(|j| mean(&|(_, _, step)| step[j])).collect();
+    let size = mean(&|(size, _, _)| *size);
+    for a in 0..p {
+        for b in 0..p {
+            examined.covariance[(a, b)] += mean(&|(_, _, step)| (step[a] - steps[a]) * (step[b] - steps[b]));
+        }
+    }
+    let std = mean(&|(tried, _, _)| (tried - size).powi(2)).sqrt();
+    for (&j, step) in problem.free.iter().zip(&steps) {
+        state.theta[j] += step;
+    }
+    state.limit = Some(Limit { size, ..found });
+    if let Some(term) = examined.misfit.terms.first_mut()
+        && let CandidateKind::Limit { limit, .. } = &mut term.term
+    {
+        (*limit, term.std) = (size, std);
+    }
+    Ok(())
 }
 
 /// Root mean square of values beside a centre.

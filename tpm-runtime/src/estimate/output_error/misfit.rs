@@ -6,7 +6,6 @@
 
 use crate::estimate::output_error::candidates::{Candidate, CandidateKind};
 use crate::estimate::output_error::chain::Chain;
-use crate::estimate::output_error::clipping::Clipping;
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::explanation::Explanation;
 use crate::estimate::output_error::noise::Noise;
@@ -68,6 +67,8 @@ pub(super) struct Examined {
     pub(super) errors: Vec<f64>,
     /// Whether the terms, where there are any, settle together with the parameters.
     pub(super) settles: bool,
+    /// Twice the negative logarithm of the likelihood, but for a constant.
+    pub(super) cost: f64,
 }
 
 /// Examines a fitted state.
@@ -75,7 +76,6 @@ pub(super) fn examine(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
     state: &State,
-    clipped: Option<&Clipping>,
 ) -> Result<Examined, OutputErrorFault> {
     let p = problem.free.len();
     let (usual, better, chain) = Explanation::all(problem, signals, state)?;
@@ -141,10 +141,10 @@ pub(super) fn examine(
     };
     let mut named: Vec<Candidate> =
         terms.iter().zip(best.terms.iter().map(|chosen| chosen.gain)).map(candidate).collect();
-    if let (Some(clipped), Some((column, moved))) = (clipped, state.own.first()) {
-        let limit = CandidateKind::Limit { input: clipped.input, limit: clipped.limit + moved };
+    if let Some(limit) = &state.limit {
         let std = usual.bare.deviation(p) * usual.scale.sqrt();
-        named.insert(0, Candidate { term: limit, row: row(column.place), value: 1.0, std, gain: 1.0 });
+        let term = CandidateKind::Limit { input: limit.input, limit: limit.size };
+        named.insert(0, Candidate { term, row: Some(limit.row), value: 1.0, std, gain: 1.0 });
     }
     let misfit = Misfit {
         scale: usual.scale,
@@ -152,15 +152,21 @@ pub(super) fn examine(
         periodic: periodic.value,
         repeats,
         terms: named,
-        limited: clipped.is_some(),
+        limited: state.limit.is_some(),
         shift,
         range,
         vibration,
         bent,
         inflation,
-        halves: halves(&chain, &state.noise, p + state.own.len(), &problem.hidden),
+        halves: halves(&chain, &state.noise, p + state.base(), &problem.hidden),
     };
-    Ok(Examined { misfit, covariance: &usual.bare.covariance * usual.scale, errors: chain.errors, settles })
+    Ok(Examined {
+        misfit,
+        covariance: &usual.bare.covariance * usual.scale,
+        errors: chain.errors,
+        settles,
+        cost: best.cost,
+    })
 }
 
 const fn row(place: Place) -> Option<usize> {

@@ -2,7 +2,6 @@
 
 use crate::estimate::output_error::chain::Chain;
 use rayon::prelude::*;
-use std::borrow::Cow;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::derivatives::RowDerivatives;
@@ -69,6 +68,8 @@ pub(super) struct Trajectory {
     pub(super) states: Vec<f64>,
     /// What the inputs are taken to be beside what was recorded, sample by sample.
     pub(super) disturbed: Vec<f64>,
+    /// An input that acts otherwise than it was recorded, and how it acts, sample by sample.
+    pub(super) applied: Option<(usize, Vec<f64>)>,
 }
 
 /// A record whose motion follows from its inputs.
@@ -78,7 +79,7 @@ pub(super) struct Problem<'a> {
     pub(super) hold: Hold,
     pub(super) sample_time: f64,
     pub(super) coordinates: Vec<&'a [f64]>,
-    pub(super) inputs: Vec<Cow<'a, [f64]>>,
+    pub(super) inputs: Vec<&'a [f64]>,
     /// Parameters that are estimated.
     pub(super) free: Vec<usize>,
     /// Coordinate and order of every state.
@@ -172,11 +173,17 @@ impl<'a> Problem<'a> {
         &self,
         (k, share): (usize, f64),
         state: &[f64],
-        disturbed: &[f64],
+        trajectory: &Trajectory,
         theta: &[f64],
         now: &mut Instant,
     ) -> Result<(), EvalError> {
-        for ((value, input), disturbed) in now.inputs.iter_mut().zip(&self.inputs).zip(disturbed) {
+        let inputs = self.inputs.len();
+        let disturbed = &trajectory.disturbed[k * inputs..(k + 1) * inputs];
+        for (i, (value, disturbed)) in now.inputs.iter_mut().zip(disturbed).enumerate() {
+            let input = match &trajectory.applied {
+                Some((at, applied)) if *at == i => applied.as_slice(),
+                _ => self.inputs[i],
+            };
             *value = disturbed
                 + match self.hold {
                     Hold::Zoh => input[k],
@@ -187,11 +194,6 @@ impl<'a> Problem<'a> {
             now.motion[self.place(of)] = value;
         }
         self.machine.model.forward_dynamics(&mut now.motion, theta, self.constants, &now.inputs, &mut now.forward)
-    }
-
-    /// What a trajectory adds to the inputs at sample k.
-    fn disturbed<'t>(&self, trajectory: &'t Trajectory, k: usize) -> &'t [f64] {
-        &trajectory.disturbed[k * self.inputs.len()..(k + 1) * self.inputs.len()]
     }
 
     /// The states of a trajectory at sample k.
@@ -211,7 +213,6 @@ impl<'a> Problem<'a> {
     ) -> Result<(), EvalError> {
         let h = self.sample_time / steps as f64;
         let coordinates = self.machine.model.dims().coordinates;
-        let disturbed = self.disturbed(trajectory, k);
         let Scratch { now, rates, state, .. } = scratch;
         to.copy_from_slice(self.state(trajectory, k));
         for step in 0..steps {
@@ -221,7 +222,7 @@ impl<'a> Problem<'a> {
                     let before = if stage > 0 { rates[stage - 1][i] } else { 0.0 };
                     *value = to[i] + reach * h * before;
                 }
-                self.at((k, (step as f64 + reach) / steps as f64), state, disturbed, theta, now)?;
+                self.at((k, (step as f64 + reach) / steps as f64), state, trajectory, theta, now)?;
                 for (rate, &of) in rates[stage].iter_mut().zip(&self.states) {
                     *rate = now.motion[self.place(of) + coordinates];
                 }
@@ -319,8 +320,7 @@ impl<'a> Problem<'a> {
                     *value = next[s] - to[s];
                     next[s] = 0.5 * (next[s] + from[s]);
                 }
-                let middle = (k, next.as_slice(), self.disturbed(trajectory, k));
-                self.differentiate(middle, theta, columns, &mut scratch, (transition, forcing))?;
+                self.differentiate((k, &next), trajectory, theta, columns, &mut scratch, (transition, forcing))?;
             }
             Ok(())
         })?;
@@ -357,7 +357,8 @@ impl<'a> Problem<'a> {
     /// order.
     fn differentiate(
         &self,
-        (k, middle, disturbed): (usize, &[f64], &[f64]),
+        (k, middle): (usize, &[f64]),
+        trajectory: &Trajectory,
         theta: &[f64],
         columns: &[Column],
         scratch: &mut Scratch,
@@ -369,7 +370,7 @@ impl<'a> Problem<'a> {
         let switches = derivatives.switches();
         let p = self.free.len() + columns.len();
         let width = p + dims.inputs + switches;
-        self.at((k, 0.5), middle, disturbed, theta, &mut scratch.now)?;
+        self.at((k, 0.5), middle, trajectory, theta, &mut scratch.now)?;
         let Instant { motion, inputs, .. } = &scratch.now;
         derivatives.rows(motion, theta, self.constants, inputs, &mut scratch.rows, &mut scratch.jacobian)?;
         model.regressor(motion, self.constants, &mut scratch.model, &mut scratch.phi)?;
@@ -477,8 +478,7 @@ impl<'a> Problem<'a> {
             let mut scratch = self.scratch();
             for (i, values) in values.chunks_exact_mut(width).enumerate() {
                 let k = task * TASK + i;
-                let (state, disturbed) = (self.state(trajectory, k), self.disturbed(trajectory, k));
-                self.at((k, 0.0), state, disturbed, theta, &mut scratch.now)?;
+                self.at((k, 0.0), self.state(trajectory, k), trajectory, theta, &mut scratch.now)?;
                 evaluate(&mut scratch, values)?;
             }
             Ok(())

@@ -1,7 +1,7 @@
 //! Linearised transitions against differences of the simulation.
 
 use crate::estimate::output_error::chain::Chain;
-use crate::estimate::output_error::problem::{Column, Differentiable, Place, Problem};
+use crate::estimate::output_error::problem::{Column, Differentiable, Place, Problem, Trajectory};
 use crate::interpret::{Interpreted, InterpretedDerivatives};
 use crate::test_models::differentiable;
 use std::vec;
@@ -30,7 +30,7 @@ struct Bench {
     derivatives: InterpretedDerivatives,
     sample_time: f64,
     force: Vec<f64>,
-    states: Vec<f64>,
+    trajectory: Trajectory,
     zeros: Vec<f64>,
 }
 
@@ -43,7 +43,8 @@ impl Bench {
             let t = k as f64 * sample_time;
             [0.1 + t, 1.0 - 3.0 * t, 0.8 - 2.0 * t, -2.0 + 5.0 * t]
         });
-        Self { model, derivatives, sample_time, force, states: states.collect(), zeros: vec![0.0; SAMPLES] }
+        let trajectory = Trajectory { states: states.collect(), disturbed: vec![0.0; SAMPLES], applied: None };
+        Self { model, derivatives, sample_time, force, trajectory, zeros: vec![0.0; SAMPLES] }
     }
 
     fn problem(&self, hold: Hold) -> Problem<'_> {
@@ -55,18 +56,19 @@ impl Bench {
             hold,
             sample_time: self.sample_time,
             coordinates: vec![&self.zeros, &self.zeros],
-            inputs: vec![self.force.as_slice().into()],
+            inputs: vec![&self.force],
             free: FREE.to_vec(),
             states,
             breaks: vec![false; SAMPLES - 1],
             steps: 1,
-            disturbed: vec![0.0; SAMPLES],
             shortest_passage: 1,
+            scale: vec![1.0, 1.0],
+            hidden: Vec::new(),
         }
     }
 
-    fn linearise(&self, problem: &Problem<'_>, states: &[f64], theta: &[f64]) -> Chain {
-        problem.linearise_at(states, theta, &[], &[], &[1.0, 1.0]).expect("evaluates")
+    fn linearise(&self, problem: &Problem<'_>, trajectory: &Trajectory, theta: &[f64]) -> Chain {
+        problem.linearise_at(trajectory, theta, &[], &[]).expect("evaluates")
     }
 }
 
@@ -80,7 +82,7 @@ fn difference(step: f64, defect: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
 fn errors(sample_time: f64, hold: Hold) -> [f64; 3] {
     let bench = Bench::new(sample_time);
     let problem = bench.problem(hold);
-    let chain = bench.linearise(&problem, &bench.states, &THETA);
+    let chain = bench.linearise(&problem, &bench.trajectory, &THETA);
     assert_eq!((chain.order, chain.columns, chain.inputs, chain.switches), (ORDER, FREE.len(), 1, 0));
     let (mut wrong, mut size) = ([0.0_f64; 3], [0.0_f64; 3]);
     let mut compare = |what: usize, found: f64, expected: f64, rest: f64| {
@@ -89,9 +91,9 @@ fn errors(sample_time: f64, hold: Hold) -> [f64; 3] {
     };
     for of in 0..ORDER {
         let expected = difference(1e-5, |by| {
-            let mut states = bench.states.clone();
-            states[AT * ORDER + of] += by;
-            bench.linearise(&problem, &states, &THETA).defect(AT).to_vec()
+            let mut moved = bench.trajectory.clone();
+            moved.states[AT * ORDER + of] += by;
+            bench.linearise(&problem, &moved, &THETA).defect(AT).to_vec()
         });
         for (s, expected) in expected.iter().enumerate() {
             compare(0, chain.transition(AT, s)[of], *expected, if s == of { 1.0 } else { 0.0 });
@@ -101,16 +103,16 @@ fn errors(sample_time: f64, hold: Hold) -> [f64; 3] {
         let expected = difference(1e-5 * THETA[j], |by| {
             let mut theta = THETA;
             theta[j] += by;
-            bench.linearise(&problem, &bench.states, &theta).defect(AT).to_vec()
+            bench.linearise(&problem, &bench.trajectory, &theta).defect(AT).to_vec()
         });
         for (s, expected) in expected.iter().enumerate() {
             compare(1, chain.forcing(AT, s)[j], *expected, 0.0);
         }
     }
     let expected = difference(1e-3, |by| {
-        let mut problem = bench.problem(hold);
-        problem.disturbed[AT] = by;
-        bench.linearise(&problem, &bench.states, &THETA).defect(AT).to_vec()
+        let mut moved = bench.trajectory.clone();
+        moved.disturbed[AT] = by;
+        bench.linearise(&problem, &moved, &THETA).defect(AT).to_vec()
     });
     for (s, expected) in expected.iter().enumerate() {
         compare(2, chain.forcing(AT, s)[FREE.len()], *expected, 0.0);
@@ -134,17 +136,17 @@ fn a_transition_is_linearised_as_the_simulation_changes() {
 fn defects_and_errors_are_those_of_the_states() {
     let bench = Bench::new(2e-3);
     let problem = bench.problem(Hold::Zoh);
-    let chain = bench.linearise(&problem, &bench.states, &THETA);
+    let chain = bench.linearise(&problem, &bench.trajectory, &THETA);
     // From the simulated next state on there is no defect left.
-    let mut states = bench.states.clone();
+    let mut simulated = bench.trajectory.clone();
     for s in 0..ORDER {
-        states[(AT + 1) * ORDER + s] += chain.defect(AT)[s];
+        simulated.states[(AT + 1) * ORDER + s] += chain.defect(AT)[s];
     }
-    let again = bench.linearise(&problem, &states, &THETA);
+    let again = bench.linearise(&problem, &simulated, &THETA);
     assert!(again.defect(AT).iter().all(|defect| defect.abs() < 1e-15), "{:?}", again.defect(AT));
     assert!(chain.defect(AT).iter().any(|defect| defect.abs() > 1e-4));
     for k in 0..SAMPLES {
-        assert_eq!([0, 1].map(|c| chain.error(k, c)), [0, 2].map(|s| -bench.states[k * ORDER + s]));
+        assert_eq!([0, 1].map(|c| chain.error(k, c)), [0, 2].map(|s| -bench.trajectory.states[k * ORDER + s]));
     }
 }
 
@@ -154,9 +156,9 @@ fn columns_act_as_forces_and_on_readings() {
     let problem = bench.problem(Hold::Zoh);
     let column = |place: Place, held: bool| Column { place, values: vec![2.0; SAMPLES], held };
     let columns = [column(Place::Row(0), true), column(Place::Reading(1), false), column(Place::Row(1), false)];
-    let bare = bench.linearise(&problem, &bench.states, &THETA);
+    let bare = bench.linearise(&problem, &bench.trajectory, &THETA);
     let values = [0.3, 0.05, 0.0];
-    let chain = problem.linearise_at(&bench.states, &THETA, &columns, &values, &[1.0, 1.0]).expect("evaluates");
+    let chain = problem.linearise_at(&bench.trajectory, &THETA, &columns, &values).expect("evaluates");
     let p = FREE.len();
     for s in 0..ORDER {
         let forcing = chain.forcing(AT, s);
@@ -179,4 +181,19 @@ fn models_without_a_motion_of_their_own_have_no_states() {
     let (two_rows, _) =
         differentiable("model P { coordinate x; input u, v; parameter m, k; m*ddot(x) = u; k*dot(x) = v; }");
     assert!(two_rows.dims().rows == 2 && Problem::states(&two_rows).is_none());
+}
+
+#[test]
+fn an_input_that_acts_otherwise_than_recorded_replaces_the_record() {
+    let bench = Bench::new(2e-3);
+    for hold in [Hold::Zoh, Hold::None] {
+        let problem = bench.problem(hold);
+        let mut other = bench.trajectory.clone();
+        other.applied = Some((0, bench.force.iter().map(|u| 0.5 * u).collect()));
+        let replaced = bench.linearise(&problem, &other, &THETA);
+        let halved = Bench { force: bench.force.iter().map(|u| 0.5 * u).collect(), ..Bench::new(2e-3) };
+        let recorded = halved.linearise(&halved.problem(hold), &halved.trajectory, &THETA);
+        assert_eq!(replaced.defect(AT), recorded.defect(AT), "{hold}");
+        assert_ne!(replaced.defect(AT), bench.linearise(&problem, &bench.trajectory, &THETA).defect(AT), "{hold}");
+    }
 }

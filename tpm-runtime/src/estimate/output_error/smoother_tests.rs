@@ -1,7 +1,8 @@
 //! The smoother against a dense twin: the same least squares with all unknowns at once, and the marginal likelihood of its readings.
 
 use crate::estimate::output_error::chain::Chain;
-use crate::estimate::output_error::smoother::{Noise, Smoothed};
+use crate::estimate::output_error::noise::Noise;
+use crate::estimate::output_error::smoother::Smoothed;
 use crate::estimate::output_error::solution::Solution;
 use crate::numerics::{DMatrix, DVector};
 use rand::SeedableRng;
@@ -29,6 +30,8 @@ struct Case {
     loose: bool,
     /// Whether a column acts on a reading.
     reading: bool,
+    /// Whether the inputs are exact but where a coordinate turns.
+    only_at_turns: bool,
 }
 
 fn chain(case: Case) -> Chain {
@@ -54,6 +57,7 @@ fn chain(case: Case) -> Chain {
         reading_columns: Vec::new(),
         loose: vec![0.0; transitions],
         disturbed: (0..SAMPLES).map(|_| if case.input > 0.0 { 0.3 * case.input * normal() } else { 0.0 }).collect(),
+        turns: (0..transitions).map(|k| k % 3 == 1).collect(),
         nothing: vec![0.0; COLUMNS],
         outputs,
     };
@@ -83,7 +87,7 @@ fn noise(case: Case) -> Noise {
         readings[5 * outputs] = f64::INFINITY;
         readings[13 * outputs] = f64::INFINITY;
     }
-    Noise { readings, colour: vec![case.colour; outputs], inputs: vec![case.input] }
+    Noise { readings, colour: vec![case.colour; outputs], inputs: vec![case.input], only_at_turns: case.only_at_turns }
 }
 
 /// The solution with all unknowns at once.
@@ -103,7 +107,8 @@ fn dense(chain: &Chain, noise: &Noise) -> Dense {
     let disturbances: Vec<(usize, usize, f64)> = (0..SAMPLES - 1)
         .filter(|&k| !chain.breaks[k])
         .flat_map(|k| {
-            let input = (noise.inputs[0] > 0.0).then_some((k, COLUMNS, noise.inputs[0]));
+            let free = noise.inputs[0] > 0.0 && (!noise.only_at_turns || chain.turns[k]);
+            let input = free.then_some((k, COLUMNS, noise.inputs[0]));
             let switch = (chain.loose[k] > 0.0).then_some((k, COLUMNS + 1, chain.loose[k]));
             input.into_iter().chain(switch)
         })
@@ -233,6 +238,7 @@ fn cases() -> Vec<Case> {
         plain,
         Case { two_sensors: true, ..plain },
         Case { input: 0.5, ..plain },
+        Case { input: 0.5, only_at_turns: true, ..plain },
         Case { missing: true, reading: true, ..plain },
         Case { broken: true, input: 0.5, ..plain },
         Case { loose: true, input: 0.5, missing: true, ..plain },
@@ -247,7 +253,7 @@ fn one_pass_is_the_whole_least_squares() {
     for case in cases() {
         let (chain, noise) = (chain(case), noise(case));
         let expected = dense(&chain, &noise);
-        let smoothed = Smoothed::new(&chain, &noise, true);
+        let smoothed = Smoothed::new(&chain, &noise, COLUMNS, true);
         let found = Solution::of_columns(&smoothed, COLUMNS, &[]).expect("both columns show");
         let size = largest(&expected.step);
         found.step.iter().zip(&expected.step).for_each(|(f, e)| near(*f, *e, size));
@@ -270,7 +276,7 @@ fn states_under_coloured_noise_are_those_of_the_whole_least_squares() {
     for case in cases().into_iter().filter(|case| case.colour > 0.0) {
         let (chain, noise) = (chain(case), noise(case));
         let expected = dense(&chain, &noise);
-        let smoothed = Smoothed::new(&chain, &noise, true);
+        let smoothed = Smoothed::new(&chain, &noise, COLUMNS, true);
         let (states, inputs) = smoothed.corrections(&chain, &noise, &expected.step).expect("finite");
         // Readings have white noise of a ten thousandth of the coloured one.
         let size = largest(&expected.states);
@@ -284,14 +290,33 @@ fn states_under_coloured_noise_are_those_of_the_whole_least_squares() {
 fn innovations_are_uncorrelated_rows_of_the_same_sum_of_squares() {
     for case in cases() {
         let (chain, noise) = (chain(case), noise(case));
-        let smoothed = Smoothed::new(&chain, &noise, false);
+        let smoothed = Smoothed::new(&chain, &noise, COLUMNS, false);
         let found = Solution::of_columns(&smoothed, COLUMNS, &[]).expect("both columns show");
-        let left = smoothed.remaining(COLUMNS, &found.step, &[]);
+        let left = smoothed.remaining(&found.step);
         let squares: f64 = left.iter().map(|e| e * e).sum();
         let expected = smoothed.root.last().expect("rows").powi(2);
         // Innovations of readings; what the disturbances were taken to be already is part of the whole sum.
         assert_eq!(left.len(), smoothed.places.len());
         near(squares, expected, expected);
+    }
+}
+
+#[test]
+fn parameters_beside_a_column_of_known_value_are_those_of_both_together() {
+    for case in cases() {
+        let (chain, noise) = (chain(case), noise(case));
+        let smoothed = Smoothed::new(&chain, &noise, COLUMNS, false);
+        let both = Solution::of_columns(&smoothed, 2, &[]).expect("both columns show");
+        let first = Solution::of_columns(&smoothed, 1, &[]).expect("the first column shows");
+        let beside = first.step_beside(&smoothed, &[(0, both.step[1])]);
+        near(beside[0], both.step[0], largest(&both.step));
+        // Fewer columns of the same record are the first ones.
+        let narrow = Smoothed::new(&chain, &noise, 1, false);
+        let alone = Solution::of_columns(&narrow, 1, &[]).expect("the first column shows");
+        near(alone.step[0], first.step[0], largest(&both.step));
+        // A direction that nothing moves along holds the first column.
+        let held = Solution::of_columns(&smoothed, 1, &[vec![1.0]]).expect("one column");
+        assert!(held.step_beside(&smoothed, &[(0, both.step[1])])[0].abs() < 1e-2 * largest(&both.step).max(1.0));
     }
 }
 
@@ -308,7 +333,7 @@ fn the_determinant_makes_the_likelihood_that_of_the_readings() {
                 second.readings.iter_mut().for_each(|sigma| *sigma *= factor);
                 second.colour.iter_mut().for_each(|colour| *colour *= factor);
                 let [a, b] = [&first, &second]
-                    .map(|noise| (likelihood(&Smoothed::new(&chain, noise, false)), dense(&chain, noise)));
+                    .map(|noise| (likelihood(&Smoothed::new(&chain, noise, COLUMNS, false)), dense(&chain, noise)));
                 near(a.0 - b.0, a.1.likelihood - b.1.likelihood, a.1.likelihood.abs() + b.1.likelihood.abs());
             }
         }
@@ -323,10 +348,11 @@ fn noise_of_inputs_and_of_sensors_may_be_compared_with_none() {
     chain.disturbed.fill(0.0);
     let white = noise(case);
     let expected = dense(&chain, &white).likelihood;
-    let found = likelihood(&Smoothed::new(&chain, &white, false));
+    let found = likelihood(&Smoothed::new(&chain, &white, COLUMNS, false));
     for (input, colour) in [(0.5, 0.0), (0.0, 0.8), (0.5, 0.8)] {
-        let other = Noise { inputs: vec![input], colour: vec![colour], readings: vec![0.05; SAMPLES] };
-        let difference = likelihood(&Smoothed::new(&chain, &other, false)) - found;
+        let readings = vec![0.05; SAMPLES];
+        let other = Noise { inputs: vec![input], colour: vec![colour], readings, only_at_turns: false };
+        let difference = likelihood(&Smoothed::new(&chain, &other, COLUMNS, false)) - found;
         let truth = dense(&chain, &other).likelihood - expected;
         near(difference, truth, 10.0 * (1.0 + truth.abs()));
     }

@@ -1,6 +1,7 @@
 //! Gauss-Newton steps over motion, parameters and the terms that are part of the model.
 
 use crate::estimate::output_error::candidates::{Along, Term};
+use crate::estimate::output_error::clipping::Limit;
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::noise::Noise;
 use crate::estimate::output_error::problem::{Column, Problem, Trajectory};
@@ -8,6 +9,7 @@ use crate::estimate::output_error::signals::Signals;
 use crate::estimate::output_error::smoother::Smoothed;
 use crate::estimate::output_error::solution::Solution;
 use crate::estimate::output_error::tuning::tune;
+use std::vec;
 use std::vec::Vec;
 
 /// Most Gauss-Newton steps.
@@ -18,6 +20,8 @@ const CONVERGED: f64 = 1e-2;
 const PATIENT: usize = 6;
 /// Share of its deviation by which a parameter may move when the steps no longer become smaller.
 const SETTLED: f64 = 0.5;
+/// Share of itself by which a limit moves at most in one step.
+const FARTHEST: f64 = 0.2;
 /// Variance of the first innovations, in units of the sensors' white noise, above which there is more than that.
 const NOISY: f64 = 10.0;
 
@@ -36,8 +40,8 @@ pub(super) struct State {
     pub(super) theta: Vec<f64>,
     pub(super) terms: Vec<Active>,
     pub(super) noise: Noise,
-    /// Columns that are part of the model for this record, with their values.
-    pub(super) own: Vec<(Column, f64)>,
+    /// A limit of an input, which is estimated like a parameter.
+    pub(super) limit: Option<Limit>,
 }
 
 impl State {
@@ -50,8 +54,8 @@ impl State {
     ) -> Result<usize, OutputErrorFault> {
         for iteration in 0..MOST_STEPS {
             let columns = self.columns(problem, signals)?;
-            let own = self.own.iter().map(|(_, value)| *value);
-            let values: Vec<f64> = own.chain(self.terms.iter().map(|active| active.value)).collect();
+            let mut values = vec![0.0; self.base()];
+            values.extend(self.terms.iter().map(|active| active.value));
             let mut chain = problem.linearise_at(&self.trajectory, &self.theta, &columns, &values)?;
             // The noise is told from the motion once the motion obeys the model, and again where there is more than white noise of
             // the sensors.
@@ -70,8 +74,9 @@ impl State {
             let solution = Solution::of_columns(&smoothed, chain.columns, &problem.hidden)?;
             let (states, inputs) =
                 smoothed.corrections(&chain, &self.noise, &solution.step).ok_or(OutputErrorFault::Singular)?;
-            // Signs that turn a sample earlier or later make whole steps go to and fro.
-            let turning = iteration >= PATIENT && problem.machine.derivatives.switches() > 0;
+            // Signs that turn, and limits that are reached, a sample earlier or later make whole steps go to and fro.
+            let corners = problem.machine.derivatives.switches() > 0 || self.limit.is_some();
+            let turning = iteration >= PATIENT && corners;
             let whole = if turning { 0.5 } else { 1.0 };
             let mut share: f64 = whole;
             for (at, &j) in problem.free.iter().enumerate() {
@@ -88,10 +93,13 @@ impl State {
             for (&j, step) in problem.free.iter().zip(&mut steps) {
                 self.theta[j] += step;
             }
-            for ((_, value), step) in self.own.iter_mut().zip(&mut steps) {
-                *value += step;
+            if let Some(limit) = &mut self.limit {
+                // What is cut off depends on the limit, which therefore moves by a part of itself only.
+                let step: f64 = (&mut steps).take(1).sum();
+                limit.size += step.clamp(-FARTHEST * limit.size, FARTHEST * limit.size);
+                self.trajectory.applied = Some((limit.input, limit.applied(problem.inputs[limit.input])));
             }
-            let first = problem.free.len() + self.own.len();
+            let first = problem.free.len() + self.base();
             for ((at, active), step) in self.terms.iter_mut().enumerate().zip(&mut steps) {
                 active.value += step;
                 active.std = solution.deviation(first + at);
@@ -105,14 +113,23 @@ impl State {
         Err(OutputErrorFault::NotConverged { steps: MOST_STEPS })
     }
 
-    /// The columns that are part of the model for this record, and those of the terms.
+    /// Number of columns that are part of the model beside its parameters.
+    pub(super) fn base(&self) -> usize {
+        usize::from(self.limit.is_some())
+    }
+
+    /// The columns that are part of the model beside its parameters.
+    pub(super) fn own(&self, problem: &Problem<'_>) -> Vec<Column> {
+        self.limit.iter().map(|limit| limit.edge(problem.inputs[limit.input], problem.hold)).collect()
+    }
+
+    /// Those columns, and behind them those of the terms.
     fn columns(&self, problem: &Problem<'_>, signals: &Signals<'_>) -> Result<Vec<Column>, OutputErrorFault> {
-        let mut columns: Vec<Column> = self.own.iter().map(|(column, _)| column.clone()).collect();
-        if self.terms.is_empty() {
-            return Ok(columns);
+        let mut columns = self.own(problem);
+        if !self.terms.is_empty() {
+            let along = Along::new(problem, signals, &self.trajectory, &self.theta)?;
+            columns.extend(self.terms.iter().map(|active| along.column(active.term)));
         }
-        let along = Along::new(problem, signals, &self.trajectory, &self.theta)?;
-        columns.extend(self.terms.iter().map(|active| along.column(active.term)));
         Ok(columns)
     }
 }

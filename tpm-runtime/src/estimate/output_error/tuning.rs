@@ -33,10 +33,8 @@ pub(super) fn tune(chain: &Chain, before: &Noise, signals: &Signals<'_>) -> Nois
         .collect();
     let white = Noise { inputs: vec![0.0; sizes.len()], colour: vec![0.0; outputs], readings: Vec::new(), ..*before };
     // The noise of the inputs, by the logarithm of its share of them.
-    let noisy = |log: f64| Noise {
-        inputs: sizes.iter().map(|size| 10.0_f64.powf(log) * size).collect(),
-        ..white.clone()
-    };
+    let noisy =
+        |log: f64| Noise { inputs: sizes.iter().map(|size| 10.0_f64.powf(log) * size).collect(), ..white.clone() };
     let (mut best, mut least) = (white.clone(), cost(&white));
     let grid = (1..=DECADES).map(|decade| -f64::from(decade)).map(|log| (log, cost(&noisy(log))));
     let start = grid.fold((0.0, f64::INFINITY), |best, now| if now.1 < best.1 { now } else { best });
