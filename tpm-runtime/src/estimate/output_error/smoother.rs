@@ -62,6 +62,7 @@ impl Smoothed {
             order,
         };
         let exact = |derivative: usize, scale: f64| EXACT * scale / chain.duration().powi(derivative as i32);
+        let typical: Vec<f64> = (0..outputs).map(|c| noise.typical(c, outputs)).collect();
         let mut gathered: Vec<f64> = Vec::with_capacity((GATHERED + p + 1) * (p + 1));
         let mut work: Vec<f64> = Vec::new();
         let mut disturbed: Vec<(usize, f64)> = Vec::new();
@@ -100,7 +101,7 @@ impl Smoothed {
                         let c = i - n;
                         let (colour, deviation) = (noise.colour[c], chain.scale[c]);
                         let weight = 1.0 / exact(0, deviation);
-                        let sigma = noise.typical(c, outputs);
+                        let sigma = typical[c];
                         row[disturbed.len() + c] = -weight * sigma * (1.0 - colour * colour).sqrt();
                         row[extra + i] = -weight * colour;
                         row[extra + order + i] = weight;
@@ -137,8 +138,7 @@ impl Smoothed {
                 present.fill(0.0);
                 if coloured {
                     // The noise is stationary from the first sample on.
-                    for c in 0..outputs {
-                        let sigma = noise.typical(c, outputs);
+                    for (c, sigma) in typical.iter().enumerate() {
                         present[(n + c) * width + n + c] = 1.0 / sigma;
                         this.determinant += 2.0 * sigma.ln();
                     }
