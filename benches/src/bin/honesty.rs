@@ -1,7 +1,7 @@
 //! How honest identified numbers are: tables in Markdown, from many logs of simulated machines.
 //!
 //! ```text
-//! honesty [correct|spoilt ...] [--logs N] [--case WORDS]
+//! honesty [correct|spoilt|bound|campaigns|encoders|pendulum ...] [--logs N] [--case WORDS]
 //! ```
 //!
 //! Every group has its own number of logs where none is asked for. Logs are identified one to a core (`RAYON_NUM_THREADS`); the
@@ -13,7 +13,7 @@ use clap::{Parser, ValueEnum};
 use std::process::ExitCode;
 use std::time::Instant;
 use tpm_benches::honesty::examine::examine;
-use tpm_benches::honesty::{cases, correct, spoilt};
+use tpm_benches::honesty::{cases, correct, efficiency, encoders, pendulum, spoilt};
 
 /// How honest identified numbers are.
 #[derive(Parser)]
@@ -34,17 +34,31 @@ enum Group {
     Correct,
     /// Wrong models and spoilt logs.
     Spoilt,
+    /// Logs under white noise, beside the Cramer-Rao bound.
+    Bound,
+    /// Campaigns without encoders, beside the Cramer-Rao bound.
+    Campaigns,
+    /// Campaigns by files on machines with coarse encoders.
+    Encoders,
+    /// A pendulum with dry friction.
+    Pendulum,
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let groups = if arguments.groups.is_empty() { Group::value_variants() } else { &arguments.groups };
-    let examined = |cases| examine(cases, &arguments.case, arguments.logs, &|name| eprintln!("{name}"));
+    let (words, logs) = (arguments.case.as_str(), arguments.logs);
+    let progress = |name: &str| eprintln!("{name}");
+    let examined = |cases| examine(cases, words, logs, &progress);
     for group in groups {
         let began = Instant::now();
         let report = match group {
             Group::Correct => examined(cases::correct()).map(|examined| correct::report(&examined)),
             Group::Spoilt => examined(cases::spoilt()).map(|examined| spoilt::report(&examined)),
+            Group::Bound => efficiency::logs(words, logs, &progress),
+            Group::Campaigns => efficiency::campaigns(words, logs, &progress),
+            Group::Encoders => encoders::report(words, logs, &progress),
+            Group::Pendulum => pendulum::report(logs),
         };
         match report {
             Ok(report) => println!("{report}"),

@@ -275,3 +275,37 @@ impl Rig {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{DAMPING, MASS, PERIOD, Rig, SAMPLE_TIME, STIFFNESS};
+    use std::f64::consts::TAU;
+
+    /// Cosine and sine part of a harmonic over whole periods.
+    fn harmonic(signal: &[f64], k: usize) -> [f64; 2] {
+        let turn = |i: usize| (TAU * (k * i % PERIOD) as f64 / PERIOD as f64).sin_cos();
+        let part = |of: fn((f64, f64)) -> f64| -> f64 {
+            signal.iter().enumerate().map(|(i, value)| value * of(turn(i))).sum::<f64>() * 2.0 / signal.len() as f64
+        };
+        [part(|turn| turn.1), part(|turn| turn.0)]
+    }
+
+    #[test]
+    fn the_recorded_motion_obeys_the_model_under_a_held_input() {
+        let recording = Rig { white: 0.0, ..Rig::default() }.play(1);
+        assert_eq!(recording.position.len(), 8 * PERIOD);
+        for k in [1, 3] {
+            let w = k as f64 * TAU / (PERIOD as f64 * SAMPLE_TIME);
+            let [x, y] = harmonic(&recording.position, k);
+            let [u, v] = harmonic(&recording.input, k);
+            // The hold delays the input by half a sample, and takes w^2 T^2/24 of it.
+            let (half, gain) = (0.5 * w * SAMPLE_TIME, 1.0 - (w * SAMPLE_TIME).powi(2) / 24.0);
+            let held = [gain * (u * half.cos() - v * half.sin()), gain * (u * half.sin() + v * half.cos())];
+            let spring = STIFFNESS - MASS * w * w;
+            let expected = [spring * x + DAMPING * w * y, spring * y - DAMPING * w * x];
+            for (held, expected) in held.iter().zip(expected) {
+                assert!((held - expected).abs() < 1e-5 * u.hypot(v), "{k}: {held} {expected}");
+            }
+        }
+    }
+}
