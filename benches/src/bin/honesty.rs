@@ -61,7 +61,7 @@ fn main() -> ExitCode {
             Group::Pendulum => pendulum::report(logs),
         };
         match report {
-            Ok(report) => println!("{report}"),
+            Ok(report) => println!("{}", report.trim_end()),
             Err(error) => {
                 eprintln!("error: {error}");
                 return ExitCode::from(2);

@@ -56,10 +56,10 @@ impl Errors {
         self.mean(|value, _| (value - self.truth).powi(2)).sqrt()
     }
 
-    /// Root mean square of the stated deviations.
+    /// Mean of the stated deviations.
     #[must_use]
     pub fn stated(&self) -> f64 {
-        self.mean(|_, std| std * std).sqrt()
+        self.mean(|_, std| std)
     }
 
     /// Values whose error is not above this many stated deviations.

@@ -40,6 +40,8 @@ fn coarse(machine: &Shipped, share: f64, seed: u64) -> Experiment {
         }
     }
     experiment.seed = seed;
+    // Every step through the files looks at the loop's stability again.
+    experiment.stability.points = experiment.stability.points.min(10);
     experiment
 }
 
@@ -108,7 +110,7 @@ pub fn report(words: &str, seeds: Option<u32>, progress: &dyn Fn(&str)) -> Resul
         "campaigns with all of them",
         "right, warned or refused",
         "exit code 1 or 2",
-        "median of the largest errors",
+        "typical largest error",
         "met",
         "said most often",
     ]);
@@ -145,7 +147,7 @@ pub fn report(words: &str, seeds: Option<u32>, progress: &dyn Fn(&str)) -> Resul
                 percent(right, all.len()),
                 percent(honest, all.len()),
                 percent(all.iter().filter(|ended| ended.outcome.exit != 0).count(), all.len()),
-                largest.get(largest.len() / 2).map_or_else(String::new, |error| format!("{:.2} %", 100.0 * error)),
+                largest.get(largest.len() / 2).map_or_else(String::new, |error| format!("{error:.1e}")),
                 met(honest == all.len()),
                 most_frequent(all.iter().flat_map(|ended| &ended.outcome.said).map(|said| said.label.as_str()), 3),
             ]);

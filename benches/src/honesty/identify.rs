@@ -39,9 +39,9 @@ impl Said {
         let field = |name: &str| finding[name].as_str().map(str::to_owned);
         let kind = field("kind").unwrap_or_default();
         let text = warning.to_string();
-        // The numbers of a term, such as the limit of an input, differ from log to log.
-        let detail =
-            field("term").or_else(|| field("parameter")).or_else(|| field("message")).map(|own| digitless(&own));
+        // The numbers of a limit or of a message differ from log to log; those of an exponent do not.
+        let term = field("term").map(|term| if term.contains('.') { digitless(&term) } else { term });
+        let detail = term.or_else(|| field("parameter")).or_else(|| field("message").map(|own| digitless(&own)));
         let label = detail.map_or_else(|| kind.clone(), |detail| format!("{kind}: {detail}"));
         Said { kind, text, label }
     }
@@ -70,7 +70,7 @@ fn digitless(text: &str) -> String {
 pub struct Outcome {
     /// The parameters; none where identification failed.
     pub parameters: Vec<Stated>,
-    /// Everything that is said beside the numbers: warnings, then why a result is incomplete, or the error.
+    /// Everything that is said beside the numbers: warnings, then why a result is incomplete where no warning says it, or the error.
     pub said: Vec<Said>,
     /// Exit code of the command line: 0, 1 where numbers are not to be trusted or not all that were asked for, 2 for an error.
     pub exit: u8,
@@ -84,7 +84,9 @@ impl Outcome {
         let mut said: Vec<Said> = result.warnings.iter().map(Said::of).collect();
         let shortfall = result.shortfall();
         let exit = u8::from(shortfall.is_some());
-        said.extend(shortfall.map(|text| Said { kind: "shortfall".into(), label: digitless(&text), text }));
+        // What leaves a result incomplete may be one of its warnings.
+        let new = shortfall.filter(|text| said.iter().all(|said| said.text != *text));
+        said.extend(new.map(|text| Said { kind: "shortfall".into(), label: digitless(&text), text }));
         Outcome { parameters: reported.iter().map(Stated::of).collect(), said, exit }
     }
 

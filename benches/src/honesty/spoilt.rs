@@ -24,8 +24,8 @@ pub fn report(results: &[Examined]) -> String {
         "exit code 1 or 2",
         "moved or refused",
         "of these named",
-        "median of the largest errors",
-        "error / stated",
+        "typical largest error",
+        "in stated deviations",
         "met",
         "said most often",
     ]);
