@@ -19,6 +19,7 @@ use crate::numerics::{DMatrix, DVector};
 use crate::run::Spectra;
 use crate::run::held;
 use num_complex::Complex;
+use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -41,6 +42,8 @@ const LEAST_PERIODS: isize = 8;
 const COUNT_BINS: usize = 24;
 /// Rounding to counts that makes up this share of a sensor's noise repeats with the motion: the noise is not white.
 const REPEATING: f64 = 0.2;
+/// Harmonics of the saw tooth of rounding to counts that are added up.
+const SAW_TOOTH: u32 = 30;
 /// Lines after which the sum of the motion between them is compared with what it was before.
 const BLOCK: usize = 16;
 /// The sum of the motion between the lines ends where a [`BLOCK`] adds less than this share.
@@ -131,6 +134,26 @@ impl<'a> Bins<'a> {
         let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
         let share = REPEATING * samples / self.spectra.window.bandwidth();
         white.iter().zip(&self.spectra.steps).any(|(power, step)| step * step / 12.0 > share * power)
+    }
+
+    /// Power that rounding to counts gives every line of a sensor because it repeats with the motion, given the power of the sensor's
+    /// noise in a bin between the lines.
+    ///
+    /// Beside noise of s counts, the mean of the rounding error is a saw tooth over the count whose m-th harmonic is smaller by
+    /// exp(-2 pi^2 s^2 m^2) (Widrow and Kollar, Quantization Noise, 2008). That mean is the same in every period. Its values are
+    /// independent of each other from sample to sample, but no more of them than counts that the motion passes.
+    fn repeating(&self, channel: usize, white: f64) -> f64 {
+        let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
+        let per_period = self.spectra.samples_per_period;
+        let samples = per_period * self.spectra.periods as f64;
+        let own = white * samples / self.spectra.window.bandwidth() / (step * step) - 1.0 / 12.0;
+        let harmonic = |m: u32| {
+            let order = 2.0 * PI * PI * f64::from(m * m);
+            (-2.0 * order * own.max(0.0)).exp() / order
+        };
+        let variance = step * step * (1..=SAW_TOOTH).map(harmonic).sum::<f64>();
+        let counts = 4.0 * strongest(&self.spectra.lines[channel]) / step;
+        variance / per_period.min(counts).max(1.0)
     }
 
     /// Whether anything stands between the lowest lines of the coordinates.
@@ -259,6 +282,8 @@ pub(super) fn row_variance(
         }
         (residual.norm_sqr(), shape)
     };
+    let repeating: Vec<f64> = white.iter().enumerate().map(|(c, power)| bins.repeating(c, *power)).collect();
+    let mut felt = vec![Complex::new(0.0, 0.0); coordinates];
     let mut variances = (Vec::with_capacity(highest + 1), Vec::with_capacity(highest + 1));
     for k in 0..=highest {
         let mut sum = |least: usize| {
@@ -273,7 +298,12 @@ pub(super) fn row_variance(
             apart = ((found - level * expected) / f64::from(near.max(1))).max(0.0);
         }
         let scale = if k == 0 { 1.0 } else { 4.0 };
-        let (_, shape) = pair(k as isize * bins.periods);
+        let line = k as isize * bins.periods;
+        let (_, shape) = pair(line);
+        for &m in &mixing {
+            response(slots, gain, m, bins.frequency(line - m * bins.periods), &mut felt);
+            apart += felt.iter().zip(&repeating).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
+        }
         variances.0.push(scale * level * shape);
         variances.1.push(scale * apart);
     }

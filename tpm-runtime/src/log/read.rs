@@ -209,9 +209,9 @@ impl Log {
         let signals: Vec<&String> = signals.iter().chain(present).collect();
         let places: Vec<(usize, String)> = signals.iter().map(|s| find(s)).collect::<Result<_, _>>()?;
         let mut time = Vec::new();
-        // Stamps may be printed without trailing zeros, so the finest digit of all is the one to which they are
-        // rounded.
-        let mut resolution = f64::INFINITY;
+        // Stamps may be printed without trailing zeros, or with so many digits in all, so that the finest digit among those of the
+        // same size is the one to which they are rounded.
+        let mut resolution: BTreeMap<i32, f64> = BTreeMap::new();
         let mut channels: Vec<Vec<f64>> = vec![Vec::new(); signals.len()];
         let mut lines = Vec::new();
         for record in reader.records() {
@@ -229,8 +229,10 @@ impl Log {
                     }
                 }
             };
-            time.push(number(&time_at)?);
-            resolution = resolution.min(last_digit(record.get(time_at.0).unwrap_or("")));
+            let stamp = number(&time_at)?;
+            time.push(stamp);
+            let finest = resolution.entry(decade(stamp)).or_insert(f64::INFINITY);
+            *finest = finest.min(last_digit(record.get(time_at.0).unwrap_or("")));
             for ((channel, place), signal) in channels.iter_mut().zip(&places).zip(&signals) {
                 let scale = options.scale.get(*signal).copied().unwrap_or(1.0);
                 let offset = options.offset.get(*signal).copied().unwrap_or(0.0);
@@ -242,7 +244,7 @@ impl Log {
         if time.len() < LEAST {
             return Err(LogError::TooShort { path: name.into(), line: last_line, samples: time.len(), needed: LEAST });
         }
-        let sample_time = even_time(&time, resolution, &lines, name)?;
+        let sample_time = even_time(&time, &resolution, &lines, name)?;
         for ((channel, (_, column)), signal) in channels.iter().zip(&places).zip(&signals) {
             let first = channel[0];
             if channel.iter().all(|x| *x == first) {
@@ -333,14 +335,22 @@ fn last_digit(text: &str) -> f64 {
     10.0_f64.powi(exponent - decimals)
 }
 
-/// The sample time of an even grid. A stamp printed with few digits may be off by one in its last digit.
-fn even_time(time: &[f64], resolution: f64, lines: &[u64], name: &str) -> Result<f64, LogError> {
+/// The power of ten below a number; the least one for zero.
+fn decade(value: f64) -> i32 {
+    if value.abs() > 0.0 { value.abs().log10().floor() as i32 } else { i32::MIN }
+}
+
+/// The sample time of an even grid. A stamp printed with few digits may be off by one in its last digit; `resolution` has the value of
+/// that digit by decade.
+fn even_time(time: &[f64], resolution: &BTreeMap<i32, f64>, lines: &[u64], name: &str) -> Result<f64, LogError> {
+    let last_digit = |stamp: f64| resolution.get(&decade(stamp)).copied().unwrap_or(0.0);
     let mut steps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
     steps.sort_by(f64::total_cmp);
     let typical = steps[steps.len() / 2];
-    let tolerance = (JITTER * typical.abs()).max(1.01 * resolution.min(0.5 * typical.abs()));
     for (i, pair) in time.windows(2).enumerate() {
         let step = pair[1] - pair[0];
+        let rounded = last_digit(pair[0]).max(last_digit(pair[1]));
+        let tolerance = (JITTER * typical.abs()).max(1.01 * rounded.min(0.5 * typical.abs()));
         if (step - typical).abs() > tolerance || step <= 0.0 {
             return Err(LogError::Jitter { path: name.into(), line: lines[i + 1], step, expected: typical });
         }
@@ -348,7 +358,7 @@ fn even_time(time: &[f64], resolution: f64, lines: &[u64], name: &str) -> Result
     let sample_time = (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64;
     for (i, t) in time.iter().enumerate() {
         let deviation = t - time[0] - i as f64 * sample_time;
-        if deviation.abs() > (DRIFT * sample_time).max(resolution) {
+        if deviation.abs() > (DRIFT * sample_time).max(last_digit(*t)) {
             return Err(LogError::Drift { path: name.into(), line: lines[i], deviation, expected: sample_time });
         }
     }
@@ -434,5 +444,25 @@ mod tests {
         let csv = text(|i| format!("{:.4},{},{i}\n", i as f64 * 0.0016384, (i as f64).sin()));
         let log = read(&csv, &LogOptions::default()).expect("rounding only");
         assert!((log.sample_time - 0.0016384).abs() < 2e-6);
+    }
+
+    #[test]
+    fn so_many_digits_in_all_are_not_jitter() {
+        // Seven digits in all leave steps of a millisecond beyond a thousand seconds.
+        let stamp = |i: usize| {
+            let t = 996.0 + i as f64 * 0.002_003;
+            let decimals = if t < 1000.0 { 4 } else { 3 };
+            format!("{t:.decimals$}").trim_end_matches('0').to_string()
+        };
+        let all = |stamp: &dyn Fn(usize) -> String| -> String {
+            let rows = (0..4000).map(|i| format!("{},{},{i}\n", stamp(i), (i as f64).sin()));
+            format!("t_s,x,u\n{}", rows.collect::<String>())
+        };
+        let log = read(&all(&stamp), &LogOptions::default()).expect("rounding only");
+        assert!((log.sample_time - 0.002_003).abs() < 1e-6);
+        // A row that is missing is no rounding.
+        let missing = |i: usize| stamp(if i < 1000 { i } else { i + 1 });
+        let error = read(&all(&missing), &LogOptions::default()).expect_err("a row is missing");
+        assert!(error.to_string().contains("time advances by"), "{error}");
     }
 }

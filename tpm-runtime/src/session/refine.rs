@@ -26,6 +26,8 @@ const NEGLIGIBLE: f64 = 1e-3;
 const CONTRADICTION: f64 = 3.5;
 /// Most samples that are simulated one by one; a longer record is averaged over periods first.
 const MOST_SAMPLES: usize = 50_000;
+/// Samples of the means of such a record, whole periods, two at least.
+const AVERAGED: usize = 12_000;
 
 /// A refined estimate.
 pub(super) struct Refined {
@@ -160,7 +162,7 @@ fn averaged(channels: &[&[f64]], periodic: &Periodic) -> Option<(Vec<Vec<f64>>, 
     if samples <= MOST_SAMPLES || !whole || period == 0 {
         return None;
     }
-    let kept = (MOST_SAMPLES / period).max(2).min(periodic.periods);
+    let kept = (AVERAGED / period).max(2).min(periodic.periods);
     let count = periodic.periods / kept;
     let mean = |channel: &&[f64]| -> Vec<f64> {
         let mut out = Vec::with_capacity(kept * period);

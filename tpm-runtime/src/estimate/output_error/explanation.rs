@@ -30,6 +30,8 @@ const FALSE_ALARMS: f64 = 0.01;
 const MOST_TERMS: usize = 3;
 /// A first candidate whose column is explained by the parameters but for this share of its power says nothing of its own.
 const OWN: f64 = 1e-9;
+/// The same for dry friction in a model that has dry friction.
+const SHARP: f64 = 0.1;
 /// The same for a further candidate, beside the parameters and those before it.
 const DISTINCT: f64 = 1e-4;
 
@@ -110,6 +112,9 @@ impl Explanation {
         let mut left = target.clone();
         let mut basis: Vec<DVector<f64>> = Vec::new();
         let mut chosen: Vec<(usize, f64)> = Vec::new();
+        // A friction that the model has differs from its candidate in how sharply it turns.
+        let frictions = problem.machine.derivatives.switches() > 0;
+        let same = |j: usize| frictions && matches!(candidates[j].kind, CandidateKind::Friction { .. });
         let own = |j: usize, basis: &[DVector<f64>]| -> Option<DVector<f64>> {
             let mut column = columns.column(j).into_owned();
             for direction in basis {
@@ -118,7 +123,13 @@ impl Explanation {
             }
             // One term may be all but explained by the parameters, as a cubic spring is where the motion has few harmonics. A
             // further one that is would only trade with the first.
-            let least = if basis.is_empty() { OWN } else { DISTINCT };
+            let least = if same(j) {
+                SHARP
+            } else if basis.is_empty() {
+                OWN
+            } else {
+                DISTINCT
+            };
             let whole: f64 = (0..p + m).map(|r| smoothed.entry(r, p + j).powi(2)).sum();
             (column.norm_squared() > least * whole.max(f64::MIN_POSITIVE)).then_some(column)
         };
