@@ -16,8 +16,7 @@ use crate::estimate::run::Run;
 use crate::estimate::select::strongest;
 use crate::numerics::fourier::{coefficient, synthesise};
 use crate::numerics::{DMatrix, DVector};
-use crate::run::Spectra;
-use crate::run::held;
+use crate::run::{Spectra, alike, held};
 use num_complex::Complex;
 use std::f64::consts::PI;
 use std::vec;
@@ -42,6 +41,8 @@ const LEAST_PERIODS: isize = 8;
 const COUNT_BINS: usize = 24;
 /// Rounding to counts that makes up this share of a sensor's noise repeats with the motion: the noise is not white.
 const REPEATING: f64 = 0.2;
+/// A line belongs to a motion when its power is this many times that of rounding.
+const CERTAIN: f64 = 9.0;
 /// Harmonics of the saw tooth of rounding to counts that are added up.
 const SAW_TOOTH: u32 = 30;
 /// Lines after which the sum of the motion between them is compared with what it was before.
@@ -140,8 +141,8 @@ impl<'a> Bins<'a> {
     /// noise in a bin between the lines.
     ///
     /// Beside noise of s counts, the mean of the rounding error is a saw tooth over the count whose m-th harmonic is smaller by
-    /// exp(-2 pi^2 s^2 m^2) (Widrow and Kollar, Quantization Noise, 2008). That mean is the same in every period. Its values are
-    /// independent of each other from sample to sample, but no more of them than counts that the motion passes.
+    /// exp(-2 pi^2 s^2 m^2) (Widrow and Kollar, Quantization Noise, 2008). That mean is the same in every period, and the same in
+    /// successive samples whose rounding errors are alike.
     fn repeating(&self, channel: usize, white: f64) -> f64 {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let per_period = self.spectra.samples_per_period;
@@ -152,8 +153,13 @@ impl<'a> Bins<'a> {
             (-2.0 * order * own.max(0.0)).exp() / order
         };
         let variance = step * step * (1..=SAW_TOOTH).map(harmonic).sum::<f64>();
-        let counts = 4.0 * strongest(&self.spectra.lines[channel]) / step;
-        variance / per_period.min(counts).max(1.0)
+        // The motion without the lines of its rounding.
+        let rounding = CERTAIN * step * step / 3.0 / per_period;
+        let of_motion = |line: &Complex<f64>| if line.norm_sqr() > rounding { *line } else { Complex::new(0.0, 0.0) };
+        let lines: Vec<Complex<f64>> = self.spectra.lines[channel].iter().map(of_motion).collect();
+        let motion = synthesise(&lines, 0, self.spectra.fundamental, lines.len(), per_period.round() as usize);
+        let squares: usize = alike(&motion, *step).iter().map(|length| length * length).sum();
+        variance * squares as f64 / (per_period * per_period)
     }
 
     /// Whether anything stands between the lowest lines of the coordinates.

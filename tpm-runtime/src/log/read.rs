@@ -371,7 +371,7 @@ mod tests {
     use crate::report::Remedy;
     use crate::test_models::MassSpringDrag;
     use std::format;
-    use std::string::String;
+    use std::string::{String, ToString as _};
 
     fn text(edit: impl Fn(usize) -> String) -> String {
         let mut all = String::from("t_s,x,u\n");

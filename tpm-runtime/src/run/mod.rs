@@ -7,6 +7,7 @@
 mod actuator;
 mod bench;
 mod completion;
+mod counts;
 mod error;
 mod feed_forward;
 mod feedback;
@@ -22,6 +23,7 @@ pub use actuator::{Dynamics, LowPass};
 pub use bench::{Bench, BenchError};
 pub use completion::OpenReason;
 pub(crate) use completion::{CompletionError, complete};
+pub(crate) use counts::alike;
 pub use error::TrialError;
 pub use feed_forward::HoldCompensation;
 pub(crate) use feed_forward::demand;

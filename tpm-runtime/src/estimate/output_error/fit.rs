@@ -184,6 +184,13 @@ fn most_likely_limit(
     Ok(best.map(|(state, _)| state))
 }
 
+/// A limit of an input, with what it costs in likelihood and how far it moves the parameters.
+struct Weighed {
+    size: f64,
+    cost: f64,
+    step: Vec<f64>,
+}
+
 /// Replaces parameters at the most likely limit of an input by their mean over all limits, each as likely as it makes the record, and their
 /// covariance by that over all limits. Samples leave the limit one by one when it moves, so that the likelihood has corners, and
 /// its curvature at the top does not tell how wide it is.
@@ -196,7 +203,7 @@ fn over_limits(
     let Some(found) = state.limit.clone() else { return Ok(()) };
     let p = problem.free.len();
     let deviation = examined.covariance[(p, p)].sqrt();
-    let mut tried: Vec<(f64, f64, Vec<f64>)> = Vec::new();
+    let mut tried: Vec<Weighed> = Vec::new();
     for i in -LIMITS..=LIMITS {
         let size = found.size + f64::from(i) / f64::from(LIMITS) * REACH * deviation;
         if size <= 0.0 {
@@ -208,25 +215,23 @@ fn over_limits(
         let chain = problem.linearise_at(&trajectory, &state.theta, &[], &[])?;
         let smoothed = Smoothed::new(&chain, &state.noise, p, false);
         let solution = Solution::of_columns(&smoothed, p, &problem.hidden)?;
-        tried.push((size, smoothed.cost(smoothed.least_squares(), 0.0), solution.step));
+        tried.push(Weighed { size, cost: smoothed.cost(smoothed.least_squares(), 0.0), step: solution.step });
         if i == 0 {
             examined.covariance = solution.covariance * examined.misfit.scale;
         }
     }
-    let least = tried.iter().map(|(_, cost, _)| *cost).fold(f64::INFINITY, f64::min);
-    let weights: Vec<f64> = tried.iter().map(|(_, cost, _)| (0.5 * (least - cost)).exp()).collect();
-    let total: f64 = weights.iter().sum();
-    let mean = |of: &dyn Fn(&(f64, f64, Vec<f64>)) -> f64| -> f64 {
-        tried.iter().zip(&weights).map(|(tried, weight)| weight * of(tried)).sum::<f64>() / total
-    };
-    let steps: Vec<f64> = (0..p).map(|j| mean(&|(_, _, step)| step[j])).collect();
-    let size = mean(&|(size, _, _)| *size);
+    let least = tried.iter().map(|tried| tried.cost).fold(f64::INFINITY, f64::min);
+    let weight = |tried: &Weighed| (0.5 * (least - tried.cost)).exp();
+    let total: f64 = tried.iter().map(weight).sum();
+    let mean = |of: &dyn Fn(&Weighed) -> f64| tried.iter().map(|tried| weight(tried) * of(tried)).sum::<f64>() / total;
+    let steps: Vec<f64> = (0..p).map(|j| mean(&|tried| tried.step[j])).collect();
+    let size = mean(&|tried| tried.size);
     for a in 0..p {
         for b in 0..p {
-            examined.covariance[(a, b)] += mean(&|(_, _, step)| (step[a] - steps[a]) * (step[b] - steps[b]));
+            examined.covariance[(a, b)] += mean(&|tried| (tried.step[a] - steps[a]) * (tried.step[b] - steps[b]));
         }
     }
-    let std = mean(&|(tried, _, _)| (tried - size).powi(2)).sqrt();
+    let std = mean(&|tried| (tried.size - size).powi(2)).sqrt();
     for (&j, step) in problem.free.iter().zip(&steps) {
         state.theta[j] += step;
     }

@@ -2,6 +2,7 @@
 
 use crate::estimate::output_error::local;
 use crate::estimate::output_error::noise::Noise;
+use crate::run::alike;
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
@@ -147,21 +148,13 @@ impl Signals<'_> {
                 let copies = (samples as f64 / self.samples_per_period.max(1.0)).max(1.0);
                 let mut motion = vec![0.0; samples];
                 self.synthesise(&self.lines[c], 0, motion.iter_mut());
-                let mut k = 0;
-                while k < samples {
-                    let first = k;
-                    let mut phase = 0.0_f64;
-                    // Rounding errors stay alike while the motion advances by nearly whole counts from sample to sample, none among
-                    // them, and those that are alike are one reading.
-                    while k < samples && phase.abs() < 0.5 {
-                        let counts = motion.get(k + 1).map_or(0.5, |next| (next - motion[k]) / step);
-                        phase += counts - counts.round();
-                        k += 1;
-                    }
-                    let variance = (rounded * (k - first) as f64 + own) * copies;
-                    for sample in first..k {
+                let mut first = 0;
+                for length in alike(&motion, step) {
+                    let variance = (rounded * length as f64 + own) * copies;
+                    for sample in first..first + length {
                         readings[sample * outputs + c] = variance.max(least).sqrt();
                     }
+                    first += length;
                 }
             } else {
                 let sigma = self.white[c].powi(2).max(least).sqrt();
