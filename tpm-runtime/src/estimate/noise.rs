@@ -16,9 +16,8 @@ use crate::estimate::run::Run;
 use crate::estimate::select::strongest;
 use crate::numerics::fourier::{coefficient, synthesise};
 use crate::numerics::{DMatrix, DVector};
-use crate::run::{Spectra, alike, held};
+use crate::run::{Spectra, alike, held, repeating};
 use num_complex::Complex;
-use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -43,8 +42,6 @@ const COUNT_BINS: usize = 24;
 const REPEATING: f64 = 0.2;
 /// A line belongs to a motion when its power is this many times that of rounding.
 const CERTAIN: f64 = 9.0;
-/// Harmonics of the saw tooth of rounding to counts that are added up.
-const SAW_TOOTH: u32 = 30;
 /// Lines after which the sum of the motion between them is compared with what it was before.
 const BLOCK: usize = 16;
 /// The sum of the motion between the lines ends where a [`BLOCK`] adds less than this share.
@@ -140,19 +137,14 @@ impl<'a> Bins<'a> {
     /// Power that rounding to counts gives every line of a sensor because it repeats with the motion, given the power of the sensor's
     /// noise in a bin between the lines.
     ///
-    /// Beside noise of s counts, the mean of the rounding error is a saw tooth over the count whose m-th harmonic is smaller by
-    /// exp(-2 pi^2 s^2 m^2) (Widrow and Kollar, Quantization Noise, 2008). That mean is the same in every period, and the same in
-    /// successive samples whose rounding errors are alike.
+    /// The part of the error that follows from the motion is the same in every period, and in successive samples whose rounding errors are
+    /// alike.
     fn repeating(&self, channel: usize, white: f64) -> f64 {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let per_period = self.spectra.samples_per_period;
         let samples = per_period * self.spectra.periods as f64;
         let own = white * samples / self.spectra.window.bandwidth() / (step * step) - 1.0 / 12.0;
-        let harmonic = |m: u32| {
-            let order = 2.0 * PI * PI * f64::from(m * m);
-            (-2.0 * order * own.max(0.0)).exp() / order
-        };
-        let variance = step * step * (1..=SAW_TOOTH).map(harmonic).sum::<f64>();
+        let variance = step * step * repeating(own.max(0.0));
         // The motion without the lines of its rounding.
         let rounding = CERTAIN * step * step / 3.0 / per_period;
         let of_motion = |line: &Complex<f64>| if line.norm_sqr() > rounding { *line } else { Complex::new(0.0, 0.0) };

@@ -1,6 +1,10 @@
 //! Readings that are rounded to counts.
 
+use std::f64::consts::PI;
 use std::vec::Vec;
+
+/// Harmonics of the saw tooth of rounding that are added up.
+const SAW_TOOTH: u32 = 100;
 
 /// Lengths of the stretches of successive samples in which the rounding errors of a motion are alike, in the order of the samples.
 ///
@@ -22,9 +26,22 @@ pub(crate) fn alike(motion: &[f64], step: f64) -> Vec<usize> {
     lengths
 }
 
+/// Variance, in squares of a count, of the part of a rounding error that follows from the motion alone, beside noise of a variance in the
+/// same unit.
+///
+/// The mean of the rounding error over the noise is a saw tooth over the count, whose m-th harmonic noise of s counts makes smaller by
+/// exp(-2 pi^2 s^2 m^2) (Widrow and Kollar, Quantization Noise, 2008). Without noise it is the whole error, of variance 1/12.
+pub(crate) fn repeating(noise: f64) -> f64 {
+    let harmonic = |m: u32| {
+        let order = 2.0 * PI * PI * f64::from(m * m);
+        (-2.0 * order * noise).exp() / order
+    };
+    (1..=SAW_TOOTH).map(harmonic).sum()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::alike;
+    use super::{alike, repeating};
     use std::vec;
     use std::vec::Vec;
 
@@ -39,5 +56,23 @@ mod tests {
         let half: Vec<f64> = (0..4).map(|k| 0.05 * f64::from(k)).collect();
         assert_eq!(alike(&half, 0.1), [1, 1, 1, 1]);
         assert_eq!(alike(&[], 0.1), vec![0_usize; 0]);
+    }
+
+    #[test]
+    fn noise_makes_rounding_errors_independent_of_the_motion() {
+        assert!((repeating(0.0) * 12.0 - 1.0).abs() < 0.01);
+        for sigma in [0.1, 0.2, 0.3, 0.5_f64] {
+            // The mean rounding error of x + n by quadrature over normal n, squared and averaged over a count.
+            let normal = |z: f64| (-0.5 * z * z).exp();
+            let points: Vec<f64> = (-800..=800).map(|i| f64::from(i) * 0.01).collect();
+            let total: f64 = points.iter().map(|z| normal(*z)).sum();
+            let mean = |x: f64| -> f64 {
+                let error = |z: &f64| ((x + sigma * z).round() - (x + sigma * z)) * normal(*z);
+                points.iter().map(error).sum::<f64>() / total
+            };
+            let squares = (0..400).map(|i| mean((f64::from(i) + 0.5) / 400.0).powi(2)).sum::<f64>() / 400.0;
+            let found = repeating(sigma * sigma);
+            assert!((found - squares).abs() < 1e-3 * squares + 1e-7, "{sigma}: {found:e} {squares:e}");
+        }
     }
 }

@@ -23,7 +23,7 @@ pub use actuator::{Dynamics, LowPass};
 pub use bench::{Bench, BenchError};
 pub use completion::OpenReason;
 pub(crate) use completion::{CompletionError, complete};
-pub(crate) use counts::alike;
+pub(crate) use counts::{alike, repeating};
 pub use error::TrialError;
 pub use feed_forward::HoldCompensation;
 pub(crate) use feed_forward::demand;

@@ -180,13 +180,12 @@ impl<'a> Along<'a> {
             Place::Row(row) => row,
             Place::Reading(_) => 0,
         };
-        let term_of = term.kind;
-        let by_input = matches!(term_of, CandidateKind::Delay { .. } | CandidateKind::Flexible { .. });
+        let by_input = matches!(term.kind, CandidateKind::Delay { .. } | CandidateKind::Flexible { .. });
         let sign = |c: usize, v: f64| (v / (SLOW * self.speeds[c])).tanh();
         let of =
             |values: &[f64], f: &dyn Fn(f64) -> f64| -> Vec<f64> { values.iter().map(|&value| f(value)).collect() };
         let h = self.problem.sample_time;
-        let values = match term_of {
+        let values = match term.kind {
             CandidateKind::Offset => vec![1.0; samples],
             CandidateKind::Power { coordinate, exponent } => {
                 of(&self.positions[coordinate], &|x| x.powi(exponent as i32))

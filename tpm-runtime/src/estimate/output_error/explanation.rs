@@ -60,8 +60,8 @@ pub(super) struct Explanation {
 }
 
 impl Explanation {
-    /// The most likely explanation of a record by terms, given what it is without them, and the explanation by the noise of `state`.
-    /// The second is none where they are one.
+    /// The explanation of a record beside the noise of `state`, the explanation by terms beside less noise where that is more likely, and the
+    /// linearised record of the first.
     pub(super) fn all(
         problem: &Problem<'_>,
         signals: &Signals<'_>,
