@@ -184,6 +184,40 @@ fn the_thesis_pattern_shows_six_combinations() {
     }
 }
 
+/// Coefficients of a plant that obeys the model, by [`NAMES`]'s names.
+const QUADRATIC: &str = "[plant.parameters]
+a10 = 2000.0
+a11 = 900.0
+a12 = 60.0
+a20 = 260.0
+a21 = 120.0
+a22 = 30.0
+a30 = -1000.0
+a31 = -430.0
+a32 = 40.0
+
+";
+
+#[test]
+fn no_estimator_moves_along_what_the_thesis_pattern_hides() {
+    let arm = THESIS.find("[plant.closed_loop_arm]").expect("an arm");
+    let rest = THESIS[arm..].find("[plant]\n").expect("a plant") + arm;
+    let obeys = [&THESIS[..arm], QUADRATIC, &THESIS[rest..]].concat();
+    for estimator in ["error", "hill", "effort", "measured-motion"] {
+        let text = obeys.replacen("seed = 1", &format!("seed = 1\nestimator = \"{estimator}\""), 1);
+        let experiment = Experiment::parse(&text).expect("right");
+        let truth = &experiment.plant.parameters;
+        let (result, _) = identified(&experiment);
+        assert_eq!((result.rank, result.unobservable.len()), (6, 3), "{estimator}: {:?}", result.warnings);
+        assert!(result.parameters.iter().all(|parameter| parameter.value.is_none()), "{estimator}");
+        for shown in &result.combinations {
+            let weight = |text: &String| text.parse::<f64>().expect("a number");
+            let wanted: f64 = shown.terms.iter().map(|(name, text)| weight(text) * truth[name]).sum();
+            assert!((shown.value - wanted).abs() <= 4.0 * shown.std, "{estimator}: {shown:?} {wanted}");
+        }
+    }
+}
+
 /// Differences of the combinations from the best quadratic's as shares of their sizes: k = 0, 1, 2, and all six together.
 fn off(experiment: &Experiment) -> [f64; 4] {
     let stage = &experiment.schedule.stages[0].values;

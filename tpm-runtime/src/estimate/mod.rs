@@ -14,6 +14,7 @@ mod along;
 mod bound;
 mod combination;
 mod consistency;
+mod designs;
 #[cfg(feature = "interpret")]
 mod eliminated;
 mod equations;

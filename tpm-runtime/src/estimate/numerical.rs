@@ -7,6 +7,7 @@
 //! reference begins anew.
 
 use crate::estimate::along::Along;
+use crate::estimate::designs::Designs;
 use crate::estimate::equations::Equations;
 use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
@@ -32,7 +33,9 @@ type Lines = Vec<Vec<Complex<f64>>>;
 
 /// The estimator `numerical`.
 pub(super) struct Numerical {
+    /// Nothing moves along the directions that are hidden here, those that no reference shows so far.
     settings: Settings,
+    designs: Designs,
     table: Option<Arc<dyn LineTable>>,
     pools: Pools,
     /// The equations of the last update, when the last run made one, and the parameters behind them.
@@ -110,6 +113,7 @@ impl Numerical {
     pub(super) fn new(settings: &Settings, table: Option<Arc<dyn LineTable>>) -> Self {
         Numerical {
             settings: settings.clone(),
+            designs: Designs::default(),
             table,
             pools: Pools::default(),
             ready: None,
@@ -199,6 +203,8 @@ impl Estimator for Numerical {
             self.columns.clear();
             self.known = false;
             self.base = Some(Base::new(model, run, error, highest, self.table.as_deref())?);
+            self.designs.push(model, &run.trial.constants, &run.trial.trajectory, &self.settings)?;
+            self.settings = self.designs.hidden(&self.settings, |_| true)?;
             return Ok(());
         };
         if self.known {

@@ -13,6 +13,7 @@ use crate::estimate::settings::Settings;
 use crate::estimate::verdict::Verdict;
 use crate::numerics::{DMatrix, Matrix};
 use std::vec;
+use std::vec::Vec;
 
 /// A change of so many standard deviations or less is taken for noise.
 const INSIGNIFICANT: f64 = 3.0;
@@ -71,7 +72,8 @@ pub(super) fn pool_run(
     settings.hold(&mut prior);
     let information = Information::of(equations.weighted(&free.indices, &settings.frozen));
     let start = free.of(&prior);
-    let alone = information.solve(&start, None);
+    let hidden: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
+    let alone = information.scaled().solve(&start, None, &hidden);
     let freedom = equations.real_len().saturating_sub(alone.rank);
     let chi_squared = if freedom > 0 { alone.remainder / freedom as f64 } else { 0.0 };
     let inflation = chi_squared.max(1.0);
@@ -86,12 +88,12 @@ pub(super) fn pool_run(
         None => own,
     };
     let scaled = pooled.scaled();
-    let solution = scaled.solve(&start, None, &[]);
+    let solution = scaled.solve(&start, None, &hidden);
     let mut values = prior;
     free.put(&solution.values, &mut values);
     let covariance = free.spread_square(&solution.covariance);
-    let hidden = scaled.touched(&solution.unobservable);
-    let Verdict { std, status } = Verdict::new(&free, &hidden, &values, &covariance, |_, _| f64::INFINITY);
+    let touched = scaled.touched(&solution.unobservable);
+    let Verdict { std, status } = Verdict::new(&free, &touched, &values, &covariance, |_, _| f64::INFINITY);
     let unobservable = solution.unobservable.iter().map(|direction| free.spread(direction)).collect();
     let (left, whole) = (0..equations.len()).fold((0.0, 0.0), |(left, whole), e| {
         (left + equations.residual(e, &values).norm_sqr(), whole + equations.right[e].norm_sqr())
@@ -103,7 +105,7 @@ pub(super) fn pool_run(
         status,
         rank: solution.rank,
         unobservable,
-        condition: scaled.condition(&[]),
+        condition: scaled.condition(&hidden),
         residual: if whole > 0.0 { (left / whole).sqrt() } else { 0.0 },
         chi_squared,
         model_error: vec![0.0; equations.row.iter().max().map_or(0, |r| r + 1)],

@@ -198,6 +198,9 @@ impl From<PathBuf> for LogRequest {
     }
 }
 
+/// Share of the force that rounding leaves unexplained; a record whose harmonics leave no more has nothing that a refinement could use.
+const EXPLAINED: f64 = 1e-7;
+
 /// Identifies a model from a log: parameters, physical parameters behind lumped ones, what the log does not show.
 ///
 /// # Errors
@@ -283,7 +286,8 @@ fn identify_with(
         Hold::Zoh => HoldResiduals { none: other, zoh: Some(estimate.residual) },
     };
     let ideal = options.actuators.iter().all(Dynamics::is_ideal);
-    let refined = match derivatives.filter(|_| options.refine == Refine::OutputError && ideal) {
+    let refines = options.refine == Refine::OutputError && ideal && estimate.residual > EXPLAINED;
+    let refined = match derivatives.filter(|_| refines) {
         Some(derivatives) => {
             let machine = Differentiable { model, derivatives };
             Some(refine(machine, log, (&periodic, &spectra), options, (&record, &estimate), &settings))

@@ -1,6 +1,7 @@
 //! `error`, `effort` and `hill` over all runs of a campaign.
 
 use crate::estimate::along::Along;
+use crate::estimate::designs::Designs;
 use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::first_order::reduce::{FirstOrder, Reduced};
@@ -19,7 +20,9 @@ use tpm_core::model::Model;
 /// One of the estimators `error`, `effort` and `hill`, over all runs.
 pub(in crate::estimate) struct Linearised {
     kind: FirstOrder,
+    /// Nothing moves along the directions that are hidden here, those that no reference shows so far.
     settings: Settings,
+    designs: Designs,
     table: Option<Arc<dyn LineTable>>,
     pools: Pools,
     /// The last run, reduced.
@@ -32,8 +35,8 @@ pub(in crate::estimate) struct Linearised {
 impl Linearised {
     /// The estimator before any run.
     pub(in crate::estimate) fn new(kind: FirstOrder, settings: &Settings, table: Option<Arc<dyn LineTable>>) -> Self {
-        let (settings, pools) = (settings.clone(), Pools::default());
-        Linearised { kind, settings, table, pools, last: None, reference: None, harmonics: 0 }
+        let (settings, pools, designs) = (settings.clone(), Pools::default(), Designs::default());
+        Linearised { kind, settings, designs, table, pools, last: None, reference: None, harmonics: 0 }
     }
 }
 
@@ -77,7 +80,12 @@ impl Estimator for Linearised {
         let highest = run.highest_harmonic(&self.settings);
         let reference = match self.reference.take().filter(|reference| reference.is_of(run.trial, highest)) {
             Some(reference) => reference,
-            None => Reference::new(model, run.trial, highest, self.table.as_deref())?,
+            None => {
+                let reference = Reference::new(model, run.trial, highest, self.table.as_deref())?;
+                self.designs.push(model, &run.trial.constants, &run.trial.trajectory, &self.settings)?;
+                self.settings = self.designs.hidden(&self.settings, |_| true)?;
+                reference
+            }
         };
         let along = &self.reference.insert(reference).along;
         let mut reduced = match run.rates {

@@ -1,10 +1,9 @@
 //! `measured-motion` over the runs of a campaign that agree with each other.
 
-use crate::estimate::along::Along;
 use crate::estimate::consistency::LeftOut;
+use crate::estimate::designs::Designs;
 use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
-use crate::estimate::information::Information;
 use crate::estimate::measured_motion::fit::estimate_measured_motion;
 use crate::estimate::measured_motion::record::MeasuredMotion;
 use crate::estimate::measured_motion::records::Records;
@@ -13,8 +12,6 @@ use crate::estimate::result::Estimate;
 use crate::estimate::run::{Run, reach};
 use crate::estimate::settings::Settings;
 use crate::run::trajectory::Trajectory;
-use std::vec;
-use std::vec::Vec;
 use tpm_core::model::Model;
 
 /// The estimator `measured-motion`, over all runs that agree.
@@ -22,31 +19,19 @@ pub(in crate::estimate) struct PooledMotion {
     settings: Settings,
     records: Records,
     /// What the reference of every run shows.
-    designs: Vec<Information>,
-    /// The number of the model's parameters.
-    parameters: usize,
+    designs: Designs,
 }
 
 impl PooledMotion {
     /// The estimator before any run.
     pub(in crate::estimate) fn new(settings: &Settings) -> Self {
-        PooledMotion { settings: settings.clone(), records: Records::new(settings), designs: Vec::new(), parameters: 0 }
-    }
-
-    /// The settings with the directions that the references of some runs do not show together.
-    fn hidden(&self, runs: impl Fn(usize) -> bool) -> Result<Settings, EstimateError> {
-        let free = self.settings.free(self.parameters)?;
-        let shown = self.designs.iter().enumerate().filter(|(run, _)| runs(*run)).map(|(_, own)| own.clone());
-        let whole = shown.reduce(|whole, own| whole.pool(&own));
-        let found = whole.map_or_else(Vec::new, |whole| whole.solve(&vec![0.0; free.indices.len()], None).unobservable);
-        let hidden = found.iter().map(|direction| free.spread(direction)).collect();
-        Ok(Settings { hidden, ..self.settings.clone() })
+        PooledMotion { settings: settings.clone(), records: Records::new(settings), designs: Designs::default() }
     }
 
     /// [`Estimator::reduce`] of a run whose design stands in the list already.
     fn reduce_last(&mut self, model: &dyn Model<f64>, run: &Run<'_>, motion: &Trajectory) -> Result<(), EstimateError> {
         let last = self.designs.len() - 1;
-        let own = Settings { reach: reach(motion), ..self.hidden(|run| run == last)? };
+        let own = Settings { reach: reach(motion), ..self.designs.hidden(&self.settings, |run| run == last)? };
         let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &own)?;
         let refine = |records: &mut [MeasuredMotion], settings: &Settings| {
             let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, settings)?.values);
@@ -61,7 +46,8 @@ impl PooledMotion {
                 return Ok(());
             }
         }
-        let settings = Settings { reach: own.reach, ..self.hidden(|run| self.records.pools(run))? };
+        let hidden = self.designs.hidden(&self.settings, |run| self.records.pools(run))?;
+        let settings = Settings { reach: own.reach, ..hidden };
         self.records.replace(record, |records| refine(records, &settings))
     }
 }
@@ -72,18 +58,15 @@ impl Estimator for PooledMotion {
     }
 
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
-        let free = self.settings.free(model.dims().parameters)?;
         let motion = run.judged_motion();
-        let design = Along::design(model, &run.trial.constants, &motion, reach(&motion).max(1), &free.indices)?;
-        self.parameters = model.dims().parameters;
-        self.designs.push(design);
+        self.designs.push(model, &run.trial.constants, &motion, &self.settings)?;
         let reduced = self.reduce_last(model, run, &motion);
         self.designs.truncate(self.records.len());
         reduced
     }
 
     fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
-        let settings = self.hidden(|run| self.records.pools(run))?;
+        let settings = self.designs.hidden(&self.settings, |run| self.records.pools(run))?;
         let estimate = self.records.pooled(|records| estimate_measured_motion(records, &settings));
         if estimate.is_err() {
             self.records.pop();

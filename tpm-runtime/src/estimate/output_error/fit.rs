@@ -16,6 +16,8 @@ use std::vec::Vec;
 
 /// Shortest time between two stops of a machine, as a share of the period.
 const SHORTEST_PASSAGE: f64 = 0.02;
+/// A limit of an input is told from none when it is so many times its deviation.
+const TOLD: f64 = 5.0;
 /// Limits of an input that are weighed on either side of the most likely one.
 const LIMITS: i32 = 20;
 /// How far from it they reach, in deviations by the curvature there.
@@ -105,7 +107,7 @@ impl OutputError {
         let limited = limited.and_then(|state| fitted(&problem, signals, state).ok());
         let least = whole.as_ref().map_or(f64::INFINITY, |fitted| fitted.examined.cost);
         let Fitted { mut state, iterations, mut examined } = match limited {
-            Some(limited) if limited.examined.cost < least - BELIEVED => limited,
+            Some(limited) if limited.knows_its_limit() && limited.examined.cost < least - BELIEVED => limited,
             _ => whole?,
         };
         over_limits(&problem, signals, &mut state, &mut examined)?;
@@ -139,6 +141,15 @@ struct Fitted {
     state: State,
     iterations: Option<usize>,
     examined: Examined,
+}
+
+impl Fitted {
+    /// Whether the record tells how large the limit of the input is.
+    fn knows_its_limit(&self) -> bool {
+        let at = self.examined.covariance.ncols() - 1;
+        let deviation = self.examined.covariance[(at, at)].sqrt();
+        self.state.limit.as_ref().is_some_and(|limit| TOLD * deviation < limit.size)
+    }
 }
 
 /// Settles a state and examines it.
