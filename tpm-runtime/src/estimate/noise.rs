@@ -16,7 +16,7 @@ use crate::estimate::run::Run;
 use crate::estimate::select::strongest;
 use crate::numerics::fourier::{coefficient, synthesise};
 use crate::numerics::{DMatrix, DVector};
-use crate::run::{Spectra, held, repeating};
+use crate::run::{Spectra, alike, held, repeating};
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
@@ -40,6 +40,8 @@ const LEAST_PERIODS: isize = 8;
 const COUNT_BINS: usize = 24;
 /// Rounding to counts that makes up this share of a sensor's noise repeats with the motion: the noise is not white.
 const REPEATING: f64 = 0.2;
+/// A line belongs to a motion when its power is this many times that of rounding.
+const CERTAIN: f64 = 9.0;
 /// Lines after which the sum of the motion between them is compared with what it was before.
 const BLOCK: usize = 16;
 /// The sum of the motion between the lines ends where a [`BLOCK`] adds less than this share.
@@ -134,7 +136,8 @@ impl<'a> Bins<'a> {
 
     /// Power that rounding to counts gives every line of a sensor because it repeats with the motion.
     ///
-    /// The part of the error that follows from the motion is the same in every period.
+    /// The part of the error that follows from the motion is the same in every period, and in successive samples whose rounding errors are
+    /// alike.
     fn repeating(&self, channel: usize) -> f64 {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let per_period = self.spectra.samples_per_period;
@@ -146,10 +149,16 @@ impl<'a> Bins<'a> {
             free.fold((0.0, 0.0), |(power, number), bin| (power + self.at(channel, bin).norm_sqr(), number + 1.0));
         let between = power / f64::max(number, 1.0) * samples / self.spectra.window.bandwidth();
         let own = between / (step * step) - 1.0 / 12.0;
-        let variance = step * step * repeating(own.max(0.0));
-        // Errors of successive samples are independent, but there are no more of them than counts that the motion passes.
-        let counts = 4.0 * strongest(&self.spectra.lines[channel]) / step;
-        variance / per_period.min(counts).max(1.0)
+        let share = repeating(own.max(0.0)) / repeating(0.0);
+        // The motion without the lines of its rounding.
+        let rounding = CERTAIN * step * step / 3.0 / per_period;
+        let of_motion = |line: &Complex<f64>| if line.norm_sqr() > rounding { *line } else { Complex::new(0.0, 0.0) };
+        let lines: Vec<Complex<f64>> = self.spectra.lines[channel].iter().map(of_motion).collect();
+        let motion = synthesise(&lines, 0, self.spectra.fundamental, lines.len(), per_period.round() as usize);
+        let squares: usize = alike(&motion, *step).iter().map(|length| length * length).sum();
+        // Noise carries samples whose errors would be alike to other counts, too.
+        let alike = 1.0 + (squares as f64 / per_period - 1.0).max(0.0) * share;
+        step * step / 12.0 * share * alike / per_period
     }
 
     /// Whether anything stands between the lowest lines of the coordinates.
