@@ -114,15 +114,15 @@ pub(super) struct Along<'a> {
     rates: Vec<Vec<f64>>,
     /// Root mean square of every rate.
     speeds: Vec<f64>,
-    /// The periodic parts of the inputs.
+    /// The inputs without their noise.
     inputs: Vec<Vec<f64>>,
     /// Regressor and input map of every sample, one behind the other.
     entries: Vec<f64>,
 }
 
 impl<'a> Along<'a> {
-    /// Inputs are replaced by their periodic parts: their rates would be those of their noise, and of the sensors' noise that a loop makes
-    /// part of them, which the innovations hold too.
+    /// Inputs that the trajectory takes to be noisy are replaced by their periodic parts: the rate of a noisy input would be that noise,
+    /// which the innovations hold too.
     pub(super) fn new(
         problem: &'a Problem<'a>,
         signals: &Signals<'_>,
@@ -140,7 +140,9 @@ impl<'a> Along<'a> {
         };
         let rates: Vec<Vec<f64>> = (0..dims.coordinates).map(|c| series(c, 1)).collect();
         let rms = |v: &Vec<f64>| (v.iter().map(|v| v * v).sum::<f64>() / samples.max(1) as f64).sqrt();
-        let inputs = (0..dims.inputs).map(|input| signals.periodic_input(input));
+        let exact = trajectory.disturbed.iter().all(|w| w.abs() <= 0.0);
+        let inputs = (signals.inputs.iter().enumerate())
+            .map(|(i, input)| if exact { input.to_vec() } else { signals.periodic_input(i) });
         Ok(Along {
             problem,
             positions: (0..dims.coordinates).map(|c| series(c, 0)).collect(),
