@@ -40,6 +40,8 @@ const LEAST_PERIODS: isize = 8;
 const COUNT_BINS: usize = 24;
 /// Rounding to counts that makes up this share of a sensor's noise repeats with the motion: the noise is not white.
 const REPEATING: f64 = 0.2;
+/// Share of its variance from which on a rounding error repeats; noise of the sensor lets a smaller share average out with itself.
+const UNDITHERED: f64 = 0.5;
 /// A line belongs to a motion when its power is this many times that of rounding.
 const CERTAIN: f64 = 9.0;
 /// Lines after which the sum of the motion between them is compared with what it was before.
@@ -150,15 +152,16 @@ impl<'a> Bins<'a> {
         let between = power / f64::max(number, 1.0) * samples / self.spectra.window.bandwidth();
         let own = between / (step * step) - 1.0 / 12.0;
         let share = repeating(own.max(0.0)) / repeating(0.0);
+        if share < UNDITHERED {
+            return 0.0;
+        }
         // The motion without the lines of its rounding.
         let rounding = CERTAIN * step * step / 3.0 / per_period;
         let of_motion = |line: &Complex<f64>| if line.norm_sqr() > rounding { *line } else { Complex::new(0.0, 0.0) };
         let lines: Vec<Complex<f64>> = self.spectra.lines[channel].iter().map(of_motion).collect();
         let motion = synthesise(&lines, 0, self.spectra.fundamental, lines.len(), per_period.round() as usize);
         let squares: usize = alike(&motion, *step).iter().map(|length| length * length).sum();
-        // Noise carries samples whose errors would be alike to other counts, too.
-        let alike = 1.0 + (squares as f64 / per_period - 1.0).max(0.0) * share;
-        step * step / 12.0 * share * alike / per_period
+        step * step / 12.0 * share * squares as f64 / (per_period * per_period)
     }
 
     /// Whether anything stands between the lowest lines of the coordinates.
