@@ -77,17 +77,16 @@ pub(super) fn noise_along(
 ) -> Result<Option<NoiseAlong>, EstimateError> {
     let (dims, spectra) = (model.dims(), run.spectra);
     let Some(bins) = Bins::of(spectra, run.hold, dims) else { return Ok(None) };
-    let white: Vec<f64> = (0..dims.coordinates).map(|c| bins.white(c)).collect();
+    let sensors = bins.sensors(dims.coordinates);
     let noisy = |(c, power): (usize, &f64)| *power > (ROUNDING * strongest(&spectra.lines[c])).powi(2);
-    if !white.iter().enumerate().any(noisy) {
+    if !sensors.white.iter().enumerate().any(noisy) {
         return Ok(None);
     }
-    let counted = bins.counted(&white);
     let slots = along.slots();
     let maps: Vec<Vec<f64>> = along.map.chunks_exact(dims.inputs.max(1)).map(<[f64]>::to_vec).collect();
     let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| along.gains(row, theta)).collect();
     let of_row = |row: usize| {
-        let (variance, apart) = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &white, counted);
+        let (variance, apart) = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &sensors);
         variance.iter().zip(&apart).map(|(noise, apart)| noise + apart).collect()
     };
     let variance = (0..dims.rows).map(of_row).collect();
@@ -98,6 +97,16 @@ pub(super) fn noise_along(
         None => None,
     };
     Ok(Some(NoiseAlong { variance, shifts }))
+}
+
+/// What the sensors of a record add to its transforms.
+pub(super) struct Sensors {
+    /// Power of every sensor's white noise in a bin.
+    pub(super) white: Vec<f64>,
+    /// Power that rounding to counts gives every line of a sensor because it repeats with the motion.
+    repeating: Vec<f64>,
+    /// Whether rounding to counts makes up so much of the noise that it repeats.
+    pub(super) counted: bool,
 }
 
 /// The windowed transforms of a record of whole periods.
@@ -128,8 +137,15 @@ impl<'a> Bins<'a> {
         usable.then_some(Bins { spectra, hold, periods, count, between })
     }
 
+    /// What the sensors of the first `coordinates` channels add.
+    pub(super) fn sensors(&self, coordinates: usize) -> Sensors {
+        let white: Vec<f64> = (0..coordinates).map(|c| self.white(c)).collect();
+        let repeating = (0..coordinates).map(|c| self.repeating(c)).collect();
+        Sensors { repeating, counted: self.counted(&white), white }
+    }
+
     /// Whether rounding to counts makes up so much of the sensors' noise, given in every bin, that it repeats.
-    pub(super) fn counted(&self, white: &[f64]) -> bool {
+    fn counted(&self, white: &[f64]) -> bool {
         // The transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
         let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
         let share = REPEATING * samples / self.spectra.window.bandwidth();
@@ -210,7 +226,7 @@ impl<'a> Bins<'a> {
     /// Power of a channel's noise in a bin, read between the highest lines, where there is hardly any motion.
     ///
     /// The median ignores the few bins that hold some; the median of |n|^2 is ln 2 times its mean.
-    pub(super) fn white(&self, channel: usize) -> f64 {
+    fn white(&self, channel: usize) -> f64 {
         let highest = self.spectra.highest() as isize * self.periods;
         let free = (highest - highest / 4..highest).filter(|bin| self.free(*bin));
         let mut power: Vec<f64> = free.map(|bin| self.at(channel, bin).norm_sqr()).collect();
@@ -268,9 +284,9 @@ pub(super) fn row_variance(
     (map, highest): (&[f64], usize),
     slots: &[(usize, usize)],
     gain: &[Vec<Complex<f64>>],
-    white: &[f64],
-    counted: bool,
+    sensors: &Sensors,
 ) -> (Vec<f64>, Vec<f64>) {
+    let Sensors { white, repeating, counted } = sensors;
     let coordinates = white.len();
     let mixing = mixing(gain);
     let mut through = vec![Complex::new(0.0, 0.0); coordinates];
@@ -290,7 +306,6 @@ pub(super) fn row_variance(
         }
         (residual.norm_sqr(), shape)
     };
-    let repeating: Vec<f64> = (0..coordinates).map(|c| bins.repeating(c)).collect();
     let mut felt = vec![Complex::new(0.0, 0.0); coordinates];
     let mut variances = (Vec::with_capacity(highest + 1), Vec::with_capacity(highest + 1));
     for k in 0..=highest {
@@ -298,10 +313,10 @@ pub(super) fn row_variance(
             let pairs = bins.around(k, least).map(&mut pair);
             pairs.fold((0, 0.0, 0.0), |(count, found, expected), of| (count + 1, found + of.0, expected + of.1))
         };
-        let (_, found, expected) = sum(if counted { COUNT_BINS } else { LEVEL_BINS });
+        let (_, found, expected) = sum(if *counted { COUNT_BINS } else { LEVEL_BINS });
         let level = if expected > 0.0 { found / expected } else { 0.0 };
         let mut apart = 0.0;
-        if !counted && bins.periods >= LEAST_PERIODS {
+        if !*counted && bins.periods >= LEAST_PERIODS {
             let (near, found, expected) = sum(NEAREST_BINS);
             apart = ((found - level * expected) / f64::from(near.max(1))).max(0.0);
         }
@@ -310,7 +325,7 @@ pub(super) fn row_variance(
         let (_, shape) = pair(line);
         for &m in &mixing {
             response(slots, gain, m, bins.frequency(line - m * bins.periods), &mut felt);
-            apart += felt.iter().zip(&repeating).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
+            apart += felt.iter().zip(repeating).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
         }
         variances.0.push(scale * level * shape);
         variances.1.push(scale * apart);

@@ -33,15 +33,14 @@ pub(in crate::estimate) fn refine_last(
     if !bins.hold_noise(dims.coordinates) {
         return Ok(());
     }
-    let white: Vec<f64> = (0..dims.coordinates).map(|c| bins.white(c)).collect();
-    let counted = bins.counted(&white);
+    let sensors = bins.sensors(dims.coordinates);
     let maps: Vec<Vec<f64>> = (0..dims.rows).map(|row| record.input_map(row)).collect();
     let of_row = |row: usize| {
         let highest = record.used(row).last().copied().unwrap_or(0);
-        row_variance(&bins, (&maps[row], highest), &slots, &gains[row], &white, counted)
+        row_variance(&bins, (&maps[row], highest), &slots, &gains[row], &sensors)
     };
     let (variance, apart) = (0..dims.rows).map(of_row).unzip();
-    record.set_variance(variance, apart, (!counted).then_some(white));
+    record.set_variance(variance, apart, (!sensors.counted).then_some(sensors.white));
     let motion = true_motion(&bins, &maps, &slots, &gains, dims.coordinates);
     if let Some((motion, uncertainty)) = motion {
         let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;
