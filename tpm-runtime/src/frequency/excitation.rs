@@ -3,6 +3,7 @@
 //! Invariant: an excitation depends on its settings alone, the seed among them, so that an experiment can be repeated.
 
 use crate::numerics::fourier::inverse;
+use crate::numerics::root_mean_square;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal, Uniform};
@@ -142,9 +143,9 @@ impl Excitation {
 /// Largest magnitude over root mean square; zero for a signal that is zero.
 #[must_use]
 pub fn crest_factor(signal: &[f64]) -> f64 {
-    let power = signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64;
+    let size = root_mean_square(signal.iter().copied());
     let peak = signal.iter().fold(0.0_f64, |peak, x| peak.max(x.abs()));
-    if power > 0.0 { peak / power.sqrt() } else { 0.0 }
+    if size > 0.0 { peak / size } else { 0.0 }
 }
 
 fn positive(setting: &'static str, value: f64) -> Result<(), ExcitationError> {
@@ -210,11 +211,8 @@ fn multisine(
 #[cfg(test)]
 mod tests {
     use super::{Excitation, ExcitationError, Phases, crest_factor};
+    use crate::numerics::root_mean_square;
     use std::f64::consts::PI;
-
-    fn rms(signal: &[f64]) -> f64 {
-        (signal.iter().map(|x| x * x).sum::<f64>() / signal.len() as f64).sqrt()
-    }
 
     #[test]
     fn noise_is_held_and_repeatable() {
@@ -224,7 +222,8 @@ mod tests {
         assert_ne!(signal, make(5));
         assert!(signal.chunks(10).all(|held| held.iter().all(|x| *x == held[0])));
         assert_ne!(signal[9], signal[10]);
-        assert!((rms(&signal) - 0.3).abs() < 0.02, "{}", rms(&signal));
+        let size = root_mean_square(signal.iter().copied());
+        assert!((size - 0.3).abs() < 0.02, "{size}");
     }
 
     #[test]
@@ -233,7 +232,7 @@ mod tests {
             let signal = Excitation::Multisine { period: 500, low: 4.0, high: 20.0, rms: 2.0, phases }
                 .samples(1000, 1e-3)
                 .expect("valid");
-            assert!((rms(&signal) - 2.0).abs() < 1e-12);
+            assert!((root_mean_square(signal.iter().copied()) - 2.0).abs() < 1e-12);
             assert!((signal[0] - signal[500]).abs() < 1e-12);
             // Lines 2 Hz apart from 4 to 20 Hz: nine, each of amplitude 2 sqrt(2/9).
             for k in 0..250 {

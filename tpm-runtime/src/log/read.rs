@@ -349,16 +349,16 @@ fn even_time(time: &[f64], resolution: &BTreeMap<i32, f64>, lines: &[u64], name:
     let typical = steps[steps.len() / 2];
     for (i, pair) in time.windows(2).enumerate() {
         let step = pair[1] - pair[0];
-        let rounded = last_digit(pair[0]).max(last_digit(pair[1]));
-        let tolerance = (JITTER * typical.abs()).max(1.01 * rounded.min(0.5 * typical.abs()));
-        if (step - typical).abs() > tolerance || step <= 0.0 {
+        let off = (step - typical).abs();
+        let rounding = || last_digit(pair[0]).max(last_digit(pair[1])).min(0.5 * typical.abs());
+        if step <= 0.0 || off > JITTER * typical.abs() && off > 1.01 * rounding() {
             return Err(LogError::Jitter { path: name.into(), line: lines[i + 1], step, expected: typical });
         }
     }
     let sample_time = (time[time.len() - 1] - time[0]) / (time.len() - 1) as f64;
     for (i, t) in time.iter().enumerate() {
         let deviation = t - time[0] - i as f64 * sample_time;
-        if deviation.abs() > (DRIFT * sample_time).max(last_digit(*t)) {
+        if deviation.abs() > DRIFT * sample_time && deviation.abs() > last_digit(*t) {
             return Err(LogError::Drift { path: name.into(), line: lines[i], deviation, expected: sample_time });
         }
     }

@@ -49,3 +49,9 @@ pub(crate) use nalgebra::{Cholesky, Const, DMatrix, DMatrixView, DVector, DVecto
 pub(crate) use nalgebra::{SMatrix, SVector};
 pub use riccati::RiccatiError;
 pub(crate) use riccati::{Riccati, riccati};
+
+/// Root mean square of values; zero without any.
+pub(crate) fn root_mean_square(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (sum, count) = values.into_iter().fold((0.0, 0.0), |(sum, count), x| (sum + x * x, count + 1.0));
+    (sum / f64::max(count, 1.0)).sqrt()
+}

@@ -294,7 +294,6 @@ fn identify_with(
         }
         None => None,
     };
-    let by_harmonics = estimate.residual;
     let (estimate, refinement, remarks) = match refined {
         Some(Ok(refined)) => (refined.estimate, Some(refined.report), refined.warnings),
         Some(Err(fault)) => {
@@ -339,8 +338,7 @@ fn identify_with(
         hold_residuals,
         refinement,
     };
-    let other = other.map(|left| (by_harmonics, left));
-    let mut warnings = warnings(model, &record, &estimate, options, &log_report, other);
+    let mut warnings = warnings(model, &record, &estimate, options, &log_report);
     warnings.extend(remarks);
     let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
         EstimateReport::new(model, &options.prior, Some(&estimate));
@@ -441,10 +439,14 @@ fn warnings(
     estimate: &Estimate,
     options: &LogOptions,
     log: &LogReport,
-    holds: Option<(f64, f64)>,
 ) -> Vec<Warning> {
     let mut warnings = Vec::new();
-    if let Some((left, left_by_better)) = holds
+    let HoldResiduals { none, zoh } = log.hold_residuals;
+    let (stated, other) = match options.hold {
+        Hold::None => (none, zoh),
+        Hold::Zoh => (zoh, none),
+    };
+    if let (Some(left), Some(left_by_better)) = (stated, other)
         && left_by_better < CLEARLY_BETTER * left
     {
         let better = options.hold.other();

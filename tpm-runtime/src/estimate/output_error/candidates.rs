@@ -3,6 +3,7 @@
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::problem::{Column, Place, Problem, Trajectory};
 use crate::estimate::output_error::signals::Signals;
+use crate::numerics::root_mean_square;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -139,14 +140,13 @@ impl<'a> Along<'a> {
             }
         };
         let rates: Vec<Vec<f64>> = (0..dims.coordinates).map(|c| series(c, 1)).collect();
-        let rms = |v: &Vec<f64>| (v.iter().map(|v| v * v).sum::<f64>() / samples.max(1) as f64).sqrt();
         let exact = trajectory.disturbed.iter().all(|w| w.abs() <= 0.0);
         let inputs = (signals.inputs.iter().enumerate())
             .map(|(i, input)| if exact { input.to_vec() } else { signals.periodic_input(i) });
         Ok(Along {
             problem,
             positions: (0..dims.coordinates).map(|c| series(c, 0)).collect(),
-            speeds: rates.iter().map(|v| rms(v).max(f64::MIN_POSITIVE)).collect(),
+            speeds: rates.iter().map(|v| root_mean_square(v.iter().copied()).max(f64::MIN_POSITIVE)).collect(),
             rates,
             inputs: inputs.collect(),
             entries,

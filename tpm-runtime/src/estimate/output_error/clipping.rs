@@ -154,15 +154,15 @@ pub(super) fn promising(
 }
 
 impl Limit {
-    /// The input as it acts.
-    pub(super) fn applied(&self, recorded: &[f64]) -> Vec<f64> {
-        recorded.iter().map(|u| u.clamp(-self.size, self.size)).collect()
+    /// The input and how it acts, given all inputs as they were recorded.
+    pub(super) fn applied(&self, recorded: &[&[f64]]) -> (usize, Vec<f64>) {
+        (self.input, recorded[self.input].iter().map(|u| u.clamp(-self.size, self.size)).collect())
     }
 
-    /// How the rows change with the limit.
-    pub(super) fn edge(&self, recorded: &[f64], hold: Hold) -> Column {
+    /// How the rows change with the limit, given all inputs as they were recorded.
+    pub(super) fn edge(&self, recorded: &[&[f64]], hold: Hold) -> Column {
         let force = |(u, factor): (&f64, &f64)| if u.abs() > self.size { -factor * u.signum() } else { 0.0 };
-        let values = recorded.iter().zip(&self.factor).map(force).collect();
+        let values = recorded[self.input].iter().zip(&self.factor).map(force).collect();
         Column { place: Place::Row(self.row), values, held: hold == Hold::Zoh }
     }
 }

@@ -35,9 +35,12 @@ const SHARP: f64 = 0.1;
 /// The same for a further candidate, beside the parameters and those before it.
 const DISTINCT: f64 = 1e-4;
 
-/// A term that is taken in, and the share of the unexplained squares that it took.
+/// A term that is taken in.
 pub(super) struct Chosen {
+    /// Its number among the candidates.
+    candidate: usize,
     pub(super) active: Active,
+    /// Share of the unexplained squares that it took.
     pub(super) gain: f64,
 }
 
@@ -56,7 +59,6 @@ pub(super) struct Explanation {
     pub(super) cost: f64,
     smoothed: Smoothed,
     candidates: Vec<Term>,
-    chosen: Vec<(usize, f64)>,
 }
 
 impl Explanation {
@@ -160,13 +162,14 @@ impl Explanation {
             None => (DVector::zeros(chosen.len()), DMatrix::zeros(chosen.len(), chosen.len())),
         };
         let terms = chosen.iter().enumerate().map(|(c, &(j, gain))| Chosen {
+            candidate: j,
             active: Active { term: candidates[j], value: values[c], std: (scale * covariance[(c, c)]).sqrt() },
             gain: (gain / excess).min(1.0),
         });
         let terms: Vec<Chosen> = terms.collect();
-        let chosen: Vec<(usize, f64)> = chosen.iter().zip(&values).map(|(&(j, _), &value)| (j, value)).collect();
+        let taken: Vec<(usize, f64)> = terms.iter().map(|term| (term.candidate, term.active.value)).collect();
         Ok(Explanation {
-            step: bare.step_beside(&smoothed, &chosen),
+            step: bare.step_beside(&smoothed, &taken),
             cost: smoothed.cost(remaining, least),
             noise,
             trajectory,
@@ -175,7 +178,6 @@ impl Explanation {
             scale,
             smoothed,
             candidates,
-            chosen,
         })
     }
 
@@ -183,8 +185,8 @@ impl Explanation {
     pub(super) fn innovations(&self, sensors: usize) -> Innovations {
         let mut values = self.step.clone();
         values.resize(self.smoothed.width() - 1, 0.0);
-        for &(j, value) in &self.chosen {
-            values[self.step.len() + j] = value;
+        for term in &self.terms {
+            values[self.step.len() + term.candidate] = term.active.value;
         }
         Innovations::new(&self.smoothed.remaining(&values), &self.smoothed.places, sensors)
     }

@@ -10,7 +10,7 @@ use crate::estimate::output_error::smoother::Smoothed;
 use crate::estimate::output_error::solution::Solution;
 use crate::estimate::output_error::state::State;
 use crate::estimate::output_error::tuning::BELIEVED;
-use crate::numerics::DMatrix;
+use crate::numerics::{DMatrix, root_mean_square};
 use std::vec;
 use std::vec::Vec;
 
@@ -110,9 +110,9 @@ impl OutputError {
             Some(limited) if limited.knows_its_limit() && limited.examined.cost < least - BELIEVED => limited,
             _ => whole?,
         };
-        over_limits(&problem, signals, &mut state, &mut examined)?;
+        over_limits(&problem, &mut state, &mut examined)?;
         let residual: Vec<f64> =
-            (0..outputs).map(|c| rms(examined.errors.iter().skip(c).step_by(outputs), 0.0)).collect();
+            (0..outputs).map(|c| root_mean_square(examined.errors.iter().skip(c).step_by(outputs).copied())).collect();
         let by_motion = residual.iter().zip(&signals.coordinates).map(|(left, signal)| left / spread(signal));
         let inputs = signals.inputs.len();
         let by_input = signals.inputs.iter().enumerate().map(|(i, input)| {
@@ -181,13 +181,12 @@ fn most_likely_limit(
 ) -> Result<Option<State>, OutputErrorFault> {
     let mut best: Option<(State, f64)> = None;
     for (limit, theta) in clipping::promising(problem, signals, &begun.theta)? {
-        let applied = Some((limit.input, limit.applied(signals.inputs[limit.input])));
-        let trajectory = Trajectory { applied, ..begun.trajectory.clone() };
+        let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
         let state = State { trajectory, theta, limit: Some(limit), ..begun.clone() };
         let columns = state.own(problem);
         let chain = problem.linearise_at(&state.trajectory, &state.theta, &columns, &vec![0.0; columns.len()])?;
         let smoothed = Smoothed::new(&chain, &state.noise, chain.columns, false);
-        let cost = smoothed.cost(smoothed.least_squares(), 0.0);
+        let cost = smoothed.least_cost();
         if best.as_ref().is_none_or(|(_, least)| cost < *least) {
             best = Some((state, cost));
         }
@@ -205,12 +204,7 @@ struct Weighed {
 /// Replaces parameters at the most likely limit of an input by their mean over all limits, each as likely as it makes the record, and their
 /// covariance by that over all limits. Samples leave the limit one by one when it moves, so that the likelihood has corners, and
 /// its curvature at the top does not tell how wide it is.
-fn over_limits(
-    problem: &Problem<'_>,
-    signals: &Signals<'_>,
-    state: &mut State,
-    examined: &mut Examined,
-) -> Result<(), OutputErrorFault> {
+fn over_limits(problem: &Problem<'_>, state: &mut State, examined: &mut Examined) -> Result<(), OutputErrorFault> {
     let Some(found) = state.limit.clone() else { return Ok(()) };
     let p = problem.free.len();
     let deviation = examined.covariance[(p, p)].sqrt();
@@ -221,12 +215,11 @@ fn over_limits(
             continue;
         }
         let limit = Limit { size, ..found.clone() };
-        let applied = Some((limit.input, limit.applied(signals.inputs[limit.input])));
-        let trajectory = Trajectory { applied, ..state.trajectory.clone() };
+        let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..state.trajectory.clone() };
         let chain = problem.linearise_at(&trajectory, &state.theta, &[], &[])?;
         let smoothed = Smoothed::new(&chain, &state.noise, p, false);
         let solution = Solution::of_columns(&smoothed, p, &problem.hidden)?;
-        tried.push(Weighed { size, cost: smoothed.cost(smoothed.least_squares(), 0.0), step: solution.step });
+        tried.push(Weighed { size, cost: smoothed.least_cost(), step: solution.step });
         if i == 0 {
             examined.covariance = solution.covariance * examined.misfit.scale;
         }
@@ -255,13 +248,8 @@ fn over_limits(
     Ok(())
 }
 
-/// Root mean square of values beside a centre.
-fn rms<'v>(values: impl Iterator<Item = &'v f64>, centre: f64) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), x| (sum + (x - centre).powi(2), count + 1.0));
-    (sum / f64::max(count, 1.0)).sqrt()
-}
-
 /// Standard deviation of a signal.
 fn spread(signal: &[f64]) -> f64 {
-    rms(signal.iter(), signal.iter().sum::<f64>() / signal.len().max(1) as f64)
+    let mean = signal.iter().sum::<f64>() / signal.len().max(1) as f64;
+    root_mean_square(signal.iter().map(|x| x - mean))
 }

@@ -4,7 +4,8 @@ use crate::estimate::output_error::fit::OutputError;
 use crate::estimate::output_error::problem::Differentiable;
 use crate::estimate::output_error::signals::Signals;
 use crate::interpret::{Interpreted, InterpretedDerivatives};
-use crate::numerics::DMatrix;
+use crate::numerics::differences::white_noise;
+use crate::numerics::{DMatrix, root_mean_square};
 use crate::run::Spectra;
 use crate::test_models::differentiable;
 use crate::test_rig::{MODEL, PERIOD, Recorded, Rig, SAMPLE_TIME, TRUTH};
@@ -24,13 +25,6 @@ fn band(fits: usize) -> std::ops::Range<f64> {
     let spread = 2.0 / (9.0 * fits as f64);
     let edge = |z: f64| (1.0 - spread + z * spread.sqrt()).powf(1.5);
     edge(-3.09)..edge(3.09)
-}
-
-/// Root mean square of a signal's sixth differences, as a deviation of white noise.
-fn white(signal: &[f64]) -> f64 {
-    let binomial = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
-    let power = signal.windows(7).map(|w| w.iter().zip(&binomial).map(|(x, b)| x * b).sum::<f64>().powi(2));
-    (power.sum::<f64>() / (signal.len() - 6) as f64 / 924.0).sqrt()
 }
 
 /// Parameters near the truth.
@@ -57,7 +51,7 @@ fn fit(
         coordinates: vec![channels[0]],
         inputs: vec![channels[1]],
         samples_per_period: PERIOD as f64,
-        white: vec![white(channels[0])],
+        white: vec![white_noise(channels[0])],
         steps: vec![0.0],
         lines: vec![lines(0)],
         unexplained: 1.0,
@@ -82,14 +76,10 @@ fn scores(fits: &[OutputError]) -> [Vec<f64>; 3] {
     [0, 1, 2].map(|j| fits.iter().map(|found| (found.values[j] - TRUTH[j]) / deviation(found, j)).collect())
 }
 
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|z| z * z).sum::<f64>() / values.len() as f64).sqrt()
-}
-
 /// Checks deviations parameter by parameter, and returns the share of all values within 1.96 of them.
 fn calibrated(what: &str, fits: &[OutputError]) -> f64 {
     let scores = scores(fits);
-    let ratios = scores.each_ref().map(|scores| rms(scores));
+    let ratios = scores.each_ref().map(|scores| root_mean_square(scores.iter().copied()));
     assert!(ratios.iter().all(|ratio| band(fits.len()).contains(ratio)), "{what}: {ratios:?}");
     let all: Vec<f64> = scores.concat();
     all.iter().filter(|z| z.abs() < 1.96).count() as f64 / all.len() as f64
@@ -161,7 +151,7 @@ fn white_noise_is_met_at_the_cramer_rao_bound() {
     let bound = cramer_rao(&rig.play(0).force, rig.white);
     for (j, bound) in bound.iter().enumerate() {
         let errors: Vec<f64> = fits.iter().map(|found| found.values[j] - TRUTH[j]).collect();
-        let efficiency = rms(&errors) / bound;
+        let efficiency = root_mean_square(errors) / bound;
         assert!(efficiency < 1.2, "{j}: {efficiency}");
         // What is stated is the bound itself, but for the noise that each record is found to have.
         let stated = fits.iter().map(|found| deviation(found, j)).sum::<f64>() / fits.len() as f64;

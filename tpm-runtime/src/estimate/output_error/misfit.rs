@@ -7,7 +7,7 @@
 use crate::estimate::output_error::candidates::{Candidate, CandidateKind};
 use crate::estimate::output_error::chain::Chain;
 use crate::estimate::output_error::error::OutputErrorFault;
-use crate::estimate::output_error::explanation::Explanation;
+use crate::estimate::output_error::explanation::{Chosen, Explanation};
 use crate::estimate::output_error::noise::Noise;
 use crate::estimate::output_error::problem::{Place, Problem};
 use crate::estimate::output_error::signals::Signals;
@@ -101,29 +101,17 @@ pub(super) fn examine(
             bent.iter_mut().zip(&moved).for_each(|(bent, moved)| *bent += moved.abs());
         }
     }
-    let mut terms: Vec<Active> = best.terms.iter().map(|chosen| chosen.active).collect();
-    let mut shift = best.step[..p].to_vec();
-    let mut settles = false;
-    if terms.is_empty() {
-        shift.fill(0.0);
-    } else {
-        // With the terms in the model the parameters may be far away, where the linear answer is not exact.
-        let start = |active: &Active| Active { value: 0.0, std: 0.0, ..*active };
-        let mut richer = State {
-            terms: terms.iter().map(start).collect(),
-            noise: best.noise.clone(),
-            trajectory: best.trajectory.clone(),
-            ..state.clone()
-        };
-        if richer.settle(problem, signals, false).is_ok() {
-            settles = true;
-            let widened = |active: &Active| Active { std: active.std * best.scale.sqrt(), ..*active };
-            terms = richer.terms.iter().map(widened).collect();
-            for (shift, &j) in shift.iter_mut().zip(&problem.free) {
-                *shift = richer.theta[j] - state.theta[j];
-            }
-        }
-    }
+    let richer = with_terms(problem, signals, state, best);
+    // Where the terms and the parameters do not settle together, the linear answer counts.
+    let terms: Vec<Active> = match &richer {
+        Some(richer) => richer.terms.clone(),
+        None => best.terms.iter().map(|chosen| chosen.active).collect(),
+    };
+    let shift = match &richer {
+        Some(richer) => problem.free.iter().map(|&j| richer.theta[j] - state.theta[j]).collect(),
+        None if terms.is_empty() => vec![0.0; p],
+        None => best.step[..p].to_vec(),
+    };
     let mut range = vec![0.0; p];
     for active in &terms {
         if let CandidateKind::Drift { parameter } = active.term.kind
@@ -164,9 +152,27 @@ pub(super) fn examine(
         misfit,
         covariance: &usual.bare.covariance * usual.scale,
         errors: chain.errors,
-        settles,
+        settles: richer.is_some(),
         cost: best.cost,
     })
+}
+
+/// The state with the terms of an explanation in the model, from where it was made: the parameters may be far away with them, where
+/// the linear answer is not exact. Nothing where there are none, or where they do not settle.
+fn with_terms(problem: &Problem<'_>, signals: &Signals<'_>, state: &State, best: &Explanation) -> Option<State> {
+    let start = |chosen: &Chosen| Active { value: 0.0, std: 0.0, ..chosen.active };
+    let mut richer = State {
+        terms: best.terms.iter().map(start).collect(),
+        noise: best.noise.clone(),
+        trajectory: best.trajectory.clone(),
+        ..state.clone()
+    };
+    if richer.terms.is_empty() {
+        return None;
+    }
+    richer.settle(problem, signals, false).ok()?;
+    richer.terms.iter_mut().for_each(|active| active.std *= best.scale.sqrt());
+    Some(richer)
 }
 
 const fn row(place: Place) -> Option<usize> {

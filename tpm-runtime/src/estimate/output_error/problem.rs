@@ -1,6 +1,7 @@
 //! A record in the time domain, and its linearisation about a motion.
 
 use crate::estimate::output_error::chain::Chain;
+use crate::numerics::root_mean_square;
 use rayon::prelude::*;
 use std::vec;
 use std::vec::Vec;
@@ -504,8 +505,7 @@ impl<'a> Problem<'a> {
         let mut turns = vec![false; samples.saturating_sub(1)];
         for s in (0..n).filter(|&s| self.states[s].1 == 1) {
             let rate = |k: usize| trajectory.states[k * n + s];
-            let power = (0..samples).map(|k| rate(k) * rate(k)).sum::<f64>() / samples.max(1) as f64;
-            let band = TURNING * power.sqrt();
+            let band = TURNING * root_mean_square((0..samples).map(rate));
             for (k, turn) in turns.iter_mut().enumerate() {
                 *turn |= slow(rate(k), rate(k + 1), band);
             }
@@ -533,8 +533,7 @@ impl<'a> Problem<'a> {
         let mut loose = vec![0.0; samples.saturating_sub(1) * switches];
         for s in 0..switches {
             let of = |k: usize| arguments[k * switches + s];
-            let power = (0..samples).map(|k| of(k) * of(k)).sum::<f64>() / samples.max(1) as f64;
-            let band = AT_REST * power.sqrt();
+            let band = AT_REST * root_mean_square((0..samples).map(of));
             let unsure = |k: usize| slow(of(k), of(k + 1), band);
             // While it is at rest a machine's velocity is noise, which may stand above the band for some samples.
             let mut free: Vec<bool> = (0..samples.saturating_sub(1)).map(unsure).collect();

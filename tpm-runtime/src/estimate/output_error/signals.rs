@@ -2,6 +2,7 @@
 
 use crate::estimate::output_error::local;
 use crate::estimate::output_error::noise::Noise;
+use crate::numerics::root_mean_square;
 use crate::run::alike;
 use num_complex::Complex;
 use std::vec;
@@ -138,12 +139,10 @@ impl Signals<'_> {
         let samples = self.coordinates.first().map_or(0, |c| c.len());
         let mut readings = vec![0.0; samples * outputs];
         for (c, signal) in self.coordinates.iter().enumerate() {
-            let power = signal.iter().map(|x| x * x).sum::<f64>() / samples.max(1) as f64;
-            let least = (ROUNDING * power.sqrt()).powi(2).max(f64::MIN_POSITIVE);
+            let least = (ROUNDING * root_mean_square(signal.iter().copied())).powi(2).max(f64::MIN_POSITIVE);
             let step = self.steps[c];
-            let rounded = step * step / 12.0;
-            let own = (self.white[c].powi(2) - rounded).max(0.0);
-            if step > 0.0 && own.sqrt() < 0.5 * step {
+            if let Some(own) = self.beside_counts(c) {
+                let rounded = step * step / 12.0;
                 // The error is a function of the phase of a periodic motion, the same in every period.
                 let copies = (samples as f64 / self.samples_per_period.max(1.0)).max(1.0);
                 let mut motion = vec![0.0; samples];
@@ -175,9 +174,13 @@ impl Signals<'_> {
 
     /// Whether rounding to counts makes up the noise of a sensor.
     pub(super) fn counted(&self) -> bool {
-        self.steps
-            .iter()
-            .zip(&self.white)
-            .any(|(step, white)| *step > 0.0 && (white * white - step * step / 12.0).max(0.0).sqrt() < 0.5 * step)
+        (0..self.steps.len()).any(|c| self.beside_counts(c).is_some())
+    }
+
+    /// Variance of a sensor's noise beside its rounding to counts, where rounding makes up its noise.
+    fn beside_counts(&self, coordinate: usize) -> Option<f64> {
+        let (step, white) = (self.steps[coordinate], self.white[coordinate]);
+        let own = (white * white - step * step / 12.0).max(0.0);
+        (step > 0.0 && own.sqrt() < 0.5 * step).then_some(own)
     }
 }

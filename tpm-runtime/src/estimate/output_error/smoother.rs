@@ -214,6 +214,11 @@ impl Smoothed {
         if cost.is_finite() { cost } else { f64::INFINITY }
     }
 
+    /// The cost with all columns at their best values, whatever the variance of the noise.
+    pub(super) fn least_cost(&self) -> f64 {
+        self.cost(self.least_squares(), 0.0)
+    }
+
     /// The squares that all columns leave.
     pub(super) fn least_squares(&self) -> f64 {
         self.root.last().map_or(0.0, |left| left * left)

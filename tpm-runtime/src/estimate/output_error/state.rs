@@ -97,7 +97,7 @@ impl State {
                 // What is cut off depends on the limit, which therefore moves by a part of itself only.
                 let step: f64 = (&mut steps).take(1).sum();
                 limit.size += step.clamp(-FARTHEST * limit.size, FARTHEST * limit.size);
-                self.trajectory.applied = Some((limit.input, limit.applied(problem.inputs[limit.input])));
+                self.trajectory.applied = Some(limit.applied(&problem.inputs));
             }
             let first = problem.free.len() + self.base();
             for ((at, active), step) in self.terms.iter_mut().enumerate().zip(&mut steps) {
@@ -120,7 +120,7 @@ impl State {
 
     /// The columns that are part of the model beside its parameters.
     pub(super) fn own(&self, problem: &Problem<'_>) -> Vec<Column> {
-        self.limit.iter().map(|limit| limit.edge(problem.inputs[limit.input], problem.hold)).collect()
+        self.limit.iter().map(|limit| limit.edge(&problem.inputs, problem.hold)).collect()
     }
 
     /// Those columns, and behind them those of the terms.

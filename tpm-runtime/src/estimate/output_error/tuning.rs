@@ -4,6 +4,7 @@ use crate::estimate::output_error::chain::Chain;
 use crate::estimate::output_error::noise::Noise;
 use crate::estimate::output_error::signals::Signals;
 use crate::estimate::output_error::smoother::Smoothed;
+use crate::numerics::root_mean_square;
 use std::vec;
 use std::vec::Vec;
 
@@ -26,11 +27,9 @@ pub(super) fn tune(chain: &Chain, before: &Noise, signals: &Signals<'_>) -> Nois
     let cost = |noise: &Noise| -> f64 {
         let here = Noise { readings: readings.to_vec(), ..noise.clone() };
         let smoothed = Smoothed::new(&stretch, &here, stretch.columns, false);
-        smoothed.cost(smoothed.least_squares(), 0.0)
+        smoothed.least_cost()
     };
-    let sizes: Vec<f64> = (signals.inputs.iter())
-        .map(|input| (input.iter().map(|u| u * u).sum::<f64>() / input.len().max(1) as f64).sqrt())
-        .collect();
+    let sizes: Vec<f64> = signals.inputs.iter().map(|input| root_mean_square(input.iter().copied())).collect();
     let white = Noise { inputs: vec![0.0; sizes.len()], colour: vec![0.0; outputs], readings: Vec::new(), ..*before };
     // The noise of the inputs, by the logarithm of its share of them.
     let noisy =
