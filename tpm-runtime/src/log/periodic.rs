@@ -10,6 +10,10 @@ use std::vec::Vec;
 
 /// Most samples on which the period is searched; longer logs are averaged in blocks first.
 const COARSE: usize = 8192;
+/// Most samples of a period that are compared to find its length to a sample; of a longer one equally spaced samples are.
+const COMPARED: usize = 32_768;
+/// Share of a record, its end, in which a period is looked for when the blocks of the whole are too long to show any.
+const TAIL: usize = 16;
 /// Largest root-mean-square difference between successive periods of a periodic log, as a share of the motion.
 const NOT_PERIODIC: f64 = 0.1;
 /// Least share of the motion that the two compared periods must contain, since a machine at rest repeats trivially.
@@ -167,11 +171,52 @@ pub fn find_periodic(
 
 /// The shortest lag at which the motion repeats best, and the sample at which the periodic part ends.
 ///
-/// The last two periods are compared, because they are the most settled ones; when they do not repeat (the machine was
-/// stopped before the recording was), the end is moved forward.
+/// Blocks of a long record may be too long to tell a period from its multiples, or to show it at all. Periods are therefore looked for
+/// again in the last two that were found, or near the end of the record if none was, as long as blocks become shorter.
 fn search(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
     let samples = motion.first().map_or(0, |c| c.len());
-    let block = samples.div_ceil(COARSE).max(1);
+    let part = |from: usize, end: usize| -> Vec<&[f64]> { motion.iter().map(|c| &c[from..end]).collect() };
+    match search_blocks(motion) {
+        Ok((mut length, end)) => {
+            let mut seen = end;
+            loop {
+                let last = ((2.0 * length).ceil() as usize + 1).min(end);
+                if block_length(last) == block_length(seen) {
+                    return Ok((length, end));
+                }
+                seen = last;
+                match search_blocks(&part(end - last, end)) {
+                    Ok((shorter, shorter_end)) if shorter_end == last => length = shorter.min(length),
+                    _ => return Ok((length, end)),
+                }
+            }
+        }
+        Err(fault) => {
+            let last = samples / TAIL;
+            if block_length(samples) == 1 || last < COARSE {
+                return Err(fault);
+            }
+            match search(&part(samples - last, samples)) {
+                Ok((length, end)) => Ok((length, samples - last + end)),
+                Err(_) => Err(fault),
+            }
+        }
+    }
+}
+
+/// Samples of a block, so that so many samples make no more than [`COARSE`] blocks.
+fn block_length(samples: usize) -> usize {
+    samples.div_ceil(COARSE).max(1)
+}
+
+/// The shortest lag at which the motion repeats best, as far as blocks of samples show it, and the sample at which the periodic part
+/// ends.
+///
+/// The last two periods are compared, because they are the most settled ones; when they do not repeat (the machine was
+/// stopped before the recording was), the end is moved forward.
+fn search_blocks(motion: &[&[f64]]) -> Result<(f64, usize), PeriodicFault> {
+    let samples = motion.first().map_or(0, |c| c.len());
+    let block = block_length(samples);
     let coarse: Vec<Vec<f64>> =
         motion.iter().map(|c| c.chunks_exact(block).map(|b| b.iter().sum::<f64>() / block as f64).collect()).collect();
     let coarse: Vec<&[f64]> = coarse.iter().map(Vec::as_slice).collect();
@@ -289,7 +334,7 @@ fn difference(motion: &[&[f64]], end: usize, lag: usize) -> f64 {
     motion
         .iter()
         .map(|c| {
-            let scale = variance(&c[end - 2 * lag..end]);
+            let scale = sampled_variance(&c[end - 2 * lag..end], compared_every(lag));
             if scale > 0.0 { gap(c, end, lag) / (2.0 * scale) } else { 0.0 }
         })
         .fold(0.0, f64::max)
@@ -298,7 +343,15 @@ fn difference(motion: &[&[f64]], end: usize, lag: usize) -> f64 {
 /// Mean square difference between the last period and the one before.
 fn gap(signal: &[f64], end: usize, lag: usize) -> f64 {
     let (before, last) = signal[end - 2 * lag..end].split_at(lag);
-    before.iter().zip(last).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / lag as f64
+    let every = compared_every(lag);
+    let pairs = before.iter().zip(last).step_by(every);
+    let compared = lag.div_ceil(every).max(1);
+    pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / compared as f64
+}
+
+/// Distance of the samples of a period that are compared with the next.
+fn compared_every(lag: usize) -> usize {
+    lag.div_ceil(COMPARED).max(1)
 }
 
 /// Sums over the last samples of a signal, from which the variance of a tail of any length follows in one step.
@@ -347,9 +400,15 @@ fn value_at(signal: &[f64], position: f64) -> f64 {
 }
 
 fn variance(signal: &[f64]) -> f64 {
-    let n = signal.len().max(1) as f64;
-    let mean = signal.iter().sum::<f64>() / n;
-    signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / n
+    sampled_variance(signal, 1)
+}
+
+/// Variance of equally spaced samples of a signal, `every` samples apart.
+fn sampled_variance(signal: &[f64], every: usize) -> f64 {
+    let samples = || signal.iter().step_by(every);
+    let n = samples().len().max(1) as f64;
+    let mean = samples().sum::<f64>() / n;
+    samples().map(|x| (x - mean).powi(2)).sum::<f64>() / n
 }
 
 /// First sample from which a signal differs from its last period no more than the last two periods do.
@@ -497,6 +556,22 @@ mod tests {
                 assert_eq!(found.periods, ((3000 - found.from) as f64 / period).floor() as usize);
             }
         }
+    }
+
+    #[test]
+    fn a_period_of_few_blocks_or_of_less_than_one_is_found() {
+        // 600,000 samples are searched in blocks of 74.
+        for (period, noise) in [(785.0, 1e-3), (413.37, 0.0), (233.0, 1e-2), (97.0, 1e-3), (61.5, 1e-3), (40.0, 0.0)] {
+            let x = motion(period, 600_000, 0.5, noise);
+            let found = find_periodic(&[x], 1, None, None).expect("periodic");
+            assert!((found.samples_per_period - period).abs() < 1e-3, "period {period} noise {noise}: {found:?}");
+            assert!(found.steady_from < 2000, "period {period} noise {noise}: {found:?}");
+        }
+        // Two motions in turn have the period of both together.
+        let mut x = motion(300.0, 600_000, 0.0, 1e-3);
+        x.iter_mut().enumerate().for_each(|(i, x)| *x += 0.5 * (2.0 * PI * i as f64 / 3_000.0).cos());
+        let found = find_periodic(&[x], 1, None, None).expect("periodic");
+        assert_eq!(found.samples_per_period, 3000.0);
     }
 
     #[test]

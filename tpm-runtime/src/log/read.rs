@@ -186,7 +186,7 @@ impl Log {
         options: &LogOptions,
     ) -> Result<(Self, Vec<bool>), LogError> {
         check_names(&[signals, optional].concat(), options)?;
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(input);
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::Headers).from_reader(input);
         let header = reader.headers().map_err(|error| of_csv(error, name))?.clone();
         let find = |signal: &str| -> Result<(usize, String), LogError> {
             let column = options.map.get(signal).map_or(signal, String::as_str);
@@ -214,11 +214,18 @@ impl Log {
         let mut resolution: BTreeMap<i32, f64> = BTreeMap::new();
         let mut channels: Vec<Vec<f64>> = vec![Vec::new(); signals.len()];
         let mut lines = Vec::new();
-        for record in reader.records() {
-            let record = record.map_err(|error| of_csv(error, name))?;
+        let conversions: Vec<(f64, f64)> = signals
+            .iter()
+            .map(|&signal| {
+                (options.scale.get(signal).copied().unwrap_or(1.0), options.offset.get(signal).copied().unwrap_or(0.0))
+            })
+            .collect();
+        let mut record = csv::StringRecord::new();
+        while reader.read_record(&mut record).map_err(|error| of_csv(error, name))? {
             let line = record.position().map_or(0, csv::Position::line);
+            let field = |at: usize| record.get(at).unwrap_or("").trim();
             let number = |(at, column): &(usize, String)| -> Result<f64, LogError> {
-                let text = record.get(*at).unwrap_or("");
+                let text = field(*at);
                 if text.is_empty() {
                     return Err(LogError::Empty { path: name.into(), line, column: column.clone() });
                 }
@@ -232,10 +239,8 @@ impl Log {
             let stamp = number(&time_at)?;
             time.push(stamp);
             let finest = resolution.entry(decade(stamp)).or_insert(f64::INFINITY);
-            *finest = finest.min(last_digit(record.get(time_at.0).unwrap_or("")));
-            for ((channel, place), signal) in channels.iter_mut().zip(&places).zip(&signals) {
-                let scale = options.scale.get(*signal).copied().unwrap_or(1.0);
-                let offset = options.offset.get(*signal).copied().unwrap_or(0.0);
+            *finest = finest.min(last_digit(field(time_at.0)));
+            for ((channel, place), (scale, offset)) in channels.iter_mut().zip(&places).zip(&conversions) {
                 channel.push(scale * number(place)? + offset);
             }
             lines.push(line);
