@@ -30,6 +30,8 @@ const AMPLITUDE: f64 = 0.3;
 #[derive(Clone, Copy)]
 pub(crate) struct Rig {
     pub(crate) periods: usize,
+    /// Length of the record's periods, in samples; [`PERIOD`] samples are recorded for each.
+    pub(crate) period: f64,
     /// Force beside the model's, by position and velocity, N.
     pub(crate) force: fn(f64, f64) -> f64,
     /// Steps of integration from one sample to the next.
@@ -65,6 +67,7 @@ impl Default for Rig {
     fn default() -> Self {
         Self {
             periods: 4,
+            period: PERIOD as f64,
             force: |_, _| 0.0,
             steps: 1,
             white: 1e-4,
@@ -85,7 +88,7 @@ impl Rig {
         let [m, damping, k] = TRUTH;
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
-        let w = 2.0 * PI / (PERIOD as f64 * SAMPLE_TIME);
+        let w = 2.0 * PI / (self.period * SAMPLE_TIME);
         let reference = |t: f64| {
             let [(s, c), (s3, c3)] = [(w * t).sin_cos(), (3.0 * w * t).sin_cos()];
             [c - c3 / 9.0, w * (s3 / 3.0 - s), w * w * (c3 - c)].map(|value| AMPLITUDE * value)

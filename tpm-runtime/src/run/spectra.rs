@@ -8,6 +8,7 @@
 use crate::numerics::fourier::forward;
 use crate::numerics::{Cholesky, DMatrix, DVector, Dyn};
 use num_complex::Complex;
+use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
@@ -344,6 +345,11 @@ fn line_noise(
     (noise, if averaged == usize::MAX { 0 } else { averaged })
 }
 
+/// Samples whose harmonics are computed side by side.
+const LANES: usize = 8;
+/// Groups of so many samples that one thread takes at a time.
+const PART: usize = 4096;
+
 /// Weighted least-squares fit of harmonics whose period is not a whole number of samples.
 struct LineFit {
     factor: Cholesky<Complex<f64>, Dyn>,
@@ -376,30 +382,61 @@ impl LineFit {
     }
 
     fn residual(&self, signal: &[f64], lines: &[Complex<f64>]) -> Vec<f64> {
-        signal
-            .iter()
-            .enumerate()
-            .map(|(i, &x)| {
-                let (sin, cos) = (self.angle * i as f64).sin_cos();
-                let turn = Complex::new(cos, sin);
+        let mean = lines.first().map_or(0.0, |mean| mean.re);
+        let mut residual = signal.to_vec();
+        residual.par_chunks_mut(LANES * PART).enumerate().for_each(|(part, residual)| {
+            for (group, residual) in residual.chunks_mut(LANES).enumerate() {
+                let (cos, sin) = turns(self.angle, (part * PART + group) * LANES);
                 // Horner's rule in e^{j w t}.
-                let sum = lines.iter().skip(1).rev().fold(Complex::new(0.0, 0.0), |sum, line| (sum + line) * turn);
-                x - lines.first().map_or(0.0, |mean| mean.re) - sum.re
-            })
-            .collect()
+                let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
+                for line in lines.iter().skip(1).rev() {
+                    for lane in 0..LANES {
+                        let (a, b) = (re[lane] + line.re, im[lane] + line.im);
+                        re[lane] = a * cos[lane] - b * sin[lane];
+                        im[lane] = a * sin[lane] + b * cos[lane];
+                    }
+                }
+                residual.iter_mut().zip(re).for_each(|(x, sum)| *x -= mean + sum);
+            }
+        });
+        residual
     }
+}
+
+/// Cosines and sines of the angles of successive samples.
+fn turns(angle: f64, first: usize) -> ([f64; LANES], [f64; LANES]) {
+    let (mut cos, mut sin) = ([0.0; LANES], [0.0; LANES]);
+    for lane in 0..LANES {
+        (sin[lane], cos[lane]) = (angle * (first + lane) as f64).sin_cos();
+    }
+    (cos, sin)
 }
 
 /// `out[k] = sum_i x_i e^{-j k angle i}`.
 fn project(signal: &[f64], angle: f64, out: &mut [Complex<f64>]) {
-    for (i, &x) in signal.iter().enumerate() {
-        let (sin, cos) = (angle * i as f64).sin_cos();
-        let turn = Complex::new(cos, -sin);
-        let mut phasor = Complex::new(x, 0.0);
-        for value in out.iter_mut() {
-            *value += phasor;
-            phasor *= turn;
+    let count = out.len();
+    let part = |(part, signal): (usize, &[f64])| {
+        let mut sums = vec![Complex::new(0.0, 0.0); count];
+        for (group, signal) in signal.chunks(LANES).enumerate() {
+            let (cos, sin) = turns(angle, (part * PART + group) * LANES);
+            let (mut re, mut im) = ([0.0; LANES], [0.0; LANES]);
+            re[..signal.len()].copy_from_slice(signal);
+            for sum in &mut sums {
+                *sum += Complex::new(re.iter().sum::<f64>(), im.iter().sum::<f64>());
+                for lane in 0..LANES {
+                    let (a, b) = (re[lane], im[lane]);
+                    re[lane] = a * cos[lane] + b * sin[lane];
+                    im[lane] = b * cos[lane] - a * sin[lane];
+                }
+            }
         }
+        sums
+    };
+    // Parts are added in their order, so that the sums do not depend on the number of threads.
+    let parts: Vec<Vec<Complex<f64>>> = signal.par_chunks(LANES * PART).enumerate().map(part).collect();
+    out.fill(Complex::new(0.0, 0.0));
+    for sums in parts {
+        out.iter_mut().zip(sums).for_each(|(out, sum)| *out += sum);
     }
 }
 

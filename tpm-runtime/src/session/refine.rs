@@ -24,10 +24,14 @@ const CERTAIN: f64 = 9.0;
 const NEGLIGIBLE: f64 = 1e-3;
 /// Deviations by which the halves of a record must contradict each other for its numbers not to be trusted.
 const CONTRADICTION: f64 = 3.5;
-/// Most samples that are simulated one by one; a longer record is averaged over periods first.
+/// Most samples that are simulated one by one; of a longer record it is means of stretches, or its last periods.
 const MOST_SAMPLES: usize = 50_000;
-/// Samples of the means of such a record, whole periods, two at least.
+/// Samples of such means together, unless two periods have more.
 const AVERAGED: usize = 12_000;
+/// Most means, which tell whether the machine changes over the record.
+const MEANS: usize = 4;
+/// Samples of the last periods: two periods at least.
+const LAST: usize = 24_000;
 
 /// A refined estimate.
 pub(super) struct Refined {
@@ -53,11 +57,8 @@ pub(super) fn refine(
     let whole = (periodic.samples_per_period * periodic.periods as f64).round() as usize;
     let samples = whole.min(log.len() - periodic.from);
     let used: Vec<&[f64]> = log.channels.iter().map(|c| &c[periodic.from..periodic.from + samples]).collect();
-    let averaged = averaged(&used, periodic);
-    let channels: Vec<&[f64]> = match &averaged {
-        Some((means, _)) => means.iter().map(Vec::as_slice).collect(),
-        None => used,
-    };
+    let excerpt = Excerpt::of(&used, periodic);
+    let channels: Vec<&[f64]> = excerpt.channels.iter().map(AsRef::as_ref).collect();
     let (coordinates, inputs) = channels.split_at(dims.coordinates);
     let signals = Signals {
         sample_time: log.sample_time,
@@ -66,7 +67,8 @@ pub(super) fn refine(
         inputs: inputs.to_vec(),
         samples_per_period: periodic.samples_per_period,
         white: coordinates.iter().map(|signal| white_noise(signal)).collect(),
-        steps: (0..dims.coordinates).map(|c| if averaged.is_some() { 0.0 } else { spectra.step(c) }).collect(),
+        joins: excerpt.joins.clone(),
+        steps: (0..dims.coordinates).map(|c| if excerpt.averaged > 1 { 0.0 } else { spectra.step(c) }).collect(),
         lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
         unexplained: estimate.residual,
         input_lines: (0..dims.inputs).map(|i| motion(spectra, dims.coordinates + i, spectra.highest())).collect(),
@@ -79,8 +81,8 @@ pub(super) fn refine(
     let misfit = &found.misfit;
     let shift = &misfit.shift;
     // A parameter that drifts has gone on drifting where the log was left out.
-    let middle = periodic.from as f64 + 0.5 * samples as f64;
-    let reach = middle.max(log.len() as f64 - middle) / (0.5 * samples as f64);
+    let middle = periodic.from as f64 + excerpt.middle;
+    let reach = middle.max(log.len() as f64 - middle) / excerpt.half;
     let range: Vec<f64> = misfit.range.iter().map(|range| range * reach).collect();
     let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
     for (a, &i) in free.iter().enumerate() {
@@ -100,7 +102,8 @@ pub(super) fn refine(
             "the simulation does not settle on parameters without the term that is missing; those of the harmonics are widened by how far it moves them".to_string()
         }),
         samples: signals.coordinates.first().map_or(0, |c| c.len()),
-        averaged: averaged.as_ref().map_or(1, |(_, count)| *count),
+        averaged: excerpt.averaged,
+        of: samples,
         steps: found.iterations.unwrap_or(0),
         sensor_noise: found.sensor_noise.clone(),
         input_noise: found.input_noise.clone(),
@@ -154,27 +157,57 @@ fn motion(spectra: &Spectra, coordinate: usize, harmonics: usize) -> Vec<Complex
     spectra.lines[coordinate].iter().take(harmonics + 1).enumerate().map(certain).collect()
 }
 
-/// Means over equally many periods each, where a record is long and its periods are whole numbers of samples; beside them how many.
-fn averaged(channels: &[&[f64]], periodic: &Periodic) -> Option<(Vec<Vec<f64>>, usize)> {
-    let samples = channels.first()?.len();
-    let period = periodic.samples_per_period.round() as usize;
-    let whole = (periodic.samples_per_period - period as f64).abs() < 1e-9;
-    if samples <= MOST_SAMPLES || !whole || period == 0 {
-        return None;
-    }
-    let kept = (AVERAGED / period).max(2).min(periodic.periods);
-    let count = periodic.periods / kept;
-    let mean = |channel: &&[f64]| -> Vec<f64> {
-        let mut out = Vec::with_capacity(kept * period);
-        // Whole stretches of successive periods, each averaged onto one.
-        for block in channel.chunks_exact(count * period).take(kept) {
-            for i in 0..period {
-                out.push(block[i..].iter().step_by(period).sum::<f64>() / count as f64);
-            }
+/// What is simulated of a record that is too long to be simulated sample by sample.
+struct Excerpt<'a> {
+    channels: Vec<Cow<'a, [f64]>>,
+    /// Stretches of the record of which each simulated one is the mean.
+    averaged: usize,
+    /// Samples at which another stretch begins.
+    joins: Vec<usize>,
+    /// Middle of the part of the record that it stands for, and half its length, samples of the record.
+    middle: f64,
+    half: f64,
+}
+
+impl<'a> Excerpt<'a> {
+    /// A few means of stretches of whole periods, in the order of the record, or its last periods where these are no whole numbers of
+    /// samples; a short record as it is.
+    ///
+    /// The motion at the end of a mean is not that at the beginning of the next, because a loop passes the noise of its sensors on.
+    fn of(channels: &[&'a [f64]], periodic: &Periodic) -> Self {
+        let samples = channels.first().map_or(0, |channel| channel.len());
+        let exact = periodic.samples_per_period;
+        let period = exact.round() as usize;
+        let part = |from: usize| Excerpt {
+            channels: channels.iter().map(|channel| Cow::Borrowed(&channel[from..])).collect(),
+            averaged: 1,
+            joins: Vec::new(),
+            middle: 0.5 * (from + samples) as f64,
+            half: 0.5 * (samples - from) as f64,
+        };
+        if samples <= MOST_SAMPLES || period == 0 {
+            return part(0);
         }
-        out
-    };
-    (count > 1).then(|| (channels.iter().map(mean).collect(), count))
+        if (exact - period as f64).abs() >= 1e-9 {
+            let shown = ((LAST as f64 / exact) as usize).max(2).min(periodic.periods);
+            return part(samples.saturating_sub((shown as f64 * exact).round() as usize));
+        }
+        let means = (AVERAGED / period).clamp(2, MEANS).min(periodic.periods);
+        let length = (AVERAGED / (means * period)).clamp(1, periodic.periods / means) * period;
+        let averaged = samples / (means * length);
+        let mean = |channel: &&[f64]| {
+            let mut out = Vec::with_capacity(means * length);
+            for part in channel.chunks_exact(averaged * length).take(means) {
+                for i in 0..length {
+                    out.push(part[i..].iter().step_by(length).sum::<f64>() / averaged as f64);
+                }
+            }
+            Cow::Owned(out)
+        };
+        let half = 0.5 * (means * averaged * length) as f64;
+        let joins = (1..means).map(|mean| mean * length).collect();
+        Excerpt { channels: channels.iter().map(mean).collect(), averaged, joins, middle: half, half }
+    }
 }
 
 fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {

@@ -206,6 +206,23 @@ fn refinement_may_be_left_out_and_says_what_it_changed() {
     }
 }
 
+#[test]
+fn of_a_long_record_means_are_simulated_or_its_end_and_both_are_said() {
+    let short = identify(Rig { periods: 40, ..Rig::default() }, 3);
+    for (period, shown) in [(250.0, "means of 5 stretches each"), (250.4, "the last 23788")] {
+        let long = identify(Rig { periods: 241, period, ..Rig::default() }, 3);
+        let report = refinement(&long);
+        assert!(report.used && report.samples < 25_000 && report.of > 60_000, "{report:?}");
+        let scores = scores(&long, TRUTH);
+        assert!(scores.iter().all(|z| z.abs() < 4.0), "{scores:?}");
+        for (of_long, of_short) in long.parameters.iter().zip(&short.parameters) {
+            assert!(of_long.std < of_short.std, "{of_long:?} {of_short:?} {:#?} {report:?}", texts(&long));
+        }
+        let text = long.to_string();
+        assert!(text.contains(shown), "{text}");
+    }
+}
+
 /// What is said of a record that says little, whether it is identified or not.
 fn said(recorded: &Recorded, period: Option<f64>) -> (Option<Identification>, String) {
     match try_identify(recorded, Refine::OutputError, period) {

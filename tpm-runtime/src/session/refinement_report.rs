@@ -16,8 +16,10 @@ pub struct RefinementReport {
     pub note: Option<String>,
     /// Samples that were simulated.
     pub samples: usize,
-    /// Periods that were averaged into each one that was simulated.
+    /// Stretches of the log of which each simulated one is the mean.
     pub averaged: usize,
+    /// Samples of the whole periods in the log, of which these are the mean or a part.
+    pub of: usize,
     /// Gauss-Newton steps.
     pub steps: usize,
     /// Standard deviation of every sensor's noise, unit of the coordinate.
@@ -61,6 +63,7 @@ impl RefinementReport {
             note,
             samples: 0,
             averaged: 1,
+            of: 0,
             steps: 0,
             sensor_noise: Vec::new(),
             input_noise: Vec::new(),

@@ -148,6 +148,13 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
         log.window,
         result.harmonics,
     );
+    if let Some(refined) = log.refinement.as_ref().filter(|refined| refined.used && refined.samples < refined.of) {
+        let part = match refined.averaged {
+            1 => format!("the last {} samples", refined.samples),
+            stretches => format!("{} samples, means of {stretches} stretches each", refined.samples),
+        };
+        text.push_str(&format!("refined by a simulation of {part}, because the log is long\n\n"));
+    }
     for (input, known) in &log.actuators {
         let mut parts = Vec::new();
         if known.delay > 0.0 {

@@ -83,7 +83,7 @@ impl OutputError {
             inputs: signals.inputs.clone(),
             free: free.to_vec(),
             states,
-            breaks: vec![false; samples.saturating_sub(1)],
+            breaks: (1..samples).map(|k| signals.joins.contains(&k)).collect(),
             steps: 1,
             shortest_passage: (signals.samples_per_period * SHORTEST_PASSAGE) as usize,
             scale: (0..outputs).map(|c| noise.typical(c, outputs)).collect(),

@@ -51,6 +51,7 @@ fn fit(
         coordinates: vec![channels[0]],
         inputs: vec![channels[1]],
         samples_per_period: PERIOD as f64,
+        joins: Vec::new(),
         white: vec![white_noise(channels[0])],
         steps: vec![0.0],
         lines: vec![lines(0)],

@@ -29,6 +29,8 @@ pub struct Signals<'a> {
     pub inputs: Vec<&'a [f64]>,
     /// Samples of a period.
     pub samples_per_period: f64,
+    /// Samples before which something was left out, so that the motion begins anew.
+    pub joins: Vec<usize>,
     /// White noise of each sensor by the spectrum: a standard deviation.
     pub white: Vec<f64>,
     /// Step of each sensor; zero where its values lie on no grid.
