@@ -115,15 +115,16 @@ pub(super) struct Along<'a> {
     rates: Vec<Vec<f64>>,
     /// Root mean square of every rate.
     speeds: Vec<f64>,
-    /// The inputs without their noise.
-    inputs: Vec<Vec<f64>>,
+    /// First and second rate of every input, unit of the input per s and s^2.
+    input_rates: Vec<[Vec<f64>; 2]>,
     /// Regressor and input map of every sample, one behind the other.
     entries: Vec<f64>,
 }
 
 impl<'a> Along<'a> {
     /// Inputs that the trajectory takes to be noisy are replaced by their periodic parts: the rate of a noisy input would be that noise,
-    /// which the innovations hold too.
+    /// which the innovations hold too. So are all inputs while friction may be anything: the force that is left free there passes noise
+    /// of the last readings on to the innovations, and a loop has passed it on to the input.
     pub(super) fn new(
         problem: &'a Problem<'a>,
         signals: &Signals<'_>,
@@ -141,14 +142,27 @@ impl<'a> Along<'a> {
         };
         let rates: Vec<Vec<f64>> = (0..dims.coordinates).map(|c| series(c, 1)).collect();
         let exact = trajectory.disturbed.iter().all(|w| w.abs() <= 0.0);
-        let inputs = (signals.inputs.iter().enumerate())
-            .map(|(i, input)| if exact { input.to_vec() } else { signals.periodic_input(i) });
+        let switches = problem.machine.derivatives.switches();
+        let loose = problem.loose(trajectory, theta)?;
+        let free = |k: usize| loose.chunks_exact(switches.max(1)).nth(k).is_some_and(|of| of.iter().any(|s| *s > 0.0));
+        let free: Vec<bool> = (0..samples).map(free).collect();
+        let h = problem.sample_time;
+        let input_rates = (0..dims.inputs).map(|i| {
+            let periodic = signals.periodic_input(i);
+            let at = |k: usize| if exact && !free[k] { signals.inputs[i] } else { &periodic };
+            let rate = |k: usize| (at(k)[k] - at(k)[k.saturating_sub(1)]) / h;
+            let bend = |k: usize| {
+                let u = at(k);
+                (u[k] - 2.0 * u[k.saturating_sub(1)] + u[k.saturating_sub(2)]) / (h * h)
+            };
+            [(0..samples).map(rate).collect(), (0..samples).map(bend).collect()]
+        });
         Ok(Along {
             problem,
             positions: (0..dims.coordinates).map(|c| series(c, 0)).collect(),
             speeds: rates.iter().map(|v| root_mean_square(v.iter().copied()).max(f64::MIN_POSITIVE)).collect(),
             rates,
-            inputs: inputs.collect(),
+            input_rates: input_rates.collect(),
             entries,
         })
     }
@@ -184,7 +198,6 @@ impl<'a> Along<'a> {
         let sign = |c: usize, v: f64| (v / (SLOW * self.speeds[c])).tanh();
         let of =
             |values: &[f64], f: &dyn Fn(f64) -> f64| -> Vec<f64> { values.iter().map(|&value| f(value)).collect() };
-        let h = self.problem.sample_time;
         let values = match term.kind {
             CandidateKind::Offset => vec![1.0; samples],
             CandidateKind::Power { coordinate, exponent } => {
@@ -209,13 +222,10 @@ impl<'a> Along<'a> {
                 (0..samples).map(|k| self.entry(k, r, parameter) * time(k)).collect()
             }
             CandidateKind::Delay { input } => {
-                let u = &self.inputs[input];
-                (0..samples).map(|k| self.factor(k, r, input) * (u[k] - u[k.saturating_sub(1)]) / h).collect()
+                (0..samples).map(|k| self.factor(k, r, input) * self.input_rates[input][0][k]).collect()
             }
             CandidateKind::Flexible { input } => {
-                let u = &self.inputs[input];
-                let bend = |k: usize| (u[k] - 2.0 * u[k.saturating_sub(1)] + u[k.saturating_sub(2)]) / (h * h);
-                (0..samples).map(|k| self.factor(k, r, input) * bend(k)).collect()
+                (0..samples).map(|k| self.factor(k, r, input) * self.input_rates[input][1][k]).collect()
             }
             // A limit is no term of the model: it is looked for before the fit.
             CandidateKind::Limit { .. } => vec![0.0; samples],

@@ -518,7 +518,7 @@ impl<'a> Problem<'a> {
     /// While a machine is at rest for L samples its friction is unknown but the same for all of them; independent forces have its impulse
     /// when their variance is L times as large. What is assumed there is wrong in the same way at every stop, so that the forces are
     /// given [`FREE`] times that size.
-    fn loose(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<Vec<f64>, EvalError> {
+    pub(super) fn loose(&self, trajectory: &Trajectory, theta: &[f64]) -> Result<Vec<f64>, EvalError> {
         let (switches, rows) = (self.machine.derivatives.switches(), self.machine.model.dims().rows);
         if switches == 0 {
             return Ok(Vec::new());
