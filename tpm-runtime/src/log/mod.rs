@@ -5,6 +5,7 @@
 
 mod error;
 mod fingerprint;
+mod lone;
 mod periodic;
 mod read;
 

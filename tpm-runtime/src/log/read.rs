@@ -5,6 +5,7 @@
 
 use crate::estimate::{Frozen, Weights};
 use crate::log::error::{Adjustment, LogError};
+use crate::log::lone::lone_readings;
 use crate::run::Dynamics;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -264,6 +265,19 @@ impl Log {
             }
         }
         Ok((Log { path: name.into(), sample_time, channels, lines }, found))
+    }
+
+    /// Replaces readings of the first `coordinates` channels that stand alone, far from what their neighbours say, by what these say.
+    /// Returns them: channel, sample, and by how much each was changed.
+    pub(crate) fn mend(&mut self, coordinates: usize) -> Vec<(usize, usize, f64)> {
+        let mut mended = Vec::new();
+        for (c, channel) in self.channels.iter_mut().take(coordinates).enumerate() {
+            for (k, value) in lone_readings(channel) {
+                mended.push((c, k, value - channel[k]));
+                channel[k] = value;
+            }
+        }
+        mended
     }
 
     /// Number of samples.

@@ -216,7 +216,8 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     let file = File::open(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
     let mut file = FingerprintReader::new(file);
     // The log is read to the end of the file, so that the fingerprint is that of the whole.
-    let log = Log::read(&mut file, &path, evaluated, &options)?;
+    let mut log = Log::read(&mut file, &path, evaluated, &options)?;
+    let mended = log.mend(evaluated.dims().coordinates);
     if let (None, Some(name)) = (&lumped, request.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
@@ -226,6 +227,7 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     });
     let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
     let mut result = identify_with(evaluated, derivatives, &log, &options)?;
+    result.warnings.extend(lone_readings(evaluated, &log, &mended));
     if let Some(lumped) = lumped {
         lumped.complete(&mut result, request.physical())?;
     }
@@ -236,6 +238,21 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
         ..summary::provenance()
     };
     Ok(result)
+}
+
+/// One warning for every coordinate of which readings were replaced.
+fn lone_readings(model: &dyn Model<f64>, log: &Log, mended: &[(usize, usize, f64)]) -> Vec<Warning> {
+    let of = |c: usize| {
+        let own: Vec<_> = mended.iter().filter(|(channel, ..)| *channel == c).collect();
+        own.first().map(|(_, first, _)| Warning::LoneReadings {
+            coordinate: model.coordinate(c).name.into(),
+            count: own.len(),
+            line: log.lines[*first],
+            farthest: own.iter().map(|(.., by)| by.abs()).fold(0.0, f64::max),
+            unit: model.coordinate(c).unit.map(Into::into),
+        })
+    };
+    (0..model.dims().coordinates).filter_map(of).collect()
 }
 
 /// Identifies the parameters in which a model is linear from one log.

@@ -223,6 +223,22 @@ fn of_a_long_record_means_are_simulated_or_its_end_and_both_are_said() {
     }
 }
 
+#[test]
+fn single_wrong_readings_are_named_and_do_no_harm() {
+    let mut recorded = Rig::default().play(3);
+    let wrong = [41, 300, 512, 777, 901];
+    wrong.iter().for_each(|&k| recorded.position[k] += 0.2);
+    let result = try_identify(&recorded, Refine::OutputError, None).expect("identifies");
+    let [Warning::LoneReadings { coordinate, count, line, farthest, .. }] = result.warnings.as_slice() else {
+        panic!("{:?}", texts(&result));
+    };
+    // The first sample stands in the second line.
+    assert_eq!((coordinate.as_str(), *count, *line), ("x", wrong.len(), wrong[0] as u64 + 2));
+    assert!((farthest - 0.2).abs() < 1e-3, "{farthest}");
+    let scores = scores(&result, TRUTH);
+    assert!(scores.iter().all(|z| z.abs() < 4.0), "{scores:?}");
+}
+
 /// What is said of a record that says little, whether it is identified or not.
 fn said(recorded: &Recorded, period: Option<f64>) -> (Option<Identification>, String) {
     match try_identify(recorded, Refine::OutputError, period) {

@@ -51,6 +51,19 @@ pub enum Warning {
     },
     /// The log holds one whole period only.
     OnePeriod,
+    /// Single readings of a coordinate were far from their neighbours, and were replaced by what these say.
+    LoneReadings {
+        /// The coordinate.
+        coordinate: String,
+        /// How many.
+        count: usize,
+        /// Line of the first, from 1.
+        line: u64,
+        /// Largest distance of a reading from what its neighbours say, unit of the coordinate.
+        farthest: f64,
+        /// Unit of the coordinate.
+        unit: Option<String>,
+    },
     /// The last two periods of a log differ.
     Unsteady {
         /// Root mean square of their difference, as a share of the motion.
@@ -227,6 +240,14 @@ impl fmt::Display for Warning {
             Warning::OnePeriod => f.write_str(
                 "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four",
             ),
+            Warning::LoneReadings { coordinate, count, line, farthest, unit } => {
+                let unit = unit.as_ref().map(|unit| format!(" {unit}")).unwrap_or_default();
+                write!(
+                    f,
+                    "{count} single readings of {coordinate}, the first in line {line}, stand up to {farthest:.3e}{unit} away from their neighbours: faults of the sensor or of its recording; \
+                     what these say was used instead"
+                )
+            }
             Warning::Unsteady { mismatch } => write!(
                 f,
                 "the last two periods differ by {:.1} % of the motion: noise, or a motion that has not settled",
