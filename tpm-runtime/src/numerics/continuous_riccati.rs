@@ -68,7 +68,7 @@ pub(crate) fn continuous_riccati(
     let largest = terms.iter().map(DMatrix::amax).fold(0.0, f64::max);
     let left = (&terms[0] + &terms[1] - &terms[2] + &terms[3]).amax();
     let residual = if largest > 0.0 { left / largest } else { 0.0 };
-    if !(residual <= SOLVED) || !poles.iter().all(|s| s.re < 0.0) {
+    if residual.is_nan() || residual > SOLVED || !poles.iter().all(|s| s.re < 0.0) {
         return Err(RiccatiError::NotStabilisable);
     }
     Ok(Riccati { solution, gain, poles, residual })

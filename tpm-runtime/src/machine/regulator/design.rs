@@ -120,8 +120,8 @@ pub fn design(
     let sampled = Regulator::optimal(a, b, sample_time, weights)?;
     let (a_loop, b_loop, c_loop) = played(&ad, &bd, sampled.gain().dense(), sample_time, rates);
     let poles = eigenvalues(&(&a_loop - &b_loop * &c_loop));
-    let largest = poles.iter().map(|z| z.norm()).fold(0.0, f64::max);
-    if !(largest < 1.0) {
+    if !poles.iter().all(|z| z.norm() < 1.0) {
+        let largest = poles.iter().map(|z| z.norm()).fold(0.0, f64::max);
         return Err(DesignError::Unstable { largest });
     }
     let margins = margins(&Matrix::of(a_loop), &Matrix::of(b_loop), &Matrix::of(c_loop), sample_time);

@@ -124,7 +124,7 @@ impl Friction {
             let worst =
                 (0..self.stuck.len()).max_by(|&a, &b| beyond(self.shares[a]).total_cmp(&beyond(self.shares[b])));
             match worst {
-                Some(at) if !(beyond(self.shares[at]) <= 0.0) => {
+                Some(at) if beyond(self.shares[at]) > 0.0 => {
                     let forwards = self.shares[at] > 1.0;
                     self.state[self.stuck[at]] = if forwards { State::Forwards } else { State::Backwards };
                 }
@@ -156,7 +156,7 @@ impl Friction {
         Ok(())
     }
 
-    /// Position in the list of coordinates with dry friction, and index, of those that slide; with the sign of their direction.
+    /// The coordinates with dry friction that slide, each with the sign of its direction.
     pub(super) fn sliding(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.dry.iter().zip(&self.state).filter(|(_, state)| **state != State::Sticks).map(|(c, state)| {
             let sign = if *state == State::Forwards { 1.0 } else { -1.0 };
