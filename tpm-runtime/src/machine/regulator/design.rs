@@ -162,7 +162,7 @@ fn played(
 #[cfg(test)]
 mod tests {
     use super::{DesignError, Rates, Weighted, design, played};
-    use crate::machine::regulator::{RegulatorWeights, held};
+    use crate::machine::regulator::optimal::{RegulatorWeights, held};
     use crate::numerics::{DMatrix, DVector, Matrix};
     use std::vec;
     use std::vec::Vec;

@@ -137,7 +137,7 @@ fn of_loop(opened: &Opened, grid: &[f64], sample_time: f64) -> Margins {
 #[cfg(test)]
 mod tests {
     use super::margins;
-    use crate::machine::regulator::{Regulator, RegulatorWeights, held};
+    use crate::machine::regulator::optimal::{Regulator, RegulatorWeights, held};
     use crate::numerics::eigenvalues::eigenvalues;
     use crate::numerics::{DMatrix, Matrix};
     use num_complex::Complex;
