@@ -13,6 +13,7 @@ model_file!("emps.tpm");
 model_file!("mass_spring_drag.tpm");
 model_file!("rotary_pendulum.tpm");
 model_file!("rotary_pendulum_down.tpm");
+model_file!("rotary_pendulum_dry.tpm");
 model_file!("silverbox.tpm");
 model_file!("three_carts.tpm");
 model_file!("two_carts.tpm");

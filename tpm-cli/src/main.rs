@@ -34,6 +34,8 @@ enum Command {
     Design(Box<verbs::design::Args>),
     /// Compare two results of identifications: what changed, in their joint covariance.
     Compare(verbs::compare::Args),
+    /// Make an input that excites a band of frequencies: noise, multisine or chirp, as a run to be played.
+    Excite(verbs::excite::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(verbs::expand::Args),
     /// Compare common and split feed-forward on the simulated machine, with filters and motors.
@@ -50,6 +52,8 @@ enum Command {
     Identify(Box<verbs::identify::Args>),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
     Linearize(Box<verbs::linearize::Args>),
+    /// Design a regulator about an equilibrium: gains, poles, margins, and its code in C or Rust.
+    Regulate(Box<verbs::regulate::Args>),
     /// Split every input into what holds its own coordinate still and what moves it.
     Split(verbs::split::Args),
     /// Play one run on the simulated plant and write its log.
@@ -69,6 +73,7 @@ fn main() -> ExitCode {
         Command::Check(args) => verbs::check::run(args),
         Command::Design(args) => verbs::design::run(args),
         Command::Compare(args) => verbs::compare::run(args),
+        Command::Excite(args) => verbs::excite::run(args),
         Command::Expand(args) => verbs::expand::run(args),
         Command::Feedforward(args) => verbs::feedforward::run(args),
         Command::Fit(args) => verbs::fit::run(args),
@@ -77,6 +82,7 @@ fn main() -> ExitCode {
         Command::Identifiability(args) => verbs::identifiability::run(args),
         Command::Identify(args) => verbs::identify::run(args),
         Command::Linearize(args) => verbs::linearize::run(args),
+        Command::Regulate(args) => verbs::regulate::run(args),
         Command::Split(args) => verbs::split::run(args),
         Command::Simulate(args) => verbs::simulate::run(args),
         Command::Study(args) => verbs::study::run(args),

@@ -15,6 +15,8 @@ mod header;
 pub mod name;
 mod names;
 pub mod number;
+#[cfg(feature = "generate")]
+pub mod regulator;
 pub mod rust;
 pub mod table;
 mod text;

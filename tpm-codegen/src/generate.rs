@@ -6,6 +6,7 @@ pub use crate::emit::c::Scalar;
 use crate::emit::estimator::{EmitError, EstimatorSource, Identified};
 use crate::emit::filter::FilterError;
 pub use crate::emit::filter::{Filters, LowPass};
+use crate::emit::regulator::RegulatorSource;
 use crate::emit::{c, rust};
 
 /// A target language.
@@ -41,6 +42,8 @@ pub struct Options<'a> {
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward, common and split; none when not given.
     pub filters: Option<&'a Filters>,
+    /// Whether accumulators of harmonics can let the past fade, for a machine that changes.
+    pub forgetting: bool,
     /// What names and files begin with, in C; the model's name when not given.
     pub prefix: Option<&'a str>,
     /// The scalar, in C. Rust is generic over both.
@@ -51,7 +54,15 @@ impl<'a> Options<'a> {
     /// Options without identified values and filters, with the model's own prefix and double precision.
     #[must_use]
     pub fn new(language: Language, command: &'a str) -> Self {
-        Self { language, command, identified: None, filters: None, prefix: None, scalar: Scalar::default() }
+        Self {
+            language,
+            command,
+            identified: None,
+            filters: None,
+            forgetting: false,
+            prefix: None,
+            scalar: Scalar::default(),
+        }
     }
 }
 
@@ -63,6 +74,32 @@ pub struct File {
     pub name: String,
     /// Its text.
     pub text: String,
+}
+
+/// The source files of a regulator: state feedback that keeps a machine at rest in a point.
+///
+/// # Errors
+/// [`EmitError`] when the prefix cannot begin names of C, or a number is beyond the scalar.
+pub fn generate_regulator(
+    regulator: &RegulatorSource,
+    language: Language,
+    command: &str,
+    prefix: Option<&str>,
+    scalar: Scalar,
+) -> Result<Vec<File>, EmitError> {
+    match language {
+        Language::Rust => {
+            let (name, text) = rust::regulator::file(regulator, command, scalar)?;
+            Ok(vec![File { name: format!("{name}.rs"), text }])
+        }
+        Language::C => {
+            let files = c::regulator::files(regulator, command, prefix, scalar)?;
+            Ok(vec![
+                File { name: format!("{}.h", files.name), text: files.header },
+                File { name: format!("{}.c", files.name), text: files.source },
+            ])
+        }
+    }
 }
 
 /// The source files of an estimator.
@@ -86,6 +123,7 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
                 command: options.command,
                 identified: options.identified,
                 filters: options.filters,
+                forgetting: options.forgetting,
                 standalone: true,
                 ..rust::Options::default()
             };
@@ -93,8 +131,8 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
             Ok(vec![File { name: format!("{}.rs", rust::module_name(estimator).trim_start_matches("r#")), text }])
         }
         Language::C => {
-            let Options { command, identified, filters, prefix, scalar, .. } = *options;
-            let files = c::files(estimator, &c::Options { command, prefix, scalar, identified, filters })?;
+            let Options { command, identified, filters, forgetting, prefix, scalar, .. } = *options;
+            let files = c::files(estimator, &c::Options { command, prefix, scalar, identified, filters, forgetting })?;
             Ok(vec![
                 File { name: format!("{}.h", files.name), text: files.header },
                 File { name: format!("{}.c", files.name), text: files.source },

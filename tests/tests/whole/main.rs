@@ -11,6 +11,7 @@ mod chain;
 mod emitted;
 mod examples;
 mod filtered;
+mod forgetting;
 mod foundation;
 mod frequency;
 // The files that `tpm generate models/NAME.tpm --lang rust -o tests/generated` wrote; tests of `tpm-codegen` compare them with the
@@ -25,6 +26,7 @@ mod generated {
     pub mod mass_spring_drag;
     pub mod rotary_pendulum;
     pub mod rotary_pendulum_down;
+    pub mod rotary_pendulum_dry;
     pub mod silverbox;
     pub mod three_carts;
     pub mod two_carts;

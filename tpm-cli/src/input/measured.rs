@@ -178,12 +178,17 @@ impl Measured {
         text
     }
 
-    /// Draws the Bode plot into the file of `--plot`, when one is given.
-    pub(crate) fn plot(&self, args: &MeasuredArgs, models: &[NamedModel<'_>]) -> Result<(), Failure> {
+    /// Draws the Bode plot into the file of `--plot`, when one is given; `unit` is that of output over input, where it is known.
+    pub(crate) fn plot(
+        &self,
+        args: &MeasuredArgs,
+        models: &[NamedModel<'_>],
+        unit: Option<String>,
+    ) -> Result<(), Failure> {
         let Some(path) = &args.plot else { return Ok(()) };
         let settings = BodeSettings {
             title: format!("{} over {}", args.measured, args.input),
-            unit: format!("{} per {}", args.measured, args.input),
+            unit: unit.unwrap_or_else(|| format!("{} per {}", args.measured, args.input)),
             low: self.low,
             high: self.high,
         };

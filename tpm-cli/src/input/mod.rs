@@ -2,6 +2,7 @@
 
 pub(crate) mod assignments;
 pub(crate) mod experiment;
+pub(crate) mod linear;
 pub(crate) mod load;
 pub(crate) mod log;
 pub(crate) mod measured;

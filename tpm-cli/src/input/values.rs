@@ -35,6 +35,13 @@ pub(crate) struct ValueArgs {
 }
 
 impl ValueArgs {
+    /// The options as they are given on the command line, files without their folders.
+    pub(crate) fn flags(&self) -> String {
+        let name = |path: &PathBuf| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let file = self.params.iter().map(|path| format!(" --params {}", name(path)));
+        file.chain(self.set.iter().map(|(name, value)| format!(" --set {name}={value}"))).collect()
+    }
+
     /// Options that name a file of values and nothing else.
     pub(crate) fn file(path: &Path) -> Self {
         Self { params: Some(path.to_owned()), set: Vec::new() }

@@ -3,3 +3,4 @@
 pub(crate) mod campaign;
 pub(crate) mod flags;
 pub(crate) mod result;
+pub(crate) mod roots;

@@ -10,8 +10,8 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tpm_runtime::frequency::{
-    Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel, Root,
-    StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
+    Complex, Delay, FitWarning, LinearizedResponse, OrderComparison, RationalFit, RationalSettings, ResponseModel,
+    Root, StructuredFit, StructuredSettings, compare_orders, fit_rational, fit_record, fit_structured,
 };
 use tpm_runtime::report::{Align, TextTable, beside, cells, number, or_dash, plus_minus};
 use tpm_symbolic::expr::graph::Symbol;
@@ -22,6 +22,7 @@ use tpm_symbolic::number::rational;
 /// Options of `tpm fit`.
 #[derive(clap::Args)]
 #[command(group(clap::ArgGroup::new("what").required(true).multiple(true).args(["order", "model"])))]
+#[command(group(clap::ArgGroup::new("of_model").multiple(true).args(["model", "beside"])))]
 pub(crate) struct Args {
     #[command(flatten)]
     measured: MeasuredArgs,
@@ -42,18 +43,22 @@ pub(crate) struct Args {
     /// Fit the parameters of this model, linearised at rest in 0; input and measured output are named as in it.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// Put the transfer function of this model, linearised at rest in 0, beside what is fitted, in the plot too; input and
+    /// measured output are named as in it, and its values are those of --params, --start and --constant.
+    #[arg(long, value_name = "FILE")]
+    beside: Option<PathBuf>,
     /// Start values of the parameters, and values of the constants, of the model: NAME = VALUE lines (.toml), or a result of
     /// `tpm identify --json` (.json).
-    #[arg(long, value_name = "FILE", requires = "model")]
+    #[arg(long, value_name = "FILE", requires = "of_model")]
     params: Option<PathBuf>,
     /// Start value of a parameter of the model; goes before that of the file.
-    #[arg(long, value_name = "NAME=VALUE", requires = "model", value_parser = number_assignment)]
+    #[arg(long, value_name = "NAME=VALUE", requires = "of_model", value_parser = number_assignment)]
     start: Vec<(String, f64)>,
     /// A parameter of the model that is held at a value.
     #[arg(long, value_name = "NAME=VALUE", requires = "model", value_parser = number_assignment)]
     freeze: Vec<(String, f64)>,
     /// Value of a constant that is known at run time only.
-    #[arg(long = "constant", value_name = "NAME=VALUE", requires = "model", value_parser = number_assignment)]
+    #[arg(long = "constant", value_name = "NAME=VALUE", requires = "of_model", value_parser = number_assignment)]
     constants: Vec<(String, f64)>,
     /// Print JSON (tpm.fit/1).
     #[arg(long)]
@@ -72,12 +77,13 @@ fn degrees(text: &str) -> Result<(usize, usize), String> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let physical = args.model.as_deref().map(|path| Physical::load(args, path)).transpose()?;
+    let beside = args.beside.as_deref().map(|path| Physical::load(args, path)).transpose()?;
     let measured = Measured::new(&args.measured)?;
     let mut text = measured.describe(&args.measured);
     let mut whole = json!({
         "schema": "tpm.fit/1", "input": args.measured.input, "output": args.measured.measured,
         "low_hz": measured.low, "high_hz": measured.high,
-        "orders": [], "recommended": null, "rational": null, "model": null,
+        "orders": [], "recommended": null, "rational": null, "model": null, "beside": null,
     });
     let mut incomplete = Vec::new();
     let rational = if args.order.is_empty() {
@@ -85,11 +91,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
     } else {
         Some(rational(args, &measured, &mut text, &mut whole, &mut incomplete)?)
     };
-    let mut drawn = Vec::new();
+    let mut drawn: Vec<(String, Box<dyn Fn(f64) -> Complex + '_>)> = Vec::new();
     if let Some(fit) = &rational {
         drawn.push((format!("{}/{}", fit.function.numerator().len() - 1, fit.function.denominator().len() - 1), {
             let function = fit.function.clone();
-            Box::new(move |w: f64| function.response(w)) as Box<dyn Fn(f64) -> _>
+            Box::new(move |w: f64| function.response(w))
         }));
     }
     if let Some(physical) = &physical {
@@ -106,22 +112,54 @@ pub(crate) fn run(args: &Args) -> Outcome {
             ));
         }
         let values: Vec<f64> = fit.parameters.iter().map(|parameter| parameter.value).collect();
-        drawn.push((
-            physical.model.name.clone(),
-            Box::new(move |w: f64| {
-                let mut out = [Default::default()];
-                response.responses(&values, &[w], &mut out);
-                out[0]
-            }),
-        ));
+        drawn.push((physical.model.name.clone(), Box::new(move |w: f64| physical.at(&response, &values, w))));
     }
+    if let Some(beside) = &beside {
+        let response = beside.response()?;
+        let own = move |w: f64| beside.at(&response, &beside.start, w);
+        let compared: &dyn Fn(f64) -> Complex = &*drawn.first().expect("invariant: something is fitted").1;
+        let difference = Difference::new(&measured, compared, &own);
+        text.push_str(&difference.text(&drawn[0].0, &beside.model.name));
+        whole["beside"] = difference.json(&beside.model.name);
+        drawn.push((format!("{}, given values", beside.model.name), Box::new(own)));
+    }
+    let unit = physical.as_ref().or(beside.as_ref()).and_then(Physical::unit);
     let named: Vec<_> = drawn.iter().map(|(name, model)| (name.as_str(), &**model as &dyn Fn(f64) -> _)).collect();
-    measured.plot(&args.measured, &named)?;
+    measured.plot(&args.measured, &named, unit)?;
     if args.json {
         text = file::json(&whole)?;
     }
     file::emit(args.measured.output.as_deref(), &text)?;
     if incomplete.is_empty() { Ok(()) } else { Err(Failure::Incomplete(incomplete.join("\n"))) }
+}
+
+/// How far the transfer function of a model with given values lies from what was fitted, over the usable lines of the band.
+struct Difference {
+    median: f64,
+    largest: f64,
+}
+
+impl Difference {
+    fn new(measured: &Measured, fitted: &dyn Fn(f64) -> Complex, model: &dyn Fn(f64) -> Complex) -> Self {
+        let lines = measured.response.band(measured.low, measured.high).filter(|line| line.usable);
+        let mut all: Vec<f64> =
+            lines.map(|line| (fitted(line.frequency) / model(line.frequency) - 1.0).norm()).collect();
+        all.sort_by(f64::total_cmp);
+        let of = |at: usize| all.get(at).copied().unwrap_or(f64::NAN);
+        Self { median: of(all.len() / 2), largest: of(all.len().saturating_sub(1)) }
+    }
+
+    fn text(&self, fitted: &str, model: &str) -> String {
+        format!(
+            "\n{fitted} lies within {:.2} % (median) and {:.2} % (largest) of {model} with the given values\n",
+            100.0 * self.median,
+            100.0 * self.largest
+        )
+    }
+
+    fn json(&self, model: &str) -> Value {
+        json!({"name": model, "median_difference": finite(self.median), "largest_difference": finite(self.largest)})
+    }
 }
 
 fn rational(
@@ -418,6 +456,22 @@ impl Physical {
         let Physical { model, linear, coordinate, input, parameters, constants, .. } = self;
         LinearizedResponse::new(model, linear, *coordinate, *input, parameters, constants)
             .map_err(|error| Failure::Input(error.to_string()))
+    }
+
+    /// The response at an angular frequency in rad/s.
+    fn at(&self, response: &LinearizedResponse<'_>, values: &[f64], frequency: f64) -> Complex {
+        let mut out = [Complex::default()];
+        response.responses(values, &[frequency], &mut out);
+        out[0]
+    }
+
+    /// Unit of the measured output over that of the input, where both have one.
+    fn unit(&self) -> Option<String> {
+        let output = self.model.coordinates[self.coordinate.0 as usize].unit.as_ref()?;
+        let input = self.model.quantity(self.input).unit.as_ref()?;
+        // A unit of several factors stands in brackets.
+        let whole = |unit: String| if unit.contains(['*', '/']) { format!("({unit})") } else { unit };
+        Some(format!("{}/{}", whole(output.to_string()), whole(input.to_string())))
     }
 
     fn settings(&self, args: &Args, measured: &Measured) -> StructuredSettings {

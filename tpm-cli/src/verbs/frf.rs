@@ -39,7 +39,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Format::Csv => csv(args, &measured),
         Format::Json => json(args, &measured)?,
     };
-    measured.plot(&args.measured, &[])?;
+    measured.plot(&args.measured, &[], None)?;
     file::emit(args.measured.output.as_deref(), &text)?;
     if args.format != Format::Text {
         for gap in measured.response.gaps(measured.low, measured.high) {

@@ -1,20 +1,20 @@
 //! `tpm linearize`: state space, transfer functions, poles and zeros of a model about a point at rest.
 
 use crate::failure::{Failure, Outcome};
-use crate::input::assignments::{assignment, once};
+use crate::input::assignments::assignment;
+use crate::input::linear::{operating_point, state_space};
 use crate::input::load::Loaded;
 use crate::input::values::{ValueArgs, Values};
 use crate::output::file;
+use crate::render::roots::{root_text, roots_text};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_codegen::parse_value;
-use tpm_codegen::source::Source;
 use tpm_runtime::frequency::TransferFunction;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
-use tpm_symbolic::linear::linearize::{self, Linearization, OperatingPoint, StateSpace};
+use tpm_symbolic::linear::linearize::{self, Linearization, StateSpace};
 use tpm_symbolic::linear::transfer::{SymbolicTransfer, transfer_functions};
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
@@ -129,7 +129,7 @@ impl Linear {
         let symbols: Vec<_> = model.inputs().collect();
         let inputs: Vec<String> = symbols.iter().map(|symbol| model.quantity(*symbol).name.to_string()).collect();
         let values = Values::load(&args.values, &model)?;
-        let operating = operating_point(args, &mut model, &coordinates, &inputs)?;
+        let operating = operating_point(&args.at, &mut model, &coordinates, &inputs)?;
         let linear = linearize::linearize(&mut model, &operating).map_err(|error| fault(error.to_string()))?;
         let zero = model.graph.integer(0);
         let of = |found: Option<ExprId>| found.unwrap_or(zero);
@@ -407,94 +407,12 @@ impl Linear {
     }
 }
 
-/// The operating point from the coordinates and inputs that were given.
-fn operating_point(
-    args: &Args,
-    model: &mut ExactModel,
-    coordinates: &[String],
-    inputs: &[String],
-) -> Result<OperatingPoint, Failure> {
-    let mut point = OperatingPoint::default();
-    once("--at", &args.at)?;
-    for (name, text) in &args.at {
-        let source = Source::new(format!("--at {name}"), text.as_str());
-        let value = parse_value(&source, model).map_err(|diagnostics| Failure::Model(diagnostics.render(&source)))?;
-        if let Some(c) = coordinates.iter().position(|other| other == name) {
-            point.coordinates.push((Coordinate(c as u32), value));
-        } else if let Some(symbol) = inputs.iter().position(|other| other == name).and_then(|i| model.inputs().nth(i)) {
-            point.inputs.push((symbol, value));
-        } else {
-            return Err(Failure::Input(format!(
-                "--at {name}: the model has no such coordinate or input; it has {}",
-                [coordinates, inputs].concat().join(", ")
-            )));
-        }
-    }
-    Ok(point)
-}
-
 /// The index of the name that was given, or all indices when none was given.
 fn chosen(flag: &str, name: Option<&str>, known: &[String]) -> Result<Vec<usize>, Failure> {
     let Some(name) = name else { return Ok((0..known.len()).collect()) };
     match known.iter().position(|other| other == name) {
         Some(index) => Ok(vec![index]),
         None => Err(Failure::Input(format!("{flag} {name}: the model has no such name; it has {}", known.join(", ")))),
-    }
-}
-
-/// A and B in rational numbers, and whether they are exact; `None` when no values were given. Parameters that a result leaves open
-/// may stay so where no entry depends on them.
-fn state_space(
-    model: &ExactModel,
-    linear: &Linearization,
-    values: &Values,
-) -> Result<Option<(StateSpace<Rational>, bool)>, Failure> {
-    let missing = values.missing(model, None);
-    if !missing.is_empty() {
-        if values.is_empty() {
-            return Ok(None);
-        }
-        let flags: Vec<String> = missing.iter().map(|name| format!("--set {name}=VALUE")).collect();
-        return Err(Failure::Input(format!("for numbers, values are missing; give {}", flags.join(" "))));
-    }
-    let values = values.settled(|values| {
-        let (space, _) = evaluated(model, linear, values)?;
-        let names: Vec<&str> = model.coordinates.iter().map(|coordinate| coordinate.name.as_str()).collect();
-        let rates = names.iter().map(|name| format!("dot({name})"));
-        let inputs = model.inputs().map(|input| model.quantity(input).name.to_string());
-        let columns: Vec<String> =
-            names.iter().map(|name| (*name).to_owned()).chain(rates.clone()).chain(inputs).collect();
-        // The upper half says that rates are rates.
-        let rows = space.a.iter().zip(&space.b).skip(names.len()).zip(rates);
-        let entries = rows.flat_map(|((a, b), rate)| {
-            let named = |(entry, column): (&Rational, &String)| {
-                (format!("the entry of {column} in d/dt {rate}"), rational::to_f64(entry))
-            };
-            a.iter().chain(b).zip(&columns).map(named).collect::<Vec<_>>()
-        });
-        Ok(entries.collect())
-    })?;
-    evaluated(model, linear, &values).map(Some)
-}
-
-/// A and B with a value for every parameter, and whether they are exact.
-fn evaluated(
-    model: &ExactModel,
-    linear: &Linearization,
-    values: &Values,
-) -> Result<(StateSpace<Rational>, bool), Failure> {
-    if let Some(exact) = linear.evaluate_exact(model, |symbol| values.get(symbol).cloned()) {
-        return Ok((exact, true));
-    }
-    let rounded = linear.evaluate(model, |symbol| values.get(symbol).map_or(f64::NAN, rational::to_f64));
-    let exactly = |matrix: &[Vec<f64>]| -> Option<Vec<Vec<Rational>>> {
-        matrix.iter().map(|row| row.iter().map(|&value| rational::from_f64(value)).collect()).collect()
-    };
-    match (exactly(&rounded.a), exactly(&rounded.b)) {
-        (Some(a), Some(b)) => Ok((StateSpace { a, b }, false)),
-        _ => Err(Failure::Input(
-            "with these values the mass matrix is singular or an entry is not finite; check them".to_owned(),
-        )),
     }
 }
 
@@ -598,18 +516,6 @@ fn roots_json(roots: &[Complex]) -> Vec<Value> {
     roots.iter().map(root_json).collect()
 }
 
-fn root_text(root: Complex) -> String {
-    // Adding zero turns a pole at -0 into 0, since "-0" would puzzle the reader.
-    let re = number(root.re + 0.0);
-    if root.im == 0.0 { re } else { format!("{re}+-{}j", number(root.im.abs())) }
-}
-
-/// The roots in words, each conjugate pair once.
-fn roots_text(roots: &[Complex]) -> String {
-    let list: Vec<String> = roots.iter().filter(|root| root.im >= 0.0).map(|root| root_text(*root)).collect();
-    if list.is_empty() { "none".to_owned() } else { list.join(", ") }
-}
-
 fn polynomial_text(coefficients: &[f64]) -> String {
     let terms: Vec<String> = coefficients
         .iter()
@@ -641,7 +547,8 @@ fn matrix_text(name: &str, matrix: &[Vec<f64>]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{coefficients, roots_text};
+    use super::coefficients;
+    use crate::render::roots::roots_text;
 
     #[test]
     fn coefficients_stand_highest_first() {

@@ -5,6 +5,8 @@
 #[path = "../../examples/pendulum_study/main.rs"]
 mod example;
 
+use crate::regulate::{MOTOR, STUDY};
+use crate::support::printed;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -45,6 +47,20 @@ fn the_report_says_what_agrees_and_what_does_not() {
         assert!(report.contains(&format!("]({figure}.png)")), "{figure} is not shown");
     }
     assert!(String::from_utf8_lossy(&run.stdout).contains("report.md"));
+
+    // The gains of the study are those of the command line on the same identification.
+    let result = folder.path().join("result.json");
+    let result = result.to_str().expect("a readable path");
+    printed(&["identify", "models/rotary_pendulum_down.tpm", "--json", "-o", result]);
+    let own = ["regulate", "models/rotary_pendulum.tpm", "--params", result, "--json"];
+    let found: serde_json::Value = serde_json::from_str(&printed(&[&own[..], &MOTOR, &STUDY].concat())).expect("JSON");
+    let row = report.lines().find(|line| line.starts_with("| identified model (first seed)")).expect("a row of gains");
+    let cells: Vec<f64> = row.split('|').filter_map(|cell| cell.trim().parse().ok()).collect();
+    for (cell, gain) in cells.iter().zip(found["gain"][0].as_array().expect("a row")) {
+        let gain = gain.as_f64().expect("a number");
+        assert!((gain / cell - 1.0).abs() < 1e-5, "{row} {found}");
+    }
+    assert_eq!(cells.len(), 5, "four gains and a cost: {row}");
 }
 
 #[test]

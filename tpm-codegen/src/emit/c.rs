@@ -10,6 +10,8 @@ mod expression;
 mod filter;
 mod layout;
 mod pattern;
+/// C99 of a regulator.
+pub mod regulator;
 mod solve;
 
 use super::estimator::{EmitError, EstimatorSource};

@@ -22,6 +22,9 @@ use super::names::{harmonic_function, harmonic_name};
 use super::number::Rounded;
 use super::text;
 
+/// The documentation of the function that lets the past of an accumulator fade.
+pub(super) const FADE: &str = "Lets all samples so far count `share` times, from 0 to 1, and counts further ones anew. Called after every whole period, it makes earlier periods fade away by this share each, so that the harmonics follow a machine that changes.";
+
 /// Entries of the estimator matrix up to which it is straight-line code; beyond, it is a table and a loop.
 pub(super) const STRAIGHT_LINE_ENTRIES: usize = 400;
 

@@ -12,6 +12,9 @@ mod filter;
 mod names;
 mod pattern;
 mod record;
+/// Rust of a regulator.
+#[cfg(feature = "generate")]
+pub mod regulator;
 #[cfg(feature = "generate")]
 mod support;
 

@@ -31,6 +31,7 @@
 //! 1e10 times less certain than along the best direction anyway. faer is the next choice where matrices become large.
 
 pub(crate) mod chance;
+mod continuous_riccati;
 pub(crate) mod differences;
 pub(crate) mod eigenvalues;
 pub(crate) mod fourier;
@@ -42,6 +43,7 @@ pub(crate) mod singular;
 #[cfg(feature = "interpret")]
 pub(crate) mod tail;
 
+pub(crate) use continuous_riccati::continuous_riccati;
 pub use matrix::Matrix;
 pub(crate) use nalgebra::storage::Owned;
 pub(crate) use nalgebra::{Cholesky, Const, DMatrix, DMatrixView, DVector, DVectorView, Dyn, RowDVector};

@@ -20,7 +20,7 @@ const ROUNDS: usize = 60;
 /// Relative change at which doubling has settled.
 const SETTLED: f64 = 1e-14;
 /// Largest residual of the equation, as a share of its terms, that still counts as solved.
-const SOLVED: f64 = 1e-8;
+pub(super) const SOLVED: f64 = 1e-8;
 /// Share of a weight's largest entry by which it may fail to be symmetric or positive.
 const ROUNDING: f64 = 1e-12;
 
@@ -60,7 +60,7 @@ pub enum RiccatiError {
 pub(crate) struct Riccati {
     /// P, symmetric.
     pub(crate) solution: DMatrix<f64>,
-    /// K = (R + B' P B)^-1 B' P A.
+    /// K = (R + B' P B)^-1 B' P A; in continuous time R^-1 B' P.
     pub(crate) gain: DMatrix<f64>,
     /// Eigenvalues of A - B K.
     pub(crate) poles: Vec<Complex<f64>>,
@@ -78,20 +78,8 @@ pub(crate) fn riccati(
     q: &DMatrix<f64>,
     r: &DMatrix<f64>,
 ) -> Result<Riccati, RiccatiError> {
-    let (n, m) = (a.nrows(), b.ncols());
-    if a.shape() != (n, n) || b.nrows() != n || q.shape() != (n, n) || r.shape() != (m, m) {
-        return Err(RiccatiError::Shape);
-    }
-    if [a, b, q, r].iter().any(|matrix| matrix.iter().any(|x| !x.is_finite())) {
-        return Err(RiccatiError::NotFinite);
-    }
-    let symmetric = |x: &DMatrix<f64>| (x - x.transpose()).amax() <= ROUNDING * x.amax();
-    let factor = r.clone().cholesky().filter(|_| symmetric(r)).ok_or(RiccatiError::InputWeight)?;
-    let least = q.clone().symmetric_eigenvalues().min();
-    if !symmetric(q) || least < -ROUNDING * q.amax() {
-        return Err(RiccatiError::StateWeight);
-    }
-    let (mut transition, mut reach, mut solution) = (a.clone(), b * factor.solve(&b.transpose()), q.clone());
+    let n = a.nrows();
+    let (mut transition, mut reach, mut solution) = (a.clone(), b * weighted(a, b, q, r)?, q.clone());
     let mut settled = false;
     for _ in 0..ROUNDS {
         let inverse = (DMatrix::identity(n, n) + &reach * &solution).lu();
@@ -129,6 +117,33 @@ pub(crate) fn riccati(
         return Err(RiccatiError::NotStabilisable);
     }
     Ok(Riccati { solution, gain, poles, residual })
+}
+
+/// `R^-1 B'`, when the matrices of a regulator fit together and the weights are allowed.
+///
+/// # Errors
+/// [`RiccatiError::Shape`], [`RiccatiError::NotFinite`], [`RiccatiError::InputWeight`] unless R is symmetric and positive,
+/// [`RiccatiError::StateWeight`] unless Q is symmetric and not negative.
+pub(super) fn weighted(
+    a: &DMatrix<f64>,
+    b: &DMatrix<f64>,
+    q: &DMatrix<f64>,
+    r: &DMatrix<f64>,
+) -> Result<DMatrix<f64>, RiccatiError> {
+    let (n, m) = (a.nrows(), b.ncols());
+    if a.shape() != (n, n) || b.nrows() != n || q.shape() != (n, n) || r.shape() != (m, m) {
+        return Err(RiccatiError::Shape);
+    }
+    if [a, b, q, r].iter().any(|matrix| matrix.iter().any(|x| !x.is_finite())) {
+        return Err(RiccatiError::NotFinite);
+    }
+    let symmetric = |x: &DMatrix<f64>| (x - x.transpose()).amax() <= ROUNDING * x.amax();
+    let factor = r.clone().cholesky().filter(|_| symmetric(r)).ok_or(RiccatiError::InputWeight)?;
+    let least = q.clone().symmetric_eigenvalues().min();
+    if !symmetric(q) || least < -ROUNDING * q.amax() {
+        return Err(RiccatiError::StateWeight);
+    }
+    Ok(factor.solve(&b.transpose()))
 }
 
 #[cfg(test)]

@@ -22,6 +22,7 @@ mod compare;
 #[cfg(test)]
 mod contradiction_tests;
 mod error;
+mod excite;
 mod folder;
 mod identification;
 mod log;
@@ -48,6 +49,7 @@ pub use compare::{
     CompareError, Comparison, Difference, Direction, Family, Joint, Side, StoredFault, StoredResult, Verdict, compare,
 };
 pub use error::{MachineError, SessionError, Setting};
+pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
 pub use log_report::{ActuatorReport, HoldResiduals, LogReport};

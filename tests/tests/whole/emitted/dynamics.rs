@@ -158,6 +158,7 @@ dynamics! {
     mass_spring_drag_in_place: "mass_spring_drag.tpm", models::inline::MassSpringDrag;
     rotary_pendulum: "rotary_pendulum.tpm", models::RotaryPendulum;
     rotary_pendulum_down: "rotary_pendulum_down.tpm", models::RotaryPendulumDown;
+    rotary_pendulum_dry: "rotary_pendulum_dry.tpm", models::RotaryPendulumDry;
     silverbox: "silverbox.tpm", models::Silverbox;
     three_carts: "three_carts.tpm", models::ThreeCarts;
     two_carts: "two_carts.tpm", models::TwoCarts;

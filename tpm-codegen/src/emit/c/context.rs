@@ -28,6 +28,8 @@ pub struct Options<'a> {
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward.
     pub filters: Option<&'a Filters>,
+    /// Whether accumulators can let the past fade.
+    pub forgetting: bool,
 }
 
 /// The names of the functions and types of the dynamics, without the prefix: no name of a model may be one of them.
@@ -69,13 +71,14 @@ const DYNAMICS: [&str; 34] = [
 ];
 
 /// The names of the functions and types of a pattern, without the prefix and the pattern's own name.
-const PATTERN: [&str; 20] = [
+const PATTERN: [&str; 21] = [
     "accumulate",
     "accumulate_at",
     "accumulate_hann",
     "accumulated",
     "accumulator",
     "accumulator_clear",
+    "accumulator_fade",
     "estimator_matrix",
     "harmonics",
     "identify",
@@ -100,6 +103,7 @@ pub(super) struct Context<'a> {
     pub(super) prefix: String,
     pub(super) identified: Option<&'a Identified>,
     pub(super) filters: Option<&'a Filters>,
+    pub(super) forgetting: bool,
     /// Types, declarations and their documentation.
     pub(super) header: String,
     /// Definitions.
@@ -167,6 +171,7 @@ impl<'a> Context<'a> {
             prefix,
             identified: options.identified,
             filters: options.filters,
+            forgetting: options.forgetting,
             header: String::new(),
             source: String::new(),
         })
@@ -407,7 +412,7 @@ impl<'a> Context<'a> {
 }
 
 /// Whether a prefix may begin names and files: ASCII letters, digits and underscores, a letter first.
-fn is_prefix(prefix: &str) -> bool {
+pub(super) fn is_prefix(prefix: &str) -> bool {
     prefix.starts_with(|first: char| first.is_ascii_alphabetic())
         && prefix.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
         && !prefix.ends_with('_')

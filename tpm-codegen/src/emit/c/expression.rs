@@ -78,7 +78,7 @@ impl Scalar {
     }
 
     /// Whether a double is finite in this scalar.
-    pub(super) fn holds(self, value: f64) -> bool {
+    pub(in crate::emit) fn holds(self, value: f64) -> bool {
         match self {
             Self::Float => value.abs() <= f64::from(f32::MAX),
             Self::Double => value.is_finite(),

@@ -220,22 +220,37 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
     let (real, one) = (scalar.name(), scalar.literal(1.0));
     let of = |context: &Context<'_>, name: &str| context.global(&context.of_pattern(index, name));
     let rows = context.constant(&context.of_pattern(index, "harmonics").to_uppercase());
-    let fields = format!(
+    let forgetting = context.forgetting;
+    let mut fields = format!(
         "{}    {real} sums[{rows}];\n{}    uint64_t samples;\n",
         doc(1, "Sums of the signal times cosine in the order of the harmonics, then of those times sine."),
-        doc(1, "Samples taken in so far.")
+        doc(1, if forgetting { "Samples taken in since the last fading." } else { "Samples taken in so far." })
     );
+    if forgetting {
+        let about = doc(1, "How often the samples before the last fading count.");
+        fields.push_str(&format!("{about}    {real} faded;\n"));
+    }
     let about = "Fourier sums of one signal per equation, sample by sample, over whole periods.\n\n\
                  Clear it, give it samples that divide a whole number of periods evenly, and then ask for the harmonics.";
     context.structure(&context.of_pattern(index, "accumulator"), about, &fields);
     let accumulator = format!("{} *accumulator", of(context, "accumulator"));
     let sample = format!("const {} *sample", context.global("forces"));
-    let clear = format!(
+    let mut clear = format!(
         "    size_t i;\n\n    for (i = 0; i < {rows}; ++i) {{\n        accumulator->sums[i] = {};\n    }}\n    accumulator->samples = 0;\n",
         scalar.literal(0.0)
     );
+    if forgetting {
+        clear.push_str(&format!("    accumulator->faded = {};\n", scalar.literal(0.0)));
+    }
     let parameters = [Parameter::new(accumulator.clone())];
     context.function(&of(context, "accumulator_clear"), "No sample yet.", "void", &parameters, &clear);
+    if forgetting {
+        let body = format!(
+            "    size_t i;\n\n    accumulator->faded = (accumulator->faded + ({real})accumulator->samples) * share;\n    accumulator->samples = 0;\n    for (i = 0; i < {rows}; ++i) {{\n        accumulator->sums[i] *= share;\n    }}\n"
+        );
+        let parameters = [Parameter::new(accumulator.clone()), Parameter::new(format!("{real} share"))];
+        context.function(&of(context, "accumulator_fade"), function::FADE, "void", &parameters, &body);
+    }
 
     let (reads, statements, addends) = function::bank(context.estimator, table);
     let writer = Writer::new(scalar, |leaf| context.leaf(leaf, "", &[], ""));
@@ -286,8 +301,14 @@ fn accumulator(context: &mut Context<'_>, index: usize, table: &TablePlan) {
                  What is no harmonic leaks less into the harmonics, at the price of some of the data.";
     context.function(&of(context, "accumulate_hann"), about, "void", &parameters, &body);
 
+    let (empty, weight) = if forgetting {
+        let empty = format!("accumulator->samples == 0 && accumulator->faded <= {}", scalar.literal(0.0));
+        (empty, format!("(accumulator->faded + ({real})accumulator->samples)"))
+    } else {
+        ("accumulator->samples == 0".to_owned(), format!("({real})accumulator->samples"))
+    };
     let mut body = format!(
-        "    if (accumulator->samples == 0) {{\n        return {};\n    }}\n    const {real} mean = {one} / ({real})accumulator->samples;\n",
+        "    if ({empty}) {{\n        return {};\n    }}\n    const {real} mean = {one} / {weight};\n",
         context.constant("TOO_FEW")
     );
     if table.rows.iter().any(|(_, harmonic, _)| *harmonic > 0) {

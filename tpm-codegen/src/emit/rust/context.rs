@@ -25,6 +25,8 @@ pub struct Options<'a> {
     pub filters: Option<&'a Filters>,
     /// The text of the model, for the trait of evaluated models to give back; nothing where it need not be carried along.
     pub source: Option<&'a str>,
+    /// Whether accumulators can let the past fade.
+    pub forgetting: bool,
     /// Whether a file brings what it needs of the runtime along instead of naming it, and does without the runtime's trait.
     pub standalone: bool,
 }
@@ -37,6 +39,7 @@ impl Default for Options<'_> {
             identified: None,
             filters: None,
             source: None,
+            forgetting: false,
             standalone: false,
         }
     }

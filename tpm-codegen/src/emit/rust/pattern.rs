@@ -501,6 +501,30 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
     let comment = "Measured from the nearer end of the period, so that the phase keeps its digits.";
     let comment = context.comment(comment.to_owned());
     let fields: Vec<&Ident> = context.names.rows.iter().map(|names| &names.field).collect();
+    let (mut field, mut start, mut fade) = Default::default();
+    let (mut empty, mut weight) = (quote!(self.samples == 0), quote!(T::from_f64(self.samples as f64)));
+    let mut about = doc("Samples taken in so far.");
+    if context.options.forgetting {
+        field = quote! {
+            /// How often the samples before the last fading count.
+            faded: T,
+        };
+        start = quote!(faded: T::ZERO,);
+        about = doc("Samples taken in since the last fading.");
+        empty = quote!(self.samples == 0 && self.faded <= T::ZERO);
+        weight = quote!((self.faded + #weight));
+        let share = doc(function::FADE);
+        fade = quote! {
+            #share
+            pub fn fade(&mut self, share: T) {
+                self.faded = (self.faded + T::from_f64(self.samples as f64)) * share;
+                self.samples = 0;
+                for sum in &mut self.sums {
+                    *sum = *sum * share;
+                }
+            }
+        };
+    }
     quote! {
         /// Fourier sums of one signal per equation, sample by sample, over whole periods.
         ///
@@ -509,6 +533,7 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
         pub struct Accumulator<T> {
             sums: [T; HARMONICS],
             samples: u64,
+            #field
         }
 
         impl<T: Real> Default for Accumulator<T> {
@@ -521,7 +546,7 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
             /// No sample yet.
             #[must_use]
             pub fn new() -> Self {
-                Self { sums: [T::ZERO; HARMONICS], samples: 0 }
+                Self { sums: [T::ZERO; HARMONICS], samples: 0, #start }
             }
 
             /// Takes in one sample at a phase `w t` in radians: one sine and one cosine for all harmonics, so that no error adds
@@ -546,7 +571,9 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
                 self.samples = self.samples.saturating_add(1);
             }
 
-            /// Samples taken in so far.
+            #fade
+
+            #about
             #[must_use]
             pub fn samples(&self) -> u64 {
                 self.samples
@@ -555,10 +582,10 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
             /// The harmonics of the samples so far; `None` before the first one.
             #[must_use]
             pub fn harmonics(&self) -> Option<Harmonics<T>> {
-                if self.samples == 0 {
+                if #empty {
                     return None;
                 }
-                let mean = T::ONE / T::from_f64(self.samples as f64);
+                let mean = T::ONE / #weight;
                 #twice
                 let [#(#locals),*] = self.sums;
                 #(#scaled)*

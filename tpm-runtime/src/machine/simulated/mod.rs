@@ -3,6 +3,7 @@
 mod closed_loop_arm;
 mod continuous;
 mod drive;
+mod friction;
 mod plant;
 mod regulate;
 mod rig;

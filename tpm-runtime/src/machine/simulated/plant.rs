@@ -2,14 +2,24 @@
 //!
 //! Invariant: the state is the motion of every coordinate below its highest derivative; the highest ones follow from the
 //! rows. The classical fourth-order Runge-Kutta rule advances it under inputs that are constant over a step, in memory that
-//! was reserved at the start: stepping allocates nothing.
+//! was reserved at the start: stepping allocates nothing. Where a coordinate with dry friction comes to rest a step ends and the
+//! next begins, since the rule is of the fourth order only where the rows do not jump.
 
+use crate::machine::simulated::friction::{Forces, Friction};
 use std::vec;
 use std::vec::Vec;
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
 
 /// Magnitude of a state beyond which the terms of a model are taken to overflow.
 const OVERFLOWING: f64 = 1e50;
+/// Most instants of a step at which a coordinate comes to rest and the step is divided; a machine that needs more rattles.
+const MOST_RESTS: usize = 16;
+/// Most steps of the search for the instant at which a velocity passes through zero.
+const MOST_TRIALS: usize = 12;
+/// Share of a velocity at which the search for its zero ends.
+const AT_REST: f64 = 1e-9;
+/// Share of a step that is too short to be divided.
+const SHORTEST: f64 = 1e-9;
 
 /// Why a plant could not be advanced.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -56,6 +66,9 @@ pub struct Plant<'m> {
     sum: Vec<f64>,
     motion: Vec<f64>,
     workspace: Vec<f64>,
+    friction: Friction,
+    /// Inputs at an instant within a step.
+    inputs: Vec<f64>,
     time: f64,
 }
 
@@ -98,6 +111,8 @@ impl<'m> Plant<'m> {
             sum: vec![0.0; states],
             motion: vec![0.0; dims.motion_len()],
             workspace: vec![0.0; model.forward_workspace_len()],
+            friction: Friction::new(model, parameters, constants)?,
+            inputs: vec![0.0; dims.inputs],
             time: 0.0,
         })
     }
@@ -171,7 +186,82 @@ impl<'m> Plant<'m> {
 
     /// One step of length `h` under inputs given at its start, middle and end.
     pub(super) fn step(&mut self, inputs: [&[f64]; 3], h: f64) -> Result<(), EvalError> {
-        self.runge_kutta(h, |plant, at| plant.evaluate(inputs[at as usize]))
+        if self.friction.is_none() {
+            self.runge_kutta(h, |plant, at| plant.evaluate(inputs[at as usize]))
+        } else {
+            let mut own = std::mem::take(&mut self.inputs);
+            let stepped = self.step_with_friction(inputs, &mut own, h);
+            self.inputs = own;
+            stepped
+        }
+    }
+
+    /// One step, divided at the instants at which coordinates with dry friction come to rest; `own` is room for the inputs.
+    fn step_with_friction(&mut self, inputs: [&[f64]; 3], own: &mut [f64], h: f64) -> Result<(), EvalError> {
+        let mut from = 0.0;
+        for _ in 0..MOST_RESTS {
+            within(inputs, from, own);
+            self.place();
+            let forces =
+                Forces { model: self.model, parameters: &self.parameters, constants: &self.constants, inputs: own };
+            self.friction.settle(&forces, &mut self.motion, &mut self.workspace)?;
+            self.part(inputs, own, h, from, 1.0)?;
+            let Some((state, share)) = self.first_rest() else { return Ok(()) };
+            let (mut low, mut high) = ((from, self.start[state]), (1.0, self.state[state]));
+            let mut to = from + share * (1.0 - from);
+            if to - from < SHORTEST {
+                self.state[state] = 0.0;
+                return Ok(());
+            }
+            let wanted = AT_REST * low.1.abs().max(high.1.abs());
+            for _ in 0..MOST_TRIALS {
+                self.state.copy_from_slice(&self.start);
+                self.part(inputs, own, h, from, to)?;
+                let velocity = self.state[state];
+                if velocity.abs() <= wanted {
+                    break;
+                }
+                // The false position; the end that stays is halved in weight (the Illinois rule).
+                if (velocity > 0.0) == (low.1 > 0.0) {
+                    low = (to, velocity);
+                    high.1 *= 0.5;
+                } else {
+                    high = (to, velocity);
+                    low.1 *= 0.5;
+                }
+                to = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
+            }
+            self.state[state] = 0.0;
+            from = to;
+            if 1.0 - from < SHORTEST {
+                return Ok(());
+            }
+        }
+        self.part(inputs, own, h, from, 1.0)
+    }
+
+    /// The part of a step between two shares of its length, from the state as it is.
+    fn part(&mut self, inputs: [&[f64]; 3], own: &mut [f64], h: f64, from: f64, to: f64) -> Result<(), EvalError> {
+        self.runge_kutta((to - from) * h, |plant, at| {
+            within(inputs, from + 0.5 * f64::from(at as u8) * (to - from), own);
+            plant.place();
+            let forces =
+                Forces { model: plant.model, parameters: &plant.parameters, constants: &plant.constants, inputs: own };
+            plant.friction.accelerate(&forces, &mut plant.motion, &mut plant.workspace)?;
+            plant.read_rates();
+            Ok(())
+        })
+    }
+
+    /// The state whose velocity passes through zero first, among coordinates with dry friction, and the share of the last step at which
+    /// it does so.
+    fn first_rest(&self) -> Option<(usize, f64)> {
+        let passed = self.friction.sliding().filter_map(|(c, side)| {
+            let state = self.slots.iter().position(|slot| *slot == self.coordinates + c)?;
+            let (start, end) = (self.start[state].abs(), side * self.state[state]);
+            (end < 0.0).then(|| (state, start / (start - end)))
+        });
+        passed.min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
     /// One step of length `h` under inputs that a law gives of the motion at the start, the middle and the end; `inputs` is
@@ -226,17 +316,30 @@ impl<'m> Plant<'m> {
             inputs,
             &mut self.workspace,
         )?;
+        self.read_rates();
+        Ok(())
+    }
+
+    /// Takes the rates of the state from the motion.
+    fn read_rates(&mut self) {
         for (rate, &slot) in self.rate.iter_mut().zip(&self.slots) {
             *rate = self.motion[slot + self.coordinates];
         }
-        Ok(())
+    }
+}
+
+/// Inputs at a share of a step, on the parabola through those at its start, middle and end.
+fn within(inputs: [&[f64]; 3], share: f64, out: &mut [f64]) {
+    let weights = [(1.0 - share) * (1.0 - 2.0 * share), 4.0 * share * (1.0 - share), share * (2.0 * share - 1.0)];
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = (0..3).map(|at| weights[at] * inputs[at][i]).sum();
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::{Plant, PlantError};
-    use crate::test_models::{MassSpringDrag, TwoCarts};
+    use crate::test_models::{MassSpringDrag, RubbingSpring, TwoCarts};
     use ode_solvers::dop_shared::OutputType;
     use ode_solvers::{Dop853, SVector, System};
     use tpm_core::model::EvalError;
@@ -281,6 +384,40 @@ mod tests {
         }
         let finest = error(12_000);
         assert!(finest < 1e-11, "{finest:e} {errors:?}");
+    }
+
+    /// A mass on a spring that rubs: from every reversal it swings about the point where spring and friction balance, and sticks where
+    /// the spring no longer overcomes the friction.
+    #[test]
+    fn dry_friction_stops_a_mass_where_it_must() {
+        let (m, k, fc) = (2.0, 50.0, 6.0);
+        let omega = f64::sqrt(k / m);
+        let half = std::f64::consts::PI / omega;
+        let mut plant = Plant::new(&RubbingSpring, &[m, 0.0, k, fc], &[]).expect("square");
+        plant.reset(&[1.0, 0.0, 0.0]).expect("three entries");
+        // Reversals at 1, -.76, .52, -.28, .04; the last lies within the band of .12 in which the mass sticks.
+        let exact = |t: f64| {
+            let (swing, within) = ((t / half).floor(), t % half);
+            if swing >= 4.0 {
+                return 0.04;
+            }
+            let side = if swing % 2.0 == 0.0 { 1.0 } else { -1.0 };
+            let centre = side * fc / k;
+            let amplitude = 1.0 - 2.0 * fc / k * swing - fc / k;
+            centre + side * amplitude * (omega * within).cos()
+        };
+        for n in 1..=400 {
+            plant.advance(&[0.0], 0.01, 1).expect("regular");
+            let t = 0.01 * f64::from(n);
+            assert!((plant.motion()[0] - exact(t)).abs() < 1e-6, "{t}: {} {}", plant.motion()[0], exact(t));
+        }
+        assert_eq!(plant.motion()[1], 0.0);
+        // A force below the friction's limit moves nothing, one above it does.
+        let before = plant.motion()[0];
+        plant.advance(&[k * before + 0.99 * fc], 0.5, 50).expect("regular");
+        assert_eq!(plant.motion()[0], before);
+        plant.advance(&[k * before + 1.01 * fc], 0.5, 50).expect("regular");
+        assert!(plant.motion()[0] > before);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! State feedback that keeps a machine at rest in a point: the linear-quadratic regulator in sampled time.
+//! State feedback that keeps a machine at rest in a point: the linear-quadratic regulator in sampled and in continuous time.
 //!
 //! A machine near the point moves as `x' = A x + B u` with x = (q, q'), from its linearisation there. Under inputs that are held
 //! for a sample time T it is `x[n+1] = Ad x[n] + Bd u[n]`; the feedback `u = -K x` minimises
@@ -8,10 +8,11 @@
 //! P = Q + Ad' P Ad - Ad' P Bd (R + Bd' P Bd)^-1 Bd' P Ad
 //! ```
 //!
-//! with the stabilising solution P of this discrete Riccati equation; `x0' P x0 T` is the least cost from x0.
+//! with the stabilising solution P of this discrete Riccati equation; `x0' P x0 T` is the least cost from x0. In continuous time
+//! the same weights give `K = R^-1 B' P` with `A' P + P A - P B R^-1 B' P + Q = 0`, which the sampled gains approach as T goes to zero.
 //! Invariant: a regulator that is handed out is stable on the model that it was designed on; this is tested, not assumed.
 
-use crate::numerics::{DMatrix, DVector, Matrix, Riccati, RiccatiError, riccati};
+use crate::numerics::{DMatrix, DVector, Matrix, Riccati, RiccatiError, continuous_riccati, riccati};
 use num_complex::Complex;
 use std::vec::Vec;
 
@@ -110,6 +111,31 @@ impl Regulator {
     }
 }
 
+/// State feedback `u = -K x` in continuous time.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct ContinuousRegulator {
+    /// K, inputs times states.
+    pub gain: Matrix,
+    /// Poles of the closed loop, rad/s, left of the imaginary axis.
+    pub poles: Vec<Complex<f64>>,
+    /// Largest entry of the Riccati equation's residual, as a share of its largest term.
+    pub residual: f64,
+}
+
+impl ContinuousRegulator {
+    /// The regulator of least cost for `x' = A x + B u`: A states times states, B states times inputs.
+    ///
+    /// # Errors
+    /// [`RiccatiError`] when sizes do not fit, a number is not finite, a weight is out of range, or no feedback stabilises.
+    pub fn optimal(a: &Matrix, b: &Matrix, weights: &RegulatorWeights) -> Result<Self, RiccatiError> {
+        let diagonal = |values: &[f64]| DMatrix::from_diagonal(&DVector::from_column_slice(values));
+        let (q, r) = (diagonal(&weights.state), diagonal(&weights.input));
+        let Riccati { gain, poles, residual, .. } = continuous_riccati(a.dense(), b.dense(), &q, &r)?;
+        Ok(ContinuousRegulator { gain: Matrix::of(gain), poles, residual })
+    }
+}
+
 /// Ad and Bd of `x' = A x + B u` under inputs that are held for `sample_time`: the exponential of `[A, B; 0, 0] T`.
 ///
 /// # Errors
@@ -138,7 +164,7 @@ pub(crate) fn held(
 
 #[cfg(test)]
 mod tests {
-    use super::{Regulator, RegulatorWeights, RiccatiError, held};
+    use super::{ContinuousRegulator, Regulator, RegulatorWeights, RiccatiError, held};
     use crate::numerics::{DMatrix, DVector, Matrix};
     use std::vec;
 
@@ -191,6 +217,20 @@ mod tests {
                 assert!(played(&gain) > least, "{i} {change}");
             }
         }
+    }
+
+    #[test]
+    fn sampled_gains_approach_those_of_continuous_time() {
+        let a = Matrix::of(DMatrix::from_row_slice(2, 2, &[0.0, 1.0, 4.0, -0.3]));
+        let b = Matrix::of(DMatrix::from_row_slice(2, 1, &[0.0, 0.5]));
+        let weights = RegulatorWeights { state: vec![3.0, 0.1], input: vec![0.2] };
+        let continuous = ContinuousRegulator::optimal(&a, &b, &weights).expect("can be stabilised");
+        let off = |sample_time: f64| {
+            let sampled = Regulator::optimal(&a, &b, sample_time, &weights).expect("can be stabilised");
+            (sampled.gain.dense() - continuous.gain.dense()).amax()
+        };
+        let (coarse, fine) = (off(1e-3), off(5e-4));
+        assert!(fine < 1e-2 && (coarse / fine - 2.0).abs() < 0.02, "{coarse} {fine}");
     }
 
     #[test]

@@ -1,0 +1,399 @@
+//! `tpm regulate`: state feedback that keeps a machine at rest in a point, with its poles, its margins and its code.
+
+use crate::failure::{Failure, Outcome};
+use crate::input::assignments::{assignment, by_name, number_assignment};
+use crate::input::linear::{operating_point, state_space};
+use crate::input::load::Loaded;
+use crate::input::values::{ValueArgs, Values};
+use crate::output::file;
+use crate::render::roots::{root_text, roots_text};
+use clap::ValueEnum;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+use tpm_codegen::emit::regulator::{RegulatorSource, Signal};
+use tpm_codegen::generate::{self, Scalar, generate_regulator};
+use tpm_runtime::control::Differentiator;
+use tpm_runtime::frequency::Complex;
+use tpm_runtime::machine::regulator::{Design, DesignError, Margins, Mode, Rates, RegulatorWeights, Weighted, design};
+use tpm_runtime::numerics::Matrix;
+use tpm_runtime::report::{Align, TextTable, number};
+use tpm_symbolic::expr::graph::{ExprId, Node};
+use tpm_symbolic::linear::linearize::linearize;
+use tpm_symbolic::mechanics::model::{ExactModel, Kind};
+use tpm_symbolic::number::rational::{self, Rational};
+
+/// Smallest share of a combination of coordinates that is shown.
+const SHOWN: f64 = 1e-6;
+/// Magnitude of a pole in sampled time below which it is memory of the last sample, and no motion.
+const AT_ONCE: f64 = 1e-6;
+
+/// A language of the regulator's code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Language {
+    /// A module over `core` alone.
+    Rust,
+    /// A header and a source in C99.
+    C,
+}
+
+/// The scalar of the code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Real {
+    /// Single precision.
+    Float,
+    /// Double precision.
+    Double,
+}
+
+/// Options of `tpm regulate`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The model file.
+    file: PathBuf,
+    /// Value of a coordinate or input at the point, such as th2=pi or F=m*g; what is not given is 0.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
+    at: Vec<(String, String)>,
+    #[command(flatten)]
+    values: ValueArgs,
+    /// Time between the controller's samples, s.
+    #[arg(long, value_name = "SECONDS")]
+    sample_time: f64,
+    /// The controller forms the rates as differences of the coordinates, filtered with this time constant (0 for plain ones);
+    /// rates are measured when not given.
+    #[arg(long, value_name = "SECONDS")]
+    derivative_filter: Option<f64>,
+    /// Weight of the square of a coordinate, of a rate, dot(NAME), or of an input in the cost; 1 for coordinates and inputs and 0
+    /// for rates when not given.
+    #[arg(long, value_name = "NAME=VALUE", value_parser = number_assignment)]
+    weight: Vec<(String, f64)>,
+    /// Write the regulator's code in this language, into the folder of --code.
+    #[arg(long, value_enum, requires = "code")]
+    lang: Option<Language>,
+    /// The folder of the code, which is made when there is none.
+    #[arg(long, value_name = "DIR", requires = "lang")]
+    code: Option<PathBuf>,
+    /// With --lang c, what names and files begin with; the model's name in small letters and _regulator when not given.
+    #[arg(long, value_name = "P", requires = "lang")]
+    prefix: Option<String>,
+    /// The scalar of the code; double when not given.
+    #[arg(long, value_enum, requires = "lang")]
+    real: Option<Real>,
+    /// Print JSON (tpm.regulator/1).
+    #[arg(long)]
+    json: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// A model at its point, with numbers.
+struct Machine {
+    model: String,
+    coordinates: Vec<Signal>,
+    inputs: Vec<Signal>,
+    a: Matrix,
+    b: Matrix,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let machine = Machine::load(args)?;
+    let weights = machine.weights(args)?;
+    let rates = args.derivative_filter.map_or(Rates::Measured, Rates::Differences);
+    let found = design(&machine.a, &machine.b, args.sample_time, rates, &weights)
+        .map_err(|error| Failure::Input(machine.fault(&error)))?;
+    if let Some(language) = args.lang {
+        machine.write_code(args, language, &found)?;
+    }
+    let text = if args.json {
+        file::json(&machine.json(args, &weights, &found))?
+    } else {
+        machine.text(args, &weights, &found)
+    };
+    file::emit(args.output.as_deref(), &text)
+}
+
+impl Machine {
+    fn load(args: &Args) -> Result<Self, Failure> {
+        let loaded = Loaded::from_file(&args.file)?;
+        let mut model = loaded.model().clone();
+        let names: Vec<String> = model.coordinates.iter().map(|coordinate| coordinate.name.clone()).collect();
+        let symbols: Vec<_> = model.inputs().collect();
+        let drives: Vec<String> = symbols.iter().map(|symbol| model.quantity(*symbol).name.to_string()).collect();
+        let values = Values::load(&args.values, &model)?;
+        let point = operating_point(&args.at, &mut model, &names, &drives)?;
+        let linear = linearize(&mut model, &point)
+            .map_err(|error| Failure::Input(format!("{}: {error}", args.file.display())))?;
+        let (space, _) = state_space(&model, &linear, &values)?.ok_or_else(|| {
+            let flags: Vec<String> =
+                values.missing(&model, None).iter().map(|name| format!("--set {name}=VALUE")).collect();
+            Failure::Input(format!("a regulator needs numbers; give --params FILE or {}", flags.join(" ")))
+        })?;
+        // What the linear model does not depend on may still stand in the point.
+        let standing =
+            point.coordinates.iter().map(|(_, value)| *value).chain(point.inputs.iter().map(|(_, value)| *value));
+        let standing: Vec<ExprId> = standing.collect();
+        let settled = values.settled(|values| {
+            let value = |expr: &ExprId| ("the point".to_owned(), in_numbers(&model, *expr, values));
+            Ok(standing.iter().map(value).collect())
+        })?;
+        let at = |given: Option<ExprId>| given.map_or(0.0, |value| in_numbers(&model, value, &settled));
+        let coordinates = model
+            .coordinates
+            .iter()
+            .enumerate()
+            .map(|(c, coordinate)| Signal {
+                name: coordinate.name.clone(),
+                unit: coordinate.unit.as_ref().map(ToString::to_string),
+                at: at(point.coordinates.iter().find(|(other, _)| other.0 as usize == c).map(|(_, value)| *value)),
+            })
+            .collect();
+        let inputs = symbols
+            .iter()
+            .map(|symbol| Signal {
+                name: model.quantity(*symbol).name.to_string(),
+                unit: model.quantity(*symbol).unit.as_ref().map(ToString::to_string),
+                at: at(point.inputs.iter().find(|(other, _)| other == symbol).map(|(_, value)| *value)),
+            })
+            .collect();
+        let matrix = |rows: &[Vec<Rational>]| {
+            let rows: Vec<Vec<f64>> = rows.iter().map(|row| row.iter().map(rational::to_f64).collect()).collect();
+            Matrix::from_rows(&rows).expect("invariant: the rows of a state space have one length")
+        };
+        Ok(Self { model: model.name.to_string(), coordinates, inputs, a: matrix(&space.a), b: matrix(&space.b) })
+    }
+
+    /// Names of the states: coordinates, then their rates.
+    fn states(&self) -> Vec<String> {
+        let rates = self.coordinates.iter().map(|signal| format!("dot({})", signal.name));
+        self.coordinates.iter().map(|signal| signal.name.clone()).chain(rates).collect()
+    }
+
+    fn weights(&self, args: &Args) -> Result<RegulatorWeights, Failure> {
+        let states = self.states();
+        let inputs: Vec<String> = self.inputs.iter().map(|signal| signal.name.clone()).collect();
+        let given: BTreeMap<String, f64> =
+            by_name("--weight", &args.weight, &[states.clone(), inputs.clone()].concat())?;
+        let of = |name: &String, usual: f64| given.get(name).copied().unwrap_or(usual);
+        let n = self.coordinates.len();
+        Ok(RegulatorWeights {
+            state: states.iter().enumerate().map(|(at, name)| of(name, if at < n { 1.0 } else { 0.0 })).collect(),
+            input: inputs.iter().map(|name| of(name, 1.0)).collect(),
+        })
+    }
+
+    /// Why there is no regulator, with the names of the model.
+    fn fault(&self, error: &DesignError) -> String {
+        match error {
+            DesignError::Weight { of: Weighted::State(state), value } => format!(
+                "--weight {}={value}: the weight of a coordinate or a rate must be a number that is not negative",
+                self.states()[*state]
+            ),
+            DesignError::Weight { of: Weighted::Input(input), value } => format!(
+                "--weight {}={value}: the weight of an input must be a positive number, every input must cost something",
+                self.inputs[*input].name
+            ),
+            DesignError::Unreached { modes } => {
+                let modes: Vec<String> = modes.iter().map(|mode| self.mode(mode)).collect();
+                format!(
+                    "{} cannot be held there: no input reaches {}; give the model an input that does, or regulate a model without this motion",
+                    self.model,
+                    modes.join(", nor ")
+                )
+            }
+            other => other.to_string(),
+        }
+    }
+
+    /// A mode in words.
+    fn mode(&self, mode: &Mode) -> String {
+        let terms: Vec<String> = self
+            .coordinates
+            .iter()
+            .zip(&mode.combination)
+            .filter(|(_, share)| share.abs() > SHOWN)
+            .map(|(signal, share)| format!("{:+.3} {}", share, signal.name))
+            .collect();
+        format!("the mode at {} rad/s, the motion of {}", root_text(mode.pole), terms.join(" "))
+    }
+
+    fn text(&self, args: &Args, weights: &RegulatorWeights, found: &Design) -> String {
+        let at: Vec<String> = self
+            .coordinates
+            .iter()
+            .chain(&self.inputs)
+            .map(|signal| format!("{} = {}", signal.name, number(signal.at)))
+            .collect();
+        let states = self.states();
+        let mut text = format!(
+            "{}: regulator about rest in {}; u = u0 - K (x - x0)\nsample time {} s; {}\n\n",
+            self.model,
+            at.join(", "),
+            number(args.sample_time),
+            match args.derivative_filter {
+                None => "rates are measured".to_owned(),
+                Some(time) => format!("rates are differences of the coordinates, filtered with {} s", number(time)),
+            }
+        );
+        let mut table = TextTable::new(&[
+            ("state", Align::Left),
+            ("weight", Align::Right),
+            ("input", Align::Left),
+            ("gain, continuous", Align::Decimal),
+            ("gain, sampled", Align::Decimal),
+        ]);
+        let (continuous, sampled) = (&found.continuous.gain, found.sampled.gain());
+        for (i, input) in self.inputs.iter().enumerate() {
+            for (s, state) in states.iter().enumerate() {
+                table.row(&[
+                    state.clone(),
+                    number(weights.state[s]),
+                    input.name.clone(),
+                    number(continuous[(i, s)]),
+                    number(sampled[(i, s)]),
+                ]);
+            }
+        }
+        text.push_str(&table.finish());
+        let costs: Vec<String> = self
+            .inputs
+            .iter()
+            .zip(&weights.input)
+            .map(|(signal, weight)| format!("{} {}", signal.name, number(*weight)))
+            .collect();
+        text.push_str(&format!("weight of the inputs: {}\n\n", costs.join(", ")));
+        let counted = found.poles.iter().filter(|z| z.norm() > AT_ONCE);
+        let played: Vec<Complex> = counted.map(|z| equivalent(*z, args.sample_time)).collect();
+        text.push_str(&format!(
+            "poles [rad/s] without feedback: {}\npoles [rad/s] in continuous time: {}\npoles [rad/s] as played, ln(z)/T: {}\n\n",
+            roots_text(&found.open_poles),
+            roots_text(&found.continuous.poles),
+            roots_text(&played)
+        ));
+        let mut table = TextTable::new(&[
+            ("margins at", Align::Left),
+            ("gain from", Align::Right),
+            ("to", Align::Right),
+            ("phase [deg]", Align::Right),
+            ("delay [s]", Align::Right),
+        ]);
+        let or_none = |value: f64| if value.is_finite() { number(value) } else { "any".to_owned() };
+        for (signal, margins) in self.inputs.iter().zip(&found.margins) {
+            table.row(&[
+                signal.name.clone(),
+                number(margins.gain.0),
+                or_none(margins.gain.1),
+                number(360.0 / TAU * margins.phase),
+                or_none(margins.delay),
+            ]);
+        }
+        text.push_str(&table.finish());
+        text.push_str(&format!(
+            "\nresidual of the Riccati equations: {:.1e} in continuous, {:.1e} in sampled time, of their largest term\n",
+            found.continuous.residual,
+            found.sampled.residual()
+        ));
+        for mode in &found.unreached {
+            text.push_str(&format!("remark: no input reaches {}; it dies down by itself\n", self.mode(mode)));
+        }
+        text
+    }
+
+    fn json(&self, args: &Args, weights: &RegulatorWeights, found: &Design) -> Value {
+        let roots = |roots: &[Complex]| -> Vec<Value> {
+            roots.iter().map(|root| json!({"re": root.re, "im": root.im})).collect()
+        };
+        // JSON has no infinity: a margin without end becomes null.
+        let finite = |value: f64| if value.is_finite() { json!(value) } else { Value::Null };
+        let point = |signals: &[Signal]| -> Vec<Value> {
+            signals.iter().map(|signal| json!({"name": signal.name, "unit": signal.unit, "at": signal.at})).collect()
+        };
+        let margins = |(signal, margins): (&Signal, &Margins)| {
+            json!({
+                "input": signal.name, "gain": [margins.gain.0, finite(margins.gain.1)], "phase": margins.phase,
+                "delay": finite(margins.delay),
+            })
+        };
+        let modes: Vec<Value> = found
+            .unreached
+            .iter()
+            .map(|mode| json!({"re": mode.pole.re, "im": mode.pole.im, "combination": mode.combination}))
+            .collect();
+        json!({
+            "schema": "tpm.regulator/1", "model": self.model, "coordinates": point(&self.coordinates),
+            "inputs": point(&self.inputs), "states": self.states(), "sample_time": args.sample_time,
+            "derivative_filter": args.derivative_filter, "state_weights": weights.state, "input_weights": weights.input,
+            "gain": found.sampled.gain().to_rows(), "poles": roots(&found.poles),
+            "continuous": {"gain": found.continuous.gain.to_rows(), "poles": roots(&found.continuous.poles)},
+            "open_poles": roots(&found.open_poles),
+            "margins": self.inputs.iter().zip(&found.margins).map(margins).collect::<Vec<_>>(),
+            "residual": found.sampled.residual(), "continuous_residual": found.continuous.residual,
+            "unreached": modes,
+        })
+    }
+
+    fn write_code(&self, args: &Args, language: Language, found: &Design) -> Result<(), Failure> {
+        let Some(folder) = &args.code else { return Ok(()) };
+        if language == Language::Rust && args.prefix.is_some() {
+            return Err(Failure::Input("--prefix is for --lang c; Rust names its module by the model".to_owned()));
+        }
+        let source = RegulatorSource {
+            model: self.model.clone(),
+            coordinates: self.coordinates.clone(),
+            inputs: self.inputs.clone(),
+            gain: found.sampled.gain().to_rows(),
+            sample_time: args.sample_time,
+            differences: args.derivative_filter.map(|time| Differentiator::new(args.sample_time, time).pole()),
+        };
+        let language = match language {
+            Language::Rust => generate::Language::Rust,
+            Language::C => generate::Language::C,
+        };
+        let scalar = if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double };
+        let files = generate_regulator(&source, language, &command(args), args.prefix.as_deref(), scalar)
+            .map_err(|error| Failure::Input(error.to_string()))?;
+        std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
+        let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
+        let contents: Vec<(&Path, &[u8])> =
+            paths.iter().zip(&files).map(|(path, file)| (path.as_path(), file.text.as_bytes())).collect();
+        file::write_files(&contents)?;
+        for path in &paths {
+            file::remark(&format!("wrote {}", path.display()));
+        }
+        Ok(())
+    }
+}
+
+/// The command for the header of the code, with the model's file without its folder.
+fn command(args: &Args) -> String {
+    let name = args.file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let mut command = format!("tpm regulate {name}{} --sample-time {}", args.values.flags(), args.sample_time);
+    if let Some(time) = args.derivative_filter {
+        command.push_str(&format!(" --derivative-filter {time}"));
+    }
+    for (name, value) in &args.at {
+        command.push_str(&format!(" --at {name}={value}"));
+    }
+    for (name, value) in &args.weight {
+        command.push_str(&format!(" --weight {name}={value}"));
+    }
+    command
+}
+
+/// The pole in continuous time that decays and turns as a pole in sampled time does.
+fn equivalent(pole: Complex, sample_time: f64) -> Complex {
+    Complex::new(pole.norm().ln() / sample_time, pole.arg() / sample_time)
+}
+
+/// A value of the point, an expression of constants and parameters, in numbers.
+fn in_numbers(model: &ExactModel, value: ExprId, values: &Values) -> f64 {
+    model.graph.evaluate(value, |node| match node {
+        Node::Symbol(symbol) => match &model.quantity(*symbol).kind {
+            Kind::Constant { value: Some(value) } => rational::to_f64(value),
+            _ => values.get(*symbol).map_or(f64::NAN, rational::to_f64),
+        },
+        _ => 0.0,
+    })
+}
