@@ -76,6 +76,49 @@ pub enum ExperimentError {
         /// `positions` or `velocities`.
         limit: &'static str,
     },
+    /// A stroke does not go on into the rest or the stroke after it.
+    #[error(
+        "{place}: `{name}` ends with the {what} {value}, and {} {next}; {}",
+        if *rests { "a rest follows, or a stroke that begins with" } else { "the next stroke begins with" },
+        if *rests && *order > 0 {
+            "let the stroke end where the pattern rests, or leave the rest out and let a stroke follow that begins so"
+        } else {
+            "let a stroke follow that begins so; the first follows the last"
+        }
+    )]
+    Broken {
+        /// The stroke in the experiment.
+        place: String,
+        /// The coordinate.
+        name: String,
+        /// Position, velocity or acceleration.
+        what: &'static str,
+        /// Order of the derivative: 0 for the position.
+        order: usize,
+        /// Its value at the end of the stroke.
+        value: f64,
+        /// Its value where the motion goes on.
+        next: f64,
+        /// Whether a rest follows.
+        rests: bool,
+    },
+    /// A stroke's pattern has other amplitudes than the stage's.
+    #[error(
+        "{place}: the pattern `{pattern}` of this stroke has the amplitudes {} and the frequency {}; give it those of the stage's pattern, {} and {}",
+        .own.join(", "), .frequency.0, .wanted.join(", "), .frequency.1
+    )]
+    StrokePattern {
+        /// The stroke in the experiment.
+        place: String,
+        /// Name of its pattern.
+        pattern: String,
+        /// Amplitudes of its pattern.
+        own: Vec<String>,
+        /// Amplitudes of the stage's pattern.
+        wanted: Vec<String>,
+        /// Frequencies of its pattern and of the stage's.
+        frequency: (String, String),
+    },
     /// The simulated machine does not obey the model, and its signals are not those of the model.
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]
     Machine,
