@@ -14,5 +14,6 @@ mod physical;
 mod printed;
 mod readme;
 mod support;
+mod trajectories;
 mod truth;
 mod validate;
