@@ -41,6 +41,8 @@ pub struct Options<'a> {
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward, common and split; none when not given.
     pub filters: Option<&'a Filters>,
+    /// Whether every pattern has a function for single strokes, with rest before and after them.
+    pub strokes: bool,
     /// What names and files begin with, in C; the model's name when not given.
     pub prefix: Option<&'a str>,
     /// The scalar, in C. Rust is generic over both.
@@ -51,7 +53,15 @@ impl<'a> Options<'a> {
     /// Options without identified values and filters, with the model's own prefix and double precision.
     #[must_use]
     pub fn new(language: Language, command: &'a str) -> Self {
-        Self { language, command, identified: None, filters: None, prefix: None, scalar: Scalar::default() }
+        Self {
+            language,
+            command,
+            identified: None,
+            filters: None,
+            strokes: false,
+            prefix: None,
+            scalar: Scalar::default(),
+        }
     }
 }
 
@@ -86,6 +96,7 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
                 command: options.command,
                 identified: options.identified,
                 filters: options.filters,
+                strokes: options.strokes,
                 standalone: true,
                 ..rust::Options::default()
             };
@@ -93,8 +104,8 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
             Ok(vec![File { name: format!("{}.rs", rust::module_name(estimator).trim_start_matches("r#")), text }])
         }
         Language::C => {
-            let Options { command, identified, filters, prefix, scalar, .. } = *options;
-            let files = c::files(estimator, &c::Options { command, prefix, scalar, identified, filters })?;
+            let Options { command, identified, filters, strokes, prefix, scalar, .. } = *options;
+            let files = c::files(estimator, &c::Options { command, prefix, scalar, identified, filters, strokes })?;
             Ok(vec![
                 File { name: format!("{}.h", files.name), text: files.header },
                 File { name: format!("{}.c", files.name), text: files.source },

@@ -79,11 +79,11 @@
 //! | `amplitude(lambda)` | the coefficient of the lowest cosine, for a motion whose travel is not given |
 //! | `harmonics(1, 2)`, `cosines(1, 3)`, `sines(2)` | the harmonics that the series may have; without them, the lowest that meet the conditions |
 //!
-//! `shape(w, start(x0), end(pi, x1), rest(3))` is `point_to_point(x0, x1, w, 3)`, and
-//! `shape(w, start(0, v), end(pi/2, x1), rest(2))` starts with a velocity and comes to rest after a quarter of the period. The end
-//! phase is a multiple of pi at which the harmonics have rational cosines and sines, such as `pi` and `pi/2`, or `2*atan2(p, q)` with
-//! rational p and q, of which there is one next to every angle; any other is refused with such a one beside it. Harmonics that cannot meet the conditions are refused with the condition and
-//! the least harmonics that can. What the conditions leave free goes to the least mean square of the acceleration.
+//! `shape(w, start(x0), end(pi, x1), rest(3))` is `point_to_point(x0, x1, w, 3)`, and `shape(w, start(0, v), end(pi/2, x1), rest(2))`
+//! starts with a velocity and comes to rest after a quarter of the period. The end phase is a multiple of pi at which the harmonics
+//! have rational cosines and sines, such as `pi` and `pi/2`, or `2*atan2(p, q)` with rational p and q. There is such a phase next to
+//! every angle, and it is named where another one is refused. Harmonics that cannot meet the conditions are refused too, with the
+//! condition and the least harmonics that can. What the conditions leave free goes to the least mean square of the acceleration.
 //!
 //! Expressions have `+ - * / ^`, the functions `sin cos tan asin acos atan2 sqrt abs sign`, time derivatives `dot(e)`, `ddot(e)`,
 //! `der(e, n)`, and partial ones `diff(e, q)` by a coordinate. `^` takes a non-negative integer, does not associate, and binds

@@ -38,6 +38,7 @@ mod pendulum;
 mod physical;
 mod session;
 mod split;
+mod strokes;
 mod structure;
 mod support;
 mod tables;

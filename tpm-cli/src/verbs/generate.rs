@@ -78,6 +78,9 @@ pub(crate) struct Args {
     /// Time between the samples of the filters, s.
     #[arg(long, value_name = "SECONDS", requires = "low_pass")]
     sample_time: Option<String>,
+    /// Add a function for single strokes of every pattern, with rest before and after them.
+    #[arg(long)]
+    strokes: bool,
     /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
     #[arg(long, requires = "output")]
     check: bool,
@@ -98,6 +101,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let options = Options {
         identified: identified.as_ref(),
         filters: filters.as_ref(),
+        strokes: args.strokes,
         prefix: args.prefix.as_deref(),
         scalar: if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double },
         ..Options::new(args.lang.target(), &command)
@@ -161,6 +165,9 @@ fn command(args: &Args) -> String {
         if let Some(value) = value {
             command.push_str(&format!(" --{name} {value}"));
         }
+    }
+    if args.strokes {
+        command.push_str(" --strokes");
     }
     if let Some(params) = &args.params {
         command.push_str(&format!(" --params {}", name(params)));

@@ -205,6 +205,9 @@ pub enum ConditionError {
         /// The least harmonics that can meet all conditions; `None` where none can.
         least: Option<Least>,
     },
+    /// There is no cosine whose coefficient the amplitude could be.
+    #[error("the amplitude of a shape is the coefficient of its lowest cosine, and these harmonics have none")]
+    NoCosine,
     /// Nothing moves.
     #[error("every coefficient of this shape is zero, so that nothing moves")]
     NoMotion,
@@ -237,20 +240,20 @@ impl Shape {
     /// # Errors
     /// [`ConditionError::OutOfRange`] for a harmonic or derivative beyond the limits, [`ConditionError::Irrational`] where a harmonic
     /// has no exact value at the end phase, [`ConditionError::Impossible`] where no series of these harmonics meets the
-    /// conditions, and [`ConditionError::NoMotion`] where only the series that is zero does.
+    /// conditions, [`ConditionError::NoCosine`] for an amplitude without a cosine, and [`ConditionError::NoMotion`] where only the
+    /// series that is zero meets the conditions.
     pub fn solve(&self) -> Result<Solved, ConditionError> {
         self.check_range()?;
+        if self.amplitude.is_some() && self.cosines.is_empty() {
+            return Err(ConditionError::NoCosine);
+        }
         let unknowns = self.unknowns();
         let Some(solved) = self.meet(&unknowns, &self.conditions)? else {
             // The conditions are added one by one to find the first that contradicts those before it.
-            let mut first = self.conditions.len();
-            for count in 1..=self.conditions.len() {
-                if self.meet(&unknowns, &self.conditions[..count])?.is_none() {
-                    first = count;
-                    break;
-                }
-            }
-            let condition = self.conditions.get(first.saturating_sub(1)).map_or_else(String::new, Condition::describe);
+            let contradicts = |count: &usize| matches!(self.meet(&unknowns, &self.conditions[..*count]), Ok(None));
+            let first = (1..=self.conditions.len()).find(contradicts);
+            let first = first.expect("invariant: the harmonics meet no condition at all, and not all conditions");
+            let condition = self.conditions[first - 1].describe();
             return Err(ConditionError::Impossible { condition, least: self.least() });
         };
         if solved.parts.is_empty() { Err(ConditionError::NoMotion) } else { Ok(solved) }
@@ -317,7 +320,7 @@ impl Shape {
             let entry = |i: usize| if Some(i) == lowest { Rational::one() } else { Rational::zero() };
             add((0..unknowns.len()).map(entry).collect(), amplitude);
         }
-        Ok(least_acceleration(rows, unknowns).map(|(solution, freedom)| {
+        Ok(least_acceleration(rows, unknowns, generators.len()).map(|(solution, freedom)| {
             let part = |(at, generator): (usize, &Monomial<Symbol>)| {
                 let series = unknowns.iter().zip(&solution).fold(Fourier::zero(), |sum, (&(trig, k), values)| {
                     let make = if trig == Trig::Cos { Fourier::cos } else { Fourier::sin };
@@ -386,17 +389,20 @@ fn derivative(trig: Trig, k: u32, order: u32, cos: &Rational, sin: &Rational) ->
     value * Rational::from_integer(BigInt::from(k).pow(order))
 }
 
-/// The solution of `rows`, one list of values per unknown with a value for every column behind the unknowns, and the number
+/// The solution of `rows`, one list of values per unknown with a value for each of the `columns` behind the unknowns, and the number
 /// of directions that the rows leave free. Along these the weighted sum of squares is least. `None` where the rows contradict
 /// each other.
-fn least_acceleration(mut rows: Vec<Vec<Rational>>, unknowns: &[Unknown]) -> Option<(Vec<Vec<Rational>>, usize)> {
+fn least_acceleration(
+    mut rows: Vec<Vec<Rational>>,
+    unknowns: &[Unknown],
+    columns: usize,
+) -> Option<(Vec<Vec<Rational>>, usize)> {
     let count = unknowns.len();
-    let width = rows.first().map_or(count, Vec::len);
     let pivots = linear::reduce(&mut rows);
     if pivots.last().is_some_and(|&last| last >= count) {
         return None;
     }
-    let mut solution = vec![vec![Rational::zero(); width - count]; count];
+    let mut solution = vec![vec![Rational::zero(); columns]; count];
     for (row, &pivot) in rows.iter().zip(&pivots) {
         solution[pivot] = row[count..].to_vec();
     }
@@ -417,7 +423,7 @@ fn least_acceleration(mut rows: Vec<Vec<Rational>>, unknowns: &[Unknown]) -> Opt
             let weighted = weighted(direction);
             let matrix = free.iter().map(|other| dot(&weighted, other));
             let column = |at: usize| solution.iter().map(|values| values[at].clone()).collect::<Vec<_>>();
-            let right = (0..width - count).map(|at| -dot(&weighted, &column(at)));
+            let right = (0..columns).map(|at| -dot(&weighted, &column(at)));
             matrix.chain(right).collect()
         })
         .collect();
@@ -599,5 +605,8 @@ mod tests {
         assert!(matches!(shape.solve(), Err(ConditionError::Impossible { least: None, .. })));
         let still = Shape { conditions: vec![condition(End::Start, 1, Polynomial::zero())], ..shape };
         assert_eq!(still.solve(), Err(ConditionError::NoMotion));
+        // Cosines have no velocity at the start, so that nothing at all is asked of them.
+        assert_eq!(Shape { sines: [].into(), ..still.clone() }.solve(), Err(ConditionError::NoMotion));
+        assert_eq!(Shape { conditions: vec![], ..still }.solve_lowest(), Err(ConditionError::NoMotion));
     }
 }

@@ -28,6 +28,8 @@ pub struct Options<'a> {
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward.
     pub filters: Option<&'a Filters>,
+    /// Whether every pattern has a function for single strokes.
+    pub strokes: bool,
 }
 
 /// The names of the functions and types of the dynamics, without the prefix: no name of a model may be one of them.
@@ -69,7 +71,7 @@ const DYNAMICS: [&str; 34] = [
 ];
 
 /// The names of the functions and types of a pattern, without the prefix and the pattern's own name.
-const PATTERN: [&str; 20] = [
+const PATTERN: [&str; 21] = [
     "accumulate",
     "accumulate_at",
     "accumulate_hann",
@@ -88,6 +90,7 @@ const PATTERN: [&str; 20] = [
     "reference_from",
     "solve",
     "status",
+    "stroke",
     "transform",
     "workspace",
 ];
@@ -100,6 +103,7 @@ pub(super) struct Context<'a> {
     pub(super) prefix: String,
     pub(super) identified: Option<&'a Identified>,
     pub(super) filters: Option<&'a Filters>,
+    pub(super) strokes: bool,
     /// Types, declarations and their documentation.
     pub(super) header: String,
     /// Definitions.
@@ -167,6 +171,7 @@ impl<'a> Context<'a> {
             prefix,
             identified: options.identified,
             filters: options.filters,
+            strokes: options.strokes,
             header: String::new(),
             source: String::new(),
         })

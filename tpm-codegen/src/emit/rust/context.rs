@@ -23,6 +23,8 @@ pub struct Options<'a> {
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward.
     pub filters: Option<&'a Filters>,
+    /// Whether every pattern has a function for single strokes.
+    pub strokes: bool,
     /// The text of the model, for the trait of evaluated models to give back; nothing where it need not be carried along.
     pub source: Option<&'a str>,
     /// Whether a file brings what it needs of the runtime along instead of naming it, and does without the runtime's trait.
@@ -36,6 +38,7 @@ impl Default for Options<'_> {
             runtime: "::tpm_runtime",
             identified: None,
             filters: None,
+            strokes: false,
             source: None,
             standalone: false,
         }

@@ -398,6 +398,8 @@ fn unsolved(error: &ConditionError, end: &EndPhase, phase: Option<Span>, span: S
             .help(format!("add harmonics up to {}, or leave the clauses of harmonics out", least.highest)),
         ConditionError::Impossible { least: None, .. } => Diagnostic::error(span, error.to_string())
             .help("leave this condition out, or choose another end phase; a whole period ends where it began"),
+        ConditionError::NoCosine => Diagnostic::error(span, error.to_string())
+            .help("add `cosines(1)`, or give positions in place of the amplitude"),
         ConditionError::NoMotion => {
             Diagnostic::error(span, error.to_string()).help("give a position, a velocity or `amplitude(...)`")
         }
