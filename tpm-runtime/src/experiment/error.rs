@@ -3,6 +3,7 @@
 use crate::campaign::{CampaignError, StoreError};
 use crate::estimate::EstimateError;
 use crate::machine::stability::StabilityError;
+use crate::report::number;
 use std::string::String;
 use std::vec::Vec;
 use tpm_core::model::EvalError;
@@ -78,8 +79,10 @@ pub enum ExperimentError {
     },
     /// A stroke does not go on into the rest or the stroke after it.
     #[error(
-        "{place}: `{name}` ends with the {what} {value}, and {} {next}; {}",
+        "{place}: `{name}` ends with the {what} {}, and {} {}; {}",
+        number(*value),
         if *rests { "a rest follows, or a stroke that begins with" } else { "the next stroke begins with" },
+        number(*next),
         if *rests && *order > 0 {
             "let the stroke end where the pattern rests, or leave the rest out and let a stroke follow that begins so"
         } else {

@@ -9,7 +9,7 @@ use crate::experiment::names::{Names, coordinates, inputs, near, parameters, pos
 use crate::machine::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
 use crate::machine::stability::{self, LoopStability, Range, StabilityDomain};
 use crate::run::smoothing::Smoothing;
-use crate::run::stroke::{Stroke, first_break};
+use crate::run::stroke::{Stroke, first_break, substantial_harmonic};
 use crate::run::trajectory::ReferencePattern;
 use crate::run::{Loop, Velocity};
 use std::collections::BTreeMap;
@@ -115,6 +115,16 @@ fn strokes(
         strokes.extend(halves.map(|phases| StageStroke { pattern: None, phases, dwell: all }));
     }
     Ok(strokes)
+}
+
+/// The highest harmonic for estimators that take all harmonics up to one: four times the highest of the motion, which of strokes is
+/// the highest substantial one.
+fn reach(stages: &[Stage], pattern: &ReferencePattern) -> usize {
+    let highest = stages.iter().map(|stage| {
+        let reference = stage.trajectory(pattern, 1.0);
+        if stage.strokes.is_empty() { reference.highest_harmonic() } else { substantial_harmonic(&reference) }
+    });
+    4 * highest.max().unwrap_or(0) as usize
 }
 
 /// Requires that position, velocity and acceleration go on from every stroke to the rest or the stroke after it.
@@ -433,6 +443,9 @@ impl Experiment {
         for (i, stage) in stages.iter().enumerate() {
             within(model, pattern, stage, i, &position_bounds, &velocity_bounds)?;
         }
+        let of_strokes =
+            stages.iter().any(|stage| !stage.strokes.is_empty()) && self.estimator != Method::MeasuredMotion;
+        let harmonics = of_strokes.then(|| reach(&stages, pattern));
         let motors = self.mounted(model)?;
         let input_limits = inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?;
         Ok(Setup {
@@ -466,7 +479,7 @@ impl Experiment {
             },
             method: self.estimator,
             estimation: Settings {
-                harmonics: self.harmonics,
+                harmonics: self.harmonics.or(harmonics),
                 weights: self.weights,
                 prior: prior.clone(),
                 frozen,

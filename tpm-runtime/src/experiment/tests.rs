@@ -245,6 +245,16 @@ fn strokes_with_rests_give_the_parameters_that_the_periodic_motion_gives() {
         assert!((value - truth).abs() < 4.0 * std && std < 3e-3 * truth, "{}: {value} +- {std}", found.name);
         assert!((value - before).abs() < 4.0 * std.hypot(own), "{}: {value} {before}", found.name);
     }
+    for estimator in ["error", "effort", "hill"] {
+        rests.apply_override("estimator", estimator).expect("known");
+        let first_order = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &rests, &mut |_| true).expect("runs");
+        assert!(first_order.is_complete(), "{estimator}: {:?}", first_order.warnings);
+        for (parameter, truth) in first_order.parameters.iter().zip([2.0, 40.0, 1.5]) {
+            let (value, std) = (parameter.value.expect("identified"), parameter.std.expect("identified"));
+            assert!((value - truth).abs() < 4.0 * std, "{estimator}: {} {value} +- {std}", parameter.name);
+        }
+    }
+    rests.apply_override("estimator", "measured-motion").expect("known");
     // The same strokes in a list, the second with a longer rest.
     rests.schedule.stages.truncate(1);
     rests.apply_override("schedule.stages.0.strokes", "[{}, { start = 1, end = 2, dwell = 0.5 }]").expect("known");

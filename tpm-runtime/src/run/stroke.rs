@@ -9,7 +9,7 @@
 //! last stroke's to the first.
 
 use crate::numerics::fourier::analyse;
-use crate::run::trajectory::{HarmonicSeries, Trajectory};
+use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
 use std::f64::consts::TAU;
 use std::vec;
 
@@ -21,6 +21,8 @@ const LEFT_OUT: f64 = 2e-4;
 const HIGHEST: usize = 512;
 /// Smallest harmonic of the series, as a share of the largest acceleration. Smaller ones are rounding.
 const ROUNDING: f64 = 1e-12;
+/// Smallest harmonic that is substantial, as a share of the largest.
+const SUBSTANTIAL: f64 = 1e-4;
 /// Largest jump of position, velocity or acceleration between two strokes, as a share of its largest value along the strokes.
 const JUMP: f64 = 1e-6;
 
@@ -114,6 +116,19 @@ pub fn repeated(strokes: &[Stroke]) -> Trajectory {
     }
     let series = (0..coordinates).map(|c| cut(&positions, c, coordinates)).collect();
     Trajectory { frequency: TAU / total, coordinates: series }
+}
+
+/// Highest harmonic of a series of strokes above a ten-thousandth of the largest of its coordinate. Those above it make the corners
+/// of the rests, and tell nothing that noise does not hide.
+#[must_use]
+pub fn substantial_harmonic(strokes: &Trajectory) -> u32 {
+    let of = |series: &HarmonicSeries| {
+        let size = |line: &Line| line.cos.hypot(line.sin);
+        let largest = series.lines.iter().map(size).fold(0.0, f64::max);
+        let above = series.lines.iter().filter(|line| size(line) > SUBSTANTIAL * largest);
+        above.map(|line| line.harmonic).max().unwrap_or(0)
+    };
+    strokes.coordinates.iter().map(of).max().unwrap_or(0)
 }
 
 /// The series of one coordinate, cut where the accelerations that are left out are small.
