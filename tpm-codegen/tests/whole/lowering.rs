@@ -417,7 +417,7 @@ fn shapes_that_cannot_be_are_refused_with_the_reason() {
     }
     // An angle that is no admissible phase is answered with one next to it.
     let source = Source::new("test", frame("shape(w, start(a), end(1, 0))"));
-    let errors = parse_model(&source).err().expect("refused").render(&source);
+    let errors = parse_model(&source).map(|_| ()).expect_err("refused").render(&source);
     assert!(errors.contains("`2*atan2(6, 11)`, which is 0.9987, lies next to 1.0000"), "{errors}");
 }
 

@@ -105,22 +105,19 @@ pub enum ExperimentError {
         /// Whether a rest follows.
         rests: bool,
     },
-    /// A stroke's pattern has other amplitudes than the stage's.
+    /// A stroke's pattern has other amplitudes than the stage's, or leaves other coordinates open.
     #[error(
-        "{place}: the pattern `{pattern}` of this stroke has the amplitudes {} and the frequency {}; give it those of the stage's pattern, {} and {}",
-        .own.join(", "), .frequency.0, .wanted.join(", "), .frequency.1
+        "{place}: the pattern `{pattern}` of this stroke takes {own} from the stage, the stage's own pattern takes {wanted}; declare the same in both"
     )]
     StrokePattern {
         /// The stroke in the experiment.
         place: String,
         /// Name of its pattern.
         pattern: String,
-        /// Amplitudes of its pattern.
-        own: Vec<String>,
-        /// Amplitudes of the stage's pattern.
-        wanted: Vec<String>,
-        /// Frequencies of its pattern and of the stage's.
-        frequency: (String, String),
+        /// Amplitudes and frequency of its pattern, and coordinates that it leaves open.
+        own: String,
+        /// Amplitudes and frequency of the stage's pattern, and coordinates that it leaves open.
+        wanted: String,
     },
     /// The simulated machine does not obey the model, and its signals are not those of the model.
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]

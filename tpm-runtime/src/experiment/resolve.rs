@@ -96,16 +96,14 @@ fn strokes(
             None => None,
             Some(name) => Some(pattern_of(campaign, &place, name)?),
         };
-        if let Some(other) = pattern.filter(|other| {
-            other.amplitudes != own.amplitudes || other.frequency != own.frequency || other.open() != own.open()
-        }) {
-            return Err(ExperimentError::StrokePattern {
-                place,
-                pattern: other.name.clone().unwrap_or_default(),
-                own: other.amplitudes.clone(),
-                wanted: own.amplitudes.clone(),
-                frequency: (other.frequency.clone(), own.frequency.clone()),
-            });
+        let open = |pattern: &ReferencePattern| {
+            let coordinates = pattern.open().into_iter().map(|c| std::format!("the motion of coordinate {}", c + 1));
+            let names = pattern.amplitudes.iter().cloned().chain([pattern.frequency.clone()]);
+            names.chain(coordinates).collect::<Vec<String>>().join(", ")
+        };
+        if let Some(other) = pattern.filter(|other| open(other) != open(own)) {
+            let pattern = other.name.clone().unwrap_or_default();
+            return Err(ExperimentError::StrokePattern { place, pattern, own: open(other), wanted: open(own) });
         }
         let pattern = pattern.map(|pattern| ReferencePattern { others: Vec::new(), ..pattern.clone() });
         strokes.push(StageStroke { pattern, phases: (start * PI, end * PI), dwell });

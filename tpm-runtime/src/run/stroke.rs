@@ -153,7 +153,6 @@ mod tests {
     use super::{Stroke, first_break, repeated};
     use crate::run::trajectory::tests::rest_to_rest_3;
     use std::f64::consts::PI;
-    use std::vec;
 
     fn forth_and_back(dwell: f64) -> [Stroke; 2] {
         let trajectory = rest_to_rest_3().trajectory(&[0.3], PI);

@@ -60,8 +60,11 @@ impl EndPhase {
     pub fn next_to(angle: f64) -> Option<Self> {
         /// Largest denominator of the tangent that is proposed.
         const DENOMINATOR: i64 = 12;
+        /// Largest tangent that is proposed; beyond it the phase is pi for all purposes.
+        const STEEPEST: f64 = 1e6;
         let tangent = (angle / 2.0).tan();
-        if !(angle > 0.0 && angle < 2.0 * std::f64::consts::PI) || !tangent.is_finite() || tangent.abs() > 1e6 {
+        let within = angle > 0.0 && angle < std::f64::consts::TAU && tangent.abs() <= STEEPEST;
+        if !within {
             return None;
         }
         let candidates = (1..=DENOMINATOR).map(|below| ((tangent * below as f64).round() as i64, below));
