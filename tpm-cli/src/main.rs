@@ -60,6 +60,8 @@ enum Command {
     Simulate(Box<verbs::simulate::Args>),
     /// Repeat an experiment on the simulated plant for many seeds: bias, spread, coverage of the intervals.
     Study(verbs::study::Args),
+    /// The pattern beside a 3-4-5 polynomial, a cycloid and a trapezoid: harmonics and peaks of every input.
+    Trajectories(Box<verbs::trajectories::Args>),
     /// Predict another log with identified parameters.
     Validate(Box<verbs::validate::Args>),
 }
@@ -86,6 +88,7 @@ fn main() -> ExitCode {
         Command::Split(args) => verbs::split::run(args),
         Command::Simulate(args) => verbs::simulate::run(args),
         Command::Study(args) => verbs::study::run(args),
+        Command::Trajectories(args) => verbs::trajectories::run(args),
         Command::Validate(args) => verbs::validate::run(args),
     };
     match outcome {

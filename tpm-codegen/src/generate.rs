@@ -44,6 +44,8 @@ pub struct Options<'a> {
     pub filters: Option<&'a Filters>,
     /// Whether accumulators of harmonics can let the past fade, for a machine that changes.
     pub forgetting: bool,
+    /// Whether every pattern has a function for single strokes, with rest before and after them.
+    pub strokes: bool,
     /// What names and files begin with, in C; the model's name when not given.
     pub prefix: Option<&'a str>,
     /// The scalar, in C. Rust is generic over both.
@@ -60,6 +62,7 @@ impl<'a> Options<'a> {
             identified: None,
             filters: None,
             forgetting: false,
+            strokes: false,
             prefix: None,
             scalar: Scalar::default(),
         }
@@ -124,6 +127,7 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
                 identified: options.identified,
                 filters: options.filters,
                 forgetting: options.forgetting,
+                strokes: options.strokes,
                 standalone: true,
                 ..rust::Options::default()
             };
@@ -131,8 +135,9 @@ pub fn generate(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Ve
             Ok(vec![File { name: format!("{}.rs", rust::module_name(estimator).trim_start_matches("r#")), text }])
         }
         Language::C => {
-            let Options { command, identified, filters, forgetting, prefix, scalar, .. } = *options;
-            let files = c::files(estimator, &c::Options { command, prefix, scalar, identified, filters, forgetting })?;
+            let Options { command, identified, filters, forgetting, strokes, prefix, scalar, .. } = *options;
+            let files =
+                c::files(estimator, &c::Options { command, prefix, scalar, identified, filters, forgetting, strokes })?;
             Ok(vec![
                 File { name: format!("{}.h", files.name), text: files.header },
                 File { name: format!("{}.c", files.name), text: files.source },

@@ -69,6 +69,22 @@
 //! finite Fourier series, `x = x0 + lambda*(cos(w*t) - 1/9*cos(3*w*t));`, or `rest_to_rest(lambda, w, n)` (derivatives 1 to n
 //! vanish at both ends, n odd), or `point_to_point(x0, x1, w, n)`; the frequency may be an integer multiple, `3*w`.
 //!
+//! `shape(w, ...)` is the series that meets the end conditions of its clauses, exactly (Feng, Eqns 2.1 to 2.9):
+//!
+//! | clause | meaning |
+//! |---|---|
+//! | `start(x0, v0, ...)` | position, velocity and further derivatives with respect to time at the phase 0 |
+//! | `end(pi, x1, v1, ...)` | the phase at which the motion ends, then position and derivatives there |
+//! | `rest(n)` | derivatives 1 to n vanish at both ends, but for those that are given |
+//! | `amplitude(lambda)` | the coefficient of the lowest cosine, for a motion whose travel is not given |
+//! | `harmonics(1, 2)`, `cosines(1, 3)`, `sines(2)` | the harmonics that the series may have; without them, the lowest that meet the conditions |
+//!
+//! `shape(w, start(x0), end(pi, x1), rest(3))` is `point_to_point(x0, x1, w, 3)`, and `shape(w, start(0, v), end(pi/2, x1), rest(2))`
+//! starts with a velocity and comes to rest after a quarter of the period. The end phase is a multiple of pi at which the harmonics
+//! have rational cosines and sines, such as `pi` and `pi/2`, or `2*atan2(p, q)` with rational p and q. There is such a phase next to
+//! every angle, and it is named where another one is refused. Harmonics that cannot meet the conditions are refused too, with the
+//! condition and the least harmonics that can. What the conditions leave free goes to the least mean square of the acceleration.
+//!
 //! Expressions have `+ - * / ^`, the functions `sin cos tan asin acos atan2 sqrt abs sign`, time derivatives `dot(e)`, `ddot(e)`,
 //! `der(e, n)`, and partial ones `diff(e, q)` by a coordinate. `^` takes a non-negative integer, does not associate, and binds
 //! tighter than unary minus, that tighter than `* /` (left to right), those tighter than `+ -`. Numbers are exact: `1/9` and `0.1`

@@ -560,7 +560,7 @@ impl<T: Real> Accumulator<T> {
         self.faded = (self.faded + T::from_f64(self.samples as f64)) * share;
         self.samples = 0;
         for sum in &mut self.sums {
-            *sum = *sum * share;
+            *sum *= share;
         }
     }
 

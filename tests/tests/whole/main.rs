@@ -40,6 +40,7 @@ mod pendulum;
 mod physical;
 mod session;
 mod split;
+mod strokes;
 mod structure;
 mod support;
 mod tables;

@@ -10,7 +10,7 @@ use clap::Subcommand;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use tpm_runtime::report::plus_minus;
+use tpm_runtime::report::{number, plus_minus};
 use tpm_runtime::session::{CampaignFolder, NextStep, Submission};
 
 /// Options of `tpm campaign`.
@@ -100,6 +100,14 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
             return Err(Failure::Incomplete(format!("nothing is left to play: {}", outcome.describe())));
         }
     };
+    if let Some(mode) = &next.near_mode {
+        file::remark(&format!(
+            "remark: harmonic {} of {} lies near a natural mode of the estimates ({} rad/s); choose another frequency of the stage, or schedule.avoid_modes = true",
+            mode.harmonic,
+            mode.signal,
+            number(mode.frequency)
+        ));
+    }
     let Some(target) = target else { return file::print(&next.samples) };
     let beside = target.with_extension("json");
     let terms = file::json(&next.terms)?;

@@ -58,7 +58,7 @@ fn describe(found: &Design, best: usize) -> String {
     let mut head: Vec<(&str, Align)> = first.amplitudes.iter().map(|(name, _)| (name.as_str(), Align::Right)).collect();
     head.push(("w", Align::Right));
     head.extend([("multiples", Align::Left), ("rank", Align::Right), ("condition", Align::Right)]);
-    head.extend([("ln det", Align::Right), ("effort", Align::Right)]);
+    head.extend([("ln det", Align::Right), ("effort", Align::Right), ("near a mode", Align::Left)]);
     let deviations: Vec<String> = first.parameters.iter().map(|p| format!("std {}", p.name)).collect();
     head.extend(deviations.iter().map(|name| (name.as_str(), Align::Right)));
     let mut table = TextTable::new(&head);
@@ -71,6 +71,9 @@ fn describe(found: &Design, best: usize) -> String {
         row.push(number(candidate.condition));
         row.push(number(candidate.determinant));
         row.push(or_dash(candidate.effort_share, |share| format!("{:.1} %", 100.0 * share)));
+        row.push(or_dash(candidate.near_mode.as_ref(), |mode| {
+            format!("{} of {} at {} rad/s", mode.harmonic, mode.signal, number(mode.frequency))
+        }));
         row.extend(candidate.parameters.iter().map(|p| or_dash(p.std, number)));
         table.row(&row);
     }

@@ -74,6 +74,9 @@ fn degrees(text: &str) -> Result<(usize, usize), String> {
     }
 }
 
+/// A transfer function by angular frequency, rad/s.
+type Drawn<'a> = Box<dyn Fn(f64) -> Complex + 'a>;
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let physical = args.model.as_deref().map(|path| Physical::load(args, path)).transpose()?;
@@ -91,7 +94,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     } else {
         Some(rational(args, &measured, &mut text, &mut whole, &mut incomplete)?)
     };
-    let mut drawn: Vec<(String, Box<dyn Fn(f64) -> Complex + '_>)> = Vec::new();
+    let mut drawn: Vec<(String, Drawn<'_>)> = Vec::new();
     if let Some(fit) = &rational {
         drawn.push((format!("{}/{}", fit.function.numerator().len() - 1, fit.function.denominator().len() - 1), {
             let function = fit.function.clone();

@@ -81,6 +81,9 @@ pub(crate) struct Args {
     /// Accumulators of harmonics can let earlier periods fade away, for a machine whose parameters change while it runs.
     #[arg(long)]
     forgetting: bool,
+    /// Add a function for single strokes of every pattern, with rest before and after them.
+    #[arg(long)]
+    strokes: bool,
     /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
     #[arg(long, requires = "output")]
     check: bool,
@@ -102,6 +105,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         identified: identified.as_ref(),
         filters: filters.as_ref(),
         forgetting: args.forgetting,
+        strokes: args.strokes,
         prefix: args.prefix.as_deref(),
         scalar: if args.real == Some(Real::Float) { Scalar::Float } else { Scalar::Double },
         ..Options::new(args.lang.target(), &command)
@@ -168,6 +172,9 @@ fn command(args: &Args) -> String {
     }
     if args.forgetting {
         command.push_str(" --forgetting");
+    }
+    if args.strokes {
+        command.push_str(" --strokes");
     }
     if let Some(params) = &args.params {
         command.push_str(&format!(" --params {}", name(params)));

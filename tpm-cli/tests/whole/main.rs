@@ -17,5 +17,6 @@ mod printed;
 mod readme;
 mod regulate;
 mod support;
+mod trajectories;
 mod truth;
 mod validate;

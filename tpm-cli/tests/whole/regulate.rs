@@ -9,7 +9,6 @@ use std::process::{Command, Stdio};
 use tpm_runtime::control::Differentiator;
 use tpm_runtime::machine::simulated::Plant;
 use tpm_runtime::session::{DeclaredModel, Identifiable as _};
-use tpm_symbolic::number::rational;
 use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
 const UPRIGHT: &str = "models/rotary_pendulum.tpm";

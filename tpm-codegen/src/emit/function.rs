@@ -356,6 +356,16 @@ pub(super) fn reference_at(estimator: &EstimatorSource, pattern: &PatternPlan) -
     format!("The reference motion at a phase `{w}*t` in radians: one sine and one cosine.")
 }
 
+/// One stroke of a pattern.
+pub(super) fn stroke(estimator: &EstimatorSource, pattern: &PatternPlan) -> String {
+    let w = &estimator.model.quantity(pattern.frequency).name;
+    format!(
+        "The reference of one stroke: rest at the phase `from` until the time 0, the motion from there to the phase `to`, and rest \
+         there afterwards. Phases are those of `{w}*t` in radians, and the pattern must be at rest at both; `from` is the lower one. \
+         A sequence of strokes and rests is one call after the other, each with the time since its stroke began."
+    )
+}
+
 /// The reference motion where cosine and sine of the phase are known.
 pub(super) fn reference(estimator: &EstimatorSource, pattern: &PatternPlan, plan: &Plan) -> Function {
     let about = format!(

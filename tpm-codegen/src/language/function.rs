@@ -36,6 +36,8 @@ pub enum Function {
     RestToRest,
     /// `point_to_point(x0, x1, w, n)`: the shape of `rest_to_rest` between two points (Feng, Eqn 2.20).
     PointToPoint,
+    /// `shape(w, ...)`: the series that meets the end conditions of its clauses (Feng, Eqns 2.1 to 2.9).
+    Shape,
 }
 
 impl Function {
@@ -56,6 +58,7 @@ impl Function {
         Self::Sign,
         Self::RestToRest,
         Self::PointToPoint,
+        Self::Shape,
     ];
 
     /// How it is written.
@@ -77,6 +80,7 @@ impl Function {
             Self::Sign => "sign",
             Self::RestToRest => "rest_to_rest",
             Self::PointToPoint => "point_to_point",
+            Self::Shape => "shape",
         }
     }
 
@@ -99,13 +103,14 @@ impl Function {
             Self::Sign => "sign(x)",
             Self::RestToRest => "rest_to_rest(lambda, w, 3)",
             Self::PointToPoint => "point_to_point(x0, x1, w, 3)",
+            Self::Shape => "shape(w, start(x0), end(pi, x1), rest(3))",
         }
     }
 
-    /// How many arguments it takes.
+    /// How many arguments it takes; `None` for a shape, which takes any number of clauses.
     #[must_use]
-    pub fn arity(self) -> usize {
-        self.usage().split(',').count()
+    pub fn arity(self) -> Option<usize> {
+        (self != Self::Shape).then(|| self.usage().split(',').count())
     }
 
     /// The function of a name.
@@ -123,6 +128,51 @@ impl Function {
     /// Whether it makes a motion, so that it stands in patterns only.
     #[must_use]
     pub fn is_pattern(self) -> bool {
-        matches!(self, Self::RestToRest | Self::PointToPoint)
+        matches!(self, Self::RestToRest | Self::PointToPoint | Self::Shape)
+    }
+}
+
+/// A clause of `shape(w, ...)`.
+#[derive(Clone, Copy, PartialEq, Eq, Debug)]
+#[non_exhaustive]
+pub enum Clause {
+    /// `start(x0, v0, ...)`: position, velocity and further derivatives with respect to time at the phase 0.
+    Start,
+    /// `end(phase, x1, v1, ...)`: the phase at which the motion ends, and position and derivatives there.
+    End,
+    /// `rest(n)`: derivatives 1 to n vanish at both ends where no other value is given.
+    Rest,
+    /// `amplitude(lambda)`: the coefficient of the lowest cosine.
+    Amplitude,
+    /// `harmonics(1, 3)`: harmonics with sine and cosine.
+    Harmonics,
+    /// `cosines(1, 3)`: harmonics with a cosine.
+    Cosines,
+    /// `sines(2)`: harmonics with a sine.
+    Sines,
+}
+
+impl Clause {
+    /// Every clause with its name, in the order in which messages list them.
+    const NAMES: [(Self, &'static str); 7] = [
+        (Self::Start, "start"),
+        (Self::End, "end"),
+        (Self::Rest, "rest"),
+        (Self::Amplitude, "amplitude"),
+        (Self::Harmonics, "harmonics"),
+        (Self::Cosines, "cosines"),
+        (Self::Sines, "sines"),
+    ];
+
+    /// The clause of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::NAMES.iter().find(|(_, own)| *own == name).map(|(clause, _)| *clause)
+    }
+
+    /// The clauses in one line, for messages.
+    #[must_use]
+    pub fn list() -> String {
+        Self::NAMES.map(|(_, name)| format!("`{name}(...)`")).join(", ")
     }
 }

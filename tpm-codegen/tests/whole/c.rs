@@ -761,3 +761,48 @@ int main(void)
         assert!(worst <= bound, "{worst:e}");
     }
 }
+
+/// A stroke rests before and after its motion. Constants of the model are handed on, and two patterns have a function each.
+#[test]
+fn strokes_rest_at_both_ends() {
+    let Some(compiler) = compiler() else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let model = crate::support::root().join("models/closed_loop_arm.tpm");
+    for file in [model, crate::support::root().join("models/mass_spring_drag.tpm")] {
+        let options =
+            Options { strokes: true, prefix: Some("t"), ..Options::new(Language::C, "tpm generate --strokes") };
+        for file in generate(&estimator(&file), &options).expect("nothing stands in the way") {
+            std::fs::write(folder.path().join(&file.name), &file.text).expect("writable");
+        }
+        let flags = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-O2"];
+        compile(compiler, folder.path(), &[&flags[..], &["-c", "t.c"]].concat());
+    }
+    // The header and the source of the second model, a pattern lambda (cos w t - 1/9 cos 3 w t), are in place now.
+    let driver = r#"
+#include <stdio.h>
+#include "t.h"
+int main(void) {
+    const t_pattern pattern = {.lambda = 0.9, .w = 2.0};
+    const double pi = 3.14159265358979323846;
+    for (int i = -1; i <= 4; i++) {
+        t_motion motion;
+        t_stroke(&pattern, (double)i * pi / 8.0, pi, 2.0 * pi, &motion);
+        printf("%.17g %.17g %.17g\n", motion.x.value, motion.x.dot, motion.x.ddot);
+    }
+    return 0;
+}
+"#;
+    std::fs::write(folder.path().join("main.c"), driver).expect("writable");
+    compile(compiler, folder.path(), &["-std=c99", "-Wall", "-Werror", "-O2", "-o", "run", "main.c", "t.c", "-lm"]);
+    let output = Command::new(folder.path().join("run")).output().expect("the program runs");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let rows: Vec<Vec<f64>> =
+        text.lines().map(|line| line.split(' ').map(|value| value.parse().expect("a number")).collect()).collect();
+    // The back stroke from -8/9 lambda to 8/9 lambda takes pi/2 s.
+    for (row, position) in [(0, -0.8), (1, -0.8), (5, 0.8)] {
+        assert!((rows[row][0] - position).abs() < 1e-15 && rows[row][1..] == [0.0, 0.0], "{rows:?}");
+    }
+    assert!(rows[3][0].abs() < 1e-15, "{rows:?}");
+    // x' = -4/3 lambda w sin^3 th, at 3/2 pi.
+    assert!((rows[3][1] - 4.0 / 3.0 * 0.9 * 2.0).abs() < 1e-12, "{rows:?}");
+}

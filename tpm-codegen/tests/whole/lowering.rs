@@ -351,6 +351,77 @@ fn what_is_no_finite_series_is_refused() {
 }
 
 #[test]
+fn shapes_meet_the_end_conditions_of_their_clauses() {
+    let parsed = parse(
+        "model A {
+            coordinate x [m], y [m], z [m], v [m]; input u; parameter m; constant x0 [m]; m*ddot(x) + y + z + v = u;
+            pattern {
+                amplitude a [m], rate [m/s]; frequency w [rad/s];
+                x = shape(w, start(x0), end(pi, a), rest(3));
+                y = point_to_point(x0, a, w, 3);
+                z = shape(w, rest(3), cosines(1, 5), amplitude(a));
+                v = shape(2*w, start(0, rate), end(pi/2, 0, 0), harmonics(1, 2));
+            }
+        }",
+    );
+    let motions = &parsed.model.patterns[0].motions;
+    // Feng, Eqn 2.20 follows from the end conditions alone, without a choice of harmonics.
+    assert_eq!(motions[0], motions[1]);
+    let z: Vec<_> = motions[2].as_ref().expect("a motion").terms().collect();
+    assert_eq!(z[0].1, Fourier::cos(1, ratio(1, 1)).add(&Fourier::cos(5, ratio(-1, 25))));
+    let v: Vec<_> = motions[3].as_ref().expect("a motion").terms().collect();
+    let powers: Vec<_> = v[0].0.factors().map(|(s, power)| (parsed.model.quantity(*s).name.as_str(), power)).collect();
+    assert_eq!((v.len(), powers), (1, vec![("rate", 1), ("w", -1)]));
+    // v' = w dv/dtheta is the given rate at the start, and zero at the end, where twice the phase is pi/2.
+    let rate = v[0].1.derivative(1);
+    assert_eq!((v[0].1.at_zero(), rate.at_zero()), (ratio(0, 1), ratio(1, 1)));
+    let end = std::f64::consts::FRAC_PI_4;
+    assert!(v[0].1.evaluate(end).abs() < 1e-15 && rate.evaluate(end).abs() < 1e-15);
+}
+
+#[test]
+fn shapes_that_cannot_be_are_refused_with_the_reason() {
+    let frame = |motion: &str| {
+        format!(
+            "model A {{ coordinate x [m]; input u; parameter m; m*ddot(x) = u; pattern {{ amplitude a [m], v [m/s]; frequency w [rad/s]; x = {motion} + 0*a + 0*v/w; }} }}"
+        )
+    };
+    for (motion, part) in [
+        ("shape()", "begins with its frequency"),
+        ("shape(w, a)", "no clause of `shape`"),
+        ("shape(w, begin(a))", "no clause of `shape`"),
+        ("shape(w, rest(3))", "nothing moves"),
+        ("shape(w)", "nothing moves"),
+        ("shape(w, harmonics(1))", "nothing moves"),
+        ("shape(w, harmonics())", "nothing moves"),
+        ("shape(w, amplitude(a), sines(1))", "coefficient of its lowest cosine"),
+        ("shape(w, end())", "does not take these values"),
+        ("shape(w, rest(1, 2), start(a))", "does not take these values"),
+        ("shape(w, rest(1/2), start(a))", "whole number"),
+        ("shape(w, start(a), end(-pi, 0))", "positive phase"),
+        ("shape(w, start(a), end(1, 0))", "no phase at which a motion ends"),
+        ("shape(w, start(a), end(pi/3, 0), rest(1))", "not both rational"),
+        ("shape(w, start(a, a), end(pi, a))", "unit mismatch"),
+        ("shape(2, start(a), end(pi, a))", "unit mismatch"),
+        ("shape(w, start(a*cos(w*t)), end(pi, a))", "does not change"),
+        (
+            "shape(w, start(a), end(pi, 0), rest(3), harmonics(1, 2))",
+            "harmonics up to 3 are the least that can, with cos 1, cos 3",
+        ),
+        ("shape(w, start(a), end(2*pi, 0))", "no finite series does"),
+        ("shape(w, start(a), end(pi, 0), cosines(0, 1))", "not harmonic 0"),
+        ("shape(w, start(a), end(pi, 0), rest(100))", "not derivative 32"),
+    ] {
+        let found = errors(&frame(motion));
+        assert!(found.len() == 1 && found[0].contains(part), "{motion}: {found:?}");
+    }
+    // An angle that is no admissible phase is answered with one next to it.
+    let source = Source::new("test", frame("shape(w, start(a), end(1, 0))"));
+    let errors = parse_model(&source).map(|_| ()).expect_err("refused").render(&source);
+    assert!(errors.contains("`2*atan2(6, 11)`, which is 0.9987, lies next to 1.0000"), "{errors}");
+}
+
+#[test]
 fn energies_that_give_no_equations_are_refused_at_their_term() {
     let frame = |energies: &str| {
         format!(

@@ -4,6 +4,7 @@
 //! Setup -> Campaign --next--> Trial -> (plant or machine) -> Record --submit--> Estimate, next Trial
 //! ```
 
+mod modes;
 mod procedure;
 mod settling;
 mod store;
@@ -11,9 +12,11 @@ mod store;
 mod system_a;
 mod wire;
 
+pub use modes::NearMode;
+pub(crate) use modes::near_mode;
 pub use procedure::{
-    Campaign, CampaignError, Contradiction, LEAST_PERIODS, NearMode, Outcome, Procedure, RunParameter, RunReport,
-    Setup, Stage,
+    Campaign, CampaignError, Contradiction, LEAST_PERIODS, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
+    StageStroke,
 };
 pub use settling::settled_from;
 pub use store::{GainManifest, LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};

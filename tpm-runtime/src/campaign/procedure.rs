@@ -7,12 +7,13 @@
 //! A stage is one amplitude and frequency (Feng, chapter 3, steps 1-5): play, let it settle, measure whole periods, update,
 //! repeat until the update no longer changes anything (or the tracking error's harmonics are small enough), then grow.
 
+use crate::campaign::modes::{NearMode, near_mode};
 use crate::campaign::settling::settled_from;
 use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
 use crate::machine::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
-use crate::machine::stability::natural_modes;
 use crate::numerics::fourier::analyse;
 use crate::run::held;
+use crate::run::stroke::{Stroke, repeated};
 use crate::run::trajectory::{ReferencePattern, Trajectory};
 use crate::run::{Ending, Record, RecordError, RunEnding};
 use crate::run::{Loop, Trial, TrialError, TrialSettings, correct_actuators};
@@ -28,11 +29,6 @@ use tpm_core::model::{Dims, Model};
 /// Fewest whole periods that a run measures. A window needs them, and so does the estimate of the noise between the
 /// harmonics.
 pub const LEAST_PERIODS: usize = 4;
-/// Largest relative distance of a harmonic from a natural frequency at which the harmonic counts as near the mode.
-const NEAR: f64 = 0.05;
-/// Smallest amplitude of an input's harmonic that is compared with the natural modes, as a share of the largest
-/// harmonic of that input.
-const SUBSTANTIAL: f64 = 1e-3;
 /// Largest change of an estimate, in standard deviations, that counts as no change.
 const INSIGNIFICANT: f64 = 3.0;
 /// Fewest samples per period on which the demand on the motors is computed.
@@ -40,6 +36,9 @@ const PLANNED_SAMPLES: usize = 256;
 /// Highest harmonic up to which a run's demand on the motors is read, as a multiple of the reference's highest
 /// harmonic.
 const MOTOR_REACH: usize = 4;
+/// Factors on the frequency of a stage, tried in this order where its harmonics lie near a natural mode. A slower run keeps the
+/// limits that the stage keeps.
+const DETOURS: [f64; 5] = [0.95, 0.9, 0.85, 0.8, 0.75];
 /// Most times that the settling time of a trial is doubled.
 const EXTENSIONS: usize = 3;
 
@@ -56,6 +55,19 @@ pub struct Stage {
     pub multiples: Vec<u32>,
     /// Factor on all gains of the feedback.
     pub gain: f64,
+    /// Strokes that are played one after the other; the pattern itself, over and over, when empty.
+    pub strokes: Vec<StageStroke>,
+}
+
+/// One stroke of a stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StageStroke {
+    /// Pattern of the stroke with the amplitudes of the stage; the pattern of the stage where none is given.
+    pub pattern: Option<ReferencePattern>,
+    /// Phases of the pattern between which it is played, rad.
+    pub phases: (f64, f64),
+    /// Rest after the stroke, s.
+    pub dwell: f64,
 }
 
 impl Stage {
@@ -66,11 +78,29 @@ impl Stage {
     }
 
     /// The reference of the stage with its amplitudes times `scale`. A stage without a pattern plays that of the
-    /// campaign.
+    /// campaign. The frequency is that with which the reference repeats, rests included.
     #[must_use]
     pub fn trajectory(&self, campaign: &ReferencePattern, scale: f64) -> Trajectory {
+        if self.strokes.is_empty() {
+            return self.along(self.pattern(campaign), scale);
+        }
+        repeated(&self.played_strokes(campaign, scale))
+    }
+
+    /// The strokes of the stage with its amplitudes times `scale`.
+    #[must_use]
+    pub fn played_strokes(&self, campaign: &ReferencePattern, scale: f64) -> Vec<Stroke> {
+        let stroke = |stroke: &StageStroke| {
+            let pattern = stroke.pattern.as_ref().unwrap_or_else(|| self.pattern(campaign));
+            Stroke { trajectory: self.along(pattern, scale), phases: stroke.phases, dwell: stroke.dwell }
+        };
+        self.strokes.iter().map(stroke).collect()
+    }
+
+    /// A pattern with the amplitudes of the stage times `scale`, at its frequency and multiples.
+    fn along(&self, pattern: &ReferencePattern, scale: f64) -> Trajectory {
         let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
-        let mut trajectory = self.pattern(campaign).trajectory(&amplitudes, self.frequency);
+        let mut trajectory = pattern.trajectory(&amplitudes, self.frequency);
         for (series, &multiple) in trajectory.coordinates.iter_mut().zip(&self.multiples) {
             for line in &mut series.lines {
                 line.harmonic *= multiple;
@@ -118,6 +148,9 @@ pub struct Procedure {
     pub max_aborts: usize,
     /// What the recorded inputs do between samples.
     pub hold: Hold,
+    /// Whether a run whose harmonics lie near a natural mode of the estimates is played at a lower frequency, down to
+    /// three quarters. A stage for which there is none is played as it is.
+    pub avoid_modes: bool,
 }
 
 /// Everything that a campaign starts from.
@@ -277,17 +310,6 @@ impl RunReport {
     pub const fn is_pooled(&self) -> bool {
         self.settled_after.is_some() && self.contradicts.is_none()
     }
-}
-
-/// A harmonic near a natural mode of the machine (Feng, 2.1, 4.2).
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct NearMode {
-    /// Coordinate or input that has the harmonic.
-    pub signal: String,
-    /// The harmonic.
-    pub harmonic: u32,
-    /// Natural frequency of the mode, rad/s.
-    pub frequency: f64,
 }
 
 /// Why a campaign cannot go on.
@@ -451,6 +473,13 @@ impl<'m> Campaign<'m> {
     #[must_use]
     pub fn current(&self) -> &[f64] {
         &self.current
+    }
+
+    /// The harmonic of the next run that lies near a natural mode of the estimates, before the run is played; nothing where no
+    /// harmonic does, or the campaign has ended.
+    #[must_use]
+    pub fn next_near_mode(&self) -> Option<NearMode> {
+        near_mode(self.model, self.pending.as_ref()?)
     }
 
     /// The last estimate with its uncertainty; nothing before the first update.
@@ -644,17 +673,20 @@ impl<'m> Campaign<'m> {
         Ok(self.reports.last().expect("invariant: a report was just filed"))
     }
 
-    fn prepare(&mut self) -> Result<(), CampaignError> {
+    /// The next trial of the present stage, its frequency times a factor.
+    fn trial(&self, factor: f64) -> Result<Trial, CampaignError> {
         let procedure = &self.setup.procedure;
-        let stage = &procedure.stages[self.stage];
+        let asked = &procedure.stages[self.stage];
+        let stage = &Stage { frequency: factor * asked.frequency, ..asked.clone() };
         let amplitudes: Vec<f64> = stage.amplitudes.iter().map(|a| a * self.scale).collect();
-        let period = 2.0 * std::f64::consts::PI / stage.frequency;
+        let trajectory = stage.trajectory(&self.setup.pattern, self.scale);
+        let period = 2.0 * std::f64::consts::PI / trajectory.frequency;
         // The margin keeps rounding from adding a period when whole periods fill the measured time exactly.
         let measured = ((procedure.measure_time / period - 1e-6).ceil().max(0.0) as usize).max(LEAST_PERIODS);
         let settle = procedure.settle_periods << self.extensions.min(EXTENSIONS);
         let settings = TrialSettings {
             run: self.reports.len(),
-            trajectory: stage.trajectory(&self.setup.pattern, self.scale),
+            trajectory,
             open: &stage.pattern(&self.setup.pattern).open(),
             pattern: stage.pattern.as_ref().and_then(|pattern| pattern.name.clone()),
             amplitudes,
@@ -668,7 +700,17 @@ impl<'m> Campaign<'m> {
             velocity_bounds: &procedure.velocity_bounds,
         };
         let run = self.reports.len() + 1;
-        let trial = Trial::new(self.model, settings).map_err(|source| CampaignError::Trial { run, source })?;
+        Trial::new(self.model, settings).map_err(|source| CampaignError::Trial { run, source })
+    }
+
+    fn prepare(&mut self) -> Result<(), CampaignError> {
+        let mut trial = self.trial(1.0)?;
+        if self.setup.procedure.avoid_modes && near_mode(self.model, &trial).is_some() {
+            let moved = DETOURS.iter().filter_map(|factor| self.trial(*factor).ok());
+            trial = moved.into_iter().find(|moved| near_mode(self.model, moved).is_none()).unwrap_or(trial);
+        }
+        let procedure = &self.setup.procedure;
+        let run = self.reports.len() + 1;
         let share = procedure.effort_share;
         let planned = if self.estimate.is_some() {
             let motor = self.motor_plan(&trial).map_err(|source| CampaignError::Trial { run, source })?;
@@ -807,7 +849,7 @@ impl<'m> Campaign<'m> {
             effort_share: limit.as_ref().map(|limit| limit.share),
             limit,
             ending: record.ending.kind(),
-            near_mode: self.near_mode(trial),
+            near_mode: near_mode(self.model, trial),
             updated: false,
             contradicts: None,
             parameters: Vec::new(),
@@ -816,37 +858,6 @@ impl<'m> Campaign<'m> {
             residual: None,
             harmonics: None,
         }
-    }
-
-    /// The first harmonic of the reference, or of the feed-forward, near a natural mode. The modes are computed with
-    /// the parameters of the feed-forward.
-    fn near_mode(&self, trial: &Trial) -> Option<NearMode> {
-        let position: Vec<f64> = trial.trajectory.coordinates.iter().map(|series| series.mean).collect();
-        let modes = natural_modes(self.model, &trial.parameters, &trial.constants, &position).unwrap_or_default();
-        let near = |harmonic: u32| {
-            let frequency = f64::from(harmonic) * trial.trajectory.frequency;
-            modes.iter().copied().find(|mode| (frequency / mode - 1.0).abs() < NEAR)
-        };
-        let found = |signal: &str, harmonic: u32| {
-            near(harmonic).map(|frequency| NearMode { signal: signal.into(), harmonic, frequency })
-        };
-        let moved = trial.trajectory.coordinates.iter().enumerate().find_map(|(c, series)| {
-            series.lines.iter().find_map(|line| found(self.model.coordinate(c).name, line.harmonic))
-        });
-        moved.or_else(|| {
-            if modes.is_empty() {
-                return None;
-            }
-            let inputs = self.model.dims().inputs;
-            let reach = 8 * trial.trajectory.highest_harmonic() as usize;
-            (0..inputs).find_map(|i| {
-                let lines = analyse(&trial.feed_forward, i, inputs, reach);
-                let largest = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
-                let strong = |&(_, line): &(usize, &Complex<f64>)| line.norm() > SUBSTANTIAL * largest;
-                let mut strong = lines.iter().enumerate().skip(1).filter(strong);
-                strong.find_map(|(k, _)| found(self.model.input(i).name, k as u32))
-            })
-        })
     }
 
     fn run_parameters(&self) -> Vec<RunParameter> {

@@ -37,7 +37,14 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
         procedure: Procedure {
             stages: stages
                 .iter()
-                .map(|&(a, w)| Stage { pattern: None, amplitudes: vec![a], frequency: w, multiples: vec![], gain: 1.0 })
+                .map(|&(a, w)| Stage {
+                    pattern: None,
+                    amplitudes: vec![a],
+                    frequency: w,
+                    multiples: vec![],
+                    gain: 1.0,
+                    strokes: vec![],
+                })
                 .collect(),
             settle_periods: 3,
             measure_time: 0.0,
@@ -54,6 +61,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             back_off: 0.5,
             max_aborts: 3,
             hold: Hold::Zoh,
+            avoid_modes: false,
         },
         method,
         estimation: Settings { harmonics: Some(12), ..Settings::default() },

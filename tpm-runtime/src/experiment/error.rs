@@ -3,6 +3,7 @@
 use crate::campaign::{CampaignError, StoreError};
 use crate::estimate::EstimateError;
 use crate::machine::stability::StabilityError;
+use crate::report::number;
 use std::string::String;
 use std::vec::Vec;
 use tpm_core::model::EvalError;
@@ -75,6 +76,48 @@ pub enum ExperimentError {
         value: f64,
         /// `positions` or `velocities`.
         limit: &'static str,
+    },
+    /// A stroke does not go on into the rest or the stroke after it.
+    #[error(
+        "{place}: `{name}` ends with the {what} {}, and {} {}; {}",
+        number(*value),
+        if *rests { "a rest follows, or a stroke that begins with" } else { "the next stroke begins with" },
+        number(*next),
+        if *rests && *order > 0 {
+            "let the stroke end where the pattern rests, or leave the rest out and let a stroke follow that begins so"
+        } else {
+            "let a stroke follow that begins so; the first follows the last"
+        }
+    )]
+    Broken {
+        /// The stroke in the experiment.
+        place: String,
+        /// The coordinate.
+        name: String,
+        /// Position, velocity or acceleration.
+        what: &'static str,
+        /// Order of the derivative: 0 for the position.
+        order: usize,
+        /// Its value at the end of the stroke.
+        value: f64,
+        /// Its value where the motion goes on.
+        next: f64,
+        /// Whether a rest follows.
+        rests: bool,
+    },
+    /// A stroke's pattern has other amplitudes than the stage's, or leaves other coordinates open.
+    #[error(
+        "{place}: the pattern `{pattern}` of this stroke takes {own} from the stage, the stage's own pattern takes {wanted}; declare the same in both"
+    )]
+    StrokePattern {
+        /// The stroke in the experiment.
+        place: String,
+        /// Name of its pattern.
+        pattern: String,
+        /// Amplitudes and frequency of its pattern, and coordinates that it leaves open.
+        own: String,
+        /// Amplitudes and frequency of the stage's pattern, and coordinates that it leaves open.
+        wanted: String,
     },
     /// The simulated machine does not obey the model, and its signals are not those of the model.
     #[error("plant.closed_loop_arm: this machine has two angles and two torques, the model has others")]

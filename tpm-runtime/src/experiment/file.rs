@@ -300,9 +300,37 @@ pub struct StageSection {
     /// Multiple of the frequency by coordinate; the schedule's multiple where not given.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub multiples: BTreeMap<String, u32>,
+    /// Rest after every stroke, s; none when not given. Where no strokes are listed they are the two halves of the pattern.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dwell: Option<f64>,
+    /// Strokes that are played one after the other, over and over; the pattern itself when empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub strokes: Vec<StrokeSection>,
     /// Amplitudes and frequency.
     #[serde(flatten)]
     pub values: Named,
+}
+
+/// One stroke of a stage: a part of a pattern, and a rest after it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StrokeSection {
+    /// Name of the stroke's pattern, with the amplitudes and the frequency of the stage's; the stage's pattern when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<String>,
+    /// Phase at which it starts, in multiples of pi; 0 when not given.
+    #[serde(default)]
+    pub start: f64,
+    /// Phase at which it ends, in multiples of pi; 1 when not given.
+    #[serde(default = "half_a_period")]
+    pub end: f64,
+    /// Rest after it, s; that of the stage when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dwell: Option<f64>,
+}
+
+const fn half_a_period() -> f64 {
+    1.0
 }
 
 /// Amplitudes and frequencies, and when to move on.
@@ -338,6 +366,10 @@ pub struct ScheduleSection {
     /// A stage is done when no parameter changed by more than this share, or by more than noise explains.
     #[serde(default = "tolerance")]
     pub tolerance: f64,
+    /// Whether a run is played at a lower frequency, down to three quarters, where a harmonic of it would lie near a natural
+    /// mode of the estimates (Feng, 3.2.1).
+    #[serde(default)]
+    pub avoid_modes: bool,
     /// A stage is also done when no harmonic of the tracking error exceeds this, by coordinate.
     #[serde(default)]
     pub error: Named,

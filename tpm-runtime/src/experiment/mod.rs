@@ -16,7 +16,7 @@ mod resolve;
 pub use error::ExperimentError;
 pub use file::{
     ActuatorSection, ArmSection, ControlSection, DropoutSection, Equations, Experiment, FeedbackSection, LimitsSection,
-    MotorsSection, Named, PlantSection, ScheduleSection, SensorSection, StabilitySection, StageSection,
+    MotorsSection, Named, PlantSection, ScheduleSection, SensorSection, StabilitySection, StageSection, StrokeSection,
 };
 
 #[cfg(test)]

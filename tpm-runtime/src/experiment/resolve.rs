@@ -1,17 +1,19 @@
 //! Resolution of an experiment against a model: names become indices.
 
-use crate::campaign::{Procedure, Setup, Stage};
+use crate::campaign::{Procedure, Setup, Stage, StageStroke};
 use crate::estimate::{Frozen, Method, Settings, Weights};
 use crate::experiment::actuators::limited;
 use crate::experiment::error::ExperimentError;
-use crate::experiment::file::{ArmSection, DropoutSection, Experiment};
+use crate::experiment::file::{ArmSection, DropoutSection, Experiment, StageSection, StrokeSection};
 use crate::experiment::names::{Names, coordinates, inputs, near, parameters, positive, require};
 use crate::machine::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
 use crate::machine::stability::{self, LoopStability, Range, StabilityDomain};
 use crate::run::smoothing::Smoothing;
+use crate::run::stroke::{Stroke, first_break, substantial_harmonic};
 use crate::run::trajectory::ReferencePattern;
 use crate::run::{Loop, Velocity};
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
@@ -67,6 +69,73 @@ fn pattern_of<'p>(
             near: near(name, available.iter().map(String::as_str)),
             available,
         }
+    })
+}
+
+/// The strokes of a stage: those that are listed, or the two halves of the pattern where there is a rest alone.
+fn strokes(
+    campaign: &ReferencePattern,
+    own: &ReferencePattern,
+    stage: &StageSection,
+    place: &str,
+) -> Result<Vec<StageStroke>, ExperimentError> {
+    let rest = |dwell: f64, place: &str| {
+        let must = "the rest after a stroke must be zero or longer";
+        require(dwell.is_finite() && dwell >= 0.0, std::format!("{place}.dwell"), dwell, must).map(|()| dwell)
+    };
+    let all = rest(stage.dwell.unwrap_or(0.0), place)?;
+    let mut strokes = Vec::with_capacity(stage.strokes.len());
+    for (i, stroke) in stage.strokes.iter().enumerate() {
+        let place = std::format!("{place}.strokes.{i}");
+        let StrokeSection { start, end, .. } = *stroke;
+        require(start.is_finite(), std::format!("{place}.start"), start, "the value must be finite")?;
+        let must = "a stroke must end behind its start";
+        require(end.is_finite() && end > start, std::format!("{place}.end"), end, must)?;
+        let dwell = stroke.dwell.map_or(Ok(all), |dwell| rest(dwell, &place))?;
+        let pattern = match &stroke.pattern {
+            None => None,
+            Some(name) => Some(pattern_of(campaign, &place, name)?),
+        };
+        let open = |pattern: &ReferencePattern| {
+            let coordinates = pattern.open().into_iter().map(|c| std::format!("the motion of coordinate {}", c + 1));
+            let names = pattern.amplitudes.iter().cloned().chain([pattern.frequency.clone()]);
+            names.chain(coordinates).collect::<Vec<String>>().join(", ")
+        };
+        if let Some(other) = pattern.filter(|other| open(other) != open(own)) {
+            let pattern = other.name.clone().unwrap_or_default();
+            return Err(ExperimentError::StrokePattern { place, pattern, own: open(other), wanted: open(own) });
+        }
+        let pattern = pattern.map(|pattern| ReferencePattern { others: Vec::new(), ..pattern.clone() });
+        strokes.push(StageStroke { pattern, phases: (start * PI, end * PI), dwell });
+    }
+    if strokes.is_empty() && all > 0.0 {
+        let halves = [(0.0, PI), (PI, 2.0 * PI)];
+        strokes.extend(halves.map(|phases| StageStroke { pattern: None, phases, dwell: all }));
+    }
+    Ok(strokes)
+}
+
+/// The highest harmonic for estimators that take all harmonics up to one: four times the highest of the motion, which of strokes is
+/// the highest substantial one.
+fn reach(stages: &[Stage], pattern: &ReferencePattern) -> usize {
+    let highest = stages.iter().map(|stage| {
+        let reference = stage.trajectory(pattern, 1.0);
+        if stage.strokes.is_empty() { reference.highest_harmonic() } else { substantial_harmonic(&reference) }
+    });
+    4 * highest.max().unwrap_or(0) as usize
+}
+
+/// Requires that position, velocity and acceleration go on from every stroke to the rest or the stroke after it.
+fn goes_on(model: &dyn Model<f64>, strokes: &[Stroke], place: &str) -> Result<(), ExperimentError> {
+    let Some(found) = first_break(strokes) else { return Ok(()) };
+    Err(ExperimentError::Broken {
+        place: std::format!("{place}.strokes.{}", found.stroke),
+        name: model.coordinate(found.coordinate).name.to_string(),
+        what: ["position", "velocity", "acceleration"][found.order],
+        order: found.order,
+        value: found.values.0,
+        next: found.values.1,
+        rests: found.rests,
     })
 }
 
@@ -341,7 +410,13 @@ impl Experiment {
             let own = own.map(|own| ReferencePattern { others: Vec::new(), ..own.clone() });
             let gain = schedule.gains.get(i).copied().unwrap_or(1.0);
             positive(&std::format!("schedule.gains.{i}"), gain)?;
-            stages.push(Stage { pattern: own, amplitudes, frequency, multiples, gain });
+            let strokes = strokes(pattern, played, stage, &place)?;
+            let stage = Stage { pattern: own, amplitudes, frequency, multiples, gain, strokes };
+            // An aborted run is repeated with smaller amplitudes, and must go on as well.
+            for scale in [1.0, back_off] {
+                goes_on(model, &stage.played_strokes(pattern, scale), &place)?;
+            }
+            stages.push(stage);
         }
         let (given, needed) = (schedule.gains.len(), stages.len());
         require(given <= needed, "schedule.gains".into(), given as f64, "there must be no more factors than stages")?;
@@ -366,6 +441,9 @@ impl Experiment {
         for (i, stage) in stages.iter().enumerate() {
             within(model, pattern, stage, i, &position_bounds, &velocity_bounds)?;
         }
+        let of_strokes =
+            stages.iter().any(|stage| !stage.strokes.is_empty()) && self.estimator != Method::MeasuredMotion;
+        let harmonics = of_strokes.then(|| reach(&stages, pattern));
         let motors = self.mounted(model)?;
         let input_limits = inputs.fill("limits.inputs", &self.limits.inputs, f64::INFINITY)?;
         Ok(Setup {
@@ -395,10 +473,11 @@ impl Experiment {
                 back_off,
                 max_aborts: self.limits.max_aborts,
                 hold,
+                avoid_modes: schedule.avoid_modes,
             },
             method: self.estimator,
             estimation: Settings {
-                harmonics: self.harmonics,
+                harmonics: self.harmonics.or(harmonics),
                 weights: self.weights,
                 prior: prior.clone(),
                 frozen,

@@ -217,6 +217,78 @@ fn harmonics_near_a_natural_mode_are_said() {
 }
 
 #[test]
+fn a_run_goes_around_a_natural_mode_where_it_is_asked_to() {
+    let mut experiment = experiment();
+    experiment.apply_override("schedule.stages", "[{ lambda = 0.2, w = 4.4 }]").expect("known");
+    experiment.apply_override("schedule.avoid_modes", "true").expect("known");
+    let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true).expect("runs");
+    // The first run is played as it is asked for, since estimates of zero have no mode; sqrt(k1/m) = 4.472 rad/s.
+    assert!((result.runs[0].frequency / 4.4 - 1.0).abs() < 1e-3);
+    assert!(result.runs[1..].iter().all(|run| (run.frequency / (0.95 * 4.4) - 1.0).abs() < 1e-3));
+    assert!(result.runs.iter().all(|run| run.near_mode.is_none()) && result.is_complete(), "{:?}", result.warnings);
+}
+
+#[test]
+fn strokes_with_rests_give_the_parameters_that_the_periodic_motion_gives() {
+    let periodic = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment(), &mut |_| true).expect("runs");
+    let mut rests = experiment();
+    for stage in &mut rests.schedule.stages {
+        stage.dwell = Some(0.25);
+    }
+    let result = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &rests, &mut |_| true).expect("runs");
+    assert!(result.is_complete() && result.rank == 3, "{:?} {:?}", result.outcome, result.warnings);
+    // Two strokes of a second and two rests in the first stage.
+    assert!((result.runs[0].frequency - 2.0 * std::f64::consts::PI / 2.5).abs() < 1e-12);
+    for ((found, other), truth) in result.parameters.iter().zip(&periodic.parameters).zip([2.0, 40.0, 1.5]) {
+        let (value, std) = (found.value.expect("identified"), found.std.expect("identified"));
+        let (before, own) = (other.value.expect("identified"), other.std.expect("identified"));
+        assert!((value - truth).abs() < 4.0 * std && std < 3e-3 * truth, "{}: {value} +- {std}", found.name);
+        assert!((value - before).abs() < 4.0 * std.hypot(own), "{}: {value} {before}", found.name);
+    }
+    for estimator in ["error", "effort", "hill"] {
+        rests.apply_override("estimator", estimator).expect("known");
+        let first_order = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &rests, &mut |_| true).expect("runs");
+        assert!(first_order.is_complete(), "{estimator}: {:?}", first_order.warnings);
+        for (parameter, truth) in first_order.parameters.iter().zip([2.0, 40.0, 1.5]) {
+            let (value, std) = (parameter.value.expect("identified"), parameter.std.expect("identified"));
+            assert!((value - truth).abs() < 4.0 * std, "{estimator}: {} {value} +- {std}", parameter.name);
+        }
+    }
+    rests.apply_override("estimator", "measured-motion").expect("known");
+    // The same strokes in a list, the second with a longer rest.
+    rests.schedule.stages.truncate(1);
+    rests.apply_override("schedule.stages.0.strokes", "[{}, { start = 1, end = 2, dwell = 0.5 }]").expect("known");
+    let listed = identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &rests, &mut |_| true).expect("runs");
+    assert!((listed.runs[0].frequency - 2.0 * std::f64::consts::PI / 2.75).abs() < 1e-12);
+    assert!(listed.parameters.iter().all(|parameter| parameter.value.is_some()), "{:?}", listed.warnings);
+}
+
+#[test]
+fn strokes_that_do_not_go_on_are_refused_at_their_place() {
+    let refused = |strokes: &str| {
+        let mut experiment = experiment();
+        experiment.apply_override("schedule.stages.1.strokes", strokes).expect("known");
+        identify_simulated(&MassSpringDrag, &rest_to_rest_3(), &experiment, &mut |_| true)
+            .expect_err("refused")
+            .to_string()
+    };
+    let moving = refused("[{ end = 0.75, dwell = 0.5 }, { start = 0.75, end = 2 }]");
+    for part in
+        ["schedule.stages.1.strokes.0", "`x` ends with the velocity -", "a rest follows", "where the pattern rests"]
+    {
+        assert!(moving.contains(part), "{part}: {moving}");
+    }
+    let last = refused("[{ end = 0.75 }]");
+    assert!(last.contains("`x` ends with the position") && last.contains("the first follows the last"), "{last}");
+    let back = refused("[{ start = 1, end = 0.5 }]");
+    assert!(back.contains("schedule.stages.1.strokes.0.end") && back.contains("behind its start"), "{back}");
+    let negative = refused("[{ dwell = -1 }]");
+    assert!(negative.contains("zero or longer"), "{negative}");
+    let unknown = refused("[{ pattern = \"far\" }]");
+    assert!(unknown.contains("no pattern `far`"), "{unknown}");
+}
+
+#[test]
 fn a_plant_that_diverges_leaves_what_was_known() {
     let mut experiment = experiment();
     experiment.limits.tracking.clear();

@@ -13,9 +13,11 @@ mod error;
 mod feed_forward;
 mod feedback;
 mod hold;
+pub mod profile;
 mod record;
 pub mod smoothing;
 mod spectra;
+pub mod stroke;
 pub mod trajectory;
 mod trial;
 

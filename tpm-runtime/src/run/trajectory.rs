@@ -103,6 +103,8 @@ impl Trajectory {
 pub struct Part {
     /// Amplitudes by index into [`ReferencePattern::amplitudes`], with their powers.
     pub powers: Vec<(usize, i32)>,
+    /// Power of the fundamental frequency, such as -1 where an amplitude is a velocity.
+    pub frequency_power: i32,
     /// What they multiply.
     pub series: HarmonicSeries,
 }
@@ -144,9 +146,10 @@ impl ReferencePattern {
             .map(|parts| {
                 let mut sum = HarmonicSeries::default();
                 for part in parts {
-                    let scale = part.powers.iter().fold(1.0, |product, &(which, power)| {
-                        product * amplitudes.get(which).copied().unwrap_or(0.0).powi(power)
-                    });
+                    let scale =
+                        part.powers.iter().fold(frequency.powi(part.frequency_power), |product, &(which, power)| {
+                            product * amplitudes.get(which).copied().unwrap_or(0.0).powi(power)
+                        });
                     sum.mean += scale * part.series.mean;
                     for line in &part.series.lines {
                         let scaled = Line { cos: scale * line.cos, sin: scale * line.sin, ..*line };
@@ -240,11 +243,15 @@ impl ReferencePattern {
                 continue;
             };
             for (monomial, fourier) in motion.terms() {
-                let mut powers = Vec::new();
+                let (mut powers, mut frequency_power) = (Vec::new(), 0);
                 let mut factor = 1.0;
                 for (&symbol, power) in monomial.factors() {
                     if let Some(which) = pattern.amplitudes.iter().position(|a| *a == symbol) {
                         powers.push((which, power));
+                        continue;
+                    }
+                    if symbol == pattern.frequency {
+                        frequency_power = power;
                         continue;
                     }
                     let quantity = model.quantity(symbol);
@@ -266,11 +273,11 @@ impl ReferencePattern {
                     let (cos, sin) = if function == Trig::Cos { (value, 0.0) } else { (0.0, value) };
                     series.lines.push(Line { harmonic, cos, sin });
                 }
-                parts.push(Part { powers, series });
+                parts.push(Part { powers, frequency_power, series });
             }
             if parts.is_empty() {
                 // Prescribed to stand at zero, which is not the same as open.
-                parts.push(Part { powers: Vec::new(), series: HarmonicSeries::default() });
+                parts.push(Part { powers: Vec::new(), frequency_power: 0, series: HarmonicSeries::default() });
             }
             motions.push(parts);
         }
@@ -298,7 +305,11 @@ pub(crate) mod tests {
             name: None,
             amplitudes: vec!["lambda".to_string()],
             frequency: "w".to_string(),
-            coordinates: vec![vec![Part { powers: vec![(0, 1)], series: HarmonicSeries { mean: 0.0, lines } }]],
+            coordinates: vec![vec![Part {
+                powers: vec![(0, 1)],
+                frequency_power: 0,
+                series: HarmonicSeries { mean: 0.0, lines },
+            }]],
             others: vec![],
         }
     }

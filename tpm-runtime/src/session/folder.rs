@@ -1,7 +1,7 @@
 //! A campaign that lives in a folder, and goes on by files: what to play next goes out, logs come in.
 
 use crate::campaign::{
-    LogFingerprints, Manifest, Outcome, RunFile, RunReport, Store, StoreError, samples_text, trial_samples,
+    LogFingerprints, Manifest, NearMode, Outcome, RunFile, RunReport, Store, StoreError, samples_text, trial_samples,
 };
 use crate::experiment::Experiment;
 use crate::log::{Log, fingerprint};
@@ -49,6 +49,8 @@ pub struct NextRun {
     pub samples: String,
     /// Its terms: feedback, limits, timing.
     pub terms: RunFile,
+    /// A harmonic of the run near a natural mode of the estimates; nothing where no harmonic is.
+    pub near_mode: Option<NearMode>,
 }
 
 /// What became of a submitted run.
@@ -128,6 +130,7 @@ impl CampaignFolder {
         Ok(NextStep::Play(Box::new(NextRun {
             samples: trial_samples(plant, trial),
             terms: RunFile::new(plant, trial, campaign.setup().procedure.settle_periods),
+            near_mode: campaign.next_near_mode(),
             trial: trial.clone(),
         })))
     }

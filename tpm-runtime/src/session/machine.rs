@@ -58,7 +58,10 @@ impl Machine {
         let of_rows = |pattern| ReferencePattern::of_rows(pattern, &whole.model, &whole.form, constant);
         let mut others = Vec::new();
         for other in prepared.model.patterns.iter().filter(|other| other.name.is_some() && other.name != pattern.name) {
-            let named = |stage: &StageSection| stage.pattern.as_deref() == other.name.as_deref();
+            let named = |stage: &StageSection| {
+                let strokes = stage.strokes.iter().map(|stroke| &stroke.pattern);
+                strokes.chain([&stage.pattern]).any(|pattern| pattern.as_deref() == other.name.as_deref())
+            };
             match of_rows(other) {
                 Ok(other) => others.push(other),
                 Err(fault) if experiment.schedule.stages.iter().any(named) => return Err(fault.into()),

@@ -4,9 +4,10 @@
 //! Invariant: a prediction is the Cramer-Rao bound of the steady state ([`information_root`]) for the noise of the simulated
 //! sensors ([`deviations`]), inputs known exactly, since a simulated machine records what it applies. Candidates and the runs of a
 //! study are predicted by one function ([`predict`]). Candidates are compared by the determinant of the scaled information matrix
-//! (D-optimality). A candidate that passes a limit is ranked last, with the sample at which it does.
+//! (D-optimality); of those that determine equally many parameters, candidates with a harmonic near a natural mode of the
+//! estimates come behind the others (Feng, 3.2.1). A candidate that passes a limit is ranked last, with the sample at which it does.
 
-use crate::campaign::{LEAST_PERIODS, RunReport, Setup, Stage};
+use crate::campaign::{LEAST_PERIODS, NearMode, RunReport, Setup, Stage, near_mode};
 use crate::estimate::{RecordNoise, has_jumps, information_root};
 use crate::experiment::{Experiment, ExperimentError};
 use crate::machine::simulated::{Rig, Sensor, SimulatedRun, simulate};
@@ -99,6 +100,8 @@ pub struct Candidate {
     pub effort_share: Option<f64>,
     /// Highest harmonic of an input's feed-forward above a thousandth of that input's largest harmonic.
     pub input_harmonics: usize,
+    /// A harmonic near a natural mode of the estimates; nothing where no harmonic is.
+    pub near_mode: Option<NearMode>,
     /// The sample that passes a limit the most; nothing when all inputs keep within the stated share.
     pub passed: Option<Passed>,
 }
@@ -149,9 +152,8 @@ pub fn design(
         // The frequency is lowered so that the fastest coordinate is no faster than in the schedule.
         let frequency = speed * fastest / f64::from(list.iter().copied().max().unwrap_or(1));
         let amplitudes: Vec<f64> = last.amplitudes.iter().map(|a| a * share).collect();
-        let stage =
-            Stage { pattern: last.pattern.clone(), amplitudes, frequency, multiples: list.clone(), gain: last.gain };
-        let periods = periods(&setup, frequency);
+        let stage = Stage { amplitudes, frequency, multiples: list.clone(), ..last.clone() };
+        let periods = periods(&setup, stage.trajectory(pattern, 1.0).frequency);
         let settled = setup.procedure.settle_periods;
         // A stage that cannot be played is left out.
         let Ok(trial) = trial(model, pattern, &setup, &stage, settled + LEAST_PERIODS, &theta) else { return Ok(None) };
@@ -173,10 +175,11 @@ pub fn design(
         return Err(ExperimentError::Unpredictable { estimates });
     }
     candidates.sort_by(|a: &Candidate, b: &Candidate| {
-        let key = |c: &Candidate| (c.passed.is_some(), std::cmp::Reverse(c.rank));
+        let key = |c: &Candidate| (c.passed.is_some(), std::cmp::Reverse(c.rank), c.near_mode.is_some());
         key(a).cmp(&key(b)).then(b.determinant.total_cmp(&a.determinant))
     });
-    let noise = deviations(&machine, &last.trajectory(pattern, 1.0), periods(&setup, last.frequency));
+    let reference = last.trajectory(pattern, 1.0);
+    let noise = deviations(&machine, &reference, periods(&setup, reference.frequency));
     let noise = noise.into_iter().enumerate().map(|(c, value)| (model.coordinate(c).name.to_string(), value));
     Ok(Design { estimates: estimates.collect(), noise: noise.collect(), candidates })
 }
@@ -328,13 +331,9 @@ pub(super) fn bounds(
     let mut rows: Vec<DMatrix<f64>> = Vec::new();
     for run in runs.iter().filter(|run| run.ending == RunEnding::Complete && run.periods > 0) {
         let Some(asked) = setup.procedure.stages.get(run.stage.wrapping_sub(1)) else { return Ok(None) };
-        let stage = Stage {
-            pattern: asked.pattern.clone(),
-            amplitudes: run.amplitudes.iter().map(|(_, value)| *value).collect(),
-            frequency: run.frequency,
-            multiples: asked.multiples.clone(),
-            gain: asked.gain,
-        };
+        let frequency = if asked.strokes.is_empty() { run.frequency } else { asked.frequency };
+        let amplitudes = run.amplitudes.iter().map(|(_, value)| *value).collect();
+        let stage = Stage { amplitudes, frequency, ..asked.clone() };
         let settled = run.settled_after.unwrap_or(setup.procedure.settle_periods);
         let played = trial(model, pattern, &setup, &stage, settled + run.periods, &run.played);
         let Ok(trial) = played else { return Ok(None) };
@@ -434,6 +433,7 @@ fn judge(
             .collect(),
         effort_share: limited.then_some(most),
         input_harmonics: input_harmonics(trial, model.dims().inputs),
+        near_mode: near_mode(model, trial),
         passed: (limited && most >= share).then_some(passed),
     }
 }
@@ -520,6 +520,20 @@ mod tests {
             let found = repeated_share(noise, 1.0);
             assert!((12.0 * variance - found).abs() < 1e-3 + 0.02 * found, "{noise}: {variance} {found}");
         }
+    }
+
+    #[test]
+    fn candidates_away_from_the_natural_mode_come_first() {
+        // sqrt(k1/m) = 4.472 rad/s: the last stage itself, and half its frequency by the second harmonic of the force.
+        let mut experiment = experiment();
+        experiment.schedule.stages.truncate(1);
+        experiment.schedule.stages[0].values.insert("w".to_string(), 4.4);
+        let found = design(&MassSpringDrag, &rest_to_rest_3(), &experiment).expect("candidates").candidates;
+        let near = |w: f64| found.iter().filter(move |c| (c.frequency / w - 1.0).abs() < 1e-2);
+        assert!(near(4.4).count() == 4 && near(4.4).all(|c| c.near_mode.is_some()));
+        assert!(near(0.8 * 4.4).count() == 4 && near(0.8 * 4.4).all(|c| c.near_mode.is_none()));
+        let first = found.iter().position(|c| c.near_mode.is_some()).expect("some");
+        assert!(found[first..].iter().all(|c| c.near_mode.is_some()), "they come last");
     }
 
     #[test]

@@ -1,14 +1,21 @@
-//! Studies over many campaigns: bias, spread and coverage of repeated ones, convergence of the estimators, experiment design, and
-//! what patterns show of models without an exact table.
+//! Studies over many campaigns: bias, spread and coverage of repeated ones, convergence of the estimators, experiment design,
+//! what patterns show of models without an exact table, patterns beside the usual laws of a stroke,
+//! and patterns fitted to paths.
 
 #[cfg(test)]
 mod bound_tests;
 mod campaigns;
 mod design;
 mod identifiability;
+mod path;
+mod trajectories;
+#[cfg(feature = "plot")]
+mod trajectories_figure;
 mod updates;
 
 pub use campaigns::{Identify, ParameterStudy, Study, study, study_campaigns, study_session};
 pub use design::{Candidate, Design, Passed, Predicted, design};
 pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
+pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};
+pub use trajectories::{CoordinateUse, InputUse, Moved, StrokeError, Trajectories, trajectories};
 pub use updates::{Convergence, LIMITS, Updates, convergence, updates};

@@ -5,4 +5,5 @@ pub mod eliminate;
 pub mod lagrange;
 pub mod model;
 pub mod pattern;
+pub mod shape;
 pub mod unit;

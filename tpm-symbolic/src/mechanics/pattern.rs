@@ -3,13 +3,14 @@
 //! A coordinate follows q(t) = sum_s m_s F_s(w t), where every m_s is a product of amplitudes and constants and every
 //! F_s is a [`Fourier`] polynomial with exact coefficients. All coordinates of a pattern share the fundamental w.
 //!
-//! The rest-to-rest shapes are found by solving the end conditions exactly, not from their closed form.
+//! The rest-to-rest shapes are found by solving the end conditions exactly ([`shape`](super::shape)), not from their closed
+//! form.
 
 use crate::algebra::fourier::Fourier;
-use crate::algebra::linear;
-use crate::algebra::polynomial::Monomial;
+use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::Symbol;
-use crate::number::rational::{self, Rational};
+use crate::mechanics::shape::{Condition, End, EndPhase, Shape, Solved};
+use crate::number::rational;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use thiserror::Error;
@@ -29,6 +30,12 @@ impl Motion {
     #[must_use]
     pub fn term(monomial: Monomial<Symbol>, fourier: Fourier) -> Self {
         if fourier.is_zero() { Self::zero() } else { Self(vec![(monomial, fourier)]) }
+    }
+
+    /// The motion of a shape that meets its end conditions.
+    #[must_use]
+    pub fn of_shape(shape: Solved) -> Self {
+        shape.parts.into_iter().fold(Self::zero(), |sum, (monomial, series)| sum.add(&Self::term(monomial, series)))
     }
 
     /// The sum of two motions.
@@ -137,27 +144,15 @@ pub fn rest_to_rest(order: u32) -> Result<Fourier, ShapeError> {
 /// When the conditions do not determine the coefficients uniquely.
 pub fn shape(harmonics: &[u32], vanishing: &[u32]) -> Result<Fourier, ShapeError> {
     let not_unique = || ShapeError::NotUnique { harmonics: harmonics.len(), conditions: vanishing.len() };
-    let (&first, rest) = harmonics.split_first().ok_or_else(not_unique)?;
-    // d^n/dth^n cos(k th) = +-k^n cos(k th) for even n: at 0 it is +-k^n, at pi it carries (-1)^k besides. The common
-    // sign drops out of the homogeneous conditions.
-    let mut rows: Vec<Vec<Rational>> = Vec::new();
-    for &n in vanishing.iter().filter(|n| **n % 2 == 0) {
-        for end in [1i64, -1] {
-            let entry = |k: u32| {
-                let power = Rational::from_integer(num_bigint::BigInt::from(k).pow(n));
-                if end == -1 && k % 2 == 1 { -power } else { power }
-            };
-            let mut row: Vec<Rational> = rest.iter().map(|&k| entry(k)).collect();
-            row.push(-entry(first));
-            rows.push(row);
-        }
-    }
-    let solution = linear::solve_unique(rows, rest.len()).ok_or_else(not_unique)?;
-    let mut result = Fourier::cos(first as usize, rational::integer(1));
-    for (&k, a) in rest.iter().zip(solution) {
-        result = result.add(&Fourier::cos(k as usize, a));
-    }
-    Ok(result)
+    let zero = |&order: &u32| [End::Start, End::Finish].map(|end| Condition { end, order, value: Polynomial::zero() });
+    let wanted = Shape {
+        cosines: harmonics.iter().copied().collect(),
+        sines: [].into(),
+        end: EndPhase::Pi(rational::integer(1)),
+        conditions: vanishing.iter().filter(|order| **order % 2 == 0).flat_map(zero).collect(),
+        amplitude: Some(Polynomial::one()),
+    };
+    wanted.unique().ok_or_else(not_unique)
 }
 
 #[cfg(test)]

@@ -30,6 +30,8 @@ pub struct Options<'a> {
     pub filters: Option<&'a Filters>,
     /// Whether accumulators can let the past fade.
     pub forgetting: bool,
+    /// Whether every pattern has a function for single strokes.
+    pub strokes: bool,
 }
 
 /// The names of the functions and types of the dynamics, without the prefix: no name of a model may be one of them.
@@ -71,7 +73,7 @@ const DYNAMICS: [&str; 34] = [
 ];
 
 /// The names of the functions and types of a pattern, without the prefix and the pattern's own name.
-const PATTERN: [&str; 21] = [
+const PATTERN: [&str; 22] = [
     "accumulate",
     "accumulate_at",
     "accumulate_hann",
@@ -91,6 +93,7 @@ const PATTERN: [&str; 21] = [
     "reference_from",
     "solve",
     "status",
+    "stroke",
     "transform",
     "workspace",
 ];
@@ -104,6 +107,7 @@ pub(super) struct Context<'a> {
     pub(super) identified: Option<&'a Identified>,
     pub(super) filters: Option<&'a Filters>,
     pub(super) forgetting: bool,
+    pub(super) strokes: bool,
     /// Types, declarations and their documentation.
     pub(super) header: String,
     /// Definitions.
@@ -172,6 +176,7 @@ impl<'a> Context<'a> {
             identified: options.identified,
             filters: options.filters,
             forgetting: options.forgetting,
+            strokes: options.strokes,
             header: String::new(),
             source: String::new(),
         })

@@ -111,6 +111,37 @@ fn reference(context: &mut Context<'_>, index: usize, pattern: &PatternPlan, pla
     let body = statement(1, &format!("{name}(pattern{argument}, pattern->{frequency} * time, motion);"));
     let about = "The reference motion at a time in seconds. Reduce long times to one period, so that the phase keeps its digits.";
     context.function(&context.global(&context.of_pattern(index, "reference")), about, "void", &parameters, &body);
+    if context.strokes {
+        stroke(context, index, pattern);
+    }
+}
+
+/// The function for a single stroke: the phase is held at its ends, where every derivative is zero.
+fn stroke(context: &mut Context<'_>, index: usize, pattern: &PatternPlan) {
+    let scalar = context.scalar;
+    let at = context.global(&context.of_pattern(index, "reference_at"));
+    let argument = context.constants_argument();
+    let frequency = context.names.patterns[index].frequency(pattern).clone();
+    let mut parameters = vec![pattern_parameter(context, index, true)];
+    parameters.extend(context.constants_parameter(true));
+    for name in ["time", "from", "to"] {
+        parameters.push(Parameter::new(format!("{} {name}", scalar.name())));
+    }
+    parameters.push(Parameter::new(format!("{} *motion", context.global("motion"))));
+    let mut body = statement(1, &format!("const {} phase = from + pattern->{frequency} * time;", scalar.name()));
+    body.push_str("    if (phase > from && phase < to) {\n");
+    body.push_str(&statement(2, &format!("{at}(pattern{argument}, phase, motion);")));
+    body.push_str(&statement(2, "return;"));
+    body.push_str("    }\n");
+    body.push_str(&statement(1, &format!("{at}(pattern{argument}, phase > from ? to : from, motion);")));
+    let zero = scalar.literal(0.0);
+    for names in &context.names.coordinates {
+        for order in 1..=names.order {
+            body.push_str(&statement(1, &format!("motion->{}.{} = {zero};", names.field, derivative_name(order))));
+        }
+    }
+    let about = function::stroke(context.estimator, pattern);
+    context.function(&context.global(&context.of_pattern(index, "stroke")), &about, "void", &parameters, &body);
 }
 
 /// `u.cos3` for every row of the table.

@@ -23,6 +23,8 @@ pub struct Options<'a> {
     pub identified: Option<&'a Identified>,
     /// Low passes of the feed-forward.
     pub filters: Option<&'a Filters>,
+    /// Whether every pattern has a function for single strokes.
+    pub strokes: bool,
     /// The text of the model, for the trait of evaluated models to give back; nothing where it need not be carried along.
     pub source: Option<&'a str>,
     /// Whether accumulators can let the past fade.
@@ -38,6 +40,7 @@ impl Default for Options<'_> {
             runtime: "::tpm_runtime",
             identified: None,
             filters: None,
+            strokes: false,
             source: None,
             forgetting: false,
             standalone: false,

@@ -145,6 +145,7 @@ fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &
     let outer = context.constants_handed_on();
     let argument = context.constants_argument();
     let about = doc(&about);
+    let stroke = if context.options.strokes { stroke(context, pattern, names) } else { TokenStream::new() };
     quote! {
         /// The reference motion at a time in seconds. Reduce long times to one period, so that the phase keeps its digits.
         #[must_use]
@@ -164,6 +165,33 @@ fn reference(context: &Context<'_>, plan: &Plan, pattern: &PatternPlan, names: &
         pub fn reference_from(&self, #constants #cos: T, #sin: T) -> Motion<T> {
             #statements
             Motion { #(#coordinates),* }
+        }
+
+        #stroke
+    }
+}
+
+/// The method for a single stroke: the phase is held at its ends, where every derivative is zero.
+fn stroke(context: &Context<'_>, pattern: &PatternPlan, names: &PatternNames) -> TokenStream {
+    let w = names.frequency(pattern);
+    let about = doc(&function::stroke(context.estimator, pattern));
+    let (outer, argument) = (context.constants_handed_on(), context.constants_argument());
+    let derivatives = context.names.coordinates.iter().flat_map(|coordinate| {
+        let field = &coordinate.field;
+        let derivatives = (1..=coordinate.order).map(derivative_field);
+        derivatives.map(move |derivative| quote!(motion.#field.#derivative = T::ZERO;))
+    });
+    quote! {
+        #about
+        #[must_use]
+        pub fn stroke(&self, #outer time: T, from: T, to: T) -> Motion<T> {
+            let phase = from + self.#w * time;
+            if phase > from && phase < to {
+                return self.reference_at(#argument phase);
+            }
+            let mut motion = self.reference_at(#argument if phase > from { to } else { from });
+            #(#derivatives)*
+            motion
         }
     }
 }
@@ -520,7 +548,7 @@ fn accumulator(context: &Context<'_>, table: &TablePlan) -> TokenStream {
                 self.faded = (self.faded + T::from_f64(self.samples as f64)) * share;
                 self.samples = 0;
                 for sum in &mut self.sums {
-                    *sum = *sum * share;
+                    *sum *= share;
                 }
             }
         };

@@ -10,7 +10,7 @@ use crate::language::ast::{
     Declaration, Expr, ExprKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role,
 };
 use crate::language::check::symbols::{Scope, SymbolKind, Symbols};
-use crate::language::function::Function;
+use crate::language::function::{Clause, Function};
 use crate::language::lex::shorten;
 use crate::language::parse::Syntax;
 use crate::language::suggest::nearest;
@@ -259,11 +259,11 @@ impl<'a> Names<'a, '_, '_> {
             arguments.iter().for_each(|argument| self.visit(argument, place, user));
             return;
         };
-        if arguments.len() != function.arity() {
+        if let Some(arity) = function.arity().filter(|&arity| arity != arguments.len()) {
             self.diagnostics.push(
                 Diagnostic::error(
                     span,
-                    format!("`{}` takes {}, here are {}", name.name, counted(function.arity()), arguments.len()),
+                    format!("`{}` takes {}, here are {}", name.name, counted(arity), arguments.len()),
                 )
                 .help(format!("write `{}`", function.usage())),
             );
@@ -308,7 +308,28 @@ impl<'a> Names<'a, '_, '_> {
                 }
                 rest.iter().for_each(|argument| self.visit(argument, place, user));
             }
+            (Function::Shape, [frequency, clauses @ ..]) => {
+                self.visit(frequency, place, user);
+                clauses.iter().for_each(|clause| self.clause(clause, place, user));
+            }
+            (Function::Shape, []) => self.diagnostics.push(
+                Diagnostic::error(span, "a shape begins with its frequency")
+                    .help(format!("write `{}`", function.usage())),
+            ),
             _ => arguments.iter().for_each(|argument| self.visit(argument, place, user)),
+        }
+    }
+
+    /// Visits a clause of a shape.
+    fn clause(&mut self, clause: &'a Expr, place: Place<'a>, user: User<'a>) {
+        match &clause.kind {
+            ExprKind::Call(name, values) if Clause::from_name(&name.name).is_some() => {
+                values.iter().for_each(|value| self.visit(value, place, user));
+            }
+            _ => self.diagnostics.push(
+                Diagnostic::error(clause.span, "this is no clause of `shape`")
+                    .help(format!("behind the frequency stand {}", Clause::list())),
+            ),
         }
     }
 

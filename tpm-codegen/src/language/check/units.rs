@@ -12,7 +12,7 @@ use num_traits::{CheckedAdd, CheckedMul, Zero};
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, ModelDeclaration, Operation, PatternItem, Role};
 use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols, resolve};
-use crate::language::function::Function;
+use crate::language::function::{Clause, Function};
 use crate::language::lex::shorten;
 use crate::language::unit::{Exponent, Unit};
 use crate::source::{Source, Span};
@@ -380,6 +380,9 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
     }
 
     fn call(&mut self, name: &Ident, arguments: &[Expr], span: Span) -> Dimension {
+        if Function::from_name(&name.name) == Some(Function::Shape) {
+            return self.shape(name, arguments);
+        }
         let dimensions: Vec<_> = arguments.iter().map(|argument| self.terms(argument, None)).collect();
         let second = Dimension::of(Unit::second());
         match (Function::from_name(&name.name), arguments, dimensions.as_slice()) {
@@ -424,6 +427,47 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
             }
             _ => Dimension::Unknown,
         }
+    }
+
+    /// The unit of a shape is that of the first value that its clauses give, times the seconds of a derivative.
+    fn shape(&mut self, name: &Ident, arguments: &[Expr]) -> Dimension {
+        let Some((frequency, clauses)) = arguments.split_first() else { return Dimension::Unknown };
+        let dimension = self.terms(frequency, None);
+        self.rate(frequency, &dimension, name);
+        let mut found: Option<Reference> = None;
+        for clause in clauses {
+            let ExprKind::Call(clause, values) = &clause.kind else { continue };
+            let values = match (Clause::from_name(&clause.name), values.as_slice()) {
+                (Some(Clause::Start | Clause::Amplitude), values) => values,
+                (Some(Clause::End), [_, values @ ..]) => values,
+                _ => continue,
+            };
+            for (order, value) in (0_i64..).zip(values).filter(|(_, value)| !value.is_zero()) {
+                let dimension = self.terms(value, None);
+                let second = Dimension::of(Unit::second());
+                match &found {
+                    Some(position) => {
+                        let wanted = self.combine(&position.dimension, &second, -order, value.span);
+                        let what = match order {
+                            0 => position.what.clone(),
+                            _ => format!("derivative {order} of {}", position.what),
+                        };
+                        self.compare(
+                            value.span,
+                            &dimension,
+                            &Reference { dimension: wanted, span: position.span, what },
+                        );
+                    }
+                    None if dimension != Dimension::Unknown => {
+                        let dimension = self.combine(&dimension, &second, order, value.span);
+                        let what = format!("`{}`", shorten(self.source.slice(value.span)));
+                        found = Some(Reference { dimension, span: value.span, what });
+                    }
+                    None => {}
+                }
+            }
+        }
+        found.map_or(Dimension::Unknown, |found| found.dimension)
     }
 
     fn rate(&mut self, expr: &Expr, dimension: &Dimension, function: &Ident) {

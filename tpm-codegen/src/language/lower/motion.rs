@@ -3,19 +3,20 @@
 //! Invariant: a motion is a finite Fourier series in w t with rational coefficients times products of amplitudes and constants.
 //! What is not one is an error at its place, never an approximation.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 
 use num_traits::{One, ToPrimitive, Zero};
 use tpm_symbolic::algebra::fourier::Fourier;
-use tpm_symbolic::algebra::polynomial::Monomial;
+use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
 use tpm_symbolic::expr::graph::Symbol;
 use tpm_symbolic::mechanics::pattern::{self, Motion};
-use tpm_symbolic::number::rational::Rational;
+use tpm_symbolic::mechanics::shape::{self, Condition, ConditionError, End, EndPhase, Shape};
+use tpm_symbolic::number::rational::{self, Rational};
 
 use super::expression::{self, Lower};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{Expr, ExprKind, Operation, Sign};
-use crate::language::function::Function;
+use crate::language::function::{Clause, Function};
 use crate::source::Span;
 
 /// Highest harmonic of a motion: no controller plays more, and a series is stored densely.
@@ -77,13 +78,13 @@ impl Scope<'_> {
                 (Some(Function::Cos), [argument]) => self.harmonic(argument, false),
                 (Some(Function::Sin), [argument]) => self.harmonic(argument, true),
                 (Some(Function::RestToRest), [amplitude, frequency, order]) => {
-                    let shape = self.shape(frequency, order)?;
+                    let shape = self.rest_to_rest(frequency, order)?;
                     let amplitude = self.steady(amplitude)?;
                     Ok(amplitude.mul(&Motion::term(Monomial::one(), shape)))
                 }
                 (Some(Function::PointToPoint), [from, to, frequency, order]) => {
                     // Feng, Eqn 2.20: the shape scaled so that it runs from x0 at the phase 0 to x1 at the phase pi.
-                    let shape = self.shape(frequency, order)?;
+                    let shape = self.rest_to_rest(frequency, order)?;
                     let unit = shape.scale(&shape.at_zero().recip());
                     let (from, to) = (self.steady(from)?, self.steady(to)?);
                     let half = constant(Rational::new(1.into(), 2.into()));
@@ -91,8 +92,9 @@ impl Scope<'_> {
                     let travel = from.add(&to.mul(&constant(-Rational::one()))).mul(&half);
                     Ok(centre.add(&travel.mul(&Motion::term(Monomial::one(), unit))))
                 }
+                (Some(Function::Shape), [frequency, clauses @ ..]) => self.end_conditions(frequency, clauses, expr.span),
                 _ => Err(Diagnostic::error(expr.span, format!("`{}` does not make a finite Fourier series", function.name))
-                    .help("a motion is made of sines and cosines of multiples of `w*t`, and of `rest_to_rest` and `point_to_point`")),
+                    .help("a motion is made of sines and cosines of multiples of `w*t`, and of `rest_to_rest`, `point_to_point` and `shape`")),
             },
         }
     }
@@ -194,11 +196,10 @@ impl Scope<'_> {
         })
     }
 
-    /// The rest-to-rest shape of an order, on an integer multiple of the fundamental.
-    fn shape(&self, frequency: &Expr, order: &Expr) -> Lower<Fourier> {
+    /// The integer multiple of the fundamental that a motion plays at.
+    fn multiple(&self, frequency: &Expr) -> Lower<usize> {
         let w = self.frequency.as_deref().unwrap_or("w");
-        let multiple = self
-            .phase(frequency)?
+        self.phase(frequency)?
             .filter(|phase| {
                 (phase.frequency, phase.time) == (1, 0) && phase.factor.is_integer() && phase.factor > Rational::zero()
             })
@@ -209,7 +210,12 @@ impl Scope<'_> {
                     format!("the frequency of a motion is a positive integer multiple of `{w}`"),
                 )
                 .help(format!("write `{w}` or, for example, `3*{w}`"))
-            })?;
+            })
+    }
+
+    /// The rest-to-rest shape of an order, on an integer multiple of the fundamental.
+    fn rest_to_rest(&self, frequency: &Expr, order: &Expr) -> Lower<Fourier> {
+        let multiple = self.multiple(frequency)?;
         let order_value = order.integer().unwrap_or_default();
         let shape = pattern::rest_to_rest(order_value).map_err(|error| {
             Diagnostic::error(order.span, error.to_string()).help("choose an odd order, 3, 5, 7, ...")
@@ -220,6 +226,143 @@ impl Scope<'_> {
         Ok(shape.with_multiple(multiple))
     }
 
+    /// `shape(w, ...)`: the series that meets the end conditions of the clauses (Feng, Eqns 2.1 to 2.9).
+    fn end_conditions(&self, frequency: &Expr, clauses: &[Expr], span: Span) -> Lower<Motion> {
+        let multiple = self.multiple(frequency)?;
+        let mut shape = Shape {
+            cosines: BTreeSet::new(),
+            sines: BTreeSet::new(),
+            end: EndPhase::Pi(Rational::one()),
+            conditions: Vec::new(),
+            amplitude: None,
+        };
+        let (mut rest, mut chosen, mut phase) = (0, false, None);
+        for clause in clauses {
+            let ExprKind::Call(name, values) = &clause.kind else { continue };
+            let kind = Clause::from_name(&name.name);
+            match (kind, values.as_slice()) {
+                (Some(Clause::Start), values) => {
+                    shape.conditions.extend(self.values_at(End::Start, values, multiple)?)
+                }
+                (Some(Clause::End), [at, values @ ..]) => {
+                    shape.end = self.end_phase(at)?;
+                    phase = Some(at.span);
+                    shape.conditions.extend(self.values_at(End::Finish, values, multiple)?);
+                }
+                (Some(Clause::Rest), [order]) => rest = self.whole(order, "the number of derivatives that vanish")?,
+                (Some(Clause::Amplitude), [value]) => shape.amplitude = Some(steady_value(&self.steady(value)?)),
+                (Some(Clause::Harmonics | Clause::Cosines | Clause::Sines), values) => {
+                    chosen = true;
+                    for value in values {
+                        let harmonic = self.whole(value, "a harmonic")?;
+                        if kind != Some(Clause::Sines) {
+                            shape.cosines.insert(harmonic);
+                        }
+                        if kind != Some(Clause::Cosines) {
+                            shape.sines.insert(harmonic);
+                        }
+                    }
+                }
+                _ => {
+                    return Err(Diagnostic::error(clause.span, format!("`{}` does not take these values", name.name))
+                        .help("write `start(x0, v0)`, `end(pi, x1, v1)`, `rest(3)`, `amplitude(lambda)`, `harmonics(1, 3)`"));
+                }
+            }
+        }
+        for order in 1..=rest.min(shape::MAX_DERIVATIVE + 1) {
+            for end in [End::Start, End::Finish] {
+                if !shape.conditions.iter().any(|given| (given.end, given.order) == (end, order)) {
+                    shape.conditions.push(Condition { end, order, value: Polynomial::zero() });
+                }
+            }
+        }
+        // Positions first, then velocities, so that a contradiction names the highest derivative.
+        shape.conditions.sort_by_key(|condition| (condition.order, condition.end));
+        let solved = if chosen { shape.solve() } else { shape.solve_lowest() };
+        let motion = Motion::of_shape(solved.map_err(|error| unsolved(&error, &shape.end, phase, span))?);
+        if motion.highest_harmonic().checked_mul(multiple).is_none_or(|highest| highest > HIGHEST_HARMONIC) {
+            return Err(too_high(frequency.span));
+        }
+        let parts = motion.terms().map(|(factor, series)| Motion::term(factor.clone(), series.with_multiple(multiple)));
+        Ok(parts.fold(Motion::zero(), |sum, part| sum.add(&part)))
+    }
+
+    /// Position and derivatives with respect to time at an end, as derivatives with respect to the phase of the shape.
+    fn values_at(&self, end: End, values: &[Expr], multiple: usize) -> Lower<Vec<Condition>> {
+        let symbol = self.frequency.as_ref().and_then(|name| self.symbols.get(name));
+        let mut conditions = Vec::new();
+        for (order, value) in (0_u32..).zip(values) {
+            let given = steady_value(&self.steady(value)?);
+            // d/dt = multiple * w * d/dphase.
+            let factor = Rational::from_integer(multiple.into()).pow(-(order as i32));
+            let power = symbol.map_or_else(Monomial::one, |&w| Monomial::power_of(w, 1).pow(-(order as i32)));
+            conditions.push(Condition { end, order, value: given.mul_monomial(&power).scale(&factor) });
+        }
+        Ok(conditions)
+    }
+
+    /// A non-negative whole number.
+    fn whole(&self, expr: &Expr, what: &str) -> Lower<u32> {
+        let value = expression::exact(expr, &self.values)?;
+        let whole = value.is_integer().then(|| value.to_integer().to_u32()).flatten();
+        whole.ok_or_else(|| {
+            Diagnostic::error(expr.span, format!("{what} is a whole number")).help("write, for example, `3`")
+        })
+    }
+
+    /// The phase at which a motion ends: a multiple of pi, or an angle whose half has a rational tangent.
+    fn end_phase(&self, expr: &Expr) -> Lower<EndPhase> {
+        if let Some(multiple) = self.multiple_of_pi(expr)? {
+            if multiple <= Rational::zero() {
+                return Err(Diagnostic::error(expr.span, "a motion ends at a positive phase")
+                    .help("it begins at the phase 0; write, for example, `pi`"));
+            }
+            return Ok(EndPhase::Pi(multiple));
+        }
+        if let ExprKind::Product(factors) = &expr.kind
+            && let [(_, two), (Operation::Times, call)] = factors.as_slice()
+            && two.integer() == Some(2)
+            && let ExprKind::Call(name, arguments) = &call.kind
+            && let (Some(Function::Atan2), [y, x]) = (Function::from_name(&name.name), arguments.as_slice())
+        {
+            let (y, x) = (expression::exact(y, &self.values)?, expression::exact(x, &self.values)?);
+            if y <= Rational::zero() {
+                return Err(Diagnostic::error(expr.span, "a motion ends at a phase between 0 and 2 pi")
+                    .help("the first argument of this `atan2` must be positive"));
+            }
+            return Ok(if x.is_zero() { EndPhase::Pi(Rational::one()) } else { EndPhase::HalfTangent(y / x) });
+        }
+        let angle = expression::exact(expr, &self.values).ok().map(|value| rational::to_f64(&value));
+        Err(Diagnostic::error(expr.span, "this is no phase at which a motion ends").help(end_phases(angle)))
+    }
+
+    /// The factor of pi in `pi`, `pi/2`, `3/4*pi`; `None` for another expression.
+    fn multiple_of_pi(&self, expr: &Expr) -> Lower<Option<Rational>> {
+        match &expr.kind {
+            ExprKind::Name(name) if name == "pi" => Ok(Some(Rational::one())),
+            ExprKind::Negative(inner) => Ok(self.multiple_of_pi(inner)?.map(|multiple| -multiple)),
+            ExprKind::Product(factors) => {
+                let is_pi = |(operation, factor): &(Operation, Expr)| {
+                    *operation == Operation::Times && matches!(&factor.kind, ExprKind::Name(name) if name == "pi")
+                };
+                let Some(at) = factors.iter().position(is_pi) else { return Ok(None) };
+                let mut product = Rational::one();
+                for (_, (operation, factor)) in factors.iter().enumerate().filter(|(i, _)| *i != at) {
+                    let value = expression::exact(factor, &self.values)?;
+                    if *operation == Operation::Times {
+                        product *= value;
+                    } else if value.is_zero() {
+                        return Err(Diagnostic::error(factor.span, "a division by zero").help("this divisor is 0"));
+                    } else {
+                        product /= value;
+                    }
+                }
+                Ok(Some(product))
+            }
+            _ => Ok(None),
+        }
+    }
+
     /// A motion that is constant in time, such as an amplitude.
     fn steady(&self, expr: &Expr) -> Lower<Motion> {
         let motion = self.motion(expr)?;
@@ -228,6 +371,39 @@ impl Scope<'_> {
                 .help("give an amplitude, a constant or a number"));
         }
         Ok(motion)
+    }
+}
+
+/// The value of a motion that is constant in time.
+fn steady_value(motion: &Motion) -> Polynomial<Symbol> {
+    motion.terms().map(|(monomial, series)| (monomial.clone(), series.cos_coefficient(0))).collect()
+}
+
+/// Which phases a motion may end at, with one next to `angle` (rad) where one is wanted.
+fn end_phases(angle: Option<f64>) -> String {
+    let rule = "write a multiple of pi, such as `pi` or `pi/2`, or `2*atan2(p, q)` with rational p and q";
+    match angle.and_then(|angle| EndPhase::next_to(angle).map(|next| (angle, next))) {
+        Some((angle, next)) => format!("{rule}; `{next}`, which is {:.4}, lies next to {angle:.4}", next.radians()),
+        None => rule.to_owned(),
+    }
+}
+
+/// What is wrong with the end conditions of a shape, at its place.
+fn unsolved(error: &ConditionError, end: &EndPhase, phase: Option<Span>, span: Span) -> Diagnostic {
+    match error {
+        ConditionError::Irrational { .. } => {
+            Diagnostic::error(phase.unwrap_or(span), error.to_string()).help(end_phases(Some(end.radians())))
+        }
+        ConditionError::Impossible { least: Some(least), .. } => Diagnostic::error(span, error.to_string())
+            .help(format!("add harmonics up to {}, or leave the clauses of harmonics out", least.highest)),
+        ConditionError::Impossible { least: None, .. } => Diagnostic::error(span, error.to_string())
+            .help("leave this condition out, or choose another end phase; a whole period ends where it began"),
+        ConditionError::NoCosine => Diagnostic::error(span, error.to_string())
+            .help("add `cosines(1)`, or give positions in place of the amplitude"),
+        ConditionError::NoMotion => {
+            Diagnostic::error(span, error.to_string()).help("give a position, a velocity or `amplitude(...)`")
+        }
+        _ => Diagnostic::error(span, error.to_string()).help("choose lower numbers"),
     }
 }
 

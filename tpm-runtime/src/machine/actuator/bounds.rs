@@ -126,7 +126,7 @@ mod tests {
             name: None,
             amplitudes: vec!["lambda".into()],
             frequency: "w".into(),
-            coordinates: vec![vec![Part { powers: vec![(0, 1)], series }]],
+            coordinates: vec![vec![Part { powers: vec![(0, 1)], frequency_power: 0, series }]],
             others: vec![],
         }
     }

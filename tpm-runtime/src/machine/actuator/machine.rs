@@ -158,6 +158,18 @@ impl MotorizedMachine {
         Demand::new(&self.model, &self.parameters, &self.constants, &self.driven)
     }
 
+    /// The highest derivative of a coordinate that an input depends on. It is the order of the rows where no coordinate is
+    /// reconstructed from derivatives of others.
+    #[must_use]
+    pub fn highest_derivative(&self) -> usize {
+        let leaves = self.reconstructed.iter().flat_map(|(_, expr)| self.graph.leaves(*expr));
+        let orders = leaves.filter_map(|leaf| match self.graph.node(leaf) {
+            Node::Derivative(_, order) => Some(*order as usize),
+            _ => None,
+        });
+        self.model.dims().order + orders.max().unwrap_or(0)
+    }
+
     /// The motion of all coordinates for amplitudes in the order of the pattern and a frequency (rad/s).
     #[must_use]
     pub fn trajectory(&self, amplitudes: &[f64], frequency: f64) -> Trajectory {
