@@ -8,7 +8,7 @@
 //! repeat until the update no longer changes anything (or the tracking error's harmonics are small enough), then grow.
 
 use crate::campaign::settling::settled_from;
-use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
+use crate::estimate::{Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
 use crate::machine::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
 use crate::machine::stability::natural_modes;
 use crate::numerics::fourier::analyse;
@@ -382,7 +382,7 @@ impl<'m> Campaign<'m> {
     ///
     /// # Errors
     /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
-    /// computed.
+    /// computed, [`CampaignError::Estimate`] when the estimator has no meaning for the model.
     pub fn new(model: &'m dyn Model<f64>, setup: Setup) -> Result<Self, CampaignError> {
         let estimator = setup.method.estimator(&setup.estimation);
         Self::with_estimator(model, setup, estimator)
@@ -392,7 +392,7 @@ impl<'m> Campaign<'m> {
     ///
     /// # Errors
     /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
-    /// computed.
+    /// computed, [`CampaignError::Estimate`] when the estimator has no meaning for the model.
     pub fn with_estimator(
         model: &'m dyn Model<f64>,
         setup: Setup,
@@ -426,6 +426,11 @@ impl<'m> Campaign<'m> {
             stop: None,
         };
         campaign.prepare()?;
+        if let Some(first) = &campaign.pending {
+            let runs = campaign.setup.procedure.max_runs;
+            let checked = campaign.estimator.check(model, first, runs);
+            checked.map_err(|source| CampaignError::Estimate { run: 1, source })?;
+        }
         Ok(campaign)
     }
 
@@ -508,6 +513,7 @@ impl<'m> Campaign<'m> {
         if record.ending != Ending::Complete {
             self.aborts += 1;
             self.scale *= self.setup.procedure.back_off;
+            self.estimator.take_back();
             if self.aborts > self.setup.procedure.max_aborts {
                 self.outcome = Some(Outcome::Aborted);
             }
@@ -660,7 +666,7 @@ impl<'m> Campaign<'m> {
             amplitudes,
             periods: settle + measured,
             control: &self.setup.control.scaled(stage.gain),
-            parameters: &self.estimator.play(&self.current),
+            parameters: &[],
             constants: &self.setup.constants,
             tracking_bounds: &procedure.tracking_bounds,
             input_limits: &procedure.input_limits,
@@ -668,7 +674,14 @@ impl<'m> Campaign<'m> {
             velocity_bounds: &procedure.velocity_bounds,
         };
         let run = self.reports.len() + 1;
-        let trial = Trial::new(self.model, settings).map_err(|source| CampaignError::Trial { run, source })?;
+        let trial = loop {
+            let parameters = self.estimator.play(&self.current);
+            match Trial::new(self.model, TrialSettings { parameters: &parameters, ..settings.clone() }) {
+                // An update may go so far that the open coordinates have no periodic motion.
+                Err(TrialError::Open { .. }) if self.estimator.take_back() => {}
+                trial => break trial.map_err(|source| CampaignError::Trial { run, source })?,
+            }
+        };
         let share = procedure.effort_share;
         let planned = if self.estimate.is_some() {
             let motor = self.motor_plan(&trial).map_err(|source| CampaignError::Trial { run, source })?;
@@ -769,12 +782,22 @@ impl<'m> Campaign<'m> {
         if self.estimate.is_none() {
             return false;
         }
+        // A change within deviations that are not those of noise is no sign that the next change is none.
+        let last = self.estimator.is_final();
+        let insignificant = if last { INSIGNIFICANT } else { 0.0 };
+        let shown = |shown: &Combination| {
+            let before: f64 = shown.weights.iter().zip(&self.current).map(|(weight, value)| weight * value).sum();
+            (shown.value - before).abs() <= self.setup.procedure.tolerance * shown.value.abs()
+        };
+        if !last && !estimate.combinations().iter().all(shown) {
+            return false;
+        }
         estimate.values.iter().zip(&self.current).zip(estimate.std.iter().zip(&estimate.status)).all(
             |((now, before), (std, status))| {
                 let change = (now - before).abs();
                 *status == Status::Unobservable
                     || change <= self.setup.procedure.tolerance * now.abs()
-                    || change <= INSIGNIFICANT * std
+                    || change <= insignificant * std
             },
         )
     }
