@@ -4,5 +4,6 @@
 pub mod by_hand;
 pub mod catalogue;
 pub mod chain;
+pub mod estimators;
 pub mod honesty;
 pub mod workloads;

@@ -96,6 +96,15 @@ fn describe_updates(found: &Updates) -> String {
         table.row(&row);
     }
     text.push_str(&table.finish());
+    let mut said = Vec::new();
+    for convergence in &found.estimators {
+        if let Some(reason) = convergence.reason.as_ref().map(|reason| format!("{}: {reason}", convergence.estimator))
+            && !said.contains(&reason)
+        {
+            text.push_str(&format!("\n{reason}\n"));
+            said.push(reason);
+        }
+    }
     text
 }
 

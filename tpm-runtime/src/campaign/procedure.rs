@@ -9,7 +9,7 @@
 
 use crate::campaign::modes::{NearMode, near_mode};
 use crate::campaign::settling::settled_from;
-use crate::estimate::{Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
+use crate::estimate::{Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
 use crate::machine::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
 use crate::numerics::fourier::analyse;
 use crate::run::held;
@@ -404,7 +404,7 @@ impl<'m> Campaign<'m> {
     ///
     /// # Errors
     /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
-    /// computed.
+    /// computed, [`CampaignError::Estimate`] when the estimator has no meaning for the model.
     pub fn new(model: &'m dyn Model<f64>, setup: Setup) -> Result<Self, CampaignError> {
         let estimator = setup.method.estimator(&setup.estimation);
         Self::with_estimator(model, setup, estimator)
@@ -414,7 +414,7 @@ impl<'m> Campaign<'m> {
     ///
     /// # Errors
     /// [`CampaignError::NoStage`] when the schedule is empty, [`CampaignError::Trial`] when the first trial cannot be
-    /// computed.
+    /// computed, [`CampaignError::Estimate`] when the estimator has no meaning for the model.
     pub fn with_estimator(
         model: &'m dyn Model<f64>,
         setup: Setup,
@@ -448,6 +448,11 @@ impl<'m> Campaign<'m> {
             stop: None,
         };
         campaign.prepare()?;
+        if let Some(first) = &campaign.pending {
+            let runs = campaign.setup.procedure.max_runs;
+            let checked = campaign.estimator.check(model, first, runs);
+            checked.map_err(|source| CampaignError::Estimate { run: 1, source })?;
+        }
         Ok(campaign)
     }
 
@@ -537,6 +542,7 @@ impl<'m> Campaign<'m> {
         if record.ending != Ending::Complete {
             self.aborts += 1;
             self.scale *= self.setup.procedure.back_off;
+            self.estimator.take_back();
             if self.aborts > self.setup.procedure.max_aborts {
                 self.outcome = Some(Outcome::Aborted);
             }
@@ -704,7 +710,13 @@ impl<'m> Campaign<'m> {
     }
 
     fn prepare(&mut self) -> Result<(), CampaignError> {
-        let mut trial = self.trial(1.0)?;
+        let mut trial = loop {
+            match self.trial(1.0) {
+                // An update may go so far that the open coordinates have no periodic motion.
+                Err(CampaignError::Trial { source: TrialError::Open { .. }, .. }) if self.estimator.take_back() => {}
+                trial => break trial?,
+            }
+        };
         if self.setup.procedure.avoid_modes && near_mode(self.model, &trial).is_some() {
             let moved = DETOURS.iter().filter_map(|factor| self.trial(*factor).ok());
             trial = moved.into_iter().find(|moved| near_mode(self.model, moved).is_none()).unwrap_or(trial);
@@ -811,12 +823,22 @@ impl<'m> Campaign<'m> {
         if self.estimate.is_none() {
             return false;
         }
+        // A change within deviations that are not those of noise is no sign that the next change is none.
+        let last = self.estimator.is_final();
+        let insignificant = if last { INSIGNIFICANT } else { 0.0 };
+        let shown = |shown: &Combination| {
+            let before: f64 = shown.weights.iter().zip(&self.current).map(|(weight, value)| weight * value).sum();
+            (shown.value - before).abs() <= self.setup.procedure.tolerance * shown.value.abs()
+        };
+        if !last && !estimate.combinations().iter().all(shown) {
+            return false;
+        }
         estimate.values.iter().zip(&self.current).zip(estimate.std.iter().zip(&estimate.status)).all(
             |((now, before), (std, status))| {
                 let change = (now - before).abs();
                 *status == Status::Unobservable
                     || change <= self.setup.procedure.tolerance * now.abs()
-                    || change <= INSIGNIFICANT * std
+                    || change <= insignificant * std
             },
         )
     }

@@ -76,6 +76,22 @@ impl Along {
         }
     }
 
+    /// Lines 0 to `harmonics` of the rows along a motion.
+    ///
+    /// # Errors
+    /// [`EstimateError::Model`] when the model refuses an evaluation, [`EstimateError::NotFinite`] when a term is not finite.
+    pub(super) fn lines(
+        model: &dyn Model<f64>,
+        constants: &[f64],
+        trajectory: &Trajectory,
+        harmonics: usize,
+    ) -> Result<RowLines, EstimateError> {
+        let least = (8 * (harmonics + 1)).max(8 * trajectory.highest_harmonic() as usize);
+        let points = least.next_power_of_two().clamp(GRID.0, GRID.1);
+        let (regressors, known) = Sampled::new(model, constants, trajectory, points)?.lines(model.dims(), 1, harmonics);
+        Ok(RowLines { regressors, known })
+    }
+
     /// What the reference alone shows of the parameters in `free`: every harmonic of every row with the same weight.
     ///
     /// # Errors

@@ -8,6 +8,7 @@ use crate::estimate::error::EstimateError;
 use crate::estimate::information::Information;
 use crate::estimate::run::reach;
 use crate::estimate::settings::Settings;
+use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
 use std::vec;
 use std::vec::Vec;
@@ -37,6 +38,20 @@ impl Designs {
         let free = settings.free(self.parameters)?;
         self.runs.push(Along::design(model, constants, motion, reach(motion).max(1), &free.indices)?);
         Ok(())
+    }
+
+    /// Adds the reference of a trial, and gives the settings with the directions that no reference shows so far.
+    ///
+    /// # Errors
+    /// Those of [`push`](Self::push).
+    pub(super) fn take(
+        &mut self,
+        model: &dyn Model<f64>,
+        trial: &Trial,
+        settings: &Settings,
+    ) -> Result<Settings, EstimateError> {
+        self.push(model, &trial.constants, &trial.trajectory, settings)?;
+        self.hidden(settings, |_| true)
     }
 
     /// Number of references.

@@ -113,12 +113,12 @@ impl Equations {
         if self.harmonic[equation] == 0 { 1.0 / variance } else { 2.0 / variance }
     }
 
-    /// The real equations that determine the parameters best, as many as there are parameters: real or imaginary parts of rows,
-    /// each as a row of harmonic 0.
+    /// The `count` real equations that determine the parameters best: real or imaginary parts of rows, each as a row of
+    /// harmonic 0.
     ///
     /// A QR decomposition of the weighted, scaled and transposed matrix picks them by its pivots (after Feng, Eqn 3.29).
     #[must_use]
-    pub(super) fn reduced(&self) -> Self {
+    pub(super) fn reduced(&self, count: usize) -> Self {
         let all: Vec<usize> = (0..self.parameters).collect();
         let (matrix, _) = unit_columns(self.weighted(&all, &[]).remove_column(self.parameters));
         // The complex row of every real equation, and whether it is the imaginary part.
@@ -130,7 +130,7 @@ impl Equations {
         matrix.transpose().col_piv_qr().p().permute_columns(&mut order);
         let parts: Vec<(usize, bool)> = parts.collect();
         let mut reduced = Equations::new(self.parameters);
-        for &at in order.iter().take(self.parameters) {
+        for &at in order.iter().take(count) {
             let (e, imaginary) = parts[at];
             let part = |z: &Complex<f64>| Complex::new(if imaginary { z.im } else { z.re }, 0.0);
             let regressor: Vec<Complex<f64>> = self.regressor(e).iter().map(part).collect();

@@ -1,6 +1,7 @@
 //! Why there is no estimate.
 
 use std::string::String;
+use std::vec::Vec;
 use tpm_core::model::EvalError;
 
 /// Why an estimator gave no estimate.
@@ -39,4 +40,34 @@ pub enum EstimateError {
     /// Every parameter is frozen.
     #[error("all parameters are frozen; there is nothing to identify")]
     AllFrozen,
+    /// `effort` does not apply to a model with rows without an input.
+    #[error(
+        "`effort` compares the feedback's effort with the equations along the reference, and no input acts in {}: no effort shows the parameters there; `measured-motion`, `error` and `hill` use the motion as well",
+        .rows.join(", ")
+    )]
+    NoEffort {
+        /// Names of the rows.
+        rows: Vec<String>,
+    },
+    /// The first estimates give open coordinates no reference.
+    #[error(
+        "`{estimator}` compares the motion with its reference, and with these estimates the reference of {} rests; state estimates for the parameters of the equations without an input, or use `measured-motion`",
+        .coordinates.join(", ")
+    )]
+    NoReference {
+        /// Name of the estimator.
+        estimator: &'static str,
+        /// Names of the coordinates.
+        coordinates: Vec<String>,
+    },
+    /// There are fewer runs than `numerical` needs for its matrix.
+    #[error(
+        "`numerical` needs {needed} runs for its matrix, one to compare with and one for every independent parameter; the campaign has {given}"
+    )]
+    FewRuns {
+        /// Runs that are needed.
+        needed: usize,
+        /// Most runs of the campaign.
+        given: usize,
+    },
 }

@@ -8,6 +8,7 @@ use crate::estimate::consistency::LeftOut;
 use crate::estimate::error::EstimateError;
 use crate::estimate::result::Estimate;
 use crate::estimate::run::Run;
+use crate::run::Trial;
 use std::string::String;
 use std::vec::Vec;
 use tpm_core::model::Model;
@@ -17,9 +18,29 @@ pub trait Estimator: Send {
     /// The name in experiment files and reports.
     fn name(&self) -> &'static str;
 
+    /// Checks that the estimator has a meaning for a campaign that begins with a trial and has at most so many runs.
+    ///
+    /// # Errors
+    /// [`EstimateError`] that says why it has none.
+    fn check(&self, _model: &dyn Model<f64>, _first: &Trial, _runs: usize) -> Result<(), EstimateError> {
+        Ok(())
+    }
+
     /// The parameters that the next run's feed-forward uses, given the present estimates.
     fn play(&self, current: &[f64]) -> Vec<f64> {
         current.to_vec()
+    }
+
+    /// Called when the run with the parameters of [`play`](Self::play) could not be played whole: the next one goes less far from the last run
+    /// that could. Says whether it does.
+    fn take_back(&mut self) -> bool {
+        false
+    }
+
+    /// Whether the last estimate is one to end with: the next run goes all the way to it, and its deviations are those of noise. An
+    /// estimate whose deviations are those of a linearisation gets better by another run.
+    fn is_final(&self) -> bool {
+        true
     }
 
     /// Reduces a run to harmonics, with the noise in the equations that are formed of them.

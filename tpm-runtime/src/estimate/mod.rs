@@ -7,13 +7,15 @@
 //! What estimators share stands below them, and imports run one way, from right to left:
 //!
 //! ```text
-//! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- pool, consistency <- estimators <- method
+//! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- stack, damping, applies, consistency <- estimators <- method
 //! ```
 
 mod along;
+mod applies;
 mod bound;
 mod combination;
 mod consistency;
+mod damping;
 mod designs;
 #[cfg(feature = "interpret")]
 mod eliminated;
@@ -31,12 +33,12 @@ mod numerical;
 mod output_error;
 #[cfg(feature = "interpret")]
 pub mod physical;
-mod pool;
 mod prior;
 mod result;
 mod run;
 mod select;
 mod settings;
+mod stack;
 mod table;
 #[cfg(feature = "interpret")]
 mod tabulated;

@@ -1,32 +1,55 @@
 //! `numerical`: the matrix of the tracking error's harmonics from runs with one parameter changed at a time (Feng, Eqn 3.28).
 //!
 //! To first order `E = M (theta' - theta)`, theta' being the parameters of the feed-forward. A base run and one run per parameter give M
-//! by differences. On request M is used as in Feng's chapters 3 and 5: entries that are zero in the exact table are
-//! cleared, only as many equations as parameters are kept (Eqn 3.29), and once M is known every run is an update, and M is
-//! corrected by the change of the error since the run before (secant). Invariant: M belongs to one reference; another
-//! reference begins anew.
+//! by differences; parameters whose columns follow from the others, because no reference shows a combination, need no run. On request M
+//! is used as in Feng's chapters 3 and 5: entries that are zero in the exact table are cleared, only as many equations as unknowns are
+//! kept (Eqn 3.29), and once M is known every run is an update, and M is corrected by the change of the error since the run before
+//! (secant). Invariant: M belongs to one reference; another reference begins anew.
+//!
+//! M is measured, so that its own noise counts in every equation: that of a column as often as the update is longer than the step behind
+//! the column. What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update.
 
 use crate::estimate::along::Along;
+use crate::estimate::applies::{check_reference, check_runs};
+use crate::estimate::damping::Damping;
 use crate::estimate::designs::Designs;
 use crate::estimate::equations::Equations;
 use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
+use crate::estimate::first_order::fed_back;
+use crate::estimate::information::reduced;
 use crate::estimate::noise::ROUNDING;
-use crate::estimate::pool::{Pools, pool_run};
 use crate::estimate::result::Estimate;
 use crate::estimate::run::{Run, error_lines};
 use crate::estimate::settings::{NumericalSettings, Settings};
+use crate::estimate::stack::solve;
 use crate::estimate::table::LineTable;
+use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
 use std::sync::Arc;
+use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// Change of a parameter in a perturbed run, as a share of its value, or of the value at which it makes the whole force.
+/// Largest change of a parameter in a perturbed run, as a share of its value, or of the value at which it makes the whole force.
 const PERTURBATION: f64 = 0.5;
+/// A perturbed run is to change the error by this many times its noise, if the largest change allows.
+const ABOVE_NOISE: f64 = 30.0;
+/// A perturbed run is to change the error by this share of it, so that the difference is a derivative.
+const SMALL: f64 = 0.1;
+/// A matrix holds about a run when secants have carried that run no farther than this, in steps.
+const NEAR: f64 = 2.0;
+/// A secant is worth a run if it divides the power of the error by this much; otherwise the matrix is measured anew.
+const WORTH: f64 = 4.0;
 /// An entry of B Lambda below this share of its column's largest is rounding of zero.
 const ZERO: f64 = 1e-9;
+/// What a prediction misses is no noise when its power is this many times that of the noise.
+const CERTAIN: f64 = 9.0;
+/// Most times that the equations are weighted anew at their own solution.
+const MOST_WEIGHTINGS: usize = 8;
+/// The weights have settled when no parameter moves by more than this share of its deviation.
+const SETTLED: f64 = 0.01;
 
 /// Phasors per coordinate and harmonic.
 type Lines = Vec<Vec<Complex<f64>>>;
@@ -37,26 +60,48 @@ pub(super) struct Numerical {
     settings: Settings,
     designs: Designs,
     table: Option<Arc<dyn LineTable>>,
-    pools: Pools,
-    /// The equations of the last update, when the last run made one, and the parameters behind them.
-    ready: Option<(Equations, Vec<f64>)>,
+    /// What every update so far knew.
+    updates: Vec<Measured>,
+    /// Whether the last run made an update.
+    ready: bool,
     base: Option<Base>,
-    /// Per parameter so far: change of every coordinate's error lines per change of the parameter.
+    /// Per perturbed parameter so far: change of every coordinate's error lines per change of the parameter.
     columns: Vec<Lines>,
     /// Whether M is whole, so that every further run corrects it.
     known: bool,
+    damping: Damping,
     harmonics: usize,
 }
 
 /// The run with which perturbed runs are compared.
+#[derive(Clone)]
 struct Base {
     reference: Trajectory,
     parameters: Vec<f64>,
     error: Lines,
     variance: Vec<Vec<f64>>,
+    /// Change of every parameter in a perturbed run.
     steps: Vec<f64>,
+    /// The parameters that are perturbed.
+    perturbed: Vec<usize>,
+    /// How far secants have carried the base from where M was measured, in steps of the perturbed parameters.
+    moved: Vec<f64>,
+    /// The other parameters that are free: each with a direction that no reference shows, in which its own component is one.
+    dependent: Vec<(usize, Vec<f64>)>,
     /// Entries that are zero in the exact table, per parameter and harmonic.
     zero: Vec<Vec<bool>>,
+}
+
+/// A matrix with the run that it was applied to.
+struct Measured {
+    /// Whether the matrix was measured about the run, and not carried there by secants.
+    fresh: bool,
+    /// Error of the linearisation in a line, as a variance for an update of length one in steps; nothing before another run on the
+    /// reference has shown it.
+    curvature: Option<f64>,
+    /// Per parameter.
+    matrix: Vec<Lines>,
+    base: Base,
 }
 
 impl Base {
@@ -66,29 +111,53 @@ impl Base {
         error: Lines,
         highest: usize,
         table: Option<&dyn LineTable>,
+        settings: &Settings,
     ) -> Result<Self, EstimateError> {
         let dims = model.dims();
         let along = Along::of_trial(model, run.trial, highest, table)?;
         let power = |lines: &[Complex<f64>]| lines.iter().map(|z| z.norm_sqr()).sum::<f64>();
         let force =
             run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
-        // Half of the value, or what makes half of the applied force when the value is nearly nothing.
+        let variance = variances(run, dims.coordinates, highest);
+        let noise = variance.iter().flatten().sum::<f64>().sqrt();
+        let size = error.iter().map(|lines| power(lines)).sum::<f64>().sqrt();
+        let target = (SMALL * size).max(ABOVE_NOISE * noise);
+        // Square of the size of H^-1, row by row and harmonic by harmonic.
+        let stiffness = |r: usize, k: usize| {
+            let felt = along.response(r, &run.trial.parameters, k);
+            let gain = fed_back(run.trial, &along, run.hold, r, k);
+            felt.iter().zip(gain).map(|(j, gain)| (j + gain).norm_sqr()).sum::<f64>()
+        };
+        // What changes the error as much as wanted, and no more than half of the value, or than what makes half of the applied force
+        // when the value is nearly nothing.
         let step = |j: usize| {
             let felt = (0..dims.rows).map(|r| power(along.regressor(r, j))).fold(0.0, f64::max).sqrt();
             let whole = if felt > 0.0 { force / felt } else { 1.0 };
             let value = run.trial.parameters[j].abs();
-            PERTURBATION * if value > 0.1 * whole { value } else { whole }
+            let most = PERTURBATION * if value > 0.1 * whole { value } else { whole };
+            let lines =
+                (0..dims.rows).flat_map(|r| along.regressor(r, j).iter().enumerate().map(move |line| (r, line)));
+            let moved = |(r, (k, line)): (usize, (usize, &Complex<f64>))| match stiffness(r, k) {
+                stiffness if stiffness > 0.0 => line.norm_sqr() / stiffness,
+                _ => 0.0,
+            };
+            let moved = lines.map(moved).sum::<f64>().sqrt();
+            if moved > 0.0 { most.min(target / moved) } else { most }
         };
         let zero = |j: usize| {
             let largest = (0..dims.rows).flat_map(|r| along.regressor(r, j)).map(|z| z.norm()).fold(0.0, f64::max);
             let line = |k: usize| (0..dims.rows).all(|r| along.regressor(r, j)[k].norm() <= ZERO * largest);
             (0..=highest).map(line).collect()
         };
+        let (perturbed, dependent) = unknowns(settings, dims.parameters)?;
         Ok(Base {
             reference: run.trial.trajectory.clone(),
             parameters: run.trial.parameters.clone(),
-            variance: variances(run, dims.coordinates, highest),
+            variance,
             steps: (0..dims.parameters).map(step).collect(),
+            moved: vec![0.0; perturbed.len()],
+            perturbed,
+            dependent,
             zero: (0..dims.parameters).map(zero).collect(),
             error,
         })
@@ -102,10 +171,57 @@ impl Base {
             && (0..own.coordinates.len())
                 .all(|c| run.trial.open.contains(&c) || own.coordinates[c] == other.coordinates[c])
     }
+
+    /// A change of the parameters as one of the perturbed parameters alone, in steps: the others follow from directions that change no
+    /// row.
+    fn in_steps(&self, change: &[f64]) -> Vec<f64> {
+        let of = |&j: &usize| {
+            let beside: f64 = self.dependent.iter().map(|(own, direction)| direction[j] * change[*own]).sum();
+            (change[j] - beside) / self.steps[j]
+        };
+        self.perturbed.iter().map(of).collect()
+    }
+
+    /// Whether M was measured about the base.
+    fn is_fresh(&self) -> bool {
+        squares(&self.moved) <= NEAR * NEAR
+    }
+
+    /// The columns of all parameters.
+    fn matrix(&self, columns: &[Lines]) -> Vec<Lines> {
+        let none: Lines = self.error.iter().map(|lines| vec![Complex::new(0.0, 0.0); lines.len()]).collect();
+        let mut matrix = vec![none; self.parameters.len()];
+        for (&j, column) in self.perturbed.iter().zip(columns) {
+            matrix[j].clone_from(column);
+            for (own, direction) in &self.dependent {
+                for (sum, line) in matrix[*own].iter_mut().flatten().zip(column.iter().flatten()) {
+                    *sum -= line * direction[j];
+                }
+            }
+        }
+        matrix
+    }
+}
+
+/// The parameters whose columns need a run, and those whose columns follow from hidden directions.
+#[expect(clippy::type_complexity, reason = "a list of indices, and one of directions by their index")]
+fn unknowns(settings: &Settings, parameters: usize) -> Result<(Vec<usize>, Vec<(usize, Vec<f64>)>), EstimateError> {
+    let free = settings.free(parameters)?;
+    let dependent = reduced(settings.hidden.clone());
+    let follows = |j: &usize| dependent.iter().any(|(own, _)| own == j);
+    Ok((free.indices.into_iter().filter(|j| !follows(j)).collect(), dependent))
+}
+
+fn squares(step: &[f64]) -> f64 {
+    step.iter().map(|step| step * step).sum()
 }
 
 fn variances(run: &Run<'_>, coordinates: usize, highest: usize) -> Vec<Vec<f64>> {
-    (0..coordinates).map(|c| (0..=highest).map(|k| run.spectra.variance(c, k)).collect()).collect()
+    let of = |c: usize| {
+        let peak = run.spectra.lines[c].iter().map(|line| line.norm()).fold(0.0, f64::max);
+        (0..=highest).map(|k| run.spectra.variance(c, k) + (ROUNDING * peak).powi(2) + f64::MIN_POSITIVE).collect()
+    };
+    (0..coordinates).map(of).collect()
 }
 
 impl Numerical {
@@ -115,59 +231,142 @@ impl Numerical {
             settings: settings.clone(),
             designs: Designs::default(),
             table,
-            pools: Pools::default(),
-            ready: None,
+            updates: Vec::new(),
+            ready: false,
             base: None,
             columns: Vec::new(),
             known: false,
+            damping: Damping::default(),
             harmonics: 0,
         }
     }
 
-    /// Corrects M by the change of the error from the base run to this one (Broyden's update, every parameter scaled by its
-    /// step), and makes this run the base.
-    fn correct(&mut self, run: &Run<'_>, error: Lines) {
-        let Some(base) = self.base.as_mut() else { return };
-        let step: Vec<f64> =
+    /// What a run shows beyond the prediction of M from the base, and the way to it from there in steps.
+    fn missed(&self, base: &Base, run: &Run<'_>, error: &Lines) -> (Lines, Vec<f64>) {
+        let change: Vec<f64> =
             run.trial.parameters.iter().zip(&base.parameters).map(|(now, before)| now - before).collect();
-        let size: f64 = step.iter().zip(&base.steps).map(|(step, scale)| (step / scale).powi(2)).sum();
-        if size > 0.0 {
-            for (c, lines) in error.iter().enumerate() {
-                for (k, line) in lines.iter().enumerate() {
-                    let foreseen: Complex<f64> = self.columns.iter().zip(&step).map(|(m, s)| m[c][k] * *s).sum();
-                    let missed = line - base.error[c][k] - foreseen;
-                    for ((column, step), scale) in self.columns.iter_mut().zip(&step).zip(&base.steps) {
-                        column[c][k] += missed * (step / (scale * scale) / size);
-                    }
-                }
+        let step = base.in_steps(&change);
+        let mut missed = error.clone();
+        for (c, lines) in missed.iter_mut().enumerate() {
+            for (k, line) in lines.iter_mut().enumerate() {
+                let columns = self.columns.iter().zip(&step).zip(&base.perturbed);
+                let foreseen: Complex<f64> = columns.map(|((m, s), &j)| m[c][k] * (*s * base.steps[j])).sum();
+                *line -= base.error[c][k] + foreseen;
             }
         }
-        base.variance = variances(run, error.len(), self.harmonics);
-        base.parameters.clone_from(&run.trial.parameters);
-        base.error = error;
+        (missed, step)
     }
 
-    /// `E = M (theta' - theta)` of the base run.
-    fn equations(&self) -> Option<Equations> {
-        let base = self.base.as_ref()?;
-        let peak = base.error.iter().flatten().map(|line| line.norm()).fold(0.0, f64::max);
-        let NumericalSettings { cleared, reduced, .. } = self.settings.numerical;
-        let mut equations = Equations::new(self.columns.len());
+    /// Compares a run on the reference of the base with the prediction of M: what it missed is the error of the linearisation in the last
+    /// update.
+    fn check_prediction(&mut self, run: &Run<'_>, error: &Lines) {
+        let Some(base) = &self.base else { return };
+        let (missed, step) = self.missed(base, run, error);
+        let length = squares(&step);
+        let variance = variances(run, error.len(), self.harmonics);
+        let noise = |c: usize, k: usize| variance[c][k] + base.variance[c][k];
+        let lines =
+            missed.iter().enumerate().flat_map(|(c, lines)| lines.iter().enumerate().map(move |(k, z)| (c, k, z)));
+        let certain = lines.filter(|(c, k, line)| line.norm_sqr() > CERTAIN * noise(*c, *k));
+        let worst = certain.map(|(.., line)| line.norm_sqr()).fold(0.0, f64::max);
+        if let Some(last) = self.updates.last_mut().filter(|_| length > 0.0) {
+            last.curvature = Some(last.curvature.unwrap_or(0.0).max(worst / (length * length)));
+        }
+    }
+
+    /// Corrects M by what a run shows beyond its prediction (Broyden's update, every parameter scaled by its step), and makes the run the
+    /// base.
+    fn correct(&mut self, run: &Run<'_>, error: Lines) {
+        let Some(base) = &self.base else { return };
+        let (missed, step) = self.missed(base, run, &error);
+        let length = squares(&step);
+        let variance = variances(run, error.len(), self.harmonics);
+        // Noise is no change of M: the share of what was missed that stands out of it corrects M.
+        let all: f64 = missed.iter().flatten().map(|line| line.norm_sqr()).sum();
+        let of_noise: f64 = variance.iter().chain(&base.variance).flatten().sum();
+        let share = if all > of_noise && length > 0.0 { (1.0 - of_noise / all) / length } else { 0.0 };
+        for ((column, step), &j) in self.columns.iter_mut().zip(&step).zip(&base.perturbed) {
+            for (line, missed) in column.iter_mut().flatten().zip(missed.iter().flatten()) {
+                *line += missed * (share * step / base.steps[j]);
+            }
+        }
+        if let Some(base) = self.base.as_mut() {
+            base.moved.iter_mut().zip(&step).for_each(|(moved, step)| *moved += step);
+            base.variance = variance;
+            base.parameters.clone_from(&run.trial.parameters);
+            base.error = error;
+        }
+    }
+
+    /// Begins a matrix with a run as its base.
+    fn begin(&mut self, model: &dyn Model<f64>, run: &Run<'_>, error: Lines) -> Result<(), EstimateError> {
+        self.columns.clear();
+        self.known = false;
+        if self.base.as_ref().is_none_or(|base| !base.is_of(run)) {
+            self.settings = self.designs.take(model, run.trial, &self.settings)?;
+        }
+        self.base = Some(Base::new(model, run, error, self.harmonics, self.table.as_deref(), &self.settings)?);
+        Ok(())
+    }
+
+    /// The estimate from all updates, each weighted where the parameters are about their own estimate.
+    fn solve(&self) -> Result<Estimate, EstimateError> {
+        let current = self.updates.last().map_or(&[][..], |update| update.base.parameters.as_slice());
+        let rank = unknowns(&self.settings, current.len())?.0.len();
+        let at = |theta: &[f64]| {
+            let of = |update: &Measured| update.equations(theta, &self.settings, rank);
+            solve(&self.updates.iter().map(of).collect::<Vec<_>>(), &self.settings, current)
+        };
+        let mut estimate = at(current)?;
+        for _ in 0..MOST_WEIGHTINGS {
+            let next = at(&estimate.values)?;
+            let moves = |((now, before), std): ((&f64, &f64), &f64)| (now - before).abs() > SETTLED * std;
+            let settled = !next.values.iter().zip(&estimate.values).zip(&next.std).any(moves);
+            estimate = next;
+            if settled {
+                break;
+            }
+        }
+        Ok(estimate)
+    }
+}
+
+impl Measured {
+    /// The curvature with other steps: the largest that it may be there.
+    fn curvature_in(&self, steps: &[f64]) -> Option<f64> {
+        let ratio = steps.iter().zip(&self.base.steps).map(|(new, old)| new / old).fold(0.0, f64::max);
+        self.curvature.map(|curvature| curvature * ratio.powi(4))
+    }
+
+    /// `E = M (theta' - theta)`, with the variances where the parameters are about `theta`.
+    fn equations(&self, theta: &[f64], settings: &Settings, rank: usize) -> Equations {
+        let NumericalSettings { cleared, reduced, .. } = settings.numerical;
+        let base = &self.base;
+        let update: Vec<f64> = base.parameters.iter().zip(theta).map(|(now, to)| now - to).collect();
+        let steps = base.in_steps(&update);
+        let length = squares(&steps);
+        // The noise of the perturbed runs, and that of the base, with which all of them were compared.
+        let noise = length + (1.0 + steps.iter().sum::<f64>().abs()).powi(2);
+        let missed = match self.curvature {
+            Some(curvature) => curvature * length * length,
+            // Nothing is known of the linearisation: it may miss as much as there is.
+            None => base.error.iter().flatten().map(|line| line.norm_sqr()).fold(0.0, f64::max),
+        };
+        let mut equations = Equations::new(self.matrix.len());
         for (c, error) in base.error.iter().enumerate() {
             for (k, line) in error.iter().enumerate() {
                 let entry = |(column, zero): (&Lines, &Vec<bool>)| {
                     if cleared && zero[k] { Complex::new(0.0, 0.0) } else { column[c][k] }
                 };
-                let phi: Vec<Complex<f64>> = self.columns.iter().zip(&base.zero).map(entry).collect();
+                let phi: Vec<Complex<f64>> = self.matrix.iter().zip(&base.zero).map(entry).collect();
                 if cleared && base.zero.iter().all(|zero| zero[k]) {
                     continue;
                 }
                 let at: Complex<f64> = phi.iter().zip(&base.parameters).map(|(m, value)| m * *value).sum();
-                let variance = base.variance[c][k] + (ROUNDING * peak).powi(2) + f64::MIN_POSITIVE;
-                equations.push(c, k, &phi, at - line, variance);
+                equations.push(c, k, &phi, at - line, base.variance[c][k] * noise + missed);
             }
         }
-        Some(if reduced { equations.reduced() } else { equations })
+        if reduced { equations.reduced(rank) } else { equations }
     }
 }
 
@@ -176,18 +375,39 @@ impl Estimator for Numerical {
         "numerical"
     }
 
+    fn check(&self, model: &dyn Model<f64>, first: &Trial, runs: usize) -> Result<(), EstimateError> {
+        check_reference(model, first, self.name())?;
+        let settings = Designs::default().take(model, first, &self.settings)?;
+        check_runs(unknowns(&settings, model.dims().parameters)?.0.len() + 1, runs)
+    }
+
     fn play(&self, current: &[f64]) -> Vec<f64> {
-        let Some(base) = self.base.as_ref().filter(|_| !self.known) else { return current.to_vec() };
+        let Some(base) = self.base.as_ref().filter(|_| !self.known) else { return self.damping.towards(current) };
         let mut changed = base.parameters.clone();
-        if let (Some(value), Some(step)) = (changed.get_mut(self.columns.len()), base.steps.get(self.columns.len())) {
-            *value += step;
+        if let Some(&j) = base.perturbed.get(self.columns.len()) {
+            changed[j] += base.steps[j];
         }
         changed
     }
 
+    fn take_back(&mut self) -> bool {
+        match self.base.as_mut().filter(|_| !self.known) {
+            Some(base) => {
+                // Half the steps that are still to come.
+                let next = base.perturbed.iter().skip(self.columns.len());
+                next.for_each(|&j| base.steps[j] *= 0.5);
+                true
+            }
+            None => self.damping.take_back(),
+        }
+    }
+
+    fn is_final(&self) -> bool {
+        !self.damping.is_damped() && self.updates.last().is_some_and(|update| update.fresh)
+    }
+
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
-        self.pools.close();
-        self.ready = None;
+        self.ready = false;
         let dims = model.dims();
         if run.spectra.lines.len() < dims.coordinates {
             return Err(EstimateError::Channels {
@@ -199,45 +419,60 @@ impl Estimator for Numerical {
         let error = error_lines(run.trial, run.spectra, dims.coordinates, highest);
         self.harmonics = highest;
         let same = |base: &&Base| base.error[0].len() == highest + 1 && base.is_of(run);
-        let Some(base) = self.base.as_ref().filter(same) else {
-            self.columns.clear();
-            self.known = false;
-            self.base = Some(Base::new(model, run, error, highest, self.table.as_deref())?);
-            self.designs.push(model, &run.trial.constants, &run.trial.trajectory, &self.settings)?;
-            self.settings = self.designs.hidden(&self.settings, |_| true)?;
-            return Ok(());
+        let perturbs = self.base.as_ref().filter(same).is_some() && !self.known;
+        let power = |lines: &Lines| lines.iter().flatten().map(|line| line.norm_sqr()).sum::<f64>();
+        let (size, noise) = (power(&error), variances(run, dims.coordinates, highest).iter().flatten().sum::<f64>());
+        let better = perturbs || self.damping.judge(run.trial, size, noise);
+        let Some(before) = self.base.as_ref().filter(same).map(|base| power(&base.error)) else {
+            return self.begin(model, run, error);
         };
         if self.known {
+            self.check_prediction(run, &error);
+            if !better {
+                // The next run goes less far; where that helps no more, the matrix is measured anew.
+                if self.damping.is_exhausted() {
+                    self.columns.clear();
+                    self.known = false;
+                }
+                return Ok(());
+            }
+            let fresh = self.base.as_ref().is_some_and(Base::is_fresh);
+            let floor = size < WORTH * noise;
+            if !self.settings.numerical.secant || (floor && !fresh) || (!floor && WORTH * size > before) {
+                return self.begin(model, run, error);
+            }
             self.correct(run, error);
-        } else {
-            let step = base.steps[self.columns.len()];
+        } else if let Some(base) = &self.base {
+            let step = base.steps[base.perturbed[self.columns.len()]];
             let column = error
                 .iter()
                 .zip(&base.error)
                 .map(|(changed, before)| changed.iter().zip(before).map(|(a, b)| (a - b) / step).collect())
                 .collect();
             self.columns.push(column);
-            if self.columns.len() < dims.parameters {
+            if self.columns.len() < base.perturbed.len() {
                 return Ok(());
             }
-        }
-        let prior = self.base.as_ref().map_or_else(Vec::new, |base| base.parameters.clone());
-        let equations = self.equations().unwrap_or_else(|| Equations::new(dims.parameters));
-        if self.settings.numerical.secant {
             self.known = true;
-        } else {
-            self.base = None;
-            self.columns.clear();
         }
-        self.ready = Some((equations, prior));
+        if let Some(base) = &self.base {
+            let kept = self.settings.kept(self.updates.len());
+            self.updates.drain(..self.updates.len() - kept);
+            // A matrix that secants have carried is good for the next step, not for the result.
+            self.updates.retain(|update| update.fresh);
+            self.updates.push(Measured {
+                fresh: base.is_fresh(),
+                curvature: self.updates.last().and_then(|last| last.curvature_in(&base.steps)),
+                matrix: base.matrix(&self.columns),
+                base: base.clone(),
+            });
+        }
+        self.ready = true;
         Ok(())
     }
 
     fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
-        let Some((equations, prior)) = &self.ready else { return Ok(None) };
-        let (estimate, pool) = pool_run(self.pools.before.as_ref(), equations, &self.settings, prior)?;
-        self.pools.after = Some(pool);
-        Ok(Some(estimate))
+        if self.ready { self.solve().map(Some) } else { Ok(None) }
     }
 
     fn harmonics(&self) -> usize {

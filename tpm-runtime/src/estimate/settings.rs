@@ -70,6 +70,11 @@ impl Settings {
         self.forgetting > 0.0 && self.forgetting < 1.0
     }
 
+    /// How many of so many earlier runs still count: those whose weight is above rounding.
+    pub(super) fn kept(&self, runs: usize) -> usize {
+        (0..runs).take_while(|age| self.memory(age + 1) > f64::EPSILON).count()
+    }
+
     /// Share of its weight that a run has after `age` later ones.
     pub(super) fn memory(&self, age: usize) -> f64 {
         if self.forgets() { self.forgetting.powi(age as i32) } else { 1.0 }

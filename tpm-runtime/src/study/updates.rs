@@ -4,16 +4,18 @@
 //! measured, the loop acts in continuous time, a period has as many integration steps as the caller asks for, and every
 //! run is played until it has settled.
 
-use crate::campaign::{Campaign, CampaignError};
+use crate::campaign::{Campaign, CampaignError, Setup};
 use crate::estimate::Method;
 use crate::experiment::{Experiment, ExperimentError};
 use crate::machine::simulated::simulate_continuous;
+use crate::numerics::singular::complement;
+use crate::numerics::{DMatrix, DVector};
 use crate::run::HoldCompensation;
 use crate::run::trajectory::ReferencePattern;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::PI;
-use std::string::String;
+use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -39,6 +41,9 @@ pub struct Convergence {
     pub errors: Vec<f64>,
     /// Number of updates to each of [`LIMITS`]; nothing when the limit was not reached.
     pub updates: [Option<usize>; 3],
+    /// Why the estimator does not apply, or what ended its updates early.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
 }
 
 /// Every estimator at every stage; serialises as `tpm.updates/1`.
@@ -57,7 +62,7 @@ pub struct Updates {
 /// Plays `most` updates of every estimator at every stage of an experiment, from its prior, without noise.
 ///
 /// # Errors
-/// [`ExperimentError`] of the first estimator and stage that fail.
+/// [`ExperimentError`] when the experiment does not fit the model.
 pub fn updates(
     model: &dyn Model<f64>,
     pattern: &ReferencePattern,
@@ -106,7 +111,7 @@ fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> 
 /// period.
 ///
 /// # Errors
-/// [`ExperimentError`] when the experiment does not fit the model, or a run fails.
+/// [`ExperimentError`] when the experiment does not fit the model.
 pub fn convergence(
     model: &dyn Model<f64>,
     pattern: &ReferencePattern,
@@ -122,32 +127,60 @@ pub fn convergence(
     let runs_per_update = if method == Method::Numerical { model.dims().parameters + 1 } else { 1 };
     exact.schedule.max_runs = most * runs_per_update;
     let asked = exact.setup(model, pattern, Hold::None)?;
-    let frequency = asked.procedure.stages.first().ok_or(ExperimentError::NoStage)?.frequency;
-    exact.control.sample_time = 2.0 * PI / frequency / samples as f64;
+    let stage = asked.procedure.stages.first().ok_or(ExperimentError::NoStage)?;
+    exact.control.sample_time = 2.0 * PI / stage.frequency / samples as f64;
+    let names = &stage.pattern(&asked.pattern).amplitudes;
+    let mut found = Convergence {
+        estimator: method.name(),
+        amplitudes: names.iter().cloned().zip(stage.amplitudes.iter().copied()).collect(),
+        frequency: stage.frequency,
+        runs_per_update,
+        errors: Vec::with_capacity(most),
+        updates: [None; 3],
+        reason: None,
+    };
     let truth = exact.bench(model)?.parameters;
-    let mut campaign = Campaign::new(model, exact.setup(model, pattern, Hold::None)?)?;
-    let mut errors = Vec::with_capacity(most);
+    let setup = exact.setup(model, pattern, Hold::None)?;
+    // What keeps one estimator from its updates is a result, not an error of the whole.
+    if let Err(reason) = play(model, setup, &truth, &mut found) {
+        found.reason = Some(reason.to_string());
+    }
+    found.updates = LIMITS.map(|limit| found.errors.iter().position(|error| *error <= limit).map(|at| at + 1));
+    Ok(found)
+}
+
+/// Plays a campaign in continuous time, and notes the largest relative error of what the runs show after every update.
+fn play(model: &dyn Model<f64>, setup: Setup, truth: &[f64], found: &mut Convergence) -> Result<(), CampaignError> {
+    let mut campaign = Campaign::new(model, setup)?;
     while let Some(trial) = campaign.next().cloned() {
         let run = trial.run + 1;
         let record =
-            simulate_continuous(model, &truth, &trial).map_err(|source| CampaignError::Trial { run, source })?;
+            simulate_continuous(model, truth, &trial).map_err(|source| CampaignError::Trial { run, source })?;
         if campaign.submit(&record)?.updated {
-            let relative = campaign.current().iter().zip(&truth).map(|(value, truth)| {
-                let size = if *truth == 0.0 { 1.0 } else { truth.abs() };
-                (value - truth).abs() / size
-            });
-            errors.push(relative.fold(0.0, f64::max));
+            if found.errors.is_empty() {
+                found.runs_per_update = run;
+            }
+            let hidden = campaign.estimate().map_or(&[][..], |estimate| &estimate.unobservable);
+            let error = shown_error(campaign.current(), truth, hidden);
+            found.errors.push(error);
+            if LIMITS.iter().all(|limit| error <= *limit) {
+                break;
+            }
         }
     }
-    let first = campaign.runs().first();
-    Ok(Convergence {
-        estimator: method.name(),
-        amplitudes: first.map_or_else(Vec::new, |run| run.amplitudes.clone()),
-        frequency,
-        runs_per_update,
-        updates: LIMITS.map(|limit| errors.iter().position(|error| *error <= limit).map(|at| at + 1)),
-        errors,
-    })
+    Ok(())
+}
+
+/// Largest relative error of estimates, but for what moves along directions that the runs do not show.
+fn shown_error(values: &[f64], truth: &[f64], hidden: &[Vec<f64>]) -> f64 {
+    let size = |j: usize| if truth[j] == 0.0 { 1.0 } else { truth[j].abs() };
+    let relative = DVector::from_fn(truth.len(), |j, _| (values[j] - truth[j]) / size(j));
+    if hidden.is_empty() {
+        return relative.amax();
+    }
+    let directions = DMatrix::from_fn(truth.len(), hidden.len(), |j, c| hidden[c][j] / size(j));
+    let shown = complement(&directions);
+    (&shown * shown.tr_mul(&relative)).amax()
 }
 
 #[cfg(test)]

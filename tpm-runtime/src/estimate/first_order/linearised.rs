@@ -1,15 +1,18 @@
 //! `error`, `effort` and `hill` over all runs of a campaign.
 
 use crate::estimate::along::Along;
+use crate::estimate::applies::{check_inputs, check_reference};
+use crate::estimate::damping::Damping;
 use crate::estimate::designs::Designs;
+use crate::estimate::equations::Equations;
 use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::first_order::reduce::{FirstOrder, Reduced};
 use crate::estimate::noise::noise_along;
-use crate::estimate::pool::{Pool, Pools, pool_run};
 use crate::estimate::result::Estimate;
 use crate::estimate::run::Run;
 use crate::estimate::settings::Settings;
+use crate::estimate::stack::solve;
 use crate::estimate::table::LineTable;
 use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
@@ -17,16 +20,30 @@ use std::sync::Arc;
 use std::vec::Vec;
 use tpm_core::model::Model;
 
+/// Most times that the equations are weighted anew at their own solution.
+const MOST_WEIGHTINGS: usize = 8;
+/// The weights have settled when no parameter moves by more than this share of its deviation.
+const SETTLED: f64 = 0.01;
+
 /// One of the estimators `error`, `effort` and `hill`, over all runs.
+///
+/// The latest run is linearised at the parameters of its feed-forward, earlier ones and a run that got worse at the estimate, so that
+/// what a run far from the truth left out of its linearisation does not stay.
 pub(in crate::estimate) struct Linearised {
     kind: FirstOrder,
     /// Nothing moves along the directions that are hidden here, those that no reference shows so far.
     settings: Settings,
     designs: Designs,
     table: Option<Arc<dyn LineTable>>,
-    pools: Pools,
-    /// The last run, reduced.
-    last: Option<Reduced>,
+    /// The runs so far, reduced.
+    runs: Vec<Reduced>,
+    /// Whether the last run was reduced.
+    ready: bool,
+    /// The last estimate.
+    estimate: Option<Estimate>,
+    damping: Damping,
+    /// Whether the last run tracks best so far on its reference.
+    better: bool,
     /// The rows along the reference of the last run, which is often that of the next run too.
     reference: Option<Reference>,
     harmonics: usize,
@@ -35,8 +52,43 @@ pub(in crate::estimate) struct Linearised {
 impl Linearised {
     /// The estimator before any run.
     pub(in crate::estimate) fn new(kind: FirstOrder, settings: &Settings, table: Option<Arc<dyn LineTable>>) -> Self {
-        let (settings, pools, designs) = (settings.clone(), Pools::default(), Designs::default());
-        Linearised { kind, settings, designs, table, pools, last: None, reference: None, harmonics: 0 }
+        Linearised {
+            kind,
+            settings: settings.clone(),
+            designs: Designs::default(),
+            table,
+            runs: Vec::new(),
+            ready: false,
+            estimate: None,
+            damping: Damping::default(),
+            better: true,
+            reference: None,
+            harmonics: 0,
+        }
+    }
+
+    /// The estimate from all runs, `latest` behind the others.
+    ///
+    /// What a linearisation leaves out follows from the parameters, so that the equations are weighted at their own solution.
+    fn solve(&self, latest: Option<&Reduced>) -> Result<Estimate, EstimateError> {
+        let runs: Vec<&Reduced> = self.runs.iter().chain(latest).collect();
+        let current = runs.last().map_or(&[][..], |run| run.parameters.as_slice());
+        let at = |theta: &[f64]| {
+            let of = |(i, run): (usize, &&Reduced)| run.weighted(theta, self.better && i + 1 == runs.len());
+            let equations: Vec<Equations> = runs.iter().enumerate().map(of).collect();
+            solve(&equations, &self.settings, current)
+        };
+        let mut estimate = at(current)?;
+        for _ in 0..MOST_WEIGHTINGS {
+            let next = at(&estimate.values)?;
+            let moves = |((now, before), std): ((&f64, &f64), &f64)| (now - before).abs() > SETTLED * std;
+            let settled = !next.values.iter().zip(&estimate.values).zip(&next.std).any(moves);
+            estimate = next;
+            if settled {
+                break;
+            }
+        }
+        Ok(estimate)
     }
 }
 
@@ -74,33 +126,45 @@ impl Estimator for Linearised {
         }
     }
 
+    fn check(&self, model: &dyn Model<f64>, first: &Trial, _runs: usize) -> Result<(), EstimateError> {
+        if self.kind == FirstOrder::Effort {
+            return check_inputs(model, first);
+        }
+        check_reference(model, first, self.name())
+    }
+
+    fn play(&self, current: &[f64]) -> Vec<f64> {
+        self.damping.towards(current)
+    }
+
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
-        self.pools.close();
-        self.last = None;
+        self.ready = false;
         let highest = run.highest_harmonic(&self.settings);
         let reference = match self.reference.take().filter(|reference| reference.is_of(run.trial, highest)) {
             Some(reference) => reference,
             None => {
                 let reference = Reference::new(model, run.trial, highest, self.table.as_deref())?;
-                self.designs.push(model, &run.trial.constants, &run.trial.trajectory, &self.settings)?;
-                self.settings = self.designs.hidden(&self.settings, |_| true)?;
+                self.settings = self.designs.take(model, run.trial, &self.settings)?;
                 reference
             }
         };
         let along = &self.reference.insert(reference).along;
         let mut reduced = match run.rates {
-            None => self.kind.reduce(run.trial, along, run.spectra, run.hold, highest)?,
-            Some(_) => self.kind.reduce_applied(run.trial, along, run.spectra, run.hold, (0, highest))?,
+            None => self.kind.reduce(model, run.trial, along, run.spectra, run.hold, highest)?,
+            Some(_) => self.kind.reduce_applied(model, run.trial, along, run.spectra, run.hold, (0, highest))?,
         };
         let own = reduced.equations.len();
         // `effort` does not use the error, so that an error from rates adds no equation.
         if let Some(rates) = run.rates.filter(|_| self.kind != FirstOrder::Effort) {
-            reduced.append(self.kind.reduce_applied(run.trial, along, rates, run.hold, (1, highest))?);
+            reduced.append(self.kind.reduce_applied(model, run.trial, along, rates, run.hold, (1, highest))?);
         }
         self.harmonics = highest;
+        let (size, noise) = reduced.tracking();
+        self.better = self.damping.judge(run.trial, size, noise);
         // Noise is worked out at a first estimate: the parameters say how strongly the rows feel it, and how far it shifts the mean
         // of a term that is even in the velocity.
-        let first = reduced.update(self.pools.before.as_ref(), &self.settings)?.0.values;
+        let first = self.solve(Some(&reduced))?.values;
+        let along = &self.reference.as_ref().expect("invariant: the reference was just kept").along;
         if let Some(noise) = noise_along(model, run, along, &first, highest)? {
             if self.kind != FirstOrder::Effort {
                 reduced.equations.set_variance(own, &noise.variance);
@@ -109,33 +173,41 @@ impl Estimator for Linearised {
                 reduced.shift_means(shifts, &first, *uncertainty);
             }
         }
-        self.last = Some(reduced);
+        // Older runs count less and less where runs are forgotten.
+        let kept = self.settings.kept(self.runs.len());
+        self.runs.drain(..self.runs.len() - kept);
+        self.runs.push(reduced);
+        self.ready = true;
         Ok(())
     }
 
     fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
-        let Some(reduced) = &mut self.last else { return Ok(None) };
-        match reduced.update(self.pools.before.as_ref(), &self.settings) {
-            Ok((estimate, pool)) => {
-                self.pools.after = Some(pool);
+        if !self.ready {
+            return Ok(None);
+        }
+        match self.solve(None) {
+            Ok(estimate) => {
+                self.estimate = Some(estimate.clone());
                 Ok(Some(estimate))
             }
             Err(error) => {
-                self.last = None;
+                self.runs.pop();
+                self.ready = false;
                 Err(error)
             }
         }
     }
 
+    fn take_back(&mut self) -> bool {
+        self.damping.take_back()
+    }
+
+    fn is_final(&self) -> bool {
+        let of_noise = |(run, estimate): (&Reduced, &Estimate)| run.is_of_noise(&estimate.values);
+        !self.damping.is_damped() && self.runs.last().zip(self.estimate.as_ref()).is_none_or(of_noise)
+    }
+
     fn harmonics(&self) -> usize {
         self.harmonics
-    }
-}
-
-impl Reduced {
-    /// The estimate from these equations beside a pool, and the pool with them.
-    fn update(&mut self, before: Option<&Pool>, settings: &Settings) -> Result<(Estimate, Pool), EstimateError> {
-        self.complete();
-        pool_run(before, &self.equations, settings, &self.parameters)
     }
 }

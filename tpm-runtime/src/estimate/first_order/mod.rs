@@ -4,4 +4,4 @@ mod linearised;
 mod reduce;
 
 pub(super) use linearised::Linearised;
-pub(super) use reduce::FirstOrder;
+pub(super) use reduce::{FirstOrder, fed_back};
