@@ -1,12 +1,14 @@
 //! Every estimator on the machines of the papers: how many updates it needs without noise, and how far its numbers are from the truth
 //! in deviations with the noise of the shipped experiments.
 
+pub mod cell;
 pub mod machines;
 pub mod noisy;
 pub mod quiet;
 
 use crate::honesty::machines::Shipped;
 use crate::honesty::table::Table;
+use cell::Cell;
 use machines::MACHINES;
 use std::error::Error;
 use tpm_runtime::estimate::Method;
@@ -15,15 +17,6 @@ use tpm_runtime::estimate::Method;
 pub const MOST: f64 = 4.0;
 /// Fewest seeds for a sample of campaigns.
 pub const SEEDS: usize = 20;
-
-/// A cell of a table, and what is to be said below it.
-#[derive(Clone, Debug)]
-pub struct Cell {
-    /// What the cell shows.
-    pub text: String,
-    /// Why there is no number, or not the whole of it.
-    pub note: Option<String>,
-}
 
 /// The report: both tables, and below them why cells have no number.
 ///

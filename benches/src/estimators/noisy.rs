@@ -1,6 +1,6 @@
 //! Campaigns with the noise of the shipped experiments.
 
-use crate::estimators::Cell;
+use crate::estimators::cell::Cell;
 use crate::honesty::machines::Shipped;
 use rayon::prelude::*;
 use std::collections::BTreeMap;

@@ -1,6 +1,6 @@
 //! Updates on exact machines.
 
-use crate::estimators::Cell;
+use crate::estimators::cell::Cell;
 use crate::honesty::machines::Shipped;
 use rayon::prelude::*;
 use std::error::Error;
