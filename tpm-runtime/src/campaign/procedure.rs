@@ -97,6 +97,12 @@ impl Stage {
         self.strokes.iter().map(stroke).collect()
     }
 
+    /// Whether the motion rests between strokes.
+    #[must_use]
+    pub fn rests(&self) -> bool {
+        self.strokes.iter().any(|stroke| stroke.dwell > 0.0)
+    }
+
     /// A pattern with the amplitudes of the stage times `scale`, at its frequency and multiples.
     fn along(&self, pattern: &ReferencePattern, scale: f64) -> Trajectory {
         let amplitudes: Vec<f64> = self.amplitudes.iter().map(|a| a * scale).collect();
@@ -582,6 +588,9 @@ impl<'m> Campaign<'m> {
         let mut spectra = Spectra::analyse(&channels, trial.control.sample_time, samples as f64, periods)
             .map_err(|source| CampaignError::Spectrum { run, source })?;
         correct_actuators(&mut spectra, dims.coordinates, &trial.control.actuators);
+        if self.setup.procedure.stages[self.stage].rests() {
+            spectra.rests[..dims.coordinates].fill(true);
+        }
         let rates = integrated_rates(&spectra, &record.rates, dims);
         if rates.is_some() {
             let own: Vec<usize> = (0..dims.coordinates + dims.inputs).collect();

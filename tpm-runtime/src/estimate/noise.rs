@@ -155,7 +155,7 @@ impl<'a> Bins<'a> {
     /// Power that rounding to counts gives every line of a sensor because it repeats with the motion.
     ///
     /// The part of the error that follows from the motion is the same in every period, and in successive samples whose rounding errors are
-    /// alike.
+    /// alike. Where the motion rests, one error lasts so long that even the small share that noise of the sensor leaves counts.
     fn repeating(&self, channel: usize) -> f64 {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let per_period = self.spectra.samples_per_period;
@@ -168,7 +168,7 @@ impl<'a> Bins<'a> {
         let between = power / f64::max(number, 1.0) * samples / self.spectra.window.bandwidth();
         let own = between / (step * step) - 1.0 / 12.0;
         let share = repeating(own.max(0.0)) / repeating(0.0);
-        if share < UNDITHERED {
+        if share < UNDITHERED && !self.spectra.rests.get(channel).copied().unwrap_or(false) {
             return 0.0;
         }
         // The motion without the lines of its rounding.

@@ -119,6 +119,8 @@ pub struct Spectra {
     pub noise_bins: usize,
     /// Per channel: the step of the values when all of them are whole multiples of one apart (counts); zero otherwise.
     pub(crate) steps: Vec<f64>,
+    /// Per channel: whether the motion rests in every period, so that the same counts are read over and over.
+    pub(crate) rests: Vec<bool>,
     /// Per channel: the windowed transform, its weights summing to one (of the residual of the fit for broken periods).
     pub(crate) bins: Vec<Vec<Complex<f64>>>,
 }
@@ -139,6 +141,7 @@ impl Spectra {
                 .map(|noise| DMatrix::from_fn(n, n, |r, c| noise[(channels[r], channels[c])]))
                 .collect(),
             steps: channels.iter().map(|&c| self.steps[c]).collect(),
+            rests: channels.iter().map(|&c| self.rests[c]).collect(),
             bins: if self.bins.is_empty() {
                 Vec::new()
             } else {
@@ -219,6 +222,7 @@ impl Spectra {
             noise,
             noise_bins,
             steps: channels.iter().map(|channel| step(&channel[..used])).collect(),
+            rests: channels.iter().map(|_| false).collect(),
             bins,
         })
     }
