@@ -9,6 +9,7 @@
 
 use super::c::Scalar;
 use super::estimator::EmitError;
+use super::name::{Language, Namer};
 use super::number::digits;
 
 /// A coordinate or an input with its value at the point.
@@ -54,6 +55,15 @@ impl RegulatorSource {
     /// The factor b on the difference of two samples, 1/s.
     pub(super) fn slope(&self, pole: f64) -> f64 {
         (1.0 - pole) / self.sample_time
+    }
+
+    /// The names of coordinates and of inputs in a language.
+    pub(super) fn names(&self, language: Language) -> (Vec<String>, Vec<String>) {
+        let names = |signals: &[Signal]| {
+            let mut namer = Namer::new(language, &[]);
+            signals.iter().map(|signal| namer.name(&signal.name)).collect()
+        };
+        (names(&self.coordinates), names(&self.inputs))
     }
 
     /// What the file is, in Markdown.

@@ -1,34 +1,21 @@
 //! Whether an estimator has a meaning for a campaign, before anything moves.
 
 use crate::estimate::error::EstimateError;
-use crate::run::Trial;
+use crate::run::{Driven, Trial};
 use std::string::String;
-use std::vec;
 use std::vec::Vec;
 use tpm_core::model::Model;
-
-/// Rows without an input along the reference of a trial.
-fn rows_without_input(model: &dyn Model<f64>, trial: &Trial) -> Result<Vec<usize>, EstimateError> {
-    let dims = model.dims();
-    let mut driven = vec![false; dims.rows];
-    let mut map = vec![0.0; dims.input_map_len()];
-    let mut scratch = vec![0.0; model.workspace_len()];
-    for motion in trial.reference.chunks_exact(dims.motion_len()) {
-        model.input_map(motion, &trial.constants, &mut scratch, &mut map)?;
-        for (driven, row) in driven.iter_mut().zip(map.chunks_exact(dims.inputs.max(1))) {
-            *driven |= row.iter().any(|factor| factor.abs() > 0.0);
-        }
-    }
-    Ok((0..dims.rows).filter(|&row| !driven[row]).collect())
-}
 
 /// An estimator from the feedback's effort needs an input in every row.
 ///
 /// # Errors
 /// [`EstimateError::NoEffort`] when a row has none.
 pub(super) fn check_inputs(model: &dyn Model<f64>, first: &Trial) -> Result<(), EstimateError> {
-    let rows: Vec<String> =
-        rows_without_input(model, first)?.into_iter().map(|row| model.row(row).name.into()).collect();
+    let mut driven = Driven::new(model);
+    for motion in first.reference.chunks_exact(model.dims().motion_len()) {
+        driven.see(model, motion, &first.constants)?;
+    }
+    let rows: Vec<String> = driven.without_input().into_iter().map(|row| model.row(row).name.into()).collect();
     if rows.is_empty() { Ok(()) } else { Err(EstimateError::NoEffort { rows }) }
 }
 

@@ -88,10 +88,6 @@ impl Damping {
 
 impl Best {
     fn is_of(&self, trial: &Trial) -> bool {
-        let (own, other) = (&self.reference, &trial.trajectory);
-        let prescribed = |c: &usize| !self.open.contains(c);
-        own.frequency.to_bits() == other.frequency.to_bits()
-            && self.open == trial.open
-            && (0..own.coordinates.len()).filter(prescribed).all(|c| own.coordinates[c] == other.coordinates[c])
+        self.open == trial.open && self.reference.prescribes_as(&trial.trajectory, &self.open)
     }
 }

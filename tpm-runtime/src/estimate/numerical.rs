@@ -22,7 +22,7 @@ use crate::estimate::noise::ROUNDING;
 use crate::estimate::result::Estimate;
 use crate::estimate::run::{Run, error_lines};
 use crate::estimate::settings::{NumericalSettings, Settings};
-use crate::estimate::stack::solve;
+use crate::estimate::stack::solve_reweighted;
 use crate::estimate::table::LineTable;
 use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
@@ -46,10 +46,6 @@ const WORTH: f64 = 4.0;
 const ZERO: f64 = 1e-9;
 /// What a prediction misses is no noise when its power is this many times that of the noise.
 const CERTAIN: f64 = 9.0;
-/// Most times that the equations are weighted anew at their own solution.
-const MOST_WEIGHTINGS: usize = 8;
-/// The weights have settled when no parameter moves by more than this share of its deviation.
-const SETTLED: f64 = 0.01;
 
 /// Phasors per coordinate and harmonic.
 type Lines = Vec<Vec<Complex<f64>>>;
@@ -166,10 +162,7 @@ impl Base {
     /// Whether a run has the reference of the base run. Open coordinates are not compared: their reference follows from the
     /// parameters.
     fn is_of(&self, run: &Run<'_>) -> bool {
-        let (own, other) = (&self.reference, &run.trial.trajectory);
-        own.frequency.to_bits() == other.frequency.to_bits()
-            && (0..own.coordinates.len())
-                .all(|c| run.trial.open.contains(&c) || own.coordinates[c] == other.coordinates[c])
+        self.reference.prescribes_as(&run.trial.trajectory, &run.trial.open)
     }
 
     /// A change of the parameters as one of the perturbed parameters alone, in steps: the others follow from directions that change no
@@ -313,21 +306,9 @@ impl Numerical {
     fn solve(&self) -> Result<Estimate, EstimateError> {
         let current = self.updates.last().map_or(&[][..], |update| update.base.parameters.as_slice());
         let rank = unknowns(&self.settings, current.len())?.0.len();
-        let at = |theta: &[f64]| {
-            let of = |update: &Measured| update.equations(theta, &self.settings, rank);
-            solve(&self.updates.iter().map(of).collect::<Vec<_>>(), &self.settings, current)
-        };
-        let mut estimate = at(current)?;
-        for _ in 0..MOST_WEIGHTINGS {
-            let next = at(&estimate.values)?;
-            let moves = |((now, before), std): ((&f64, &f64), &f64)| (now - before).abs() > SETTLED * std;
-            let settled = !next.values.iter().zip(&estimate.values).zip(&next.std).any(moves);
-            estimate = next;
-            if settled {
-                break;
-            }
-        }
-        Ok(estimate)
+        solve_reweighted(&self.settings, current, |theta| {
+            self.updates.iter().map(|update| update.equations(theta, &self.settings, rank)).collect()
+        })
     }
 }
 

@@ -13,6 +13,34 @@ use crate::numerics::Matrix;
 use std::vec;
 use std::vec::Vec;
 
+/// Most times that the equations are weighted anew at their own solution.
+const MOST_WEIGHTINGS: usize = 8;
+/// The weights have settled when no parameter moves by more than this share of its deviation.
+const SETTLED: f64 = 0.01;
+
+/// Solves equations whose weights depend on the parameters about which they are used, at their own solution. `equations` gives those
+/// of all runs at given parameters, the latest last; `current` has the parameters of the latest run's feed-forward.
+///
+/// # Errors
+/// Those of [`solve`].
+pub(super) fn solve_reweighted(
+    settings: &Settings,
+    current: &[f64],
+    equations: impl Fn(&[f64]) -> Vec<Equations>,
+) -> Result<Estimate, EstimateError> {
+    let mut estimate = solve(&equations(current), settings, current)?;
+    for _ in 0..MOST_WEIGHTINGS {
+        let next = solve(&equations(&estimate.values), settings, current)?;
+        let moves = |((now, before), std): ((&f64, &f64), &f64)| (now - before).abs() > SETTLED * std;
+        let settled = !next.values.iter().zip(&estimate.values).zip(&next.std).any(moves);
+        estimate = next;
+        if settled {
+            break;
+        }
+    }
+    Ok(estimate)
+}
+
 /// Solves the equations of all runs, the latest last; `current` has the parameters of the latest run's feed-forward.
 ///
 /// # Errors

@@ -15,6 +15,7 @@
 use crate::numerics::differences::FIVE_POINT;
 use crate::numerics::fourier::forward;
 use crate::numerics::{DMatrix, DVector};
+use crate::run::driven::Driven;
 use crate::run::dry::Sides;
 use crate::run::trajectory::{HarmonicSeries, Line, Trajectory};
 use num_complex::Complex;
@@ -155,9 +156,7 @@ impl<'a> Balance<'a> {
         let dims = model.dims();
         // Products of four series of this length are still resolved.
         let points = (8 * (harmonics + 1)).next_power_of_two();
-        let mut driven = vec![false; dims.rows];
-        let mut map = vec![0.0; dims.input_map_len()];
-        let mut scratch = vec![0.0; model.workspace_len()];
+        let mut driven = Driven::new(model);
         let mut motion = vec![0.0; dims.motion_len()];
         let mut sides = Sides::new(model);
         let mut jumps = vec![false; open.len()];
@@ -166,12 +165,9 @@ impl<'a> Balance<'a> {
             for (jumps, &c) in jumps.iter_mut().zip(open) {
                 *jumps = *jumps || sides.is_dry(model, &mut motion, c, parameters, constants)?;
             }
-            model.input_map(&motion, constants, &mut scratch, &mut map)?;
-            for (driven, row) in driven.iter_mut().zip(map.chunks_exact(dims.inputs.max(1))) {
-                *driven |= row.iter().any(|b| b.abs() > 0.0);
-            }
+            driven.see(model, &motion, constants)?;
         }
-        let rows = (0..dims.rows).filter(|&r| !driven[r]).collect();
+        let rows = driven.without_input();
         let dry = open.iter().zip(jumps).filter(|(_, jumps)| *jumps).map(|(c, _)| *c).collect();
         Ok(Balance { model, open, parameters, constants, harmonics, points, rows, dry })
     }

@@ -91,6 +91,13 @@ impl Trajectory {
         self.motion(2.0 * std::f64::consts::PI * reduced / samples as f64, out);
     }
 
+    /// Whether another trajectory prescribes the same motion of all coordinates but the open ones, whose motion follows from the
+    /// parameters.
+    pub(crate) fn prescribes_as(&self, other: &Trajectory, open: &[usize]) -> bool {
+        self.frequency.to_bits() == other.frequency.to_bits()
+            && (0..self.coordinates.len()).all(|c| open.contains(&c) || self.coordinates[c] == other.coordinates[c])
+    }
+
     /// Highest harmonic of any coordinate.
     #[must_use]
     pub fn highest_harmonic(&self) -> u32 {

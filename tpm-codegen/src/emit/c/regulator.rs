@@ -29,11 +29,7 @@ pub fn files(
     };
     let real = scalar.name();
     let literal = |value: f64| scalar.literal(rounded(scalar, value));
-    let names = |signals: &[Signal]| -> Vec<String> {
-        let mut namer = Namer::new(Language::C, &[]);
-        signals.iter().map(|signal| namer.name(&signal.name)).collect()
-    };
-    let (coordinates, inputs) = (names(&regulator.coordinates), names(&regulator.inputs));
+    let (coordinates, inputs) = regulator.names(Language::C);
     let structure = |name: &str, about: &str, signals: &[Signal], names: &[String], rate: bool| {
         let fields: String = signals
             .iter()

@@ -2,7 +2,7 @@
 
 use super::super::c::Scalar;
 use super::super::estimator::EmitError;
-use super::super::name::{Language, Namer, snake};
+use super::super::name::{Language, snake};
 use super::super::number::{digits, digits_single};
 use super::super::regulator::{RegulatorSource, Signal, term};
 use super::super::text::filled;
@@ -26,11 +26,7 @@ pub fn file(regulator: &RegulatorSource, command: &str, scalar: Scalar) -> Resul
         Scalar::Float => digits_single(value as f32),
         Scalar::Double => digits(value),
     };
-    let names = |signals: &[Signal]| -> Vec<String> {
-        let mut namer = Namer::new(Language::Rust, &[]);
-        signals.iter().map(|signal| namer.name(&signal.name)).collect()
-    };
-    let (coordinates, inputs) = (names(&regulator.coordinates), names(&regulator.inputs));
+    let (coordinates, inputs) = regulator.names(Language::Rust);
     let structure = |name: &str, about: &str, signals: &[Signal], names: &[String], rate: bool| {
         let fields: String = signals
             .iter()

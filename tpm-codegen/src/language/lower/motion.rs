@@ -346,18 +346,10 @@ impl Scope<'_> {
                     *operation == Operation::Times && matches!(&factor.kind, ExprKind::Name(name) if name == "pi")
                 };
                 let Some(at) = factors.iter().position(is_pi) else { return Ok(None) };
-                let mut product = Rational::one();
-                for (_, (operation, factor)) in factors.iter().enumerate().filter(|(i, _)| *i != at) {
-                    let value = expression::exact(factor, &self.values)?;
-                    if *operation == Operation::Times {
-                        product *= value;
-                    } else if value.is_zero() {
-                        return Err(Diagnostic::error(factor.span, "a division by zero").help("this divisor is 0"));
-                    } else {
-                        product /= value;
-                    }
-                }
-                Ok(Some(product))
+                let mut others = factors.clone();
+                others.remove(at);
+                let others = Expr { kind: ExprKind::Product(others), span: expr.span };
+                expression::exact(&others, &self.values).map(Some)
             }
             _ => Ok(None),
         }

@@ -4,7 +4,6 @@ use crate::estimate::along::Along;
 use crate::estimate::applies::{check_inputs, check_reference};
 use crate::estimate::damping::Damping;
 use crate::estimate::designs::Designs;
-use crate::estimate::equations::Equations;
 use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::first_order::reduce::{FirstOrder, Reduced};
@@ -12,18 +11,13 @@ use crate::estimate::noise::noise_along;
 use crate::estimate::result::Estimate;
 use crate::estimate::run::Run;
 use crate::estimate::settings::Settings;
-use crate::estimate::stack::solve;
+use crate::estimate::stack::solve_reweighted;
 use crate::estimate::table::LineTable;
 use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
 use std::sync::Arc;
 use std::vec::Vec;
 use tpm_core::model::Model;
-
-/// Most times that the equations are weighted anew at their own solution.
-const MOST_WEIGHTINGS: usize = 8;
-/// The weights have settled when no parameter moves by more than this share of its deviation.
-const SETTLED: f64 = 0.01;
 
 /// One of the estimators `error`, `effort` and `hill`, over all runs.
 ///
@@ -73,22 +67,10 @@ impl Linearised {
     fn solve(&self, latest: Option<&Reduced>) -> Result<Estimate, EstimateError> {
         let runs: Vec<&Reduced> = self.runs.iter().chain(latest).collect();
         let current = runs.last().map_or(&[][..], |run| run.parameters.as_slice());
-        let at = |theta: &[f64]| {
+        solve_reweighted(&self.settings, current, |theta| {
             let of = |(i, run): (usize, &&Reduced)| run.weighted(theta, self.better && i + 1 == runs.len());
-            let equations: Vec<Equations> = runs.iter().enumerate().map(of).collect();
-            solve(&equations, &self.settings, current)
-        };
-        let mut estimate = at(current)?;
-        for _ in 0..MOST_WEIGHTINGS {
-            let next = at(&estimate.values)?;
-            let moves = |((now, before), std): ((&f64, &f64), &f64)| (now - before).abs() > SETTLED * std;
-            let settled = !next.values.iter().zip(&estimate.values).zip(&next.std).any(moves);
-            estimate = next;
-            if settled {
-                break;
-            }
-        }
-        Ok(estimate)
+            runs.iter().enumerate().map(of).collect()
+        })
     }
 }
 

@@ -147,8 +147,9 @@ impl<'a> Along<'a> {
         let free = |k: usize| loose.chunks_exact(switches.max(1)).nth(k).is_some_and(|of| of.iter().any(|s| *s > 0.0));
         let free: Vec<bool> = (0..samples).map(free).collect();
         let h = problem.sample_time;
+        let replaced = !exact || free.contains(&true);
         let input_rates = (0..dims.inputs).map(|i| {
-            let periodic = signals.periodic_input(i);
+            let periodic = if replaced { signals.periodic_input(i) } else { Vec::new() };
             let at = |k: usize| if exact && !free[k] { signals.inputs[i] } else { &periodic };
             let rate = |k: usize| (at(k)[k] - at(k)[k.saturating_sub(1)]) / h;
             let bend = |k: usize| {
