@@ -57,7 +57,7 @@ pub(crate) use information::reduced;
 pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
-pub use output_error::{Candidate, CandidateKind, Differentiable, Misfit, OutputError, OutputErrorFault, Signals};
+pub use output_error::{Candidate, CandidateKind, Course, Differentiable, Misfit, OutputError, OutputErrorFault, Signals};
 pub use result::Estimate;
 pub use run::Run;
 pub(crate) use run::error_lines;

@@ -1,7 +1,7 @@
 //! A log's estimates refined by simulating the model sample by sample.
 
 use crate::estimate::{
-    Candidate, CandidateKind, Differentiable, Estimate, MeasuredMotion, OutputError, OutputErrorFault, Settings,
+    Candidate, CandidateKind, Course, Differentiable, Estimate, MeasuredMotion, OutputError, OutputErrorFault, Settings,
     Signals,
 };
 use crate::log::{Log, LogOptions, Periodic};
@@ -65,13 +65,15 @@ pub(super) fn refine(
         hold: options.hold,
         coordinates: coordinates.to_vec(),
         inputs: inputs.to_vec(),
-        samples_per_period: periodic.samples_per_period,
+        course: Course::Periodic {
+            samples_per_period: periodic.samples_per_period,
+            lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
+            input_lines: (0..dims.inputs).map(|i| motion(spectra, dims.coordinates + i, spectra.highest())).collect(),
+        },
         white: coordinates.iter().map(|signal| white_noise(signal)).collect(),
         joins: excerpt.joins.clone(),
         steps: (0..dims.coordinates).map(|c| if excerpt.averaged > 1 { 0.0 } else { spectra.step(c) }).collect(),
-        lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
         unexplained: estimate.residual,
-        input_lines: (0..dims.inputs).map(|i| motion(spectra, dims.coordinates + i, spectra.highest())).collect(),
     };
     let free: Vec<usize> =
         (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();

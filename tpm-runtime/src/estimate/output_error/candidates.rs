@@ -122,7 +122,7 @@ pub(super) struct Along<'a> {
 }
 
 impl<'a> Along<'a> {
-    /// Inputs that the trajectory takes to be noisy are replaced by their periodic parts: the rate of a noisy input would be that noise,
+    /// Inputs that the trajectory takes to be noisy are replaced by what they are without noise: the rate of a noisy input would be that noise,
     /// which the innovations hold too. So are all inputs while friction may be anything: the force that is left free there passes noise
     /// of the last readings on to the innovations, and a loop has passed it on to the input.
     pub(super) fn new(
@@ -149,8 +149,8 @@ impl<'a> Along<'a> {
         let h = problem.sample_time;
         let replaced = !exact || free.contains(&true);
         let input_rates = (0..dims.inputs).map(|i| {
-            let periodic = if replaced { signals.periodic_input(i) } else { Vec::new() };
-            let at = |k: usize| if exact && !free[k] { signals.inputs[i] } else { &periodic };
+            let calm = if replaced { signals.input_without_noise(i) } else { Vec::new() };
+            let at = |k: usize| if exact && !free[k] { signals.inputs[i] } else { &calm };
             let rate = |k: usize| (at(k)[k] - at(k)[k.saturating_sub(1)]) / h;
             let bend = |k: usize| {
                 let u = at(k);

@@ -52,7 +52,7 @@ pub(super) fn promising(
     if dims.inputs != 1 || high || signals.unexplained < NOTICED {
         return Ok(Vec::new());
     }
-    let half = (signals.samples_per_period * WINDOW) as usize;
+    let half = (signals.typical_period() * WINDOW) as usize;
     // The low pass leaves nothing that needs every sample.
     let stride = (half / 6).max(1);
     let samples = whole.div_ceil(stride);

@@ -85,7 +85,7 @@ impl OutputError {
             states,
             breaks: (1..samples).map(|k| signals.joins.contains(&k)).collect(),
             steps: 1,
-            shortest_passage: (signals.samples_per_period * SHORTEST_PASSAGE) as usize,
+            shortest_passage: (signals.typical_period() * SHORTEST_PASSAGE) as usize,
             scale: (0..outputs).map(|c| noise.typical(c, outputs)).collect(),
             hidden: hidden.to_vec(),
         };

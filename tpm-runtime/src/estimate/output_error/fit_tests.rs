@@ -2,7 +2,7 @@
 
 use crate::estimate::output_error::fit::OutputError;
 use crate::estimate::output_error::problem::Differentiable;
-use crate::estimate::output_error::signals::Signals;
+use crate::estimate::output_error::signals::{Course, Signals};
 use crate::interpret::{Interpreted, InterpretedDerivatives};
 use crate::numerics::differences::white_noise;
 use crate::numerics::{DMatrix, root_mean_square};
@@ -50,13 +50,15 @@ fn fit(
         hold: Hold::Zoh,
         coordinates: vec![channels[0]],
         inputs: vec![channels[1]],
-        samples_per_period: PERIOD as f64,
+        course: Course::Periodic {
+            samples_per_period: PERIOD as f64,
+            lines: vec![lines(0)],
+            input_lines: vec![lines(1)],
+        },
         joins: Vec::new(),
         white: vec![white_noise(channels[0])],
         steps: vec![0.0],
-        lines: vec![lines(0)],
         unexplained: 1.0,
-        input_lines: vec![lines(1)],
     };
     let machine = Differentiable { model, derivatives };
     OutputError::fit(machine, &[], &signals, &start, &[0, 1, 2], &[]).expect("settles")

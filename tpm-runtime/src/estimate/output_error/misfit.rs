@@ -83,7 +83,7 @@ pub(super) fn examine(
     let innovations = best.innovations(signals.coordinates.len());
     let counted = signals.counted();
     let correlation = innovations.neighbours();
-    let periodic = innovations.at_harmonics(signals.samples_per_period);
+    let periodic = innovations.at_harmonics(signals.samples_per_period());
     let repeats = periodic.beyond_chance && !counted;
     let mut inflation: f64 = if repeats { periodic.value.max(1.0) } else { 1.0 };
     if correlation.beyond_chance && !counted {

@@ -40,4 +40,4 @@ pub use error::OutputErrorFault;
 pub use fit::OutputError;
 pub use misfit::Misfit;
 pub use problem::Differentiable;
-pub use signals::Signals;
+pub use signals::{Course, Signals};

@@ -51,8 +51,11 @@ impl Innovations {
         Finding { value, beyond_chance: value * f64::sqrt(count) > CHANCE }
     }
 
-    /// Mean power at the lowest harmonics in units of the mean power.
-    pub(super) fn at_harmonics(&self, samples_per_period: f64) -> Finding {
+    /// Mean power at the lowest harmonics in units of the mean power; one where the motion has no harmonics.
+    pub(super) fn at_harmonics(&self, samples_per_period: Option<f64>) -> Finding {
+        let Some(samples_per_period) = samples_per_period else {
+            return Finding { value: 1.0, beyond_chance: false };
+        };
         let mut power = 0.0;
         let mut count = 0.0;
         for sensor in &self.sensors {
@@ -90,10 +93,10 @@ impl Innovations {
             let transform = forward(samples);
             let mut spectrum = transform.make_output_vec();
             transform.process(&mut series, &mut spectrum).ok()?;
-            let period = samples as f64 / signals.samples_per_period;
-            let above = BEYOND_MOTION * signals.highest(c) as f64 * period;
+            let above = BEYOND_MOTION * signals.highest(c) * samples as f64 * signals.sample_time;
             // Bins at the harmonics tell of terms, not of vibrations.
             let between = |bin: usize| {
+                let Some(period) = signals.samples_per_period().map(|of| samples as f64 / of) else { return true };
                 let beyond = (bin as f64 / period).fract();
                 beyond.min(1.0 - beyond) * period > 0.75 || period < 2.0
             };

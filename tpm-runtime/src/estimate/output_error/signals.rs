@@ -16,7 +16,30 @@ const UNEXPLAINED: f64 = 100.0;
 /// Share of a period over which a polynomial is fitted on either side of a sample, as one over this.
 const LOCAL: u32 = 60;
 
-/// The signals of a record over whole periods.
+/// What is known of a record's motion before it is simulated.
+#[derive(Clone, Debug)]
+pub enum Course {
+    /// It repeats.
+    Periodic {
+        /// Samples of a period.
+        samples_per_period: f64,
+        /// Phasors of the coordinates at the harmonics of the period, as far as they stand out of the noise.
+        lines: Vec<Vec<Complex<f64>>>,
+        /// Phasors of the inputs at the harmonics of the period, as far as they stand out of the noise.
+        input_lines: Vec<Vec<Complex<f64>>>,
+    },
+    /// It need not repeat.
+    Any {
+        /// Samples in which the motion goes to and fro once, on the average.
+        typical_period: f64,
+        /// Samples on either side of a sample over which a polynomial follows the motion.
+        reach: usize,
+        /// Highest frequency of every coordinate's motion, Hz.
+        highest: Vec<f64>,
+    },
+}
+
+/// The signals of a record.
 #[derive(Clone, Debug)]
 pub struct Signals<'a> {
     /// Time between samples, s.
@@ -27,20 +50,16 @@ pub struct Signals<'a> {
     pub coordinates: Vec<&'a [f64]>,
     /// Recorded inputs.
     pub inputs: Vec<&'a [f64]>,
-    /// Samples of a period.
-    pub samples_per_period: f64,
+    /// What is known of the motion beforehand.
+    pub course: Course,
     /// Samples before which something was left out, so that the motion begins anew.
     pub joins: Vec<usize>,
     /// White noise of each sensor by the spectrum: a standard deviation.
     pub white: Vec<f64>,
     /// Step of each sensor; zero where its values lie on no grid.
     pub steps: Vec<f64>,
-    /// Phasors of the coordinates at the harmonics of the period, as far as they stand out of the noise.
-    pub lines: Vec<Vec<Complex<f64>>>,
     /// Share of the force that the values from which the fit begins leave unexplained.
     pub unexplained: f64,
-    /// Phasors of the inputs at the harmonics of the period, as far as they stand out of the noise.
-    pub input_lines: Vec<Vec<Complex<f64>>>,
 }
 
 /// A harmonic on its way through the samples.
@@ -53,51 +72,127 @@ struct Wave {
 }
 
 impl Signals<'_> {
+    fn samples(&self) -> usize {
+        self.coordinates.first().map_or(0, |c| c.len())
+    }
+
+    /// Samples in which the motion goes to and fro once.
+    pub(super) fn typical_period(&self) -> f64 {
+        match self.course {
+            Course::Periodic { samples_per_period, .. } => samples_per_period,
+            Course::Any { typical_period, .. } => typical_period,
+        }
+    }
+
+    /// Samples of a period; nothing where the motion need not repeat.
+    pub(super) fn samples_per_period(&self) -> Option<f64> {
+        match self.course {
+            Course::Periodic { samples_per_period, .. } => Some(samples_per_period),
+            Course::Any { .. } => None,
+        }
+    }
+
     /// The motion from which the fit begins, given derivatives of coordinates at every sample: that of the harmonics, or of
-    /// polynomials over a few samples for a coordinate whose record the harmonics do not explain, such as one that has not settled.
+    /// polynomials over a few samples for a coordinate whose record no harmonics explain, such as one that has not settled.
     pub(super) fn motion(&self, slots: &[(usize, usize)]) -> Vec<f64> {
-        let samples = self.coordinates.first().map_or(0, |c| c.len());
+        let samples = self.samples();
         let n = slots.len();
         let mut motion = vec![0.0; samples * n];
         for (c, signal) in self.coordinates.iter().enumerate() {
-            let mut periodic = vec![0.0; samples];
-            self.synthesise(&self.lines[c], 0, periodic.iter_mut());
-            let power = |left: &mut dyn Iterator<Item = f64>| left.map(|e| e * e).sum::<f64>() / samples.max(1) as f64;
-            let left = power(&mut signal.iter().zip(&periodic).map(|(x, y)| x - y));
-            let noise = self.white[c].powi(2) + self.steps[c].powi(2) / 12.0;
             let order = slots.iter().filter(|slot| slot.0 == c).map(|slot| slot.1).max().unwrap_or(0);
-            let half = ((self.samples_per_period / f64::from(LOCAL)) as usize).max(3 + order);
-            let local = if left > UNEXPLAINED * noise {
-                local::derivatives(signal, self.sample_time, half, order, 1)
-            } else {
-                None
+            let (lines, reach) = match &self.course {
+                Course::Periodic { samples_per_period, lines, .. } => {
+                    let reach = (samples_per_period / f64::from(LOCAL)) as usize;
+                    (Some(&lines[c]), (!self.explained_by(&lines[c], c)).then_some(reach))
+                }
+                Course::Any { reach, .. } => (None, Some(*reach)),
             };
+            let local = reach.and_then(|reach| self.local(signal, reach.max(3 + order), order));
             for (s, &(_, derivative)) in slots.iter().enumerate().filter(|(_, slot)| slot.0 == c) {
                 let to = motion.iter_mut().skip(s).step_by(n);
-                match &local {
-                    Some(local) => {
+                match (&local, lines) {
+                    (Some(local), _) => {
                         let from = local.iter().skip(derivative).step_by(order + 1);
                         to.zip(from).for_each(|(to, from)| *to = *from);
                     }
-                    None => self.synthesise(&self.lines[c], derivative, to),
+                    (None, Some(lines)) => self.synthesise(lines, derivative, to),
+                    (None, None) if derivative == 0 => to.zip(*signal).for_each(|(to, from)| *to = *from),
+                    (None, None) => {}
                 }
             }
         }
         motion
     }
 
-    /// The highest harmonic of a coordinate that is no smaller than a thousandth of the largest.
-    pub(super) fn highest(&self, coordinate: usize) -> usize {
-        let lines = &self.lines[coordinate];
-        let peak = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
-        lines.iter().rposition(|line| line.norm() >= 1e-3 * peak).unwrap_or(1).max(1)
+    /// Whether harmonics leave of a coordinate's record what its noise may be.
+    fn explained_by(&self, lines: &[Complex<f64>], coordinate: usize) -> bool {
+        let samples = self.samples();
+        let mut periodic = vec![0.0; samples];
+        self.synthesise(lines, 0, periodic.iter_mut());
+        let errors = self.coordinates[coordinate].iter().zip(&periodic).map(|(x, y)| x - y);
+        let left = errors.map(|e| e * e).sum::<f64>() / samples.max(1) as f64;
+        let noise = self.white[coordinate].powi(2) + self.steps[coordinate].powi(2) / 12.0;
+        left <= UNEXPLAINED * noise
     }
 
-    /// The periodic part of an input.
-    pub(super) fn periodic_input(&self, input: usize) -> Vec<f64> {
-        let mut wave = vec![0.0; self.inputs[input].len()];
-        self.synthesise(&self.input_lines[input], 0, wave.iter_mut());
-        wave
+    /// Derivatives 0 to `order` of a signal at every sample, sample by sample, by polynomials that reach over no join. Nothing where
+    /// a stretch is too short for one.
+    fn local(&self, signal: &[f64], reach: usize, order: usize) -> Option<Vec<f64>> {
+        let mut out = Vec::with_capacity(signal.len() * (order + 1));
+        let ends = self.joins.iter().copied().chain([signal.len()]);
+        let mut from = 0;
+        for to in ends {
+            let own = reach.min((to - from).saturating_sub(1) / 2);
+            out.extend(local::derivatives(&signal[from..to], self.sample_time, own, order, 1)?);
+            from = to;
+        }
+        Some(out)
+    }
+
+    /// The highest frequency of a coordinate's motion, Hz: of a motion that repeats the highest harmonic that is no smaller than a
+    /// thousandth of the largest.
+    pub(super) fn highest(&self, coordinate: usize) -> f64 {
+        match &self.course {
+            Course::Periodic { samples_per_period, lines, .. } => {
+                let lines = &lines[coordinate];
+                let peak = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+                let highest = lines.iter().rposition(|line| line.norm() >= 1e-3 * peak).unwrap_or(1).max(1);
+                highest as f64 / (samples_per_period * self.sample_time)
+            }
+            Course::Any { highest, .. } => highest[coordinate],
+        }
+    }
+
+    /// A coordinate without its noise: its periodic part, or what polynomials follow of it.
+    fn without_noise(&self, coordinate: usize) -> Vec<f64> {
+        let lines = match &self.course {
+            Course::Periodic { lines, .. } => Some(&lines[coordinate]),
+            Course::Any { .. } => None,
+        };
+        self.smooth(self.coordinates[coordinate], lines)
+    }
+
+    /// An input without its noise: its periodic part, or what polynomials follow of it.
+    pub(super) fn input_without_noise(&self, input: usize) -> Vec<f64> {
+        let lines = match &self.course {
+            Course::Periodic { input_lines, .. } => Some(&input_lines[input]),
+            Course::Any { .. } => None,
+        };
+        self.smooth(self.inputs[input], lines)
+    }
+
+    fn smooth(&self, signal: &[f64], lines: Option<&Vec<Complex<f64>>>) -> Vec<f64> {
+        match (lines, &self.course) {
+            (Some(lines), _) => {
+                let mut wave = vec![0.0; signal.len()];
+                self.synthesise(lines, 0, wave.iter_mut());
+                wave
+            }
+            (None, Course::Any { reach, .. }) => {
+                self.local(signal, (*reach).max(3), 0).unwrap_or_else(|| signal.to_vec())
+            }
+            (None, Course::Periodic { .. }) => signal.to_vec(),
+        }
     }
 
     /// Adds a derivative of a Fourier series to successive samples.
@@ -107,7 +202,7 @@ impl Signals<'_> {
         derivative: usize,
         mut samples: impl ExactSizeIterator<Item = &'s mut f64>,
     ) {
-        let fundamental = 2.0 * std::f64::consts::PI / (self.samples_per_period * self.sample_time);
+        let fundamental = 2.0 * std::f64::consts::PI / (self.typical_period() * self.sample_time);
         let wanted = |(k, line): (usize, &Complex<f64>)| {
             let phasor = line * Complex::new(0.0, k as f64 * fundamental).powu(derivative as u32);
             (phasor.norm_sqr() > 0.0).then_some((k as f64 * fundamental * self.sample_time, phasor))
@@ -138,7 +233,7 @@ impl Signals<'_> {
     /// Readings whose rounding errors are alike are one reading, and readings that repeat from period to period are those of one period.
     pub(super) fn noise(&self) -> Noise {
         let outputs = self.coordinates.len();
-        let samples = self.coordinates.first().map_or(0, |c| c.len());
+        let samples = self.samples();
         let mut readings = vec![0.0; samples * outputs];
         for (c, signal) in self.coordinates.iter().enumerate() {
             let least = (ROUNDING * root_mean_square(signal.iter().copied())).powi(2).max(f64::MIN_POSITIVE);
@@ -146,9 +241,9 @@ impl Signals<'_> {
             if let Some(own) = self.beside_counts(c) {
                 let rounded = step * step / 12.0;
                 // The error is a function of the phase of a periodic motion, the same in every period.
-                let copies = (samples as f64 / self.samples_per_period.max(1.0)).max(1.0);
-                let mut motion = vec![0.0; samples];
-                self.synthesise(&self.lines[c], 0, motion.iter_mut());
+                let period = self.samples_per_period().unwrap_or(samples as f64);
+                let copies = (samples as f64 / period.max(1.0)).max(1.0);
+                let motion = self.without_noise(c);
                 let mut first = 0;
                 for length in alike(&motion, step) {
                     let variance = (rounded * length as f64 + own) * copies;
