@@ -9,7 +9,7 @@ use tpm_runtime::estimate::Estimate;
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Log, LogOptions};
 use tpm_runtime::model::Model;
-use tpm_runtime::session::{Identification, LogReport, identify_log};
+use tpm_runtime::session::{Identification, LogReport, PeriodicReport, identify_log};
 
 fn estimate(result: &Identification) -> &Estimate {
     result.estimate.as_ref().expect("a log that identifies has an estimate")
@@ -17,6 +17,10 @@ fn estimate(result: &Identification) -> &Estimate {
 
 fn report(result: &Identification) -> &LogReport {
     result.log.as_ref().expect("a result of a log has a report")
+}
+
+fn periodic(result: &Identification) -> &PeriodicReport {
+    report(result).periodic().expect("the published logs repeat")
 }
 
 fn data(name: &str) -> Option<PathBuf> {
@@ -45,14 +49,14 @@ fn identify(model: &dyn Model<f64>, file: &Path, options: &LogOptions) -> Identi
     }
     eprintln!(
         "steady {} from {} period {} x {} (mismatch {:e}), window {}, harmonics {} of {}, residual {:.5} {:?}, condition {:.2}, chi2 {:.2}, model error {:?}, warnings {:#?}",
-        report(&result).steady_from_sample,
-        report(&result).from_sample,
-        report(&result).samples_per_period,
-        report(&result).periods,
-        report(&result).mismatch,
-        report(&result).window,
+        periodic(&result).steady_from_sample,
+        periodic(&result).from_sample,
+        periodic(&result).samples_per_period,
+        periodic(&result).periods,
+        periodic(&result).mismatch,
+        periodic(&result).window,
         result.harmonics,
-        report(&result).motion_harmonics,
+        periodic(&result).motion_harmonics,
         result.residual,
         report(&result).hold_residuals,
         result.condition.unwrap_or(f64::INFINITY),
@@ -60,7 +64,7 @@ fn identify(model: &dyn Model<f64>, file: &Path, options: &LogOptions) -> Identi
         estimate(&result).model_error,
         result.warnings
     );
-    let lines = &report(&result).lines[0];
+    let lines = &periodic(&result).lines[0];
     eprintln!(
         "{} lines: {:?} ... {:?}",
         lines.len(),
@@ -87,9 +91,9 @@ fn emps_gives_the_published_values() {
     let options = options(&[("q", "q_m"), ("force", "force_N")], Hold::None);
     let result = identify(&Emps, &file, &options);
     close(&result, &[95.109, 203.503, 20.394, -3.165], &[0.007, 0.015, 0.015, 0.02]);
-    assert_eq!(report(&result).samples_per_period, 6240.0);
-    assert_eq!(report(&result).periods, 3);
-    assert!(report(&result).from_sample + 3 * 6240 <= report(&result).samples);
+    assert_eq!(periodic(&result).samples_per_period, 6240.0);
+    assert_eq!(periodic(&result).periods, 3);
+    assert!(periodic(&result).from_sample + 3 * 6240 <= report(&result).samples);
 }
 
 /// What a log of the slider that MuJoCo simulated gives.
@@ -136,7 +140,7 @@ fn silverbox_agrees_with_the_reference() {
         close(&result, &reference, &[0.01, 0.01, 0.005, 0.02]);
         assert!(result.residual <= 0.005);
         // Odd lines are excited; of the even ones at most a stray line of the mains stands out of the noise.
-        let lines = &report(&result).lines[0];
+        let lines = &periodic(&result).lines[0];
         let odd = lines.iter().filter(|k| *k % 2 == 1).count();
         assert!(lines.len() - odd <= 2 && odd >= 100, "{lines:?}");
     }

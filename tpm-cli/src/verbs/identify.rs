@@ -12,7 +12,7 @@ use clap::ValueEnum;
 use std::path::PathBuf;
 use tpm_runtime::campaign::RunReport;
 use tpm_runtime::estimate::Weights;
-use tpm_runtime::log::Refine;
+use tpm_runtime::log::{Domain, Refine};
 use tpm_runtime::run::{Record, Trial};
 use tpm_runtime::session::{CampaignFolder, Identifiable as _, from_log};
 
@@ -35,7 +35,11 @@ pub(crate) struct Args {
     /// How much every harmonic counts: by its noise, or alike, for a model that leaves something out.
     #[arg(long, value_enum, requires = "log")]
     weights: Option<WeightsChoice>,
-    /// Whether the estimates from harmonics are refined by simulating the model sample by sample.
+    /// How a log is used: harmonics of the part that repeats, or every sample behind a low pass; a log that repeats by its harmonics
+    /// when not given.
+    #[arg(long, value_enum, requires = "log")]
+    domain: Option<DomainChoice>,
+    /// Whether the estimates are refined by simulating the model sample by sample.
     #[arg(long, value_enum, requires = "log")]
     refine: Option<RefineChoice>,
     #[command(flatten)]
@@ -65,12 +69,30 @@ enum WeightsChoice {
     Equal,
 }
 
+/// How the samples of a log become equations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum DomainChoice {
+    /// By the harmonics of the part that repeats.
+    Harmonics,
+    /// Sample by sample, whatever the motion is.
+    Time,
+}
+
+impl From<DomainChoice> for Domain {
+    fn from(choice: DomainChoice) -> Self {
+        match choice {
+            DomainChoice::Harmonics => Domain::Harmonics,
+            DomainChoice::Time => Domain::Time,
+        }
+    }
+}
+
 /// How the estimates of a log are refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum RefineChoice {
     /// By output error, where the model can be simulated (the default).
     OutputError,
-    /// Not at all: the estimates are those of the harmonics.
+    /// Not at all.
     None,
 }
 
@@ -109,6 +131,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             request.frozen = once("--freeze", &args.freeze)?;
             request.bounds = args.bounds.by_name()?;
             request.weights = args.weights.map_or_else(Weights::default, Weights::from);
+            request.domain = args.domain.map(Domain::from);
             request.refine = args.refine.map_or_else(Refine::default, Refine::from);
             let result = from_log(&model, request)?;
             print(&result, args.json, args.output.as_deref())?;

@@ -42,6 +42,7 @@ mod stack;
 mod table;
 #[cfg(feature = "interpret")]
 mod tabulated;
+mod time_domain;
 mod verdict;
 
 pub use along::Along;
@@ -57,7 +58,9 @@ pub(crate) use information::reduced;
 pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
-pub use output_error::{Candidate, CandidateKind, Course, Differentiable, Misfit, OutputError, OutputErrorFault, Signals};
+pub use output_error::{
+    Candidate, CandidateKind, Course, Differentiable, Misfit, OutputError, OutputErrorFault, Signals,
+};
 pub use result::Estimate;
 pub use run::Run;
 pub(crate) use run::error_lines;
@@ -65,5 +68,6 @@ pub use settings::{Frozen, NumericalSettings, Settings, Weights};
 pub use table::{LineTable, RowLines};
 #[cfg(feature = "interpret")]
 pub use tabulated::PatternTables;
+pub use time_domain::{BandReport, Stretch, TimeDomain, TimeRecord, estimate_time_domain};
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

@@ -14,4 +14,4 @@ pub(crate) use fingerprint::FingerprintReader;
 pub use fingerprint::fingerprint;
 pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
-pub use read::{Log, LogOptions, Rates, Refine};
+pub use read::{Domain, Log, LogOptions, Rates, Refine};

@@ -42,6 +42,8 @@ pub struct LogOptions {
     pub hold: Hold,
     /// Known dynamics between the recorded inputs and the forces, by input; inputs past the end of the list have none.
     pub actuators: Vec<Dynamics>,
+    /// Whether harmonics or the time domain; harmonics of a log that repeats, when not given.
+    pub domain: Option<Domain>,
     /// Highest harmonic; chosen from the spectrum when not given.
     pub harmonics: Option<usize>,
     /// Weights of the equations.
@@ -56,7 +58,18 @@ pub struct LogOptions {
     pub frozen: Vec<Frozen>,
 }
 
-/// Whether estimates from harmonics are refined.
+/// In which form the samples of a log become equations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Domain {
+    /// By the harmonics of the part that repeats.
+    Harmonics,
+    /// Sample by sample behind a low pass.
+    Time,
+}
+
+/// Whether estimates are refined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]

@@ -36,5 +36,6 @@ pub(crate) use feed_forward::demand;
 pub use feedback::{Loop, Velocity};
 pub(crate) use hold::held;
 pub use record::{Ending, Record, RecordError, RunEnding};
+pub(crate) use spectra::step;
 pub use spectra::{Spectra, SpectrumError, Window};
 pub use trial::{Trial, TrialSettings};

@@ -293,7 +293,7 @@ impl Spectra {
 }
 
 /// The step of values that lie on a grid, more than once on every point of it on average; zero when they do not.
-fn step(values: &[f64]) -> f64 {
+pub(crate) fn step(values: &[f64]) -> f64 {
     let apart = || values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|difference| *difference > 0.0);
     let least = apart().fold(f64::INFINITY, f64::min);
     let (low, high) = values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));

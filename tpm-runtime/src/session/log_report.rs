@@ -1,10 +1,12 @@
 //! What was found about a log on the way to its parameters.
 
+use crate::estimate::BandReport;
 use crate::session::refinement_report::RefinementReport;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::string::String;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
 
 /// Residuals with either choice of hold, as shares of the force.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -15,15 +17,30 @@ pub struct HoldResiduals {
     pub zoh: Option<f64>,
 }
 
-/// What was found about a log.
+impl HoldResiduals {
+    /// The residual with the hold that is stated, and with the other one.
+    pub(super) const fn of(stated: Hold, residual: f64, other: Option<f64>) -> Self {
+        match stated {
+            Hold::None => HoldResiduals { none: Some(residual), zoh: other },
+            Hold::Zoh => HoldResiduals { none: other, zoh: Some(residual) },
+        }
+    }
+}
+
+/// How a log was used, and what was found on the way.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct LogReport {
-    /// The file.
-    pub path: String,
-    /// Samples in the log.
-    pub samples: usize,
-    /// Time between samples, s.
-    pub sample_time: f64,
+#[serde(tag = "domain", rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Way {
+    /// By the harmonics of the part that repeats.
+    Harmonics(PeriodicReport),
+    /// Sample by sample behind a low pass.
+    Time(BandReport),
+}
+
+/// What was found about a log that repeats.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PeriodicReport {
     /// First sample of the part that repeats, from 0.
     pub steady_from_sample: usize,
     /// First sample used, from 0.
@@ -44,6 +61,20 @@ pub struct LogReport {
     pub lines: Vec<Vec<usize>>,
     /// Highest harmonic of the motion from which regressors were built.
     pub motion_harmonics: usize,
+}
+
+/// What was found about a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LogReport {
+    /// The file.
+    pub path: String,
+    /// Samples in the log.
+    pub samples: usize,
+    /// Time between samples, s.
+    pub sample_time: f64,
+    /// How they were used.
+    #[serde(flatten)]
+    pub way: Way,
     /// Residual per row, as a share of its force.
     pub row_residuals: Vec<f64>,
     /// Known dynamics of the actuators, by input, that were corrected.
@@ -54,6 +85,26 @@ pub struct LogReport {
     /// What simulating the model sample by sample did; nothing where it was not asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refinement: Option<RefinementReport>,
+}
+
+impl LogReport {
+    /// What was found about the part that repeats; nothing in the time domain.
+    #[must_use]
+    pub const fn periodic(&self) -> Option<&PeriodicReport> {
+        match &self.way {
+            Way::Harmonics(periodic) => Some(periodic),
+            Way::Time(_) => None,
+        }
+    }
+
+    /// What was found in the time domain; nothing where harmonics were used.
+    #[must_use]
+    pub const fn band(&self) -> Option<&BandReport> {
+        match &self.way {
+            Way::Time(band) => Some(band),
+            Way::Harmonics(_) => None,
+        }
+    }
 }
 
 /// What was known to lie between an input and its force.

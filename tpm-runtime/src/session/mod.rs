@@ -17,18 +17,23 @@
 //! plays its runs; a [`Session`] is for those who want the steps one by one.
 
 mod agreeing;
+mod any_log;
 mod campaign;
 mod compare;
 #[cfg(test)]
 mod contradiction_tests;
 mod error;
+mod excerpt;
 mod excite;
 mod folder;
+mod found;
 mod identification;
+mod identify;
 mod log;
 mod log_report;
 mod machine;
 mod model;
+mod periodic_log;
 mod play;
 mod refine;
 #[cfg(test)]
@@ -42,7 +47,7 @@ mod truth;
 mod validate;
 mod warning;
 
-pub use self::log::{LogRequest, from_log, identify_log};
+pub use self::log::{LogRequest, from_log};
 pub use agreeing::{Agreeing, AgreeingError, OpenDirection, agreeing};
 pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
 pub use compare::{
@@ -52,7 +57,8 @@ pub use error::{MachineError, SessionError, Setting};
 pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
-pub use log_report::{ActuatorReport, HoldResiduals, LogReport};
+pub use identify::identify_log;
+pub use log_report::{ActuatorReport, HoldResiduals, LogReport, PeriodicReport, Way};
 pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};

@@ -1,16 +1,14 @@
 //! A log's estimates refined by simulating the model sample by sample.
 
 use crate::estimate::{
-    Candidate, CandidateKind, Course, Differentiable, Estimate, MeasuredMotion, OutputError, OutputErrorFault, Settings,
-    Signals,
+    Candidate, CandidateKind, Course, Differentiable, Estimate, OutputError, OutputErrorFault, Settings,
 };
-use crate::log::{Log, LogOptions, Periodic};
+use crate::log::{LogOptions, Refine};
 use crate::numerics::Matrix;
-use crate::numerics::differences::white_noise;
-use crate::run::Spectra;
+use crate::run::Dynamics;
+use crate::session::excerpt::Excerpt;
 use crate::session::refinement_report::{MissingTerm, RefinementReport};
 use crate::session::warning::Warning;
-use num_complex::Complex;
 use std::borrow::Cow;
 use std::format;
 use std::string::{String, ToString};
@@ -18,63 +16,75 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::model::{Label, Model};
 
-/// A line belongs to the motion from which the fit starts when its power is this many times that of its noise.
-const CERTAIN: f64 = 9.0;
+/// Share of the force that rounding leaves unexplained; an estimate that leaves no more has nothing that a refinement could use.
+const EXPLAINED: f64 = 1e-7;
 /// Share of a parameter by which something that is missing must move it to be spoken of.
 const NEGLIGIBLE: f64 = 1e-3;
 /// Deviations by which the halves of a record must contradict each other for its numbers not to be trusted.
 const CONTRADICTION: f64 = 3.5;
-/// Most samples that are simulated one by one; of a longer record it is means of stretches, or its last periods.
-const MOST_SAMPLES: usize = 50_000;
-/// Samples of such means together, unless two periods have more.
-const AVERAGED: usize = 12_000;
-/// Most means, which tell whether the machine changes over the record.
-const MEANS: usize = 4;
-/// Samples of the last periods: two periods at least.
-const LAST: usize = 24_000;
 
 /// A refined estimate.
 pub(super) struct Refined {
     pub(super) estimate: Estimate,
-    pub(super) report: RefinementReport,
+    /// Nothing where no refinement was asked for, or the model cannot be simulated with what is known.
+    pub(super) report: Option<RefinementReport>,
     pub(super) warnings: Vec<Warning>,
 }
 
-/// Refines an estimate from the periodic part of a log.
-///
-/// # Errors
-/// [`OutputErrorFault`] when the log cannot be simulated.
-pub(super) fn refine(
-    machine: Differentiable<'_>,
-    log: &Log,
-    (periodic, spectra): (&Periodic, &Spectra),
+/// What a refinement begins with.
+pub(super) struct Start<'a> {
+    /// The estimate.
+    pub(super) estimate: &'a Estimate,
+    /// What is simulated.
+    pub(super) excerpt: Excerpt<'a>,
+    /// What is known of its motion beforehand.
+    pub(super) course: Course,
+    /// Step of every sensor; zero where its values lie on no grid.
+    pub(super) steps: Vec<f64>,
+    /// Samples of the whole log.
+    pub(super) samples: usize,
+    /// Time between samples, s.
+    pub(super) sample_time: f64,
+}
+
+/// Refines an estimate by simulating the model, where its derivatives are known, the inputs act as they are recorded, and the log was
+/// not explained but for rounding. `restate` makes an estimate of other values and their covariance.
+pub(super) fn refined(
+    machine: Option<Differentiable<'_>>,
+    start: Start<'_>,
     options: &LogOptions,
-    (record, estimate): (&MeasuredMotion, &Estimate),
     settings: &Settings,
+    restate: &dyn Fn(Vec<f64>, Matrix) -> Estimate,
+) -> Refined {
+    let estimate = start.estimate;
+    let ideal = options.actuators.iter().all(Dynamics::is_ideal);
+    let wanted = options.refine == Refine::OutputError && ideal && estimate.residual > EXPLAINED;
+    let Some(machine) = machine.filter(|_| wanted) else {
+        return Refined { estimate: estimate.clone(), report: None, warnings: Vec::new() };
+    };
+    refine(machine, &start, options, settings, restate).unwrap_or_else(|fault| {
+        let report = RefinementReport::refused(&estimate.values, &fault);
+        let remark = |message| match fault {
+            OutputErrorFault::NotConverged { .. } => Warning::Unsettled { message },
+            _ => Warning::Estimator { message },
+        };
+        let warnings = report.note.iter().cloned().map(remark).collect();
+        Refined { estimate: estimate.clone(), report: Some(report), warnings }
+    })
+}
+
+fn refine(
+    machine: Differentiable<'_>,
+    start: &Start<'_>,
+    options: &LogOptions,
+    settings: &Settings,
+    restate: &dyn Fn(Vec<f64>, Matrix) -> Estimate,
 ) -> Result<Refined, OutputErrorFault> {
     let model = machine.model;
     let dims = model.dims();
-    let whole = (periodic.samples_per_period * periodic.periods as f64).round() as usize;
-    let samples = whole.min(log.len() - periodic.from);
-    let used: Vec<&[f64]> = log.channels.iter().map(|c| &c[periodic.from..periodic.from + samples]).collect();
-    let excerpt = Excerpt::of(&used, periodic);
-    let channels: Vec<&[f64]> = excerpt.channels.iter().map(AsRef::as_ref).collect();
-    let (coordinates, inputs) = channels.split_at(dims.coordinates);
-    let signals = Signals {
-        sample_time: log.sample_time,
-        hold: options.hold,
-        coordinates: coordinates.to_vec(),
-        inputs: inputs.to_vec(),
-        course: Course::Periodic {
-            samples_per_period: periodic.samples_per_period,
-            lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),
-            input_lines: (0..dims.inputs).map(|i| motion(spectra, dims.coordinates + i, spectra.highest())).collect(),
-        },
-        white: coordinates.iter().map(|signal| white_noise(signal)).collect(),
-        joins: excerpt.joins.clone(),
-        steps: (0..dims.coordinates).map(|c| if excerpt.averaged > 1 { 0.0 } else { spectra.step(c) }).collect(),
-        unexplained: estimate.residual,
-    };
+    let Start { estimate, excerpt, .. } = start;
+    let known = (start.course.clone(), start.steps.as_slice());
+    let signals = excerpt.signals(dims.coordinates, start.sample_time, options.hold, known, estimate.residual);
     let free: Vec<usize> =
         (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
     let hidden: Vec<Vec<f64>> =
@@ -83,8 +93,7 @@ pub(super) fn refine(
     let misfit = &found.misfit;
     let shift = &misfit.shift;
     // A parameter that drifts has gone on drifting where the log was left out.
-    let middle = periodic.from as f64 + excerpt.middle;
-    let reach = middle.max(log.len() as f64 - middle) / excerpt.half;
+    let reach = excerpt.middle.max(start.samples as f64 - excerpt.middle) / excerpt.half;
     let range: Vec<f64> = misfit.range.iter().map(|range| range * reach).collect();
     let mut covariance = vec![vec![0.0; dims.parameters]; dims.parameters];
     for (a, &i) in free.iter().enumerate() {
@@ -105,7 +114,8 @@ pub(super) fn refine(
         }),
         samples: signals.coordinates.first().map_or(0, |c| c.len()),
         averaged: excerpt.averaged,
-        of: samples,
+        blocks: excerpt.blocks,
+        of: excerpt.of,
         steps: found.iterations.unwrap_or(0),
         sensor_noise: found.sensor_noise.clone(),
         input_noise: found.input_noise.clone(),
@@ -142,74 +152,11 @@ pub(super) fn refine(
         }
     }
     let (share, settled) = (found.share, found.iterations.is_some());
-    let mut restated = record.restated(estimate, found.values, covariance, settings);
+    let mut restated = restate(found.values, covariance);
     if settled {
         restated.residual = share;
     }
-    Ok(Refined { estimate: restated, report, warnings })
-}
-
-/// Harmonics of a coordinate that stand out of the noise.
-fn motion(spectra: &Spectra, coordinate: usize, harmonics: usize) -> Vec<Complex<f64>> {
-    let floor = spectra.floor(coordinate).unwrap_or(0.0);
-    let certain = |(k, line): (usize, &Complex<f64>)| {
-        let noise = spectra.variance(coordinate, k).max(floor);
-        if k == 0 || line.norm_sqr() > CERTAIN * noise { *line } else { Complex::new(0.0, 0.0) }
-    };
-    spectra.lines[coordinate].iter().take(harmonics + 1).enumerate().map(certain).collect()
-}
-
-/// What is simulated of a record that is too long to be simulated sample by sample.
-struct Excerpt<'a> {
-    channels: Vec<Cow<'a, [f64]>>,
-    /// Stretches of the record of which each simulated one is the mean.
-    averaged: usize,
-    /// Samples at which another stretch begins.
-    joins: Vec<usize>,
-    /// Middle of the part of the record that it stands for, and half its length, samples of the record.
-    middle: f64,
-    half: f64,
-}
-
-impl<'a> Excerpt<'a> {
-    /// A few means of stretches of whole periods, in the order of the record, or its last periods where these are no whole numbers of
-    /// samples; a short record as it is.
-    ///
-    /// The motion at the end of a mean is not that at the beginning of the next, because a loop passes the noise of its sensors on.
-    fn of(channels: &[&'a [f64]], periodic: &Periodic) -> Self {
-        let samples = channels.first().map_or(0, |channel| channel.len());
-        let exact = periodic.samples_per_period;
-        let period = exact.round() as usize;
-        let part = |from: usize| Excerpt {
-            channels: channels.iter().map(|channel| Cow::Borrowed(&channel[from..])).collect(),
-            averaged: 1,
-            joins: Vec::new(),
-            middle: 0.5 * (from + samples) as f64,
-            half: 0.5 * (samples - from) as f64,
-        };
-        if samples <= MOST_SAMPLES || period == 0 {
-            return part(0);
-        }
-        if (exact - period as f64).abs() >= 1e-9 {
-            let shown = ((LAST as f64 / exact) as usize).max(2).min(periodic.periods);
-            return part(samples.saturating_sub((shown as f64 * exact).round() as usize));
-        }
-        let means = (AVERAGED / period).clamp(2, MEANS).min(periodic.periods);
-        let length = (AVERAGED / (means * period)).clamp(1, periodic.periods / means) * period;
-        let averaged = samples / (means * length);
-        let mean = |channel: &&[f64]| {
-            let mut out = Vec::with_capacity(means * length);
-            for part in channel.chunks_exact(averaged * length).take(means) {
-                for i in 0..length {
-                    out.push(part[i..].iter().step_by(length).sum::<f64>() / averaged as f64);
-                }
-            }
-            Cow::Owned(out)
-        };
-        let half = 0.5 * (means * averaged * length) as f64;
-        let joins = (1..means).map(|mean| mean * length).collect();
-        Excerpt { channels: channels.iter().map(mean).collect(), averaged, joins, middle: half, half }
-    }
+    Ok(Refined { estimate: restated, report: Some(report), warnings })
 }
 
 fn missing(model: &dyn Model<f64>, candidate: &Candidate) -> MissingTerm {

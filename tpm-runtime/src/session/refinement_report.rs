@@ -18,7 +18,10 @@ pub struct RefinementReport {
     pub samples: usize,
     /// Stretches of the log of which each simulated one is the mean.
     pub averaged: usize,
-    /// Samples of the whole periods in the log, of which these are the mean or a part.
+    /// Blocks of the log that were simulated while the rest was not; zero where all of it, means or its last periods were.
+    #[serde(skip_serializing_if = "none")]
+    pub blocks: usize,
+    /// Samples of the log, or of its whole periods, of which these are the mean or a part.
     pub of: usize,
     /// Gauss-Newton steps.
     pub steps: usize,
@@ -51,18 +54,25 @@ pub struct MissingTerm {
     pub meaning: String,
 }
 
+// What serde calls takes a reference.
+#[allow(clippy::trivially_copy_pass_by_ref)]
+const fn none(count: &usize) -> bool {
+    *count == 0
+}
+
 impl RefinementReport {
     /// A refinement that came to nothing.
     pub(super) fn refused(values: &[f64], fault: &OutputErrorFault) -> Self {
         let note = match fault {
             OutputErrorFault::NotSimulable => None,
-            fault => Some(format!("not refined, the estimates are those of the harmonics alone: {fault}")),
+            fault => Some(format!("not refined by a simulation: {fault}")),
         };
         RefinementReport {
             used: false,
             note,
             samples: 0,
             averaged: 1,
+            blocks: 0,
             of: 0,
             steps: 0,
             sensor_noise: Vec::new(),

@@ -1,8 +1,8 @@
 //! Identification from synthetic logs of known motions and known parameters.
 
 use crate::estimate::{Estimate, Status, Weights};
-use crate::log::{Log, LogError, LogOptions};
-use crate::session::{Identification, LogReport, identify_log};
+use crate::log::{Domain, Log, LogError, LogOptions};
+use crate::session::{Identification, LogReport, PeriodicReport, identify_log};
 use crate::test_models::{Emps, MassSpringDrag, Silverbox, TwoCarts};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -18,8 +18,8 @@ fn estimate(result: &Identification) -> &Estimate {
     result.estimate.as_ref().expect("a log that identifies has an estimate")
 }
 
-fn report(result: &Identification) -> &LogReport {
-    result.log.as_ref().expect("a result of a log has a report")
+fn report(result: &Identification) -> &PeriodicReport {
+    result.log.as_ref().and_then(LogReport::periodic).expect("a log that repeats has a report")
 }
 
 /// A Fourier series: (harmonic, cosine, sine).
@@ -183,7 +183,11 @@ fn the_end_of_a_sweep_is_not_taken_for_a_periodic_motion() {
         us.push(truth[0] * a + truth[1] * x + truth[2] * v * v);
     }
     let log = Log::from_samples("sweep", dt, vec![xs, us]).expect("sound");
-    match identify_log(&MassSpringDrag, &log, &LogOptions::default()) {
+    let result = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("any motion will do");
+    assert!(result.log.as_ref().is_some_and(|log| log.band().is_some()), "{:?}", result.log);
+    near(&values(&result), &truth, 1e-4);
+    let by_harmonics = LogOptions { domain: Some(Domain::Harmonics), ..LogOptions::default() };
+    match identify_log(&MassSpringDrag, &log, &by_harmonics) {
         Err(error) => assert!(matches!(error, LogError::NotPeriodic { .. }), "{error}"),
         Ok(result) => {
             assert!(
@@ -248,7 +252,8 @@ fn faults_of_the_whole_log_say_what_to_do() {
         })
         .collect();
     let log = Log::from_samples("walk", 1e-3, vec![walk.clone(), walk]).expect("sound");
-    let error = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect_err("not periodic");
+    let by_harmonics = LogOptions { domain: Some(Domain::Harmonics), ..LogOptions::default() };
+    let error = identify_log(&MassSpringDrag, &log, &by_harmonics).expect_err("not periodic");
     let message = format!("{error}");
     assert!(message.starts_with("walk:1-4000: the motion"), "{message}");
     assert!(message.contains("record at least two whole periods"), "{message}");

@@ -4,7 +4,7 @@ use crate::estimate::{CombinationReport, ParameterReport, Status};
 use crate::machine::stability::LoopStability;
 use crate::report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash};
 use crate::session::identification::{Identification, Source};
-use crate::session::log_report::LogReport;
+use crate::session::log_report::{LogReport, Way};
 use std::borrow::ToOwned;
 use std::fmt::{self, Write as _};
 use std::format;
@@ -134,22 +134,35 @@ impl Identification {
 }
 
 fn log_head(result: &Identification, log: &LogReport) -> String {
-    let mut text = format!(
-        "model {} from {}\n{} samples every {} s; {} periods of {} s from sample {} (line {}); hold {}; {} window; harmonics up to {}\n\n",
-        result.model,
-        log.path,
-        log.samples,
-        number(log.sample_time),
-        log.periods,
-        number(log.period),
-        log.from_sample,
-        log.from_line,
-        result.hold,
-        log.window,
-        result.harmonics,
-    );
+    let (model, path, samples, hold) = (&result.model, &log.path, log.samples, result.hold);
+    let mut text = format!("model {model} from {path}\n{samples} samples every {} s; ", number(log.sample_time));
+    text.push_str(&match &log.way {
+        Way::Harmonics(found) => format!(
+            "{} periods of {} s from sample {} (line {}); hold {hold}; {} window; harmonics up to {}\n\n",
+            found.periods,
+            number(found.period),
+            found.from_sample,
+            found.from_line,
+            found.window,
+            result.harmonics,
+        ),
+        Way::Time(found) => {
+            let highest = found.highest.iter().copied().fold(0.0, f64::max);
+            let rest = match found.at_rest {
+                share if share > 0.0 => format!("; {:.1} % of the equations near rest left out", 100.0 * share),
+                _ => String::new(),
+            };
+            format!(
+                "used in the time domain, motion up to {} Hz, low pass at {} Hz, {} instants{rest}; hold {hold}\n\n",
+                number(highest),
+                number(found.cut_off),
+                found.instants,
+            )
+        }
+    });
     if let Some(refined) = log.refinement.as_ref().filter(|refined| refined.used && refined.samples < refined.of) {
         let part = match refined.averaged {
+            1 if refined.blocks > 0 => format!("{} samples in {} blocks", refined.samples, refined.blocks),
             1 => format!("the last {} samples", refined.samples),
             stretches => format!("{} samples, means of {stretches} stretches each", refined.samples),
         };

@@ -8,8 +8,9 @@
 use crate::estimate::{MeasuredMotion, Settings};
 use crate::log::{Log, LogError, LogOptions};
 use crate::session::error::SessionError;
-use crate::session::log::{LogRequest, periodic_spectra};
+use crate::session::log::LogRequest;
 use crate::session::model::Identifiable;
+use crate::session::periodic_log::spectra;
 use serde::Serialize;
 use std::format;
 use std::string::{String, ToString};
@@ -130,7 +131,7 @@ pub fn validate_log(
     let dims = model.dims();
     let fault = |source| LogError::Estimate { path: log.path.clone(), source };
     require_len(Buffer::Parameters, parameters.len(), dims.parameters).map_err(|error| fault(error.into()))?;
-    let (periodic, spectra) = periodic_spectra(log, dims.coordinates, options)?;
+    let (periodic, spectra) = spectra(log, dims.coordinates, options)?;
     let settings = Settings { harmonics: options.harmonics, ..Settings::default() };
     let record = MeasuredMotion::new(model, &options.constants, &spectra, options.hold, &settings).map_err(fault)?;
     let row = |r: usize| {

@@ -64,6 +64,13 @@ pub enum Warning {
         /// Unit of the coordinate.
         unit: Option<String>,
     },
+    /// A measured rate is not the rate of the measured position.
+    RateDiffers {
+        /// The coordinate.
+        coordinate: String,
+        /// Measured rate over the rate of the measured position.
+        gain: f64,
+    },
     /// The last two periods of a log differ.
     Unsteady {
         /// Root mean square of their difference, as a share of the motion.
@@ -248,6 +255,10 @@ impl fmt::Display for Warning {
                      what these say was used instead"
                 )
             }
+            Warning::RateDiffers { coordinate, gain } => write!(
+                f,
+                "the measured rate of {coordinate} is {gain:.3} times the rate of its measured position: a scale or a unit of one of them is wrong, or a lag"
+            ),
             Warning::Unsteady { mismatch } => write!(
                 f,
                 "the last two periods differ by {:.1} % of the motion: noise, or a motion that has not settled",

@@ -1,0 +1,130 @@
+//! From a log to its result, whichever way the log is used.
+
+use crate::estimate::named::EstimateReport;
+use crate::estimate::{Differentiable, Settings};
+use crate::log::{Domain, Log, LogError, LogOptions};
+use crate::run::Dynamics;
+use crate::session::found::Found;
+use crate::session::identification::{Identification, Source};
+use crate::session::log_report::{ActuatorReport, HoldResiduals, LogReport};
+use crate::session::warning::Warning;
+use crate::session::{any_log, periodic_log, summary};
+use std::string::ToString;
+use std::vec::Vec;
+use tpm_core::harmonics::Hold;
+use tpm_core::model::Model;
+
+/// The other hold explains a log clearly better when it leaves less than this share of the residual.
+const CLEARLY_BETTER: f64 = 0.7;
+
+/// Identifies the parameters in which a model is linear from one log.
+///
+/// # Errors
+/// [`LogError`].
+pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> Result<Identification, LogError> {
+    identify_with(model, None, log, options)
+}
+
+/// [`identify_log`], refined by simulating the model where the derivatives of its rows are known.
+pub(super) fn identify_with(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    log: &Log,
+    options: &LogOptions,
+) -> Result<Identification, LogError> {
+    let dims = model.dims();
+    if options.constants.len() != dims.constants {
+        return Err(LogError::Constants {
+            needed: dims.constants,
+            given: options.constants.len(),
+            names: (0..dims.constants).map(|i| model.constant(i).name.into()).collect(),
+        });
+    }
+    let settings = Settings {
+        harmonics: options.harmonics,
+        weights: options.weights,
+        prior: options.prior.iter().map(|value| value.unwrap_or(0.0)).collect(),
+        frozen: options.frozen.clone(),
+        ..Settings::default()
+    };
+    let periodic = match options.domain {
+        Some(Domain::Time) => None,
+        Some(Domain::Harmonics) => Some(periodic_log::spectra(log, dims.coordinates, options)?),
+        None => periodic_log::repeating(log, dims.coordinates, options)?,
+    };
+    let found = match &periodic {
+        Some((periodic, spectra)) => {
+            periodic_log::identify(model, machine, log, (periodic, spectra), options, &settings)?
+        }
+        None => any_log::identify(model, machine, log, options, &settings)?,
+    };
+    Ok(result(model, log, options, found))
+}
+
+fn result(model: &dyn Model<f64>, log: &Log, options: &LogOptions, found: Found) -> Identification {
+    let dims = model.dims();
+    let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings } = found;
+    let actuator = |(i, dynamics): (usize, &Dynamics)| {
+        let low_pass = dynamics.filter.map(|filter| (filter.natural_frequency, filter.quality));
+        let report = ActuatorReport { delay: dynamics.delay, low_pass, bandwidth: dynamics.bandwidth };
+        (model.input(i).name.to_string(), report)
+    };
+    let actuators = options.actuators.iter().take(dims.inputs).enumerate();
+    let log_report = LogReport {
+        path: log.path.clone(),
+        samples: log.len(),
+        sample_time: log.sample_time,
+        way,
+        row_residuals,
+        actuators: actuators.filter(|(_, dynamics)| !dynamics.is_ideal()).map(actuator).collect(),
+        hold_residuals,
+        refinement,
+    };
+    let mut all: Vec<Warning> = other_hold(options.hold, hold_residuals).into_iter().collect();
+    all.extend(warnings);
+    let EstimateReport { parameters, unobservable, combinations, covariance, combination_covariance } =
+        EstimateReport::new(model, &options.prior, Some(&estimate));
+    let mut result = Identification {
+        source: Source::Log,
+        model: model.name().into(),
+        estimator: Default::default(),
+        frequency_name: Default::default(),
+        outcome: None,
+        stop: None,
+        seed: None,
+        hold: options.hold,
+        harmonics,
+        parameters,
+        physical: Vec::new(),
+        unobservable,
+        combinations,
+        covariance,
+        combination_covariance,
+        physical_covariance: Vec::new(),
+        rank: estimate.rank,
+        condition: Some(estimate.condition).filter(|condition| condition.is_finite()),
+        residual: estimate.residual,
+        runs: Vec::new(),
+        stability: None,
+        log: Some(log_report),
+        warnings: all,
+        provenance: summary::provenance(),
+        current: estimate.values.clone(),
+        estimate: Some(estimate),
+    };
+    let mean = |channel: &Vec<f64>| channel.iter().sum::<f64>() / channel.len().max(1) as f64;
+    let position: Vec<f64> = log.channels[..dims.coordinates].iter().map(mean).collect();
+    summary::warn_of_negative_inertias(&mut result, model, &options.constants, &position);
+    summary::distrust(&mut result);
+    result
+}
+
+/// Says that the other hold explains a log clearly better.
+fn other_hold(stated: Hold, residuals: HoldResiduals) -> Option<Warning> {
+    let (left, left_by_better) = match stated {
+        Hold::None => (residuals.none?, residuals.zoh?),
+        Hold::Zoh => (residuals.zoh?, residuals.none?),
+    };
+    let better = stated.other();
+    (left_by_better < CLEARLY_BETTER * left).then_some(Warning::OtherHold { stated, left, better, left_by_better })
+}
