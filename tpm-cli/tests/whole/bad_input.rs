@@ -148,18 +148,12 @@ fn faulty_logs_are_refused() {
         ("too short", text(&log()[..9]), &["log.csv:9:", "8 samples", "two whole periods"]),
         ("no sample", text(&log()[..1]), &["log.csv:1:", "0 samples"]),
         ("empty", Vec::new(), &["log.csv:1:", "no column `t_s`"]),
-        ("one period", text(&log()[..260]), &["log.csv:2-260:", "not periodic", "two whole periods"]),
-        (
-            "one period to the sample",
-            text(&log()[..201]),
-            &["not periodic", "no stretch of it occurs twice", "--period"],
-        ),
+        ("a few samples", text(&log()[..40]), &["not periodic", "no stretch of it occurs twice", "--period"]),
         (
             "only noise",
             column(1, &|i| noise[i].to_string()),
             &["is noise of single samples", "move further", "--period"],
         ),
-        ("not periodic", column(1, &|i| noise[i].to_string()), &["not periodic", "--period"]),
         ("constant position", column(1, &|_| "1".to_owned()), &["log.csv:2-4001:", "`x` is 1 throughout", "--map"]),
         ("constant force", column(2, &|_| "3".to_owned()), &["log.csv:2-4001:", "`u` is 3 throughout", "--map"]),
         ("shorter line", changed(1502, "15,0"), &["log.csv:1502:", "2 fields, the header has 3"]),
@@ -169,6 +163,20 @@ fn faulty_logs_are_refused() {
     for (what, input, parts) in &cases {
         println!("{what}");
         check_refused("log.csv", input, &identify, parts);
+    }
+    let by_harmonics = [&identify[..], &["--domain", "harmonics"]].concat();
+    let cases: Vec<(&str, Vec<u8>, &[&str])> = vec![
+        ("one period", text(&log()[..260]), &["log.csv:2-260:", "not periodic", "two whole periods"]),
+        (
+            "one period to the sample",
+            text(&log()[..201]),
+            &["not periodic", "no stretch of it occurs twice", "--period"],
+        ),
+        ("not periodic", column(1, &|i| noise[i].to_string()), &["not periodic", "--period"]),
+    ];
+    for (what, input, parts) in &cases {
+        println!("{what}");
+        check_refused("log.csv", input, &by_harmonics, parts);
     }
 }
 

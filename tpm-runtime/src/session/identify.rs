@@ -1,7 +1,7 @@
 //! From a log to its result, whichever way the log is used.
 
 use crate::estimate::named::EstimateReport;
-use crate::estimate::{Differentiable, Settings};
+use crate::estimate::{Differentiable, EstimateError, Settings};
 use crate::log::{Domain, Log, LogError, LogOptions};
 use crate::run::Dynamics;
 use crate::session::found::Found;
@@ -56,7 +56,17 @@ pub(super) fn identify_with(
         Some((periodic, spectra)) => {
             periodic_log::identify(model, machine, log, (periodic, spectra), options, &settings)?
         }
-        None => any_log::identify(model, machine, log, options, &settings)?,
+        None => {
+            let found = any_log::identify(model, machine, log, options, &settings);
+            match (found, options.domain) {
+                // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
+                (Err(LogError::Estimate { source: EstimateError::NoSignal, path }), None) => {
+                    periodic_log::spectra(log, dims.coordinates, options)?;
+                    return Err(LogError::Estimate { source: EstimateError::NoSignal, path });
+                }
+                (found, _) => found?,
+            }
+        }
     };
     Ok(result(model, log, options, found))
 }

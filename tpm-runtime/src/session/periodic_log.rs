@@ -25,6 +25,8 @@ const UNSTEADY: f64 = 0.02;
 const CERTAIN: f64 = 9.0;
 /// Largest steps from sample to sample by which the end of a single period may miss its beginning.
 const CLOSED: f64 = 3.0;
+/// Share of a record that is noise of single samples above which nothing else is looked for in it.
+const DROWNED: f64 = 0.5;
 
 /// Identifies a model from the part of a log that repeats.
 ///
@@ -122,7 +124,7 @@ pub(super) fn spectra(log: &Log, coordinates: usize, options: &LogOptions) -> Re
 /// close.
 ///
 /// # Errors
-/// [`LogError`] when a setting does not fit the log.
+/// [`LogError`] when a setting does not fit the log, or noise drowns the motion.
 pub(super) fn repeating(
     log: &Log,
     coordinates: usize,
@@ -130,8 +132,15 @@ pub(super) fn repeating(
 ) -> Result<Option<(Periodic, Spectra)>, LogError> {
     let periodic = match periodic_part(log, coordinates, options) {
         Ok(periodic) => periodic,
-        Err(LogError::NoPeriod { .. } | LogError::NotPeriodic { .. }) => return Ok(None),
-        Err(error) => return Err(error),
+        // Motion that noise drowns shows in no other way either.
+        Err(error) => {
+            let drowned = |noise: Option<f64>| noise.is_some_and(|share| share > DROWNED);
+            return match error {
+                LogError::NoPeriod { .. } => Ok(None),
+                LogError::NotPeriodic { mismatch, .. } if !drowned(mismatch.noise) => Ok(None),
+                error => Err(error),
+            };
+        }
     };
     let rest = options.from_sample.is_none() && options.period.is_none() && 2 * periodic.steady_from > log.len();
     if rest || periodic.periods == 1 && !closes(log, coordinates, &periodic) {

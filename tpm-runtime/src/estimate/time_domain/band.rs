@@ -109,7 +109,7 @@ impl Tried {
 /// Estimates the parameters in which a model is linear from any motion; `derivatives` tell where signs jump.
 ///
 /// # Errors
-/// [`EstimateError::NoSignal`] when the stretches are too short for any band, or nothing moves; [`EstimateError::Model`] and
+/// [`EstimateError::NoSignal`] when the stretches are too short for any band, or show no more than noise; [`EstimateError::Model`] and
 /// [`EstimateError::NotFinite`] when the rows cannot be evaluated on the motion; [`EstimateError::Frozen`] and
 /// [`EstimateError::AllFrozen`] when parameters are held that do not exist, or all.
 pub fn estimate_time_domain(
@@ -145,7 +145,8 @@ pub fn estimate_time_domain(
         }
     }
     // The band that shows most, and of those that show as much the one that tells it best.
-    let most = tried.iter().map(|tried| tried.fitted.estimate.rank).max().ok_or(EstimateError::NoSignal)?;
+    let most = tried.iter().map(|tried| tried.fitted.estimate.rank).max().filter(|rank| *rank > 0);
+    let most = most.ok_or(EstimateError::NoSignal)?;
     let best = tried
         .iter()
         .filter(|tried| tried.fitted.estimate.rank == most)
