@@ -33,6 +33,7 @@ mod numerical;
 mod output_error;
 #[cfg(feature = "interpret")]
 pub mod physical;
+mod pooled;
 mod prior;
 mod result;
 mod run;
@@ -61,6 +62,7 @@ pub use named::{CombinationReport, ParameterReport};
 pub use output_error::{
     Candidate, CandidateKind, Course, Differentiable, Misfit, OutputError, OutputErrorFault, Signals,
 };
+pub use pooled::{Contribution, Pooled, pool};
 pub use result::Estimate;
 pub use run::Run;
 pub(crate) use run::error_lines;
