@@ -21,8 +21,8 @@ use tpm_runtime::session::{CampaignFolder, Identifiable as _, from_log};
 pub(crate) struct Args {
     /// The model file.
     file: PathBuf,
-    /// Identify from this log (CSV with one header line, time in `t_s`) instead of a simulated plant.
-    #[arg(long, value_name = "CSV")]
+    /// Identify from this log instead of a simulated plant: columns of text with a header, time and signals by name.
+    #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
     #[command(flatten)]
     reading: LogArgs,

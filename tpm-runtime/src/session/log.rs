@@ -7,7 +7,7 @@ use crate::estimate::{
     estimate_measured_motion,
 };
 use crate::interpret::InterpretedDerivatives;
-use crate::log::{FingerprintReader, Log, LogError, LogOptions, Periodic, PeriodicFault, Refine, find_periodic};
+use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, ReadingReport, Recording, Refine, find_periodic};
 use crate::report::{Remedy, displayed};
 use crate::run::{Dynamics, Spectra, correct_actuators};
 use crate::session::error::{SessionError, Setting};
@@ -21,7 +21,6 @@ use crate::session::warning::{Data, Warning};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::format;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec;
@@ -41,12 +40,12 @@ const UNSTEADY: f64 = 0.02;
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct LogRequest {
-    /// The file: CSV with one header line, time in `t_s`.
+    /// The file: columns of text with a header, or another format that is built in.
     pub path: PathBuf,
     /// Column of a coordinate or input (or of `t_s`), where it is not called like it.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub map: BTreeMap<String, String>,
-    /// Factor on the column of a signal.
+    /// Factor from the numbers of a signal's column to its unit in the model; it stands in place of a unit that the column states.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub scale: BTreeMap<String, f64>,
     /// Value that is added to a signal after the factor, unit of the signal.
@@ -213,10 +212,9 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
     let options = request.options(evaluated, &physical)?;
     let path = request.path.display().to_string();
-    let file = File::open(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
-    let mut file = FingerprintReader::new(file);
-    // The log is read to the end of the file, so that the fingerprint is that of the whole.
-    let mut log = Log::read(&mut file, &path, evaluated, &options)?;
+    let recording = Recording::open(&request.path, evaluated, &options)?;
+    let hash = recording.fingerprint.clone();
+    let (mut log, reading) = repeating(recording, evaluated.dims().coordinates, &options);
     let mended = log.mend(evaluated.dims().coordinates);
     if let (None, Some(name)) = (&lumped, request.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
@@ -228,16 +226,33 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
     let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
     let mut result = identify_with(evaluated, derivatives, &log, &options)?;
     result.warnings.extend(lone_readings(evaluated, &log, &mended));
+    if let Some(report) = &mut result.log {
+        report.reading = reading;
+    }
     if let Some(lumped) = lumped {
         lumped.complete(&mut result, request.physical())?;
     }
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
-        logs: vec![LogFingerprint { path, hash: file.fingerprint() }],
+        logs: vec![LogFingerprint { path, hash }],
         options: summary::options(&request),
         ..summary::provenance()
     };
     Ok(result)
+}
+
+/// The segment of a recording that is analysed: the longest one that repeats or, where none does, the longest one.
+pub(super) fn repeating(mut recording: Recording, coordinates: usize, options: &LogOptions) -> (Log, ReadingReport) {
+    let segments = &recording.segments;
+    let mut longest_first: Vec<usize> = (0..segments.len()).collect();
+    longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));
+    let repeats = |i: &usize| periodic_part(&segments[*i], coordinates, options).is_ok();
+    let used = match longest_first[..] {
+        [only] => only,
+        _ => longest_first.iter().copied().find(repeats).unwrap_or(longest_first[0]),
+    };
+    recording.report.used = (segments.len() > 1).then_some(used);
+    (recording.segments.swap_remove(used), recording.report)
 }
 
 /// One warning for every coordinate of which readings were replaced.
@@ -326,6 +341,7 @@ fn identify_with(
     };
     let log_report = LogReport {
         path: log.path.clone(),
+        reading: ReadingReport::default(),
         samples: log.len(),
         sample_time: log.sample_time,
         steady_from_sample: periodic.steady_from,

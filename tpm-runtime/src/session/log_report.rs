@@ -1,5 +1,6 @@
 //! What was found about a log on the way to its parameters.
 
+use crate::log::ReadingReport;
 use crate::session::refinement_report::RefinementReport;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -20,6 +21,9 @@ pub struct HoldResiduals {
 pub struct LogReport {
     /// The file.
     pub path: String,
+    /// What was assumed in reading the file, how the record was split, and what was left out.
+    #[serde(skip_serializing_if = "ReadingReport::is_plain")]
+    pub reading: ReadingReport,
     /// Samples in the log.
     pub samples: usize,
     /// Time between samples, s.

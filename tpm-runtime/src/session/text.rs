@@ -148,6 +148,13 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
         log.window,
         result.harmonics,
     );
+    let remarks = log.reading.remarks();
+    for remark in &remarks {
+        text.push_str(&format!("remark: {remark}\n"));
+    }
+    if !remarks.is_empty() {
+        text.push('\n');
+    }
     if let Some(refined) = log.refinement.as_ref().filter(|refined| refined.used && refined.samples < refined.of) {
         let part = match refined.averaged {
             1 => format!("the last {} samples", refined.samples),
