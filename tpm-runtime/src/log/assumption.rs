@@ -113,7 +113,7 @@ pub enum Assumption {
         column: String,
         /// The unit.
         unit: String,
-        /// Whether the file says so; otherwise the size of the stamps does, or seconds are assumed.
+        /// Whether the file says so; otherwise the size of the stamps and of their steps does.
         stated: bool,
     },
     /// Fields of a measured rate are missing in a stretch of the record, where the rate is not used.
@@ -163,7 +163,7 @@ impl fmt::Display for Assumption {
             ),
             Assumption::Time { column, unit, stated: true } => write!(f, "time is column `{column}` in {unit}"),
             Assumption::Time { column, unit, stated: false } => {
-                write!(f, "time is column `{column}`, which states no unit: read as {unit}")
+                write!(f, "time is column `{column}`, which states no unit: read as {unit}, as its steps suggest")
             }
             Assumption::RateLeftOut { signal, from_line, to_line } => {
                 write!(f, "`{signal}` has empty fields in lines {from_line} to {to_line}, where it is not used")

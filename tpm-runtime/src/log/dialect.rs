@@ -74,7 +74,9 @@ fn split_blanks(line: &[u8], fields: &mut Vec<(u32, u32)>) {
         }
         let blank = c == b' ' || c == b'\t';
         if !blank || quoted || brackets > 0 && start.is_some() {
-            start = start.or(Some(at));
+            // A unit in brackets belongs to the name before it.
+            let name = (start.is_none() && (c == b'[' || c == b'(')).then(|| fields.pop()).flatten();
+            start = start.or(name.map(|(from, _)| from as usize)).or(Some(at));
         } else if let Some(from) = start.take() {
             fields.push(trimmed(line, from, at));
         }

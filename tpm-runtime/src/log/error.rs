@@ -110,7 +110,7 @@ pub enum LogError {
     },
     /// Nothing says which unit the time stamps have.
     #[error(
-        "{path}:{line}: column `{column}` states no unit, and time advances by {step} from row to row: seconds, or something smaller? State the factor to seconds"
+        "{path}:{line}: column `{column}` states no unit, and time advances by {step} from row to row, which may be in several units; state the factor to seconds"
     )]
     TimeUnit {
         /// The file.

@@ -288,12 +288,14 @@ impl Names<'_> {
                     let path = column.text.to_ascii_lowercase().replace(['/', '.'], "_");
                     is(&column.text) || is(base) && unit.is_some_and(is_time) || path.ends_with("header_stamp")
                 };
-                let fitting = self.indices(own).map(|index| {
+                let two = self.two(None)?;
+                let in_two = |index: usize| matches!(two, Some(Time::Two { seconds, fractions, .. }) if [seconds, fractions].contains(&index));
+                let fitting = self.indices(own).filter(|index| !in_two(*index)).map(|index| {
                     let (_, unit, bracketed) = split_unit(&self.header[index].text);
                     Fitting { index, unit, bracketed }
                 });
                 let found = self.only(fitting.collect(), TIME)?;
-                match (found, self.two(None)?) {
+                match (found, two) {
                     (Some(one), Some(two)) => {
                         let columns = vec![self.header[one.index].text.clone(), pair_name(&two)];
                         return Err(LogError::AmbiguousColumn {

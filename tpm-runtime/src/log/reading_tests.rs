@@ -1,7 +1,7 @@
 //! Tables of text, and what is read of them.
 
+use crate::log::names::Signal;
 use crate::log::{Assumption, Log, LogError, LogOptions, Recording, Separator};
-use crate::test_models::MassSpringDrag;
 use std::borrow::ToOwned as _;
 use std::format;
 use std::string::{String, ToString as _};
@@ -31,7 +31,7 @@ impl Style<'_> {
     fn row(&self, i: usize) -> String {
         let values = sample(i);
         let fields: Vec<String> =
-            (0..3).map(|k| format!("{:.9}", values[k] * self.factors[k]).replace('.', self.decimal)).collect();
+            (0..3).map(|k| format!("{:.12}", values[k] * self.factors[k]).replace('.', self.decimal)).collect();
         format!("{}{}", fields.join(self.separator), self.end)
     }
 
@@ -41,7 +41,8 @@ impl Style<'_> {
 }
 
 fn read(text: &[u8], options: &LogOptions) -> Result<Recording, LogError> {
-    Recording::read(text, "run.csv", &MassSpringDrag, options)
+    let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
+    Recording::read_signals(text, "run.csv", &[signal("x", "m"), signal("u", "N")], &[signal("dot(x)", "m/s")], options)
 }
 
 fn mapped(map: &[(&str, &str)]) -> LogOptions {
@@ -169,6 +170,22 @@ fn stamps_of_ros_stand_in_two_columns() {
 }
 
 #[test]
+fn stamps_coarser_than_the_step_are_read_and_missing_rows_all_the_same_seen() {
+    // Steps of 1.2 ms as whole milliseconds; then steps of a millisecond of which one is missing.
+    let text = |stamp: &dyn Fn(usize) -> f64| {
+        let row = |i: usize| format!("{:.0},{i},{}\n", stamp(i), i * i);
+        format!("t_ms,x,u\n{}", (0..400).map(row).collect::<String>())
+    };
+    let coarse = read(text(&|i| 1.2 * i as f64).as_bytes(), &LogOptions::default()).expect("rounding only");
+    assert!((coarse.segments[0].sample_time - 1.2e-3).abs() < 3e-6 && coarse.segments.len() == 1);
+    for missing in [20, 200, 380] {
+        let stamp = |i: usize| if i < missing { i as f64 } else { i as f64 + 1.0 };
+        let recording = read(text(&stamp).as_bytes(), &LogOptions::default()).expect("two segments");
+        assert_eq!(recording.segments[0].len(), missing, "{:?}", recording.report);
+    }
+}
+
+#[test]
 fn factors_stand_in_place_of_units() {
     let style = Style { head: "t_s,x,u [A]\n", factors: [1.0, 1.0, 0.1], ..PLAIN };
     let error = read(style.text(40).as_bytes(), &LogOptions::default()).expect_err("amperes are no newtons");
@@ -184,10 +201,15 @@ fn factors_stand_in_place_of_units() {
     let mut options = LogOptions::default();
     options.scale.insert("t_s".into(), 1e-3);
     holds_samples(Style { head: "t_s,x,u\n", factors: [1e3, 1.0, 1.0], ..PLAIN }.text(40).as_bytes(), &options);
+    // Steps of 2 are milliseconds in any machine's log; steps of 100 may be microseconds too.
     let whole = Style { head: "t,x,u\n", factors: [1e3, 1.0, 1.0], ..PLAIN };
-    let error = read(whole.text(40).as_bytes(), &LogOptions::default()).expect_err("2 s or 2 ms");
-    assert!(matches!(error, LogError::TimeUnit { step, .. } if (step - 2.0).abs() < 1e-9), "{error}");
-    holds_samples(whole.text(40).as_bytes(), &options);
+    let said = remarks(whole.text(40).as_bytes(), &LogOptions::default());
+    assert!(said[0].contains("`t`, which states no unit: read as ms"), "{said:?}");
+    let doubtful = Style { factors: [5e4, 1.0, 1.0], ..whole };
+    let error = read(doubtful.text(40).as_bytes(), &LogOptions::default()).expect_err("microseconds or milliseconds");
+    assert!(matches!(error, LogError::TimeUnit { step, .. } if (step - 100.0).abs() < 1e-9), "{error}");
+    options.scale.insert("t_s".into(), 1.0 / 5e4);
+    holds_samples(doubtful.text(40).as_bytes(), &options);
 }
 
 #[test]

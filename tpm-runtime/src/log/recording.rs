@@ -78,7 +78,8 @@ impl Recording {
         Self::read_signals(open_file(path)?, &path.display().to_string(), &signals, &[], options)
     }
 
-    fn read_signals(
+    /// Reads signals and, where they have a column, rates, from bytes of any format; messages call them `name`.
+    pub(super) fn read_signals(
         input: impl Read,
         name: &str,
         signals: &[Signal],
@@ -144,21 +145,16 @@ impl Recording {
             report.segments.push(SegmentReport::of(log, start, *cut));
         }
         for log in &segments {
-            for (rate, signal) in log.rates.iter().zip(rates) {
-                let (from_line, to_line) = (log.lines[0], log.lines[log.len() - 1]);
-                let name = &signal.name;
-                if rate.is_none() && report_rate(&table, rates, name) {
-                    report.assumptions.push(Assumption::RateLeftOut { signal: name.clone(), from_line, to_line });
-                }
-            }
+            let (from_line, to_line) = (log.lines[0], log.lines[log.len() - 1]);
+            let lost = |c: &usize| table.rates[*c].is_some() && log.rates.get(*c).is_none_or(Option::is_none);
+            report.assumptions.extend((0..rates.len()).filter(lost).map(|c| Assumption::RateLeftOut {
+                signal: rates[c].name.clone(),
+                from_line,
+                to_line,
+            }));
         }
         Ok(Recording { path: table.path, segments, report, fingerprint: String::new() })
     }
-}
-
-/// Whether a rate has a column.
-fn report_rate(table: &Table, rates: &[Signal], name: &str) -> bool {
-    rates.iter().zip(&table.rates).any(|(signal, rate)| signal.name == name && rate.is_some())
 }
 
 /// Samples before which the record is split, with the reasons.

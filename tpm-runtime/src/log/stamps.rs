@@ -9,6 +9,8 @@ pub(super) const JITTER: f64 = 0.01;
 pub(super) const DRIFT: f64 = 0.5;
 /// Steps beyond this multiple of the usual one leave samples out.
 const GAP: f64 = 1.5;
+/// Fewest steps that differ from the usual one among stamps whose rounding makes them alternate.
+const ALTERNATING: usize = 8;
 /// Most steps of which the usual one is the median; of more, equally spaced ones are taken.
 const MEDIAN_OF: usize = 1 << 20;
 
@@ -134,17 +136,20 @@ impl Stamps<'_> {
         })
     }
 
-    /// Whether stamps are printed so coarsely that a step says little, and all the same lie next to an even grid.
+    /// Whether stamps are printed so coarsely that their steps alternate, and all the same lie next to an even grid. A few odd steps
+    /// do not make a grid: samples may be missing there.
     pub(super) fn is_coarse_grid(&self) -> bool {
         let (Some(first), Some(last)) = (self.time.first(), self.time.last()) else { return false };
         let step = (last - first) / (self.time.len() - 1).max(1) as f64;
         let digit = self.resolution.at(*last);
+        let coarse = digit > 0.5 * step && digit < 8.0 * step;
+        if !coarse {
+            return false;
+        }
+        let usual = self.usual_step();
+        let odd = self.time.windows(2).filter(|pair| (pair[1] - pair[0] - usual).abs() > 0.5 * digit).count();
         let near = |(i, t): (usize, &f64)| (t - first - i as f64 * step).abs() <= 1.01 * digit;
-        step > 0.0
-            && digit > 0.5 * step
-            && digit < 8.0 * step
-            && self.time.is_sorted()
-            && self.time.iter().enumerate().all(near)
+        odd >= ALTERNATING && self.time.is_sorted() && self.time.iter().enumerate().all(near)
     }
 
     /// The sample time of an even grid. A stamp that is printed with few digits may be off by one in its last digit.

@@ -15,6 +15,10 @@ use std::vec::Vec;
 /// ahead.
 const EPOCHS: [(f64, &str, f64); 3] = [(1e17, "ns", 1e-9), (1e14, "us", 1e-6), (1e11, "ms", 1e-3)];
 
+/// Sample times of machines, s. A column of time without a unit is in the unit that puts its steps into this range, if there is only one
+/// such unit; steps below a second are seconds.
+const SAMPLE_TIMES: (f64, f64) = (5e-5, 0.5);
+
 /// Rows in which a needed reading is missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Hole {
@@ -164,9 +168,14 @@ impl Table {
         let Some(first) = self.time.first() else { return Ok(()) };
         let epoch = EPOCHS.iter().find(|(least, ..)| first.abs() >= *least);
         let step = Stamps { time: &self.time, resolution: &self.resolution }.usual_step();
-        let (unit, factor) = match epoch {
-            Some((_, unit, factor)) => (*unit, *factor),
-            None if step >= 1.0 => {
+        let plausible =
+            |(_, _, factor): &&(f64, &str, f64)| step * factor >= SAMPLE_TIMES.0 && step * factor <= SAMPLE_TIMES.1;
+        let mut candidates = EPOCHS.iter().filter(plausible);
+        let (unit, factor) = match (epoch, candidates.next(), candidates.next()) {
+            (Some((_, unit, factor)), ..) => (*unit, *factor),
+            _ if step < 1.0 => ("s", 1.0),
+            (None, Some((_, unit, factor)), None) => (*unit, *factor),
+            _ => {
                 return Err(LogError::TimeUnit {
                     path: self.path.clone(),
                     line: self.header_line,
@@ -174,7 +183,6 @@ impl Table {
                     step,
                 });
             }
-            None => ("s", 1.0),
         };
         self.factor = factor;
         self.assumptions.push(Assumption::Time { column: index_name.clone(), unit: unit.to_owned(), stated: false });
