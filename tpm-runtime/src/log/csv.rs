@@ -49,6 +49,7 @@ impl<R: Read> Lines<R> {
     }
 
     /// What stands in the buffer, and the rest of the input.
+    #[cfg(any(feature = "mat", feature = "mcap"))]
     pub(super) fn into_rest(self) -> impl Read {
         let Lines { input, mut buffer, start, end, .. } = self;
         buffer.truncate(end);
@@ -88,8 +89,7 @@ impl<R: Read> Lines<R> {
                 None if self.ended => (self.start..self.end, true),
                 None => {
                     if self.end - self.start > LONGEST {
-                        let message = format!("a line is longer than {LONGEST} bytes: this is no table of text");
-                        return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, message));
+                        return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, too_long()));
                     }
                     let length = self.end - self.start;
                     self.more()?;
@@ -102,6 +102,11 @@ impl<R: Read> Lines<R> {
             return Ok(Some((line.start..line.end - usize::from(carriage), cut)));
         }
     }
+}
+
+/// The fault of a line that never ends.
+fn too_long() -> String {
+    format!("a line is longer than {LONGEST} bytes; this is no table of text, is it the right file?")
 }
 
 /// A table of text.
@@ -138,15 +143,18 @@ impl<R: Read> Csv<R> {
             let ends = |end: u8| head.iter().filter(|byte| **byte == end).count();
             let (feeds, returns) = (ends(b'\n'), ends(b'\r'));
             let terminator = if feeds == 0 && returns > 0 { b'\r' } else { b'\n' };
-            let many = feeds.max(returns) >= FEWEST || lines.ended || wanted >= LONGEST;
+            let (held, found) = (head.len(), feeds.max(returns));
             lines.terminator = terminator;
-            if many {
+            if found == 0 && held > LONGEST {
+                return Err(LogError::Csv { path: path.into(), line: 1, message: too_long() });
+            }
+            if found >= FEWEST || lines.ended || held > LONGEST {
                 break;
             }
             wanted *= 2;
         }
         let ended = lines.ended;
-        let head = &lines.buffer[lines.start..lines.end.min(lines.start + wanted.max(HEAD))];
+        let head = &lines.buffer[lines.start..lines.end];
         let mut numbered: Vec<(u64, &[u8])> =
             (1..).zip(head.split(|byte| *byte == lines.terminator)).map(|(line, text)| (line, text)).collect();
         for (_, text) in &mut numbered {

@@ -9,6 +9,11 @@ use std::format;
 use std::string::String;
 use std::vec::Vec;
 
+/// Most columns that a message lists.
+const LISTED: usize = 60;
+/// Most characters of a name in that list.
+const LONGEST_NAME: usize = 80;
+
 /// A setting that a user may give for the column of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Adjustment {
@@ -347,7 +352,12 @@ fn columns(available: &[String]) -> String {
     if available.iter().all(String::is_empty) {
         return "the file has no columns, is it the right one?".into();
     }
-    format!("the columns are {}; name the right one", available.join(", "))
+    let mut shown: Vec<String> =
+        available.iter().take(LISTED).map(|name| name.chars().take(LONGEST_NAME).collect()).collect();
+    if available.len() > shown.len() {
+        shown.push(format!("and {} more", available.len() - shown.len()));
+    }
+    format!("the columns are {}; name the right one", shown.join(", "))
 }
 
 /// Why two periods do not count as following each other, and what would help.

@@ -4,9 +4,9 @@ use crate::log::columns::Columns;
 use crate::log::csv::{Csv, HEAD, Lines};
 use crate::log::error::LogError;
 use std::boxed::Box;
+#[cfg(not(all(feature = "mat", feature = "mcap")))]
 use std::format;
 use std::io::Read;
-use std::string::String;
 
 /// Share of control characters beyond which bytes are no text.
 const CONTROLS: f64 = 0.05;
@@ -69,21 +69,36 @@ impl Format {
 pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<dyn Columns + 'a>, LogError> {
     let mut lines = Lines::new(input);
     let head = lines.fill(HEAD).map_err(|source| LogError::Io { path: path.into(), source })?;
-    let fault = |what: &str, remedy: String| LogError::Format { path: path.into(), what: what.into(), remedy };
-    let built_without = |what: &str, feature: &str| {
-        let build = format!("build with it (cargo install tpm-cli --features {feature}), or save the table as CSV");
-        fault(&format!("{what}, which is read by the feature `{feature}` only"), build)
-    };
+    let fault =
+        |what: &str, remedy: &str| LogError::Format { path: path.into(), what: what.into(), remedy: remedy.into() };
     match Format::of(head) {
         Format::Text => Ok(Box::new(Csv::new(path, lines)?)),
-        Format::Mcap => Err(built_without("the file is MCAP", "mcap")),
-        Format::Parquet => Err(built_without("the file is Parquet", "parquet")),
-        Format::Mat => Err(built_without("the file is a MAT-file of MATLAB 5 to 7.2", "mat")),
+        #[cfg(feature = "mat")]
+        Format::Mat => Ok(Box::new(crate::log::mat::read(lines.into_rest(), path)?)),
+        #[cfg(not(feature = "mat"))]
+        Format::Mat => Err(without(path, "a MAT-file", "mat")),
+        #[cfg(feature = "mcap")]
+        Format::Mcap => Ok(Box::new(crate::log::mcap::read(lines.into_rest(), path)?)),
+        #[cfg(not(feature = "mcap"))]
+        Format::Mcap => Err(without(path, "MCAP", "mcap")),
+        Format::Parquet => Err(fault("the file is Parquet, which is not read", SAVE)),
         Format::Hdf5 => Err(fault(
             "the file is HDF5, such as a MAT-file of MATLAB 7.3, which is not read",
-            "save it with `save -v7` in MATLAB, or the table as CSV".into(),
+            "save it with `save -v7` in MATLAB, or the table as CSV",
         )),
-        Format::Other(what, remedy) => Err(fault(what, remedy.into())),
+        Format::Other(what, remedy) => Err(fault(what, remedy)),
+    }
+}
+
+/// The fault of a format that this build does not read.
+#[cfg(not(all(feature = "mat", feature = "mcap")))]
+fn without(path: &str, what: &str, feature: &str) -> LogError {
+    LogError::Format {
+        path: path.into(),
+        what: format!("the file is {what}, which is read with the feature `{feature}` only"),
+        remedy: format!(
+            "build with it (`cargo build --release -p tpm-cli --features {feature}`), or save the table as CSV"
+        ),
     }
 }
 

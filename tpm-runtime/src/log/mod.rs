@@ -14,6 +14,10 @@ mod error;
 mod fingerprint;
 mod format;
 mod lone;
+#[cfg(feature = "mat")]
+mod mat;
+#[cfg(feature = "mcap")]
+mod mcap;
 mod names;
 mod options;
 mod periodic;
@@ -24,6 +28,8 @@ mod recording;
 mod report;
 mod resample;
 mod stamps;
+#[cfg(any(feature = "mat", feature = "mcap"))]
+mod stored;
 mod table;
 mod unit;
 

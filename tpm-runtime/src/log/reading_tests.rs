@@ -413,3 +413,55 @@ fn every_dialect_gives_identical_numbers() {
         }
     }
 }
+
+/// A file of `tests/fixtures/logs`.
+fn fixture(name: &str) -> Vec<u8> {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/fixtures/logs/");
+    std::fs::read(folder.to_owned() + name).expect("a fixture")
+}
+
+/// A file written by other tools holds the numbers of the text, as far as its units allow.
+#[cfg_attr(not(any(feature = "mat", feature = "mcap")), expect(dead_code, reason = "no format is built in"))]
+fn holds_the_numbers_of_the_text(name: &str, options: &LogOptions) {
+    let text = read(&fixture("slider.csv"), &LogOptions::default()).expect("sound");
+    let other = read(&fixture(name), options).unwrap_or_else(|error| panic!("{name}: {error}"));
+    let ([text], [other]) = (&text.segments[..], &other.segments[..]) else { panic!("{name}: {:?}", other.report) };
+    assert!((text.sample_time - other.sample_time).abs() < 1e-12, "{name}: {}", other.sample_time);
+    for (a, b) in text.channels.iter().zip(&other.channels) {
+        assert_eq!(a.len(), b.len(), "{name}");
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() <= 1e-15 * a.abs()), "{name}");
+    }
+}
+
+#[cfg(feature = "mat")]
+#[test]
+fn mat_files_hold_the_numbers_of_the_text() {
+    holds_the_numbers_of_the_text("matlab5.mat", &LogOptions::default());
+    holds_the_numbers_of_the_text("matlab5.mat", &mapped(&[("x", "both[1]"), ("u", "wide[2]")]));
+    let error = read(&fixture("matlab5.mat"), &mapped(&[("x", "note")])).expect_err("a text");
+    assert!(error.to_string().contains("no column `note`"), "{error}");
+}
+
+#[cfg(feature = "mcap")]
+#[test]
+fn mcap_files_hold_the_numbers_of_the_text() {
+    for name in ["joint_states.mcap", "joint_states_lz4.mcap", "joint_states_zstd.mcap"] {
+        holds_the_numbers_of_the_text(name, &mapped(&[("x", "position.slider"), ("u", "effort.slider")]));
+    }
+    let error = read(&fixture("joint_states.mcap"), &LogOptions::default()).expect_err("not mapped");
+    assert!(error.to_string().contains("position.slider, "), "{error}");
+}
+
+#[test]
+fn formats_that_are_not_built_in_name_their_feature() {
+    for (name, feature, built_in) in
+        [("matlab5.mat", "mat", cfg!(feature = "mat")), ("joint_states.mcap", "mcap", cfg!(feature = "mcap"))]
+    {
+        if !built_in {
+            let message = read(&fixture(name), &LogOptions::default()).expect_err(name).to_string();
+            assert!(message.contains(&format!("--features {feature}")), "{message}");
+        }
+    }
+    let message = read(&fixture("slider.parquet"), &LogOptions::default()).expect_err("not read").to_string();
+    assert!(message.contains("Parquet"), "{message}");
+}
