@@ -49,7 +49,7 @@ impl<R: Read> Lines<R> {
     }
 
     /// What stands in the buffer, and the rest of the input.
-    #[cfg(any(feature = "mat", feature = "mcap"))]
+    #[cfg(any(feature = "mat", feature = "mcap", feature = "parquet"))]
     pub(super) fn into_rest(self) -> impl Read {
         let Lines { input, mut buffer, start, end, .. } = self;
         buffer.truncate(end);

@@ -4,7 +4,7 @@ use crate::log::columns::Columns;
 use crate::log::csv::{Csv, HEAD, Lines};
 use crate::log::error::LogError;
 use std::boxed::Box;
-#[cfg(not(all(feature = "mat", feature = "mcap")))]
+#[cfg(not(all(feature = "mat", feature = "mcap", feature = "parquet")))]
 use std::format;
 use std::io::Read;
 
@@ -81,7 +81,10 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
         Format::Mcap => Ok(Box::new(crate::log::mcap::read(lines.into_rest(), path)?)),
         #[cfg(not(feature = "mcap"))]
         Format::Mcap => Err(without(path, "MCAP", "mcap")),
-        Format::Parquet => Err(fault("the file is Parquet, which is not read", SAVE)),
+        #[cfg(feature = "parquet")]
+        Format::Parquet => Ok(Box::new(crate::log::parquet::Parquet::new(lines.into_rest(), path)?)),
+        #[cfg(not(feature = "parquet"))]
+        Format::Parquet => Err(without(path, "Parquet", "parquet")),
         Format::Hdf5 => Err(fault(
             "the file is HDF5, such as a MAT-file of MATLAB 7.3, which is not read",
             "save it with `save -v7` in MATLAB, or the table as CSV",
@@ -91,7 +94,7 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
 }
 
 /// The fault of a format that this build does not read.
-#[cfg(not(all(feature = "mat", feature = "mcap")))]
+#[cfg(not(all(feature = "mat", feature = "mcap", feature = "parquet")))]
 fn without(path: &str, what: &str, feature: &str) -> LogError {
     LogError::Format {
         path: path.into(),

@@ -20,6 +20,8 @@ mod mat;
 mod mcap;
 mod names;
 mod options;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod periodic;
 mod read;
 #[cfg(test)]

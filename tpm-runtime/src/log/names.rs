@@ -414,11 +414,14 @@ fn is_time(unit: &str) -> bool {
 /// Splits a unit off a name: `name [unit]`, `name (unit)`, `name_unit`; whether it stands in brackets. What stands in round brackets
 /// or behind an underscore is a unit only if it is one that is known.
 fn split_unit(text: &str) -> (&str, Option<&str>, bool) {
-    if let Some((base, unit)) = text.strip_suffix(']').and_then(|text| text.rsplit_once('[')) {
+    // A number in brackets is an index.
+    let bracketed = text.strip_suffix(']').and_then(|text| text.rsplit_once('['));
+    if let Some((base, unit)) = bracketed.filter(|(_, unit)| unit.trim().parse::<usize>().is_err()) {
         return (base.trim(), Some(unit.trim()), true);
     }
     if let Some((base, unit)) = text.strip_suffix(')').and_then(|text| text.rsplit_once('('))
         && unit_of(unit).is_some()
+        && unit.trim().parse::<usize>().is_err()
     {
         return (base.trim(), Some(unit.trim()), true);
     }

@@ -40,7 +40,7 @@ fn cubic(t: [f64; 4], y: [f64; 4], at: f64) -> f64 {
     value
 }
 
-/// What readings differ by from the cubic through neighbours `stride` and `3 stride` (or 1 and 2, for stride 0) readings away.
+/// What readings differ by from the cubic through the four readings that stand `near` and `far` places before and behind them.
 fn residuals<'a>(
     time: impl Fn(usize) -> f64 + 'a,
     signal: &'a [f64],
@@ -105,14 +105,15 @@ pub(super) fn readings_before(stamps: &[f64], step: f64, samples: usize) -> Vec<
         .collect()
 }
 
-/// The error of interpolation between the stamps of a signal: squares, and their number.
+/// Root mean square of the error of interpolation between the stamps of a signal. The residuals at two and at four times the step say
+/// with which power of the step the error falls.
 pub(super) fn interpolation_error(stamps: &[f64], signal: &[f64]) -> f64 {
     let rms = |near: usize, far: usize| {
         let (sum, count) =
             residuals(|i| stamps[i], signal, near, far).fold((0.0, 0), |(sum, n), r| (sum + r * r, n + 1));
         if count > 0 { f64::sqrt(sum / f64::from(count)) } else { 0.0 }
     };
-    // The steps that these residuals leave out are two and four times those of the record.
+    // These cubics have two and four times the step of the record.
     let (second, fourth) = (rms(1, 3), rms(2, 6));
     if second > 0.0 && fourth > 0.0 { second * (-(fourth / second).log2().clamp(0.0, ORDER)).exp2() } else { second }
 }
@@ -124,7 +125,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use std::vec::Vec;
 
-    /// Stamps every 10 ms that are uneven by up to 2 ms.
+    /// Stamps every 10 ms that are uneven by up to 1 ms.
     fn stamps() -> Vec<f64> {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         (0..4000).map(|i| 1.7e9 + 0.01 * f64::from(i) + rng.random_range(-1e-3..1e-3)).collect()
