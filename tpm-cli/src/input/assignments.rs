@@ -2,6 +2,10 @@
 
 use crate::failure::Failure;
 use std::collections::BTreeMap;
+use tpm_codegen::parse_value;
+use tpm_codegen::source::Source;
+use tpm_symbolic::mechanics::model::ExactModel;
+use tpm_symbolic::number::rational;
 
 /// Parses NAME=VALUE.
 pub(crate) fn assignment(text: &str) -> Result<(String, String), String> {
@@ -19,6 +23,24 @@ pub(crate) fn number_assignment(text: &str) -> Result<(String, f64), String> {
     match value.parse::<f64>() {
         Ok(number) if number.is_finite() => Ok((name, number)),
         _ => Err(format!("`{value}` is not a finite number")),
+    }
+}
+
+/// Parses NAME=FACTOR, where the factor is a number or an expression of numbers and pi, such as `2*pi/4096`. An expression is
+/// evaluated exactly as far as it is rational.
+pub(crate) fn factor_assignment(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = assignment(text)?;
+    let number = value.parse::<f64>().ok().or_else(|| {
+        let mut numbers = ExactModel::default();
+        let expression = parse_value(&Source::new("factor", value.as_str()), &mut numbers).ok()?;
+        let exact = numbers.graph.evaluate_exact(expression, |_| None);
+        Some(exact.map_or_else(|| numbers.graph.evaluate(expression, |_| f64::NAN), |exact| rational::to_f64(&exact)))
+    });
+    match number {
+        Some(number) if number.is_finite() => Ok((name, number)),
+        _ => Err(format!(
+            "`{value}` is no finite number or expression of numbers and pi, such as 0.1, pi/180 or 2*pi/4096"
+        )),
     }
 }
 

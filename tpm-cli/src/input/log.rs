@@ -1,7 +1,7 @@
 //! Options about a log of a machine: its columns, the part to use, and what its inputs do between samples.
 
 use crate::failure::Failure;
-use crate::input::assignments::{assignment, by_name, number_assignment, once};
+use crate::input::assignments::{assignment, by_name, factor_assignment, number_assignment, once};
 use clap::ValueEnum;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -35,8 +35,9 @@ pub(crate) struct ColumnArgs {
     /// Column of a coordinate or input (or of t_s) that is named otherwise in the log.
     #[arg(long, value_name = "NAME=COLUMN", requires = "log", value_parser = assignment)]
     map: Vec<(String, String)>,
-    /// Factor on a column: counts to radians, a gear ratio.
-    #[arg(long, value_name = "NAME=FACTOR", requires = "log", value_parser = number_assignment)]
+    /// Factor from a column's numbers (or those of t_s) to the model's unit, such as pi/180 or 2*pi/4096; a unit in the header is then
+    /// not converted.
+    #[arg(long, value_name = "NAME=FACTOR", requires = "log", value_parser = factor_assignment)]
     scale: Vec<(String, f64)>,
     /// Added to a column after its factor.
     #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]

@@ -1,14 +1,15 @@
 //! What `tpm frf` and `tpm fit` share: reading a log, averaging it to a frequency response, and the Bode plot.
 
 use crate::failure::Failure;
-use crate::input::assignments::{assignment, number_assignment, once};
+use crate::input::assignments::{assignment, factor_assignment, once};
 use crate::input::log::HoldChoice;
 use crate::output::picture::{self, Picture};
+use crate::render::flags;
 use clap::ValueEnum;
 use std::path::PathBuf;
 use tpm_runtime::frequency::{BodeSettings, FrequencyResponse, NamedModel, ResponseEstimator, Welch, bode};
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::log::{Log, LogOptions};
+use tpm_runtime::log::{Assumption, Log, LogOptions};
 use tpm_runtime::run::Window;
 
 /// Number of half-overlapping segments in a record when no segment length is given.
@@ -37,7 +38,7 @@ impl From<EstimatorChoice> for ResponseEstimator {
 /// Options about the log and its averaging.
 #[derive(clap::Args)]
 pub(crate) struct MeasuredArgs {
-    /// The log: CSV with one header line, time in `t_s`.
+    /// The log: columns with a header, time and signals by name.
     pub(crate) log: PathBuf,
     /// The input, a column of the log.
     #[arg(long, value_name = "NAME")]
@@ -48,8 +49,8 @@ pub(crate) struct MeasuredArgs {
     /// Column of a signal (or of t_s) that is named otherwise in the log.
     #[arg(long, value_name = "NAME=COLUMN", value_parser = assignment)]
     map: Vec<(String, String)>,
-    /// Factor on a column: counts to radians, a gear ratio.
-    #[arg(long, value_name = "NAME=FACTOR", value_parser = number_assignment)]
+    /// Factor on a column (or on t_s, to seconds), such as pi/180 or 2*pi/4096.
+    #[arg(long, value_name = "NAME=FACTOR", value_parser = factor_assignment)]
     scale: Vec<(String, f64)>,
     /// Samples in a segment; the largest power of two of which eight fit when not given.
     #[arg(long, value_name = "N")]
@@ -83,6 +84,7 @@ pub(crate) struct MeasuredArgs {
 /// A log with its frequency response in a band.
 pub(crate) struct Measured {
     pub(crate) log: Log,
+    assumptions: Vec<Assumption>,
     pub(crate) response: FrequencyResponse,
     pub(crate) low: f64,
     pub(crate) high: f64,
@@ -111,8 +113,8 @@ impl Measured {
             scale: once("--scale", &args.scale)?,
             ..LogOptions::default()
         };
-        let input = |error: &dyn std::fmt::Display| Failure::Input(error.to_string());
-        let log = Log::open_signals(&args.log, &signals, &options).map_err(|error| input(&error))?;
+        let (log, assumptions) = Log::open_signals_with(&args.log, &signals, &options)
+            .map_err(|error| Failure::Input(flags::log_error(&error)))?;
         let segment = args.segment.unwrap_or_else(|| chosen_segment(log.len()));
         let hold = args.hold.map_or(Hold::None, Hold::from);
         let welch = if args.periodic {
@@ -137,12 +139,12 @@ impl Measured {
         if !(low >= 0.0 && low < high) {
             return Err(Failure::Input(format!("the band {low} to {high} Hz must rise; change --low or --high")));
         }
-        Ok(Measured { log, response, low, high })
+        Ok(Measured { log, assumptions, response, low, high })
     }
 
     /// The measurement in words.
     pub(crate) fn describe(&self, args: &MeasuredArgs) -> String {
-        let Measured { log, response, low, high } = self;
+        let Measured { log, assumptions, response, low, high } = self;
         let welch = &response.welch;
         let usable = response.band(*low, *high).filter(|line| line.usable).count();
         let all = response.band(*low, *high).count();
@@ -173,6 +175,9 @@ impl Measured {
                     100.0 * effect.largest
                 ));
             }
+        }
+        for assumption in assumptions {
+            text.push_str(&format!("remark: {assumption}\n"));
         }
         text.push_str(&format!("band {low:.4} to {high:.4} Hz: {all} lines, {usable} usable\n"));
         text

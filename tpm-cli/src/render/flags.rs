@@ -10,6 +10,7 @@ use tpm_runtime::session::{SessionError, Setting};
 pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
     Some(match remedy {
         Remedy::MapColumn { signal } => format!("--map {signal}=COLUMN"),
+        Remedy::Scale { signal } => format!("--scale {signal}=FACTOR"),
         Remedy::PeriodAndStart => "--period SECONDS, --from-sample N".to_owned(),
         Remedy::Period => "--period SECONDS".to_owned(),
         Remedy::FromSample => "--from-sample N".to_owned(),

@@ -46,7 +46,7 @@ enum Step {
     Submit {
         /// The campaign's folder.
         folder: PathBuf,
-        /// The log: CSV with t_s, coordinates and applied inputs by name; measured rates, if any, in columns like dot(x).
+        /// The log: columns t_s, coordinates and applied inputs by name; measured rates, if any, in columns like dot(x).
         log: PathBuf,
         /// The machine, or whoever stood beside it, stopped the run: the log may end early, and amplitudes are reduced.
         #[arg(long)]

@@ -14,16 +14,17 @@ use tpm_runtime::campaign::RunReport;
 use tpm_runtime::estimate::Weights;
 use tpm_runtime::log::{Domain, Refine};
 use tpm_runtime::run::{Record, Trial};
-use tpm_runtime::session::{CampaignFolder, Identifiable as _, from_log};
+use tpm_runtime::session::{CampaignFolder, Identifiable as _, LogRequest, from_logs};
 
 /// Options of `tpm identify`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The model file.
     file: PathBuf,
-    /// Identify from this log (CSV with one header line, time in `t_s`) instead of a simulated plant.
-    #[arg(long, value_name = "CSV")]
-    log: Option<PathBuf>,
+    /// Identify from this log instead of a simulated plant: columns of text with a header, time and signals by name. Given several times,
+    /// from all these logs of one machine together.
+    #[arg(long, value_name = "FILE")]
+    log: Vec<PathBuf>,
     #[command(flatten)]
     reading: LogArgs,
     /// Prior value of a parameter: what an unobservable direction keeps; of a physical one: where the search starts.
@@ -116,8 +117,9 @@ impl From<WeightsChoice> for Weights {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    match &args.log {
-        Some(path) => {
+    match args.log.as_slice() {
+        [] => simulated(args),
+        paths => {
             let simulated = &args.simulated;
             if simulated.experiment.is_some() || simulated.pattern.is_some() || !simulated.set.is_empty() {
                 return Err(Failure::Input(
@@ -126,18 +128,21 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 ));
             }
             let model = model(&args.file)?;
-            let mut request = args.reading.request(path, model.evaluated())?;
-            request.prior = once("--prior", &args.prior)?;
-            request.frozen = once("--freeze", &args.freeze)?;
-            request.bounds = args.bounds.by_name()?;
-            request.weights = args.weights.map_or_else(Weights::default, Weights::from);
-            request.domain = args.domain.map(Domain::from);
-            request.refine = args.refine.map_or_else(Refine::default, Refine::from);
-            let result = from_log(&model, request)?;
+            let requests: Result<Vec<LogRequest>, Failure> =
+                paths.iter().map(|path| args.reading.request(path, model.evaluated())).collect();
+            let mut requests = requests?;
+            for request in &mut requests {
+                request.prior = once("--prior", &args.prior)?;
+                request.frozen = once("--freeze", &args.freeze)?;
+                request.bounds = args.bounds.by_name()?;
+                request.weights = args.weights.map_or_else(Weights::default, Weights::from);
+                request.domain = args.domain.map(Domain::from);
+                request.refine = args.refine.map_or_else(Refine::default, Refine::from);
+            }
+            let result = from_logs(&model, requests)?;
             print(&result, args.json, args.output.as_deref())?;
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
-        None => simulated(args),
     }
 }
 

@@ -17,8 +17,8 @@ pub(crate) struct Args {
     /// A result of `tpm identify --json`.
     #[arg(long, value_name = "FILE")]
     params: PathBuf,
-    /// The log to predict (CSV with one header line, time in `t_s`).
-    #[arg(long, value_name = "CSV")]
+    /// The log to predict.
+    #[arg(long, value_name = "FILE")]
     log: PathBuf,
     #[command(flatten)]
     reading: LogArgs,
@@ -52,6 +52,9 @@ fn describe(result: &Validation) -> String {
         result.hold,
         result.harmonics
     );
+    for remark in result.reading.remarks() {
+        text.push_str(&format!("remark: {remark}\n"));
+    }
     let mut table = TextTable::new(&[
         ("row", Align::Left),
         ("unit", Align::Left),

@@ -138,13 +138,7 @@ fn faulty_logs_are_refused() {
     let cases: Vec<(&str, Vec<u8>, &[&str])> = vec![
         ("missing column", changed(1, "t_s,y,u"), &["log.csv:1:", "no column `x`", "--map x="]),
         ("column twice", changed(1, "t_s,x,x"), &["log.csv:1:", "`x` occurs twice", "rename"]),
-        ("NaN", changed(1235, "12.33,NaN,1"), &["log.csv:1235:", "column `x`", "cut the log"]),
-        ("infinite", changed(1235, "12.33,0,inf"), &["log.csv:1235:", "column `u`", "cut the log"]),
         ("a word", changed(1235, "12.33,0,off"), &["log.csv:1235:", "`off`", "repair"]),
-        ("a blank", changed(1235, "12.33,,1"), &["log.csv:1235:", "column `x` is empty", "cut the log"]),
-        ("jitter", changed(1235, "12.331,0,0"), &["log.csv:1235:", "time advances", "resample"]),
-        ("back in time", changed(1235, "12.3,0,0"), &["log.csv:1235:", "time advances", "resample"]),
-        ("a gap", text(&[&log()[..1200], &log()[1300..]].concat()), &["log.csv:1201:", "time advances", "resample"]),
         ("too short", text(&log()[..9]), &["log.csv:9:", "8 samples", "two whole periods"]),
         ("no sample", text(&log()[..1]), &["log.csv:1:", "0 samples"]),
         ("empty", Vec::new(), &["log.csv:1:", "no column `t_s`"]),
@@ -178,6 +172,72 @@ fn faulty_logs_are_refused() {
         println!("{what}");
         check_refused("log.csv", input, &by_harmonics, parts);
     }
+    // These split a record, or make it uneven. A frequency response needs a whole one.
+    let response = ["frf", "log.csv", "--input", "u", "--measured", "x"];
+    let cases: Vec<(&str, Vec<u8>, &[&str])> = vec![
+        ("NaN", changed(1235, "12.33,NaN,1"), &["log.csv:1235:", "column `x`", "cut the log"]),
+        ("infinite", changed(1235, "12.33,0,inf"), &["log.csv:1235:", "column `u`", "cut the log"]),
+        ("a blank", changed(1235, "12.33,,1"), &["log.csv:1235:", "column `x` is empty", "cut the log"]),
+        ("jitter", changed(1235, "12.331,0,0"), &["log.csv:1235:", "time advances", "resample"]),
+        ("back in time", changed(1235, "12.3,0,0"), &["log.csv:1235:", "time advances", "resample"]),
+        ("a gap", text(&[&log()[..1200], &log()[1300..]].concat()), &["log.csv:1201:", "time advances", "resample"]),
+    ];
+    for (what, input, parts) in &cases {
+        println!("{what}");
+        check_refused("log.csv", input, &response, parts);
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        std::fs::write(folder.path().join("log.csv"), input).expect("writable");
+        let output = tpm_in(folder.path(), &identify);
+        let result: serde_json::Value = serde_json::from_slice(&output.stdout).expect("a result");
+        let said = result["log"]["reading"]["remarks"].to_string();
+        let place = if *what == "jitter" { "uneven" } else { "1235" };
+        let place = if *what == "a gap" { "lines 1201 to 3901" } else { place };
+        assert!(said.contains(place), "{what}: {said}");
+    }
+}
+
+#[test]
+fn what_is_no_table_is_refused() {
+    let model = root().join("models").join("mass_spring_drag.tpm");
+    let model = model.to_str().expect("a readable path");
+    let identify = ["identify", model, "--log", "log.csv", "--json"];
+    let cases: Vec<(&str, Vec<u8>, &[&str])> = vec![
+        ("binary", garbage(100_000, None), &["log.csv: the file is no text", "CSV"]),
+        ("zeros", vec![0; 1000], &["log.csv: the file is no text"]),
+        ("UTF-16", b"\xff\xfet\0_\0s\0".to_vec(), &["UTF-16", "UTF-8"]),
+        ("gzip", b"\x1f\x8b\x08\0".to_vec(), &["compressed", "unpack"]),
+        ("one long line", vec![b'1'; 40_000_000], &["log.csv:1:", "longer than"]),
+        ("other unit", b"t_s,x [deg],u\n0,1,2\n".to_vec(), &["log.csv:1:", "`x [deg]`", "`deg`", "--scale x=FACTOR"]),
+        ("unknown unit", b"t_s,x [counts],u\n0,1,2\n".to_vec(), &["`counts`", "not known", "--scale x=FACTOR"]),
+        ("two columns", b"t_s,x [mm],x [cm],u\n0,1,2,3\n".to_vec(), &["`x [mm]` or `x [cm]`", "--map x=COLUMN"]),
+        ("unit of time", b"time,x,u\n0,1,2\n99,2,4\n".to_vec(), &["`time`", "--scale t_s=FACTOR"]),
+        ("MAT-file of 7.3", b"\x89HDF\r\n\x1a\n".to_vec(), &["HDF5", "save -v7"]),
+    ];
+    for (what, input, parts) in &cases {
+        println!("{what}");
+        check_refused("log.csv", input, &identify, parts);
+    }
+    fails(&["identify", model, "--log", "models"], 2, &["models: ", "directory"]);
+    for (factor, said) in [("x=2*frog", "2*frog"), ("x=1/0", "1/0"), ("x=", "NAME=VALUE"), ("x=1e999", "1e999")] {
+        fails(&["identify", model, "--log", "models", "--scale", factor], 2, &[said]);
+    }
+}
+
+/// A pipe holds a log as well as a file does.
+#[cfg(unix)]
+#[test]
+fn a_log_may_come_through_a_pipe() {
+    let model = root().join("models").join("mass_spring_drag.tpm");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("log.csv"), log().join("\n")).expect("writable");
+    let line = format!(
+        "mkfifo pipe && (cat log.csv >pipe &) && '{}' identify '{}' --log pipe --json",
+        env!("CARGO_BIN_EXE_tpm"),
+        model.display()
+    );
+    let output =
+        std::process::Command::new("sh").args(["-c", &line]).current_dir(folder.path()).output().expect("runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]

@@ -198,6 +198,20 @@ impl Unit {
         self.over(other).map_or_else(|| "an enormous factor".to_owned(), |ratio| ratio.scale_text())
     }
 
+    /// How many of `other` one of this is, as a number; none for units of different quantities.
+    #[must_use]
+    pub fn ratio(&self, other: &Self) -> Option<f64> {
+        let ratio = self.over(other).filter(|ratio| ratio.base.iter().all(Zero::is_zero))?;
+        // Numerator and denominator are whole numbers of few digits, and so only the division and the product with pi round.
+        let (mut above, mut below) = (1.0, 1.0);
+        for (factor, exponent) in [2.0, 3.0, 5.0, std::f64::consts::PI].into_iter().zip(&ratio.scale) {
+            let size = if *exponent < Exponent::zero() { -exponent } else { *exponent };
+            let size = *size.numer() as f64 / *size.denom() as f64;
+            *(if *exponent < Exponent::zero() { &mut below } else { &mut above }) *= f64::powf(factor, size);
+        }
+        Some(above / below)
+    }
+
     fn scale_text(&self) -> String {
         let mut numbers = [1_u128, 1];
         let mut rest: [Vec<String>; 2] = [Vec::new(), Vec::new()];
@@ -306,6 +320,9 @@ mod tests {
         assert_eq!(unit("rpm").factor(&unit("Hz")), "pi/30");
         assert_eq!(unit("min").factor(&unit("s")), "60");
         assert_eq!(unit("rad").factor(&unit("deg")), "180/pi");
+        assert_eq!(unit("deg").ratio(&unit("rad")), Some(std::f64::consts::PI / 180.0));
+        assert_eq!(unit("us").ratio(&unit("s")), Some(1e-6));
+        assert_eq!(unit("m").ratio(&unit("s")), None);
     }
 
     #[test]

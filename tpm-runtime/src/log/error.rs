@@ -9,6 +9,11 @@ use std::format;
 use std::string::String;
 use std::vec::Vec;
 
+/// Most columns that a message lists.
+const LISTED: usize = 60;
+/// Most characters of a name in that list.
+const LONGEST_NAME: usize = 80;
+
 /// A setting that a user may give for the column of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Adjustment {
@@ -53,13 +58,12 @@ pub enum LogError {
         message: String,
     },
     /// A signal of the model has no column.
-    #[error(
-        "{path}:1: there is no column `{column}` for `{name}`; the columns are {}; name the right one",
-        .available.join(", ")
-    )]
+    #[error("{path}:{line}: there is no column `{column}` for `{name}`; {}", columns(.available))]
     MissingColumn {
         /// The file.
         path: String,
+        /// Line of the header.
+        line: u64,
         /// The signal of the model.
         name: String,
         /// The column that was looked for.
@@ -68,12 +72,92 @@ pub enum LogError {
         available: Vec<String>,
     },
     /// Two columns have the name that is looked for.
-    #[error("{path}:1: the column `{column}` occurs twice; rename one of them")]
+    #[error("{path}:{line}: the column `{column}` occurs twice; rename one of them")]
     DuplicateColumn {
         /// The file.
         path: String,
+        /// Line of the header.
+        line: u64,
         /// The column.
         column: String,
+    },
+    /// Several columns may be meant.
+    #[error("{path}:{line}: `{name}` may be {}; say which", .columns.iter().map(|column| format!("`{column}`")).collect::<Vec<_>>().join(" or "))]
+    AmbiguousColumn {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The signal of the model.
+        name: String,
+        /// The columns that may be meant.
+        columns: Vec<String>,
+    },
+    /// A column has a unit that is not converted to that of its signal.
+    #[error(
+        "{path}:{line}: column `{column}` is in `{unit}`, and `{name}` in {expected}: {reason}; state the factor from one to the other"
+    )]
+    Unit {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The column.
+        column: String,
+        /// Its unit, as the file writes it.
+        unit: String,
+        /// The signal of the model.
+        name: String,
+        /// Unit of the signal.
+        expected: String,
+        /// Why it is not converted.
+        reason: &'static str,
+    },
+    /// Nothing says which unit the time stamps have.
+    #[error(
+        "{path}:{line}: column `{column}` states no unit, and time advances by {step} from row to row, which may be in several units; state the factor to seconds"
+    )]
+    TimeUnit {
+        /// The file.
+        path: String,
+        /// Line of the header.
+        line: u64,
+        /// The column of the time.
+        column: String,
+        /// The usual step.
+        step: f64,
+    },
+    /// The file is of a format that is not read.
+    #[error("{path}: {what}; {remedy}")]
+    Format {
+        /// The file.
+        path: String,
+        /// What the file is.
+        what: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// No stretch of the record is long enough.
+    #[error(
+        "{path}:{from}-{to}: missing fields or jumps of time cut the {rows} rows into pieces, of which none has {needed}; the longest has {longest}; the first cut is at line {cut}: {why}"
+    )]
+    NoSegment {
+        /// The file.
+        path: String,
+        /// First line of numbers.
+        from: u64,
+        /// Last line of numbers.
+        to: u64,
+        /// Rows in the file.
+        rows: usize,
+        /// Rows that a stretch needs.
+        needed: usize,
+        /// Rows of the longest stretch.
+        longest: usize,
+        /// Line of the first cut.
+        cut: u64,
+        /// What cuts the record there, and what to do.
+        why: String,
     },
     /// A setting names something that the model does not have.
     #[error("{adjustment} of `{name}`: the model has no coordinate or input `{name}`; it has {}", .available.join(", "))]
@@ -263,6 +347,19 @@ pub enum LogError {
     },
 }
 
+/// The columns of a file, as a message lists them.
+fn columns(available: &[String]) -> String {
+    if available.iter().all(String::is_empty) {
+        return "the file has no columns, is it the right one?".into();
+    }
+    let mut shown: Vec<String> =
+        available.iter().take(LISTED).map(|name| name.chars().take(LONGEST_NAME).collect()).collect();
+    if available.len() > shown.len() {
+        shown.push(format!("and {} more", available.len() - shown.len()));
+    }
+    format!("the columns are {}; name the right one", shown.join(", "))
+}
+
 /// Why two periods do not count as following each other, and what would help.
 fn not_periodic(period: f64, mismatch: &Mismatch) -> String {
     match mismatch.noise {
@@ -289,6 +386,9 @@ impl LogError {
             LogError::NotPeriodic { .. } | LogError::NoPeriod { .. } => Some(Remedy::PeriodAndStart),
             LogError::Constant { signal, .. } => Some(Remedy::MapColumn { signal: signal.clone() }),
             LogError::BadRange { remedy, .. } => Some(remedy.clone()),
+            LogError::AmbiguousColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
+            LogError::Unit { name, .. } => Some(Remedy::Scale { signal: name.clone() }),
+            LogError::TimeUnit { .. } => Some(Remedy::Scale { signal: "t_s".into() }),
             LogError::Constants { names, .. } => Some(Remedy::Constants { names: names.clone() }),
             _ => None,
         }

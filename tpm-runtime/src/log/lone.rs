@@ -9,6 +9,7 @@
 //! One wrong reading by `s` among right ones gives `d = s (1/6, -2/3, 1, -2/3, 1/6)` from two samples before to two samples after it; no
 //! jump, bend or noise of a motion looks so.
 
+use crate::numerics::differences::MEDIAN_OF_NORMAL;
 use std::vec::Vec;
 
 /// Weights of the four neighbours, nearest last.
@@ -19,8 +20,6 @@ const FAR: f64 = 12.0;
 const STEPS: f64 = 4.0;
 /// Share of that distance by which its neighbours may differ from what the reading alone does to them.
 const ALIKE: f64 = 1.0 / 3.0;
-/// Median of the magnitude of a normal variable of unit variance.
-const MEDIAN: f64 = 0.674_489_750_196_082;
 
 /// The readings that stand alone, each with the value that its neighbours say.
 pub(super) fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
@@ -34,7 +33,7 @@ pub(super) fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     let middle = sizes.len() / 2;
     let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
     let least_step = signal.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
-    let far = (FAR * *median / MEDIAN).max(if least_step.is_finite() { STEPS * least_step } else { 0.0 });
+    let far = (FAR * *median / MEDIAN_OF_NORMAL).max(if least_step.is_finite() { STEPS * least_step } else { 0.0 });
     let alone = |k: usize| {
         let size = apart(k);
         let near = |at: usize, weight: f64| (apart(at) + weight * size).abs() <= ALIKE * far;

@@ -9,6 +9,9 @@ pub(crate) const FIVE_POINT: [(f64, f64); 4] = [(-2.0, 1.0), (-1.0, -8.0), (1.0,
 /// Variance of the square of [`white_noise`] as a share of its square, times the number of samples.
 pub(crate) const WHITE_NOISE_SPREAD: f64 = 12.5;
 
+/// Median of the magnitude of a normal variable of unit variance.
+pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_082;
+
 /// Standard deviation of the white noise on a signal: the median size of its sixth differences, which hold nothing of a motion that is
 /// sampled densely.
 pub(crate) fn white_noise(signal: &[f64]) -> f64 {
@@ -21,8 +24,7 @@ pub(crate) fn white_noise(signal: &[f64]) -> f64 {
     }
     let middle = sizes.len() / 2;
     let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    // The median size of a normal variable is 0.6745 of its deviation.
-    *median / 0.674_489_750_196_082 / power.sqrt()
+    *median / MEDIAN_OF_NORMAL / power.sqrt()
 }
 
 #[cfg(test)]

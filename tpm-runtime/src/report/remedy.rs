@@ -16,6 +16,11 @@ pub enum Remedy {
         /// The signal, as the model names it.
         signal: String,
     },
+    /// State the factor from the column of a signal to the signal's unit.
+    Scale {
+        /// The signal, as the model names it; `t_s` for the time.
+        signal: String,
+    },
     /// State from which sample on the motion repeats, and its period.
     PeriodAndStart,
     /// State the period in seconds.

@@ -4,13 +4,15 @@ use crate::estimate::{
     Course, Differentiable, EstimateError, Settings, Stretch, TimeDomain, TimeRecord, estimate_time_domain,
 };
 use crate::log::{Log, LogError, LogOptions};
+use crate::report::Remedy;
 use crate::session::excerpt::Excerpt;
 use crate::session::found::Found;
 use crate::session::log_report::{HoldResiduals, Way};
 use crate::session::refine::{Start, refined};
 use crate::session::summary;
 use crate::session::warning::{Data, Warning};
-use std::vec;
+use std::format;
+use std::string::String;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
@@ -18,28 +20,45 @@ use tpm_core::model::Model;
 /// A measured rate that differs from the rate of the measured position by more than this share is flagged.
 const RATE_DIFFERS: f64 = 0.05;
 
-/// Identifies a model from all samples of a log, whatever its motion is.
+/// Identifies a model from all samples of the segments of a record, whatever the motion is.
 ///
 /// # Errors
 /// [`LogError`].
 pub(super) fn identify(
     model: &dyn Model<f64>,
     machine: Option<Differentiable<'_>>,
-    log: &Log,
+    segments: &[&Log],
     options: &LogOptions,
     settings: &Settings,
 ) -> Result<Found, LogError> {
+    let nothing = LogError::Estimate { path: String::new(), source: EstimateError::NoSignal };
+    let first = segments.first().ok_or(nothing)?;
     let dims = model.dims();
-    let from = options.from_sample.unwrap_or(0).min(log.len());
-    let channels: Vec<&[f64]> = log.channels.iter().map(|channel| &channel[from..]).collect();
-    let (coordinates, inputs) = channels.split_at(dims.coordinates);
-    let stretches = vec![Stretch {
-        coordinates: coordinates.to_vec(),
-        rates: vec![None; dims.coordinates],
-        inputs: inputs.to_vec(),
-    }];
+    let mut left_out = options.from_sample.unwrap_or(0);
+    let mut stretches = Vec::with_capacity(segments.len());
+    for log in segments {
+        let from = left_out.min(log.len());
+        left_out -= from;
+        if from < log.len() {
+            let channels: Vec<&[f64]> = log.channels.iter().map(|channel| &channel[from..]).collect();
+            let (coordinates, inputs) = channels.split_at(dims.coordinates);
+            let rate = |c: usize| log.rates.get(c).and_then(Option::as_ref).map(|rate| &rate[from..]);
+            let rates = (0..dims.coordinates).map(rate).collect();
+            stretches.push(Stretch { coordinates: coordinates.to_vec(), rates, inputs: inputs.to_vec() });
+        }
+    }
+    if stretches.is_empty() {
+        return Err(LogError::BadRange {
+            path: first.path.clone(),
+            what: format!("the first sample {} lies behind the end", options.from_sample.unwrap_or(0)),
+            remedy: Remedy::FromSample,
+            samples: segments.iter().map(|log| log.len()).sum(),
+            sample_time: first.sample_time,
+        });
+    }
+    let samples = stretches.iter().map(|stretch| stretch.coordinates.first().map_or(0, |signal| signal.len())).sum();
     let record = |hold: Hold| TimeRecord {
-        sample_time: log.sample_time,
+        sample_time: first.sample_time,
         hold,
         actuators: &options.actuators,
         stretches: stretches.clone(),
@@ -48,7 +67,7 @@ pub(super) fn identify(
     let run = |hold: Hold| -> Result<TimeDomain, EstimateError> {
         estimate_time_domain(model, derivatives, &options.constants, &record(hold), settings)
     };
-    let found = run(options.hold).map_err(|source| LogError::Estimate { path: log.path.clone(), source })?;
+    let found = run(options.hold).map_err(|source| LogError::Estimate { path: first.path.clone(), source })?;
     let other = run(options.hold.other()).ok().map(|other| other.estimate.residual);
     let report = &found.report;
     let (typical_period, reach, highest) = (found.typical_period, found.reach, report.highest.clone());
@@ -57,8 +76,8 @@ pub(super) fn identify(
         excerpt: Excerpt::of_stretches(&stretches),
         course: Course::Any { typical_period, reach, highest },
         steps: found.steps.clone(),
-        samples: log.len() - from,
-        sample_time: log.sample_time,
+        samples,
+        sample_time: first.sample_time,
     };
     let restate = |values, covariance| found.restated(values, covariance, settings);
     let refined = refined(machine, start, options, settings, &restate);

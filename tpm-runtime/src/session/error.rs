@@ -58,6 +58,17 @@ pub enum MachineError {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SessionError {
+    /// There is no log.
+    #[error("there is no log to identify from")]
+    NoLog,
+    /// The same log was given twice.
+    #[error("{path} is the same log as {other}: what it shows would count twice; leave one of them out")]
+    LogTwice {
+        /// The log.
+        path: String,
+        /// The other one.
+        other: String,
+    },
     /// The model.
     #[error(transparent)]
     Model(#[from] ModelFault),

@@ -4,7 +4,7 @@ use crate::campaign::{Outcome, RunReport};
 use crate::estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, ParameterReport, Status, no_result};
 use crate::machine::actuator::LimitUse;
 use crate::machine::stability::LoopStability;
-use crate::session::log_report::LogReport;
+use crate::session::log_report::{LogReport, PoolReport};
 use crate::session::warning::Warning;
 use serde::ser::SerializeSeq as _;
 use serde::{Serialize, Serializer};
@@ -109,8 +109,10 @@ pub struct Identification {
     pub runs: Vec<RunReport>,
     /// Poles of the closed loop, and what was found over the stated ranges, before the first run.
     pub stability: Option<LoopStability>,
-    /// What was found about the log; nothing for a campaign.
+    /// What was found about the log; nothing for a campaign, or where there are several logs.
     pub log: Option<LogReport>,
+    /// What was found about several logs that were used together; nothing for one.
+    pub pool: Option<PoolReport>,
     /// What the user should know.
     pub warnings: Vec<Warning>,
     /// What has to be the same for the result to come out the same again.
@@ -138,9 +140,7 @@ impl Identification {
     /// Why this is not all that was asked for; nothing when it is.
     #[must_use]
     pub fn shortfall(&self) -> Option<String> {
-        let untrusted = self.warnings.iter().find(|warning| {
-            matches!(warning, Warning::NegativeInertia { .. } | Warning::Halves { .. } | Warning::Unsettled { .. })
-        });
+        let untrusted = self.warnings.iter().find(|warning| warning.is_distrust());
         if let Some(untrusted) = untrusted {
             return Some(untrusted.to_string());
         }
@@ -206,6 +206,8 @@ struct Form<'a> {
     stability: Option<&'a LoopStability>,
     #[serde(skip_serializing_if = "Option::is_none")]
     log: Option<&'a LogReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pool: Option<&'a PoolReport>,
     warnings: Vec<String>,
     findings: Findings<'a>,
     provenance: &'a Provenance,
@@ -255,6 +257,7 @@ impl Serialize for Identification {
             runs: &self.runs,
             stability: self.stability.as_ref(),
             log: self.log.as_ref(),
+            pool: self.pool.as_ref(),
             warnings: self.warnings.iter().map(ToString::to_string).collect(),
             findings: Findings(&self.warnings),
             provenance: &self.provenance,

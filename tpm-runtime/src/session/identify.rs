@@ -2,14 +2,14 @@
 
 use crate::estimate::named::EstimateReport;
 use crate::estimate::{Differentiable, EstimateError, Settings};
-use crate::log::{Domain, Log, LogError, LogOptions};
+use crate::log::{Domain, Log, LogError, LogOptions, ReadingReport};
 use crate::run::Dynamics;
 use crate::session::found::Found;
 use crate::session::identification::{Identification, Source};
 use crate::session::log_report::{ActuatorReport, HoldResiduals, LogReport};
 use crate::session::warning::Warning;
 use crate::session::{any_log, periodic_log, summary};
-use std::string::ToString;
+use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
@@ -22,14 +22,18 @@ const CLEARLY_BETTER: f64 = 0.7;
 /// # Errors
 /// [`LogError`].
 pub fn identify_log(model: &dyn Model<f64>, log: &Log, options: &LogOptions) -> Result<Identification, LogError> {
-    identify_with(model, None, log, options)
+    identify_segments(model, None, &[log], options)
 }
 
-/// [`identify_log`], refined by simulating the model where the derivatives of its rows are known.
-pub(super) fn identify_with(
+/// Identifies the parameters in which a model is linear from the segments of one record, of which there is one at least; refined by
+/// simulating the model where the derivatives of its rows are known. Several segments are used in the time domain, all of them.
+///
+/// # Errors
+/// [`LogError`].
+pub(super) fn identify_segments(
     model: &dyn Model<f64>,
     machine: Option<Differentiable<'_>>,
-    log: &Log,
+    segments: &[&Log],
     options: &LogOptions,
 ) -> Result<Identification, LogError> {
     let dims = model.dims();
@@ -47,31 +51,46 @@ pub(super) fn identify_with(
         frozen: options.frozen.clone(),
         ..Settings::default()
     };
-    let periodic = match options.domain {
-        Some(Domain::Time) => None,
-        Some(Domain::Harmonics) => Some(periodic_log::spectra(log, dims.coordinates, options)?),
-        None => periodic_log::repeating(log, dims.coordinates, options)?,
+    let whole = match segments {
+        [log] => Some(*log),
+        _ => None,
+    };
+    let periodic = match (options.domain, whole) {
+        (Some(Domain::Time), _) | (None, None) => None,
+        (Some(Domain::Harmonics), _) => {
+            // Whoever wants harmonics of a record with gaps gives the segment that repeats.
+            let log = segments.first().copied().ok_or_else(nothing)?;
+            Some((log, periodic_log::spectra(log, dims.coordinates, options)?))
+        }
+        (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
     let found = match &periodic {
-        Some((periodic, spectra)) => {
+        Some((log, (periodic, spectra))) => {
             periodic_log::identify(model, machine, log, (periodic, spectra), options, &settings)?
         }
         None => {
-            let found = any_log::identify(model, machine, log, options, &settings);
-            match (found, options.domain) {
+            let found = any_log::identify(model, machine, segments, options, &settings);
+            match (found, options.domain, whole) {
                 // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
-                (Err(LogError::Estimate { source: EstimateError::NoSignal, path }), None) => {
+                (Err(LogError::Estimate { source: EstimateError::NoSignal, path }), None, Some(log)) => {
                     periodic_log::spectra(log, dims.coordinates, options)?;
                     return Err(LogError::Estimate { source: EstimateError::NoSignal, path });
                 }
-                (found, _) => found?,
+                (found, ..) => found?,
             }
         }
     };
-    Ok(result(model, log, options, found))
+    result(model, segments, options, found).ok_or_else(nothing)
 }
 
-fn result(model: &dyn Model<f64>, log: &Log, options: &LogOptions, found: Found) -> Identification {
+/// The error of a record without samples.
+fn nothing() -> LogError {
+    LogError::Estimate { path: String::new(), source: EstimateError::NoSignal }
+}
+
+/// The result of what was found in the segments of a record; nothing without a segment.
+fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found: Found) -> Option<Identification> {
+    let log = segments.first()?;
     let dims = model.dims();
     let Found { estimate, harmonics, way, row_residuals, hold_residuals, refinement, warnings } = found;
     let actuator = |(i, dynamics): (usize, &Dynamics)| {
@@ -82,7 +101,8 @@ fn result(model: &dyn Model<f64>, log: &Log, options: &LogOptions, found: Found)
     let actuators = options.actuators.iter().take(dims.inputs).enumerate();
     let log_report = LogReport {
         path: log.path.clone(),
-        samples: log.len(),
+        reading: ReadingReport::default(),
+        samples: segments.iter().map(|log| log.len()).sum(),
         sample_time: log.sample_time,
         way,
         row_residuals,
@@ -117,6 +137,7 @@ fn result(model: &dyn Model<f64>, log: &Log, options: &LogOptions, found: Found)
         runs: Vec::new(),
         stability: None,
         log: Some(log_report),
+        pool: None,
         warnings: all,
         provenance: summary::provenance(),
         current: estimate.values.clone(),
@@ -126,7 +147,7 @@ fn result(model: &dyn Model<f64>, log: &Log, options: &LogOptions, found: Found)
     let position: Vec<f64> = log.channels[..dims.coordinates].iter().map(mean).collect();
     summary::warn_of_negative_inertias(&mut result, model, &options.constants, &position);
     summary::distrust(&mut result);
-    result
+    Some(result)
 }
 
 /// Says that the other hold explains a log clearly better.

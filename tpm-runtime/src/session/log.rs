@@ -3,18 +3,19 @@
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{Differentiable, Frozen, Weights};
 use crate::interpret::InterpretedDerivatives;
-use crate::log::{Domain, FingerprintReader, Log, LogError, LogOptions, Refine};
+use crate::log::{Domain, Log, LogError, LogOptions, Recording, Refine};
 use crate::report::displayed;
 use crate::run::Dynamics;
 use crate::session::error::{SessionError, Setting};
 use crate::session::identification::{Identification, LogFingerprint, Provenance};
-use crate::session::identify::identify_with;
+use crate::session::identify::identify_segments;
 use crate::session::model::{DeclaredModel, Identifiable};
+use crate::session::periodic_log::repeats;
+use crate::session::pooled_logs::pooled;
 use crate::session::summary::{self, Lumped};
 use crate::session::warning::Warning;
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec;
@@ -28,12 +29,12 @@ use tpm_core::model::Model;
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 #[non_exhaustive]
 pub struct LogRequest {
-    /// The file: CSV with one header line, time in `t_s`.
+    /// The file: columns of text with a header, or another format that is built in.
     pub path: PathBuf,
     /// Column of a coordinate or input (or of `t_s`), where it is not called like it.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub map: BTreeMap<String, String>,
-    /// Factor on the column of a signal.
+    /// Factor from the numbers of a signal's column to its unit in the model; it stands in place of a unit that the column states.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub scale: BTreeMap<String, f64>,
     /// Value that is added to a signal after the factor, unit of the signal.
@@ -194,19 +195,26 @@ impl From<PathBuf> for LogRequest {
 /// # Errors
 /// [`SessionError`] when the log cannot be read or shows nothing, or a setting does not fit the model.
 pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result<Identification, SessionError> {
-    let request = log.into();
+    from_logs(model, [log])
+}
+
+/// Identifies a model from several logs of one machine: each by itself, then all together, weighed by what each of them shows. What
+/// is known of the machine (priors, held values, bounds, constants) is taken from the first request, what is known of a log from its own.
+///
+/// # Errors
+/// [`SessionError`] without a log, when one cannot be read or shows nothing, or a setting does not fit the model.
+pub fn from_logs<R: Into<LogRequest>>(
+    model: &impl Identifiable,
+    logs: impl IntoIterator<Item = R>,
+) -> Result<Identification, SessionError> {
+    let requests: Vec<LogRequest> = logs.into_iter().map(Into::into).collect();
+    let Some(first) = requests.first() else { return Err(SessionError::NoLog) };
     let declared = model.declaration()?;
     let evaluated = model.evaluated();
+    let coordinates = evaluated.dims().coordinates;
     let lumped = declared.as_deref().and_then(|declared| Lumped::of(declared.prepared()));
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
-    let options = request.options(evaluated, &physical)?;
-    let path = request.path.display().to_string();
-    let file = File::open(&request.path).map_err(|source| LogError::Io { path: path.clone(), source })?;
-    let mut file = FingerprintReader::new(file);
-    // The log is read to the end of the file, so that the fingerprint is that of the whole.
-    let mut log = Log::read(&mut file, &path, evaluated, &options)?;
-    let mended = log.mend(evaluated.dims().coordinates);
-    if let (None, Some(name)) = (&lumped, request.bounds.keys().next()) {
+    if let (None, Some(name)) = (&lumped, first.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
     let derivatives = declared.as_deref().map(|declared| {
@@ -214,18 +222,66 @@ pub fn from_log(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result
         InterpretedDerivatives::new(&prepared.model, &prepared.form)
     });
     let machine = derivatives.as_ref().map(|derivatives| Differentiable { model: evaluated, derivatives });
-    let mut result = identify_with(evaluated, machine, &log, &options)?;
-    result.warnings.extend(lone_readings(evaluated, &log, &mended));
+    let known = first.options(evaluated, &physical)?;
+    let mut parts = Vec::with_capacity(requests.len());
+    let mut fingerprints: Vec<LogFingerprint> = Vec::with_capacity(requests.len());
+    for request in &requests {
+        let options = LogOptions {
+            constants: known.constants.clone(),
+            prior: known.prior.clone(),
+            frozen: known.frozen.clone(),
+            ..LogRequest { constants: first.constants.clone(), ..request.clone() }.options(evaluated, &physical)?
+        };
+        let mut recording = Recording::open(&request.path, evaluated, &options)?;
+        let path = request.path.display().to_string();
+        let hash = std::mem::take(&mut recording.fingerprint);
+        if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {
+            return Err(SessionError::LogTwice { path, other: same.path.clone() });
+        }
+        fingerprints.push(LogFingerprint { path, hash });
+        if options.domain == Some(Domain::Harmonics) {
+            recording = alone(recording, coordinates, &options);
+        }
+        let mut lone = Vec::new();
+        for log in &mut recording.segments {
+            let mended = log.mend(coordinates);
+            lone.extend(lone_readings(evaluated, log, &mended));
+        }
+        let segments: Vec<&Log> = recording.segments.iter().collect();
+        let mut part = identify_segments(evaluated, machine, &segments, &options)?;
+        part.warnings.extend(lone);
+        if let Some(report) = &mut part.log {
+            report.reading = recording.report;
+        }
+        parts.push(part);
+    }
+    let mut result = pooled(evaluated, parts, &known)
+        .map_err(|source| LogError::Estimate { path: first.path.display().to_string(), source })?;
     if let Some(lumped) = lumped {
-        lumped.complete(&mut result, request.physical())?;
+        lumped.complete(&mut result, first.physical())?;
     }
     result.provenance = Provenance {
         model: declared.as_ref().map(|declared: &Cow<'_, DeclaredModel>| declared.hash()),
-        logs: vec![LogFingerprint { path, hash: file.fingerprint() }],
-        options: summary::options(&request),
+        logs: fingerprints,
+        options: summary::options(first),
         ..summary::provenance()
     };
     Ok(result)
+}
+
+/// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.
+pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogOptions) -> Recording {
+    let segments = &recording.segments;
+    let mut longest_first: Vec<usize> = (0..segments.len()).collect();
+    longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));
+    let used = match longest_first[..] {
+        [] | [_] => return recording,
+        _ => longest_first.iter().copied().find(|&i| repeats(&segments[i], coordinates, options)),
+    };
+    let used = used.unwrap_or(longest_first[0]);
+    recording.report.used = Some(used);
+    recording.segments = vec![recording.segments.swap_remove(used)];
+    recording
 }
 
 /// One warning for every coordinate of which readings were replaced.

@@ -1,6 +1,7 @@
 //! What was found about a log on the way to its parameters.
 
 use crate::estimate::BandReport;
+use crate::log::ReadingReport;
 use crate::session::refinement_report::RefinementReport;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -68,6 +69,9 @@ pub struct PeriodicReport {
 pub struct LogReport {
     /// The file.
     pub path: String,
+    /// What was assumed in reading the file, how the record was split, and what was left out.
+    #[serde(skip_serializing_if = "ReadingReport::is_plain")]
+    pub reading: ReadingReport,
     /// Samples in the log.
     pub samples: usize,
     /// Time between samples, s.
@@ -85,6 +89,35 @@ pub struct LogReport {
     /// What simulating the model sample by sample did; nothing where it was not asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refinement: Option<RefinementReport>,
+}
+
+/// One of several logs that were used together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PooledLog {
+    /// Share of the information about all parameters that comes from this log.
+    pub share: f64,
+    /// Residual of the log alone, as a share: of the force, or where it was refined of the motion or of the inputs, whichever is larger.
+    pub residual: f64,
+    /// Values by this log alone; nothing where it does not show a parameter.
+    pub alone: BTreeMap<String, Option<(f64, f64)>>,
+    /// Difference of every parameter from the other logs together, in deviations of that difference; nothing where either does not show
+    /// it.
+    pub deviations: BTreeMap<String, Option<f64>>,
+    /// What was found about it.
+    pub log: LogReport,
+}
+
+/// What was found about several logs that were used together.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PoolReport {
+    /// The logs.
+    pub logs: Vec<PooledLog>,
+    /// Weighted sum of the squares of all differences between the logs.
+    pub chi_squared: f64,
+    /// Its degrees of freedom.
+    pub freedom: usize,
+    /// Factor on all variances because the logs differ by more than their deviations; one where they agree.
+    pub inflation: f64,
 }
 
 impl LogReport {

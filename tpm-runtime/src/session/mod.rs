@@ -35,6 +35,7 @@ mod machine;
 mod model;
 mod periodic_log;
 mod play;
+mod pooled_logs;
 mod refine;
 #[cfg(test)]
 mod refine_tests;
@@ -47,7 +48,7 @@ mod truth;
 mod validate;
 mod warning;
 
-pub use self::log::{LogRequest, from_log};
+pub use self::log::{LogRequest, from_log, from_logs};
 pub use agreeing::{Agreeing, AgreeingError, OpenDirection, agreeing};
 pub use campaign::{ExperimentRequest, Session, SimulatedMachine, on_machine, on_simulated_plant};
 pub use compare::{
@@ -58,7 +59,7 @@ pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
 pub use identify::identify_log;
-pub use log_report::{ActuatorReport, HoldResiduals, LogReport, PeriodicReport, Way};
+pub use log_report::{ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, Way};
 pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};

@@ -149,6 +149,11 @@ pub(super) fn repeating(
     spectra_of(periodic, log, coordinates, options).map(Some)
 }
 
+/// Whether a part of a log repeats.
+pub(super) fn repeats(log: &Log, coordinates: usize, options: &LogOptions) -> bool {
+    periodic_part(log, coordinates, options).is_ok()
+}
+
 /// Whether a single period ends where it began, as far as it goes from one sample to the next.
 fn closes(log: &Log, coordinates: usize, periodic: &Periodic) -> bool {
     let last = periodic.from + (periodic.samples_per_period.round() as usize).saturating_sub(1);

@@ -71,6 +71,7 @@ pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: So
         runs: campaign.runs().to_vec(),
         stability: Some(stability),
         log: None,
+        pool: None,
         warnings: campaign_warnings(linear, found, campaign),
         provenance: Provenance { seed: (source == Source::SimulatedPlant).then_some(seed), ..provenance() },
         current: campaign.current().to_vec(),

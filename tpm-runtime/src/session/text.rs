@@ -4,7 +4,7 @@ use crate::estimate::{CombinationReport, ParameterReport, Status};
 use crate::machine::stability::LoopStability;
 use crate::report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash};
 use crate::session::identification::{Identification, Source};
-use crate::session::log_report::{LogReport, Way};
+use crate::session::log_report::{LogReport, PoolReport, Way};
 use std::borrow::ToOwned;
 use std::fmt::{self, Write as _};
 use std::format;
@@ -79,6 +79,9 @@ impl Identification {
         let (model, estimator, hold) = (&self.model, self.estimator.name(), self.hold);
         let mut text = match (self.source, &self.log) {
             (Source::Log, Some(log)) => return log_head(self, log),
+            (Source::Log, None) if self.pool.is_some() => {
+                return self.pool.as_ref().map(|pool| pool_head(self, pool)).unwrap_or_default();
+            }
             (Source::Log, None) => return format!("model {model} from a log; hold {hold}\n\n"),
             (Source::SimulatedPlant, _) => {
                 let seed = self.seed.unwrap_or(0);
@@ -133,6 +136,49 @@ impl Identification {
     }
 }
 
+/// The logs that were used together, each with what it gave and where it differs most from the others.
+fn pool_head(result: &Identification, pool: &PoolReport) -> String {
+    let mut text = format!("model {} from {} logs; hold {}\n\n", result.model, pool.logs.len(), result.hold);
+    let mut table = TextTable::new(&[
+        ("log", Align::Left),
+        ("samples", Align::Right),
+        ("used by", Align::Left),
+        ("information", Align::Right),
+        ("residual", Align::Right),
+        ("farthest from the others", Align::Left),
+    ]);
+    for part in &pool.logs {
+        let told = part.deviations.iter().filter_map(|(name, deviations)| Some((name, (*deviations)?)));
+        let farthest = told.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        table.row(&[
+            part.log.path.clone(),
+            part.log.samples.to_string(),
+            match &part.log.way {
+                Way::Harmonics(found) => format!("{} periods of {} s", found.periods, number(found.period)),
+                Way::Time(found) => format!("time, up to {} Hz", number(found.cut_off)),
+            },
+            format!("{:.1} %", 100.0 * part.share),
+            format!("{} %", number(100.0 * part.residual)),
+            or_dash(farthest, |(name, deviations)| format!("{name}, {deviations:+.1} deviations")),
+        ]);
+    }
+    text.push_str(&table.finish());
+    for part in &pool.logs {
+        for remark in part.log.reading.remarks() {
+            text.push_str(&format!("remark: {}: {remark}\n", part.log.path));
+        }
+    }
+    text.push_str(&if pool.inflation > 1.0 {
+        format!(
+            "the logs differ by more than chance, and deviations are {:.2} times as large for it\n\n",
+            pool.inflation.sqrt()
+        )
+    } else {
+        String::from("the logs agree as far as their deviations tell\n\n")
+    });
+    text
+}
+
 fn log_head(result: &Identification, log: &LogReport) -> String {
     let (model, path, samples, hold) = (&result.model, &log.path, log.samples, result.hold);
     let mut text = format!("model {model} from {path}\n{samples} samples every {} s; ", number(log.sample_time));
@@ -160,6 +206,13 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
             )
         }
     });
+    let remarks = log.reading.remarks();
+    for remark in &remarks {
+        text.push_str(&format!("remark: {remark}\n"));
+    }
+    if !remarks.is_empty() {
+        text.push('\n');
+    }
     if let Some(refined) = log.refinement.as_ref().filter(|refined| refined.used && refined.samples < refined.of) {
         let part = match refined.averaged {
             1 if refined.blocks > 0 => format!("{} samples in {} blocks", refined.samples, refined.blocks),

@@ -6,9 +6,9 @@
 //! is named.
 
 use crate::estimate::{MeasuredMotion, Settings};
-use crate::log::{Log, LogError, LogOptions};
+use crate::log::{Log, LogError, LogOptions, ReadingReport, Recording};
 use crate::session::error::SessionError;
-use crate::session::log::LogRequest;
+use crate::session::log::{LogRequest, alone};
 use crate::session::model::Identifiable;
 use crate::session::periodic_log::spectra;
 use serde::Serialize;
@@ -56,6 +56,9 @@ pub struct Validation {
     pub model: String,
     /// Name of the log.
     pub log: String,
+    /// What was assumed in reading the file, how the record was split, and what was left out.
+    #[serde(skip_serializing_if = "ReadingReport::is_plain")]
+    pub reading: ReadingReport,
     /// First sample that was used.
     pub from_sample: usize,
     /// Period, s.
@@ -112,8 +115,10 @@ pub fn validate(
     };
     let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
     let options = request.options(evaluated, &[])?;
-    let log = Log::open(&request.path, evaluated, &options)?;
-    Ok(validate_log(evaluated, &log, &options, &parameters, &settled.open)?)
+    let recording = Recording::open(&request.path, evaluated, &options)?;
+    let recording = alone(recording, evaluated.dims().coordinates, &options);
+    let Some(log) = recording.segments.first() else { return Err(SessionError::NoLog) };
+    Ok(Validation { reading: recording.report, ..validate_log(evaluated, log, &options, &parameters, &settled.open)? })
 }
 
 /// Predicts the inputs of a log from its motion with given parameters, one value per parameter of the model. Rows that change along
@@ -161,6 +166,7 @@ pub fn validate_log(
         schema: "tpm.validation/1",
         model: model.name().into(),
         log: log.path.clone(),
+        reading: ReadingReport::default(),
         from_sample: periodic.from,
         period: periodic.samples_per_period * log.sample_time,
         periods: periodic.periods,

@@ -6,6 +6,7 @@ use crate::report::{Remedy, displayed, plus_minus};
 use crate::run::RunEnding;
 use crate::session::refinement_report::MissingTerm;
 use serde::Serialize;
+use std::boxed::Box;
 use std::fmt;
 use std::format;
 use std::string::{String, ToString};
@@ -18,6 +19,8 @@ use tpm_core::harmonics::Hold;
 pub enum Data {
     /// One log.
     Log,
+    /// Several logs.
+    Logs,
     /// The runs of a campaign.
     Runs,
 }
@@ -26,6 +29,7 @@ impl fmt::Display for Data {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Data::Log => "this log",
+            Data::Logs => "these logs",
             Data::Runs => "these runs",
         })
     }
@@ -70,6 +74,22 @@ pub enum Warning {
         coordinate: String,
         /// Measured rate over the rate of the measured position.
         gain: f64,
+    },
+    /// Something about one of several logs.
+    InLog {
+        /// The log.
+        path: String,
+        /// What is to be said of it.
+        warning: Box<Warning>,
+    },
+    /// A log contradicts the other logs.
+    LogsDisagree {
+        /// The log.
+        path: String,
+        /// The parameter that differs most.
+        parameter: String,
+        /// By how many deviations of the difference it differs from the other logs together.
+        deviations: f64,
     },
     /// The last two periods of a log differ.
     Unsteady {
@@ -223,10 +243,24 @@ pub enum Warning {
 }
 
 impl Warning {
+    /// Whether numbers that follow from such data are not to be trusted.
+    #[must_use]
+    pub fn is_distrust(&self) -> bool {
+        match self {
+            Warning::NegativeInertia { .. }
+            | Warning::Halves { .. }
+            | Warning::Unsettled { .. }
+            | Warning::LogsDisagree { .. } => true,
+            Warning::InLog { warning, .. } => warning.is_distrust(),
+            _ => false,
+        }
+    }
+
     /// The setting that would remove the warning, when there is one.
     #[must_use]
     pub fn remedy(&self) -> Option<Remedy> {
         match self {
+            Warning::InLog { warning, .. } => warning.remedy(),
             Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
@@ -255,6 +289,11 @@ impl fmt::Display for Warning {
                      what these say was used instead"
                 )
             }
+            Warning::InLog { path, warning } => write!(f, "{path}: {warning}"),
+            Warning::LogsDisagree { path, parameter, deviations } => write!(
+                f,
+                "{path} contradicts the other logs: {parameter} differs most, by {deviations:.1} deviations; the machine was another one, or a load, a setting, a scale of a column; identify each log by itself"
+            ),
             Warning::RateDiffers { coordinate, gain } => write!(
                 f,
                 "the measured rate of {coordinate} is {gain:.3} times the rate of its measured position: a scale or a unit of one of them is wrong, or a lag"

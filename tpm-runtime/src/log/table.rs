@@ -1,0 +1,237 @@
+//! The rows of a log as they stand in the file, with the places where readings are missing.
+
+use crate::log::assumption::Assumption;
+use crate::log::columns::Columns;
+use crate::log::error::LogError;
+use crate::log::names::{Names, Plan, Signal, Time};
+use crate::log::options::LogOptions;
+use crate::log::stamps::{Resolution, Stamps};
+use std::borrow::ToOwned as _;
+use std::string::{String, ToString as _};
+use std::vec;
+use std::vec::Vec;
+
+/// Stamps beyond these sizes count milliseconds, microseconds or nanoseconds from 1970 on: as seconds they would lie thousands of years
+/// ahead.
+const EPOCHS: [(f64, &str, f64); 3] = [(1e17, "ns", 1e-9), (1e14, "us", 1e-6), (1e11, "ms", 1e-3)];
+
+/// Sample times of machines, s. A column of time without a unit is in the unit that puts its steps into this range, if there is only one
+/// such unit; steps below a second are seconds.
+const SAMPLE_TIMES: (f64, f64) = (5e-5, 0.5);
+
+/// Rows in which a needed reading is missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Hole {
+    /// The sample before which the rows stand.
+    pub(super) before: usize,
+    /// First line.
+    pub(super) from_line: u64,
+    /// Last line.
+    pub(super) to_line: u64,
+    /// Rows.
+    pub(super) rows: usize,
+    /// The first field of the first row that is missing, as a place in [`Table::columns`].
+    pub(super) column: usize,
+}
+
+/// The rows of a log in the order of the file.
+///
+/// Invariant: channels are finite, in the units of their signals and as long as the stamps; a rate may hold NaN.
+#[derive(Debug)]
+pub(super) struct Table {
+    pub(super) path: String,
+    /// Line of the header.
+    pub(super) header_line: u64,
+    /// Stamps in the unit of the file.
+    pub(super) time: Vec<f64>,
+    /// Seconds in that unit.
+    pub(super) factor: f64,
+    pub(super) resolution: Resolution,
+    pub(super) channels: Vec<Vec<f64>>,
+    /// Rates that have a column.
+    pub(super) rates: Vec<Option<Vec<f64>>>,
+    pub(super) lines: Vec<u64>,
+    pub(super) holes: Vec<Hole>,
+    /// Text of the first missing field.
+    pub(super) first_hole: String,
+    /// Names of the columns: time, then those of the channels, then those of the rates.
+    pub(super) columns: Vec<String>,
+    pub(super) assumptions: Vec<Assumption>,
+}
+
+impl Table {
+    /// Reads the signals and, behind them, those rates that have a column.
+    ///
+    /// # Errors
+    /// [`LogError`] when a column is missing, a unit is not converted, or a row cannot be read.
+    pub(super) fn read(
+        columns: &mut dyn Columns,
+        path: &str,
+        signals: &[Signal],
+        rates: &[Signal],
+        options: &LogOptions,
+    ) -> Result<Self, LogError> {
+        let names = Names { path, header: columns.header(), line: columns.header_line(), options };
+        let plan = names.settle(signals, rates)?;
+        let mut table = Table {
+            path: path.into(),
+            header_line: columns.header_line(),
+            time: Vec::new(),
+            factor: 1.0,
+            resolution: Resolution::default(),
+            channels: vec![Vec::new(); signals.len()],
+            rates: plan.optional.iter().map(|place| place.as_ref().map(|_| Vec::new())).collect(),
+            lines: Vec::new(),
+            holes: Vec::new(),
+            first_hole: String::new(),
+            columns: Vec::new(),
+            assumptions: Vec::new(),
+        };
+        table.fill(columns, &plan)?;
+        table.resolution = match plan.time {
+            Time::One { .. } => columns.resolution(),
+            Time::Two { .. } => Resolution::default(),
+        };
+        table.assumptions = columns.assumptions();
+        table.assumptions.extend(plan.assumptions);
+        table.settle_time(&plan.time)?;
+        Ok(table)
+    }
+
+    fn fill(&mut self, columns: &mut dyn Columns, plan: &Plan) -> Result<(), LogError> {
+        let mut wanted = Vec::new();
+        match plan.time {
+            Time::One { index, .. } => wanted.push(index),
+            Time::Two { seconds, fractions, .. } => wanted.extend([seconds, fractions]),
+        }
+        let stamps = wanted.len();
+        let needed = plan.places.iter();
+        let present = plan.optional.iter().flatten();
+        wanted.extend(needed.chain(present).map(|place| place.index));
+        self.columns = wanted.iter().map(|&index| columns.header()[index].text.clone()).collect();
+        columns.select(&wanted);
+        let mut values = vec![0.0; wanted.len()];
+        let required = stamps + plan.places.len();
+        let (mut first_second, unit) = (None, if let Time::Two { unit, .. } = plan.time { unit } else { 1.0 });
+        while let Some(line) = columns.next_row(&mut values)? {
+            if let Some(column) = values[..required].iter().position(|value| !value.is_finite()) {
+                if self.holes.is_empty() {
+                    self.first_hole = columns.text(column);
+                }
+                self.miss(line, column);
+                continue;
+            }
+            self.time.push(if stamps == 1 {
+                values[0]
+            } else {
+                // Whole seconds are subtracted before fractions are added, so that no digit is lost.
+                (values[0] - *first_second.get_or_insert(values[0])) / unit + values[1]
+            });
+            let read = values[stamps..required].iter();
+            for ((channel, place), value) in self.channels.iter_mut().zip(&plan.places).zip(read) {
+                channel.push(place.factor * value + place.offset);
+            }
+            let present = plan.optional.iter().flatten().zip(&values[required..]);
+            for (rate, (place, value)) in self.rates.iter_mut().flatten().zip(present) {
+                rate.push(place.factor * value + place.offset);
+            }
+            self.lines.push(line);
+        }
+        Ok(())
+    }
+
+    /// Notes a row in which a reading is missing.
+    fn miss(&mut self, line: u64, column: usize) {
+        let before = self.time.len();
+        match self.holes.last_mut() {
+            Some(hole) if hole.before == before => {
+                hole.to_line = line;
+                hole.rows += 1;
+            }
+            _ => self.holes.push(Hole { before, from_line: line, to_line: line, rows: 1, column }),
+        }
+    }
+
+    /// Finds the unit of the stamps.
+    fn settle_time(&mut self, time: &Time) -> Result<(), LogError> {
+        let (index_name, known) = match time {
+            Time::Two { unit, factor, .. } => {
+                self.factor = unit * factor;
+                return Ok(());
+            }
+            Time::One { column, factor, .. } => (column, *factor),
+        };
+        if let Some(factor) = known {
+            self.factor = factor;
+            return Ok(());
+        }
+        let Some(first) = self.time.first() else { return Ok(()) };
+        let epoch = EPOCHS.iter().find(|(least, ..)| first.abs() >= *least);
+        let step = Stamps { time: &self.time, resolution: &self.resolution }.usual_step();
+        let plausible =
+            |(_, _, factor): &&(f64, &str, f64)| step * factor >= SAMPLE_TIMES.0 && step * factor <= SAMPLE_TIMES.1;
+        let mut candidates = EPOCHS.iter().filter(plausible);
+        let (unit, factor) = match (epoch, candidates.next(), candidates.next()) {
+            (Some((_, unit, factor)), ..) => (*unit, *factor),
+            _ if step < 1.0 => ("s", 1.0),
+            (None, Some((_, unit, factor)), None) => (*unit, *factor),
+            _ => {
+                return Err(LogError::TimeUnit {
+                    path: self.path.clone(),
+                    line: self.header_line,
+                    column: index_name.clone(),
+                    step,
+                });
+            }
+        };
+        self.factor = factor;
+        self.assumptions.push(Assumption::Time { column: index_name.clone(), unit: unit.to_owned(), stated: false });
+        Ok(())
+    }
+
+    /// The stamps.
+    pub(super) fn stamps(&self) -> Stamps<'_> {
+        Stamps { time: &self.time, resolution: &self.resolution }
+    }
+
+    /// The fault of the first row in which a reading is missing, for those who need a whole record.
+    pub(super) fn missing(&self) -> Option<LogError> {
+        let hole = self.holes.first()?;
+        let (path, line, column) = (self.path.clone(), hole.from_line, self.columns[hole.column].clone());
+        Some(if self.first_hole.is_empty() {
+            LogError::Empty { path, line, column }
+        } else {
+            LogError::NotANumber { path, line, column, text: self.first_hole.clone() }
+        })
+    }
+
+    /// The fault of the first missing reading of a rate, for those who need a whole record.
+    pub(super) fn missing_rate(&self) -> Option<LogError> {
+        let names = &self.columns[self.columns.len() - self.rates.iter().flatten().count()..];
+        self.rates.iter().flatten().zip(names).find_map(|(rate, column)| {
+            let at = rate.iter().position(|value| !value.is_finite())?;
+            Some(LogError::NotANumber {
+                path: self.path.clone(),
+                line: self.lines[at],
+                column: column.clone(),
+                text: rate[at].to_string(),
+            })
+        })
+    }
+
+    /// The fault of a channel that never changes.
+    pub(super) fn constant(&self, signals: &[Signal]) -> Option<LogError> {
+        let names = &self.columns[self.columns.len() - self.rates.iter().flatten().count() - self.channels.len()..];
+        self.channels.iter().zip(names).zip(signals).find_map(|((channel, column), signal)| {
+            let value = *channel.first()?;
+            channel.iter().all(|other| *other == value).then(|| LogError::Constant {
+                path: self.path.clone(),
+                from: self.lines[0],
+                to: self.lines[self.lines.len() - 1],
+                signal: signal.name.clone(),
+                column: column.clone(),
+                value,
+            })
+        })
+    }
+}
