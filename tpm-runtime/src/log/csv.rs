@@ -98,7 +98,7 @@ impl<R: Read> Lines<R> {
                 }
             };
             self.start = (line.end + 1).min(self.end);
-            let carriage = line.len() > 0 && self.buffer[line.end - 1] == b'\r';
+            let carriage = !line.is_empty() && self.buffer[line.end - 1] == b'\r';
             return Ok(Some((line.start..line.end - usize::from(carriage), cut)));
         }
     }
@@ -155,8 +155,7 @@ impl<R: Read> Csv<R> {
         }
         let ended = lines.ended;
         let head = &lines.buffer[lines.start..lines.end];
-        let mut numbered: Vec<(u64, &[u8])> =
-            (1..).zip(head.split(|byte| *byte == lines.terminator)).map(|(line, text)| (line, text)).collect();
+        let mut numbered: Vec<(u64, &[u8])> = (1..).zip(head.split(|byte| *byte == lines.terminator)).collect();
         for (_, text) in &mut numbered {
             *text = text.strip_suffix(b"\r").unwrap_or(text);
         }
@@ -271,16 +270,16 @@ impl<R: Read> Columns for Csv<R> {
                     expected: columns as u64,
                 });
             }
-            for field in 0..self.wanted.len() {
+            for (field, value) in values.iter_mut().enumerate().take(self.wanted.len()) {
                 let read = number(self.field(field), self.dialect.decimal.unwrap_or(b'.'));
-                values[field] = match read {
-                    Some(value) => value,
+                *value = match read {
+                    Some(number) => number,
                     // The first fraction of the file decides.
                     None if self.dialect.decimal.is_none() && self.field(field).contains(&b',') => {
-                        let value = number(self.field(field), b',').ok_or_else(|| self.fault(field))?;
+                        let number = number(self.field(field), b',').ok_or_else(|| self.fault(field))?;
                         self.dialect.decimal = Some(b',');
                         self.dialect.assumptions.push(Assumption::DecimalComma);
-                        value
+                        number
                     }
                     None => return Err(self.fault(field)),
                 };

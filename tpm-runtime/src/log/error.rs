@@ -4,6 +4,7 @@ use crate::estimate::EstimateError;
 use crate::log::periodic::Mismatch;
 use crate::report::{Remedy, number};
 use crate::run::SpectrumError;
+use std::boxed::Box;
 use std::fmt;
 use std::format;
 use std::string::String;
@@ -33,6 +34,24 @@ impl fmt::Display for Adjustment {
             Adjustment::Offset => "offset",
         })
     }
+}
+
+/// A unit that is not converted.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "column `{column}` is in `{unit}`, and `{name}` in {expected}: {reason}; state the factor from one to the other"
+)]
+pub struct UnitMismatch {
+    /// The column.
+    pub column: String,
+    /// Its unit, as the file writes it.
+    pub unit: String,
+    /// The signal of the model.
+    pub name: String,
+    /// Unit of the signal.
+    pub expected: String,
+    /// Why the one is not converted to the other.
+    pub reason: &'static str,
 }
 
 /// Why a log cannot be used, with the place and what to do.
@@ -94,24 +113,14 @@ pub enum LogError {
         columns: Vec<String>,
     },
     /// A column has a unit that is not converted to that of its signal.
-    #[error(
-        "{path}:{line}: column `{column}` is in `{unit}`, and `{name}` in {expected}: {reason}; state the factor from one to the other"
-    )]
+    #[error("{path}:{line}: {mismatch}")]
     Unit {
         /// The file.
         path: String,
         /// Line of the header.
         line: u64,
-        /// The column.
-        column: String,
-        /// Its unit, as the file writes it.
-        unit: String,
-        /// The signal of the model.
-        name: String,
-        /// Unit of the signal.
-        expected: String,
-        /// Why it is not converted.
-        reason: &'static str,
+        /// The two units.
+        mismatch: Box<UnitMismatch>,
     },
     /// Nothing says which unit the time stamps have.
     #[error(
@@ -387,7 +396,7 @@ impl LogError {
             LogError::Constant { signal, .. } => Some(Remedy::MapColumn { signal: signal.clone() }),
             LogError::BadRange { remedy, .. } => Some(remedy.clone()),
             LogError::AmbiguousColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
-            LogError::Unit { name, .. } => Some(Remedy::Scale { signal: name.clone() }),
+            LogError::Unit { mismatch, .. } => Some(Remedy::Scale { signal: mismatch.name.clone() }),
             LogError::TimeUnit { .. } => Some(Remedy::Scale { signal: "t_s".into() }),
             LogError::Constants { names, .. } => Some(Remedy::Constants { names: names.clone() }),
             _ => None,

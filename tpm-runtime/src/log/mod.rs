@@ -36,7 +36,7 @@ mod table;
 mod unit;
 
 pub use assumption::{Assumption, Separator};
-pub use error::{Adjustment, LogError};
+pub use error::{Adjustment, LogError, UnitMismatch};
 pub use fingerprint::fingerprint;
 pub use options::{Domain, LogOptions, Refine};
 pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};

@@ -7,10 +7,11 @@
 
 use crate::log::assumption::Assumption;
 use crate::log::columns::ColumnName;
-use crate::log::error::{Adjustment, LogError};
+use crate::log::error::{Adjustment, LogError, UnitMismatch};
 use crate::log::options::LogOptions;
 use crate::log::unit::{UnitFault, conversion, unit_of};
 use std::borrow::ToOwned as _;
+use std::boxed::Box;
 use std::format;
 use std::string::String;
 use std::vec;
@@ -256,9 +257,7 @@ impl Names<'_> {
     }
 
     fn unit_fault(&self, column: &str, unit: &str, name: &str, expected: &str, fault: UnitFault) -> LogError {
-        LogError::Unit {
-            path: self.path.into(),
-            line: self.line,
+        let mismatch = UnitMismatch {
             column: column.into(),
             unit: unit.into(),
             name: name.into(),
@@ -268,7 +267,8 @@ impl Names<'_> {
                 UnitFault::Different => "these are different quantities",
                 UnitFault::Cycles => "turns or radians may be counted",
             },
-        }
+        };
+        LogError::Unit { path: self.path.into(), line: self.line, mismatch: Box::new(mismatch) }
     }
 
     fn time(&self, said: &mut Vec<Assumption>) -> Result<Time, LogError> {
