@@ -43,14 +43,19 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 fn describe(result: &Validation) -> String {
     let mut text = format!(
-        "model {} on {}\n{} periods of {} s from sample {}; hold {}; harmonics up to {}; nothing is fitted\n\n",
+        "model {} on {}\n{} from sample {}; hold {}; {}; nothing is fitted\n\n",
         result.model,
         result.log,
-        result.periods,
-        number(result.period),
+        result.period.map_or_else(
+            || "time domain".to_owned(),
+            |period| format!("{} periods of {} s", result.periods, number(period))
+        ),
         result.from_sample,
         result.hold,
-        result.harmonics
+        result.cut_off.map_or_else(
+            || format!("harmonics up to {}", result.harmonics),
+            |cut_off| format!("low pass at {} Hz", number(cut_off))
+        ),
     );
     for remark in result.reading.remarks() {
         text.push_str(&format!("remark: {remark}\n"));

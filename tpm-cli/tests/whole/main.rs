@@ -1,6 +1,7 @@
 //! The tool as a user runs it: one program for the tests of all verbs.
 
 mod actuators;
+mod any_log;
 mod bad_input;
 mod campaign;
 mod compare;

@@ -70,6 +70,9 @@ pub use settings::{Frozen, NumericalSettings, Settings, Weights};
 pub use table::{LineTable, RowLines};
 #[cfg(feature = "interpret")]
 pub use tabulated::PatternTables;
-pub use time_domain::{BandReport, Stretch, TimeDomain, TimeRecord, estimate_time_domain};
+pub use time_domain::{
+    BandReport, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, predict_in_band,
+    residual_in_band,
+};
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

@@ -1,7 +1,7 @@
 //! A log of any motion, identified in the time domain.
 
 use crate::estimate::{
-    Course, Differentiable, EstimateError, Settings, Stretch, TimeDomain, TimeRecord, estimate_time_domain,
+    Course, Differentiable, EstimateError, Settings, Stretch, TimeRecord, estimate_time_domain, residual_in_band,
 };
 use crate::log::{Log, LogError, LogOptions};
 use crate::report::Remedy;
@@ -20,6 +20,40 @@ use tpm_core::model::Model;
 /// A measured rate that differs from the rate of the measured position by more than this share is flagged.
 const RATE_DIFFERS: f64 = 0.05;
 
+/// The stretches of a record from the first sample on that is used; there is one at least.
+///
+/// # Errors
+/// [`LogError::BadRange`] when that sample lies behind the end.
+pub(super) fn stretches<'a>(
+    segments: &[&'a Log],
+    coordinates: usize,
+    options: &LogOptions,
+) -> Result<Vec<Stretch<'a>>, LogError> {
+    let mut left_out = options.from_sample.unwrap_or(0);
+    let mut stretches = Vec::with_capacity(segments.len());
+    for log in segments {
+        let from = left_out.min(log.len());
+        left_out -= from;
+        if from < log.len() {
+            let channels: Vec<&[f64]> = log.channels.iter().map(|channel| &channel[from..]).collect();
+            let (own, inputs) = channels.split_at(coordinates);
+            let rate = |c: usize| log.rates.get(c).and_then(Option::as_ref).map(|rate| &rate[from..]);
+            let rates = (0..coordinates).map(rate).collect();
+            stretches.push(Stretch { coordinates: own.to_vec(), rates, inputs: inputs.to_vec() });
+        }
+    }
+    if stretches.is_empty() {
+        return Err(LogError::BadRange {
+            path: segments.first().map(|log| log.path.clone()).unwrap_or_default(),
+            what: format!("the first sample {} lies behind the end", options.from_sample.unwrap_or(0)),
+            remedy: Remedy::FromSample,
+            samples: segments.iter().map(|log| log.len()).sum(),
+            sample_time: segments.first().map_or(0.0, |log| log.sample_time),
+        });
+    }
+    Ok(stretches)
+}
+
 /// Identifies a model from all samples of the segments of a record, whatever the motion is.
 ///
 /// # Errors
@@ -31,31 +65,10 @@ pub(super) fn identify(
     options: &LogOptions,
     settings: &Settings,
 ) -> Result<Found, LogError> {
+    let dims = model.dims();
+    let stretches = stretches(segments, dims.coordinates, options)?;
     let nothing = LogError::Estimate { path: String::new(), source: EstimateError::NoSignal };
     let first = segments.first().ok_or(nothing)?;
-    let dims = model.dims();
-    let mut left_out = options.from_sample.unwrap_or(0);
-    let mut stretches = Vec::with_capacity(segments.len());
-    for log in segments {
-        let from = left_out.min(log.len());
-        left_out -= from;
-        if from < log.len() {
-            let channels: Vec<&[f64]> = log.channels.iter().map(|channel| &channel[from..]).collect();
-            let (coordinates, inputs) = channels.split_at(dims.coordinates);
-            let rate = |c: usize| log.rates.get(c).and_then(Option::as_ref).map(|rate| &rate[from..]);
-            let rates = (0..dims.coordinates).map(rate).collect();
-            stretches.push(Stretch { coordinates: coordinates.to_vec(), rates, inputs: inputs.to_vec() });
-        }
-    }
-    if stretches.is_empty() {
-        return Err(LogError::BadRange {
-            path: first.path.clone(),
-            what: format!("the first sample {} lies behind the end", options.from_sample.unwrap_or(0)),
-            remedy: Remedy::FromSample,
-            samples: segments.iter().map(|log| log.len()).sum(),
-            sample_time: first.sample_time,
-        });
-    }
     let samples = stretches.iter().map(|stretch| stretch.coordinates.first().map_or(0, |signal| signal.len())).sum();
     let record = |hold: Hold| TimeRecord {
         sample_time: first.sample_time,
@@ -64,11 +77,12 @@ pub(super) fn identify(
         stretches: stretches.clone(),
     };
     let derivatives = machine.map(|machine| machine.derivatives);
-    let run = |hold: Hold| -> Result<TimeDomain, EstimateError> {
-        estimate_time_domain(model, derivatives, &options.constants, &record(hold), settings)
-    };
-    let found = run(options.hold).map_err(|source| LogError::Estimate { path: first.path.clone(), source })?;
-    let other = run(options.hold.other()).ok().map(|other| other.estimate.residual);
+    let fault = |source| LogError::Estimate { path: first.path.clone(), source };
+    let (constants, own) = (&options.constants, record(options.hold));
+    let found = estimate_time_domain(model, derivatives, constants, &own, settings).map_err(fault)?;
+    // The other hold is judged in the same band, since bands differ in what they leave.
+    let other = record(options.hold.other());
+    let other = residual_in_band(model, derivatives, constants, &other, settings, &found.report).ok();
     let report = &found.report;
     let (typical_period, reach, highest) = (found.typical_period, found.reach, report.highest.clone());
     let start = Start {

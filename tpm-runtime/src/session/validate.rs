@@ -1,21 +1,24 @@
 //! Prediction of another log by identified parameters.
 //!
 //! Invariant: nothing is fitted. The rows are evaluated on the log's own measured motion with the given parameters. The
-//! inputs that they predict are compared with the recorded inputs, harmonic by harmonic, over the harmonics that stand
-//! out of the noise. A row that changes, along this motion, with a direction of the parameters that is open is not predicted: it
+//! inputs that they predict are compared with the recorded inputs: harmonic by harmonic, over the harmonics that stand
+//! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a direction of the parameters that is open is not predicted: it
 //! is named.
 
-use crate::estimate::{MeasuredMotion, Settings};
-use crate::log::{Log, LogError, LogOptions, ReadingReport, Recording};
+use crate::estimate::{MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
+use crate::interpret::InterpretedDerivatives;
+use crate::log::{Domain, Log, LogError, LogOptions, ReadingReport, Recording};
+use crate::session::any_log::stretches;
 use crate::session::error::SessionError;
-use crate::session::log::{LogRequest, alone};
+use crate::session::log::LogRequest;
 use crate::session::model::Identifiable;
-use crate::session::periodic_log::spectra;
+use crate::session::periodic_log::{repeating, spectra};
 use serde::Serialize;
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
+use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::{Buffer, Model, require_len};
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
@@ -61,13 +64,16 @@ pub struct Validation {
     pub reading: ReadingReport,
     /// First sample that was used.
     pub from_sample: usize,
-    /// Period, s.
-    pub period: f64,
+    /// Period, s; nothing where the log was used in the time domain.
+    pub period: Option<f64>,
     /// Whole periods.
     pub periods: usize,
+    /// Cut-off of the low pass on forces and predictions, Hz; nothing where harmonics were compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut_off: Option<f64>,
     /// Hold of the inputs: `none` or `zoh`.
     pub hold: String,
-    /// Highest harmonic that was compared.
+    /// Highest harmonic that was compared; zero in the time domain.
     pub harmonics: usize,
     /// Prediction errors of the rows that are predicted.
     pub rows: Vec<RowPrediction>,
@@ -116,16 +122,22 @@ pub fn validate(
     let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
     let options = request.options(evaluated, &[])?;
     let recording = Recording::open(&request.path, evaluated, &options)?;
-    let recording = alone(recording, evaluated.dims().coordinates, &options);
-    let Some(log) = recording.segments.first() else { return Err(SessionError::NoLog) };
-    Ok(Validation { reading: recording.report, ..validate_log(evaluated, log, &options, &parameters, &settled.open)? })
+    let segments: Vec<&Log> = recording.segments.iter().collect();
+    let declared = model.declaration()?;
+    let derivatives = declared.as_deref().map(|declared| {
+        let prepared = declared.prepared();
+        InterpretedDerivatives::new(&prepared.model, &prepared.form)
+    });
+    let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
+    let found = validate_segments(evaluated, derivatives, &segments, &options, &parameters, &settled.open)?;
+    Ok(Validation { reading: recording.report, ..found })
 }
 
 /// Predicts the inputs of a log from its motion with given parameters, one value per parameter of the model. Rows that change along
-/// one of the `open` directions are left out.
+/// one of the `open` directions are left out. Harmonic by harmonic where the log repeats, otherwise in the time domain.
 ///
 /// # Errors
-/// [`LogError`] when the log has no periodic part, or its harmonics cannot be computed.
+/// [`LogError`] when the log is too short, or the rows cannot be evaluated on its motion.
 pub fn validate_log(
     model: &dyn Model<f64>,
     log: &Log,
@@ -133,47 +145,94 @@ pub fn validate_log(
     parameters: &[f64],
     open: &[Weights],
 ) -> Result<Validation, LogError> {
+    validate_segments(model, None, &[log], options, parameters, open)
+}
+
+fn validate_segments(
+    model: &dyn Model<f64>,
+    derivatives: Option<&dyn RowDerivatives<f64>>,
+    segments: &[&Log],
+    options: &LogOptions,
+    parameters: &[f64],
+    open: &[Weights],
+) -> Result<Validation, LogError> {
     let dims = model.dims();
-    let fault = |source| LogError::Estimate { path: log.path.clone(), source };
+    let path = segments.first().map(|log| log.path.clone()).unwrap_or_default();
+    let fault = |source| LogError::Estimate { path: path.clone(), source };
     require_len(Buffer::Parameters, parameters.len(), dims.parameters).map_err(|error| fault(error.into()))?;
-    let (periodic, spectra) = spectra(log, dims.coordinates, options)?;
-    let settings = Settings { harmonics: options.harmonics, ..Settings::default() };
-    let record = MeasuredMotion::new(model, &options.constants, &spectra, options.hold, &settings).map_err(fault)?;
-    let row = |r: usize| {
-        let (missed, force) = record.row_power(r, parameters);
-        let label = model.row(r);
-        let share = if force > 0.0 { missed / force } else { 0.0 };
-        RowPrediction { name: label.name.into(), unit: label.unit.map(String::from), force, missed, share }
-    };
     let along = |direction: &Weights| -> Vec<f64> {
         let weight = |j: usize| direction.get(model.parameter(j).name).copied().unwrap_or(0.0);
         (0..dims.parameters).map(weight).collect()
     };
-    let unpredicted = |r: usize| {
-        let changes = |direction: &&Weights| {
-            let (change, terms) = record.row_change(r, &along(direction));
-            change > CANCELLED * terms
-        };
-        open.iter().find(changes).map(|direction| RowUnpredicted {
-            name: model.row(r).name.into(),
-            direction: display(direction),
-            parameters: direction.keys().cloned().collect(),
-        })
+    let directions: Vec<Vec<f64>> = open.iter().map(along).collect();
+    let periodic = match (segments, options.domain) {
+        ([log], None) => repeating(log, dims.coordinates, options)?,
+        ([log], Some(Domain::Harmonics)) => Some(spectra(log, dims.coordinates, options)?),
+        _ => None,
     };
-    let unpredicted: Vec<Option<RowUnpredicted>> = (0..dims.rows).map(unpredicted).collect();
-    let rows: Vec<RowPrediction> = (0..dims.rows).filter(|&r| unpredicted[r].is_none()).map(row).collect();
-    Ok(Validation {
+    let mut found = Validation {
         schema: "tpm.validation/1",
         model: model.name().into(),
-        log: log.path.clone(),
+        log: path.clone(),
         reading: ReadingReport::default(),
-        from_sample: periodic.from,
-        period: periodic.samples_per_period * log.sample_time,
-        periods: periodic.periods,
+        from_sample: options.from_sample.unwrap_or(0),
+        period: None,
+        periods: 0,
+        cut_off: None,
         hold: options.hold.to_string(),
-        harmonics: record.harmonics(),
-        prediction_error: rows.iter().map(|row| row.share).reduce(f64::max),
-        rows,
-        unpredicted: unpredicted.into_iter().flatten().collect(),
-    })
+        harmonics: 0,
+        rows: Vec::new(),
+        unpredicted: Vec::new(),
+        prediction_error: None,
+    };
+    let rows: Vec<Missed> = match (&periodic, segments.first()) {
+        (Some((periodic, spectra)), Some(log)) => {
+            let settings = Settings { harmonics: options.harmonics, ..Settings::default() };
+            let record =
+                MeasuredMotion::new(model, &options.constants, spectra, options.hold, &settings).map_err(fault)?;
+            found.from_sample = periodic.from;
+            found.period = Some(periodic.samples_per_period * log.sample_time);
+            found.periods = periodic.periods;
+            found.harmonics = record.harmonics();
+            let row = |r: usize| {
+                let (missed, force) = record.row_power(r, parameters);
+                let changes = directions.iter().map(|direction| {
+                    let (change, terms) = record.row_change(r, direction);
+                    if terms > 0.0 { change / terms } else { 0.0 }
+                });
+                Missed { force, missed, changes: changes.collect() }
+            };
+            (0..dims.rows).map(row).collect()
+        }
+        _ => {
+            let stretches = stretches(segments, dims.coordinates, options)?;
+            let record = TimeRecord {
+                sample_time: segments.first().map_or(0.0, |log| log.sample_time),
+                hold: options.hold,
+                actuators: &options.actuators,
+                stretches,
+            };
+            let predicted = predict_in_band(model, derivatives, &options.constants, &record, parameters, &directions)
+                .map_err(fault)?;
+            found.cut_off = Some(predicted.cut_off);
+            predicted.rows
+        }
+    };
+    for (r, Missed { force, missed, changes }) in rows.into_iter().enumerate() {
+        let label = model.row(r);
+        match open.iter().zip(changes).find(|(_, change)| *change > CANCELLED) {
+            Some((direction, _)) => found.unpredicted.push(RowUnpredicted {
+                name: label.name.into(),
+                direction: display(direction),
+                parameters: direction.keys().cloned().collect(),
+            }),
+            None => {
+                let share = if force > 0.0 { missed / force } else { 0.0 };
+                let (name, unit) = (label.name.into(), label.unit.map(String::from));
+                found.rows.push(RowPrediction { name, unit, force, missed, share });
+            }
+        }
+    }
+    found.prediction_error = found.rows.iter().map(|row| row.share).reduce(f64::max);
+    Ok(found)
 }

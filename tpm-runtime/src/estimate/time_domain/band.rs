@@ -106,6 +106,23 @@ impl Tried {
     }
 }
 
+/// The cut-offs that are tried for a motion, rad/s, ascending; none where all stretches are too short.
+pub(super) fn cut_offs(motion: &Motion, sample_time: f64) -> Vec<f64> {
+    let fastest = motion.fastest();
+    let sampling = 2.0 * PI / sample_time;
+    let longest = motion.stretches.iter().map(|stretch| stretch.samples).max().unwrap_or(0) as f64 * sample_time;
+    // A low pass reaches the farther the lower it is, so that a short stretch needs a high one.
+    let lowest = 2.0 * Equations::lost(LowPass { cut_off: 1.0 }) / (LOST * longest);
+    let largest = LARGEST * sampling;
+    let mut cut_offs: Vec<f64> =
+        TRIED.iter().map(|times| (times * fastest).min(largest)).filter(|cut_off| *cut_off >= lowest).collect();
+    if cut_offs.is_empty() && lowest <= largest {
+        cut_offs = vec![lowest, largest];
+    }
+    cut_offs.dedup();
+    cut_offs
+}
+
 /// Estimates the parameters in which a model is linear from any motion; `derivatives` tell where signs jump.
 ///
 /// # Errors
@@ -123,20 +140,8 @@ pub fn estimate_time_domain(
     let free = settings.free(dims.parameters)?;
     let motion = Motion::new(record)?;
     let machine = Machine { model, derivatives, constants };
-    let fastest = motion.fastest();
-    let sampling = 2.0 * PI / record.sample_time;
-    let longest = motion.stretches.iter().map(|stretch| stretch.samples).max().unwrap_or(0) as f64 * record.sample_time;
-    // A low pass reaches the farther the lower it is, so that a short stretch needs a high one.
-    let lowest = 2.0 * Equations::lost(LowPass { cut_off: 1.0 }) / (LOST * longest);
-    let largest = LARGEST * sampling;
-    let mut cut_offs: Vec<f64> =
-        TRIED.iter().map(|times| (times * fastest).min(largest)).filter(|cut_off| *cut_off >= lowest).collect();
-    if cut_offs.is_empty() && lowest <= largest {
-        cut_offs = vec![lowest, largest];
-    }
-    cut_offs.dedup();
     let mut tried: Vec<Tried> = Vec::new();
-    for cut_off in cut_offs {
+    for cut_off in cut_offs(&motion, record.sample_time) {
         let low_pass = LowPass { cut_off };
         let equations = Equations::of(machine, record, &motion, low_pass)?;
         if let Some(fitted) = fit(&equations, dims, &free, settings) {
@@ -181,6 +186,28 @@ pub fn estimate_time_domain(
         steps: motion.steps,
         report,
     })
+}
+
+/// What the rows leave of the forces in one band, as a share, for a record that is read otherwise than it was before.
+///
+/// # Errors
+/// Those of [`estimate_time_domain`].
+pub fn residual_in_band(
+    model: &dyn Model<f64>,
+    derivatives: Option<&dyn RowDerivatives<f64>>,
+    constants: &[f64],
+    record: &TimeRecord<'_>,
+    settings: &Settings,
+    band: &BandReport,
+) -> Result<f64, EstimateError> {
+    let dims = model.dims();
+    let free = settings.free(dims.parameters)?;
+    let motion = Motion::new(record)?;
+    let machine = Machine { model, derivatives, constants };
+    let low_pass = LowPass { cut_off: 2.0 * PI * band.cut_off };
+    let equations = Equations::of(machine, record, &motion, low_pass)?;
+    let fitted = fit(&equations, dims, &free, settings).ok_or(EstimateError::NoSignal)?;
+    Ok(fitted.estimate.residual)
 }
 
 /// The estimate with deviations that hold how far the parameters move with the band.

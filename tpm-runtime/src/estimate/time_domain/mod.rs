@@ -13,7 +13,7 @@
 //! - Residuals are correlated in time; deviations count that.
 //!
 //! ```text
-//! low_pass, transform -> motion (positions and rates, noise, highest frequency) -> equations (of one band) -> fit -> band (which one)
+//! low_pass, transform -> motion (positions and rates, noise, highest frequency) -> equations (of one band) -> fit -> band (which one); predict
 //! ```
 
 mod band;
@@ -21,9 +21,11 @@ mod equations;
 mod fit;
 mod low_pass;
 mod motion;
+mod predict;
 #[cfg(test)]
 mod tests;
 mod transform;
 
-pub use band::{BandReport, TimeDomain, estimate_time_domain};
+pub use band::{BandReport, TimeDomain, estimate_time_domain, residual_in_band};
 pub use motion::{Stretch, TimeRecord};
+pub use predict::{Missed, Prediction, predict_in_band};

@@ -1,0 +1,78 @@
+//! What given parameters miss of the forces of a record, in the time domain.
+
+use crate::estimate::error::EstimateError;
+use crate::estimate::time_domain::band::cut_offs;
+use crate::estimate::time_domain::equations::{Equations, Machine, RowEquations};
+use crate::estimate::time_domain::low_pass::LowPass;
+use crate::estimate::time_domain::motion::{Motion, TimeRecord};
+use std::f64::consts::PI;
+use std::vec::Vec;
+use tpm_core::derivatives::RowDerivatives;
+use tpm_core::model::Model;
+
+/// What given parameters miss of one row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Missed {
+    /// Root mean square of the applied force behind the low pass; of the row's own terms where no force is applied.
+    pub force: f64,
+    /// Root mean square of the prediction error.
+    pub missed: f64,
+    /// Root mean square of what each of the given directions changes, as a share of its terms one by one.
+    pub changes: Vec<f64>,
+}
+
+/// What given parameters miss of a record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prediction {
+    /// Cut-off of the low pass on both sides of the rows, Hz.
+    pub cut_off: f64,
+    /// The rows.
+    pub rows: Vec<Missed>,
+}
+
+/// Predicts the forces of a record from its motion, with one value per parameter of the model; `directions` are those along which each
+/// row's change is told.
+///
+/// # Errors
+/// [`EstimateError::NoSignal`] when the stretches are too short for any band, [`EstimateError::Model`] and
+/// [`EstimateError::NotFinite`] when the rows cannot be evaluated on the motion.
+pub fn predict_in_band(
+    model: &dyn Model<f64>,
+    derivatives: Option<&dyn RowDerivatives<f64>>,
+    constants: &[f64],
+    record: &TimeRecord<'_>,
+    parameters: &[f64],
+    directions: &[Vec<f64>],
+) -> Result<Prediction, EstimateError> {
+    let dims = model.dims();
+    let motion = Motion::new(record)?;
+    let cut_offs = cut_offs(&motion, record.sample_time);
+    // The band in the middle of those that would be tried for an estimate.
+    let cut_off = cut_offs.get(cut_offs.len() / 2).copied().ok_or(EstimateError::NoSignal)?;
+    let machine = Machine { model, derivatives, constants };
+    let equations = Equations::of(machine, record, &motion, LowPass { cut_off })?;
+    if equations.instants() == 0 {
+        return Err(EstimateError::NoSignal);
+    }
+    let width = dims.parameters + 1;
+    let missed = |row: &RowEquations| {
+        let counted = || row.entries.chunks_exact(width).zip(&row.counts).filter(|(_, counts)| **counts);
+        let count = counted().count().max(1) as f64;
+        let mean = |of: &dyn Fn(&[f64]) -> f64| (counted().map(|(entries, _)| of(entries)).sum::<f64>() / count).sqrt();
+        let along = |entries: &[f64], weights: &[f64]| entries.iter().zip(weights).map(|(a, b)| a * b).sum::<f64>();
+        let alone = |weights: &[f64]| {
+            mean(&|entries| entries.iter().zip(weights).map(|(entry, weight)| (entry * weight).powi(2)).sum())
+        };
+        let force = if row.driven { mean(&|entries| entries[width - 1].powi(2)) } else { alone(parameters) };
+        let change = |direction: &Vec<f64>| {
+            let terms = alone(direction);
+            if terms > 0.0 { mean(&|entries| along(entries, direction).powi(2)) / terms } else { 0.0 }
+        };
+        Missed {
+            force,
+            missed: mean(&|entries| (entries[width - 1] - along(entries, parameters)).powi(2)),
+            changes: directions.iter().map(change).collect(),
+        }
+    };
+    Ok(Prediction { cut_off: cut_off / (2.0 * PI), rows: equations.rows.iter().map(missed).collect() })
+}
