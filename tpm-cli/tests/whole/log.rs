@@ -89,3 +89,41 @@ fn a_stated_period_is_believed_where_noise_hides_it() {
     let parameters = drowned["parameters"].as_array().expect("a list");
     assert!(parameters.iter().all(|parameter| parameter["status"] != "identified"), "{drowned}");
 }
+
+#[test]
+fn the_shape_of_a_file_does_not_change_what_is_identified() {
+    let plain = slider(|_, x| x);
+    let value = |found: &serde_json::Value, j: usize| found["parameters"][j]["value"].as_f64().expect("a number");
+    let expected = found(&plain, &[], 0);
+    assert!(expected["log"].get("reading").is_none(), "{expected}");
+    let rows: Vec<Vec<f64>> = (plain.lines().skip(1))
+        .map(|line| line.split(',').map(|field| field.parse().expect("a number")).collect())
+        .collect();
+    let written = |head: &str, row: &dyn Fn(&[f64]) -> String| -> String {
+        head.to_owned() + &rows.iter().map(|fields| row(fields)).collect::<String>()
+    };
+    let german = written("# rig 7\nZeit;x;u\nms;mm;N\n", &|row| {
+        format!("{:.0};{};{}\r\n", 1e3 * row[0], 1e3 * row[1], row[2]).replace('.', ",")
+    });
+    let counts = written("time\tcounts\tcurrent [A]\n", &|row| {
+        format!("{:.3}\t{}\t{}\n", row[0], row[1] * 4096.0 / std::f64::consts::TAU, row[2] / 7.0)
+    });
+    let gap = plain.lines().enumerate().filter(|(i, _)| !(700..705).contains(i)).map(|(_, line)| format!("{line}\n"));
+    let cases: [(String, &[&str], &[&str]); 3] = [
+        (german, &["--map", "t_s=Zeit"], &["semicolons", "decimal commas", "line 3 has the units", "from mm to m"]),
+        (
+            counts,
+            &["--map", "x=counts", "--map", "u=current", "--scale", "x=2*pi/4096", "--scale", "u=7"],
+            &["tabulators", "states no unit: read as s", "the stated factor 7"],
+        ),
+        (gap.collect(), &[], &["split into 2 segments", "lines 701 to 3996 are used"]),
+    ];
+    for (log, options, said) in cases {
+        let result = found(&log, options, 0);
+        for j in 0..3 {
+            assert!((value(&result, j) / value(&expected, j) - 1.0).abs() < 1e-3, "{said:?}: {result}");
+        }
+        let remarks = result["log"]["reading"]["remarks"].to_string();
+        assert!(said.iter().all(|part| remarks.contains(part)), "{said:?}: {remarks}");
+    }
+}
