@@ -10,6 +10,7 @@ mod generate;
 mod hidden;
 mod identifiability;
 mod linear;
+mod live;
 mod log;
 mod pendulum_study;
 mod physical;

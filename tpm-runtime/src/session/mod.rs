@@ -25,6 +25,7 @@ mod error;
 mod excite;
 mod folder;
 mod identification;
+mod live;
 mod log;
 mod log_report;
 mod machine;
