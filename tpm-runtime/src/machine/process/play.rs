@@ -4,6 +4,7 @@ use crate::machine::process::error::MachineFault;
 use crate::machine::process::protocol::{FromMachine, Signal, ToMachine};
 use crate::machine::process::talk::Talk;
 use crate::run::{Controller, Record, RunFile, Trial, Velocity};
+use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::format;
 use std::string::{String, ToString};
@@ -42,7 +43,7 @@ impl Signals {
         let coordinates = self.coordinates.iter().map(|signal| signal.name.clone()).enumerate();
         let inputs = self.inputs.iter().map(|signal| signal.name.clone()).enumerate();
         ToMachine::Run {
-            terms: RunFile::new(model, trial, settle_periods),
+            terms: Box::new(RunFile::new(model, trial, settle_periods)),
             reference: coordinates.map(|(c, name)| (name, (0..=dims.order).map(|k| order(c, k)).collect())).collect(),
             feed_forward: inputs.map(|(i, name)| (name, every(&trial.feed_forward, i, dims.inputs))).collect(),
         }

@@ -5,6 +5,7 @@
 
 use crate::run::RunFile;
 use serde::{Deserialize, Serialize};
+use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::format;
 use std::string::{String, ToString};
@@ -34,7 +35,7 @@ pub enum ToMachine {
     /// A run to be played: the machine goes to the start of the reference and rests there, then the run begins.
     Run {
         /// Feedback, limits, timing.
-        terms: RunFile,
+        terms: Box<RunFile>,
         /// One period of the reference: by coordinate, the samples of its value and of every derivative that the model has.
         reference: BTreeMap<String, Vec<Vec<f64>>>,
         /// One period of the feed-forward: the samples by input.
