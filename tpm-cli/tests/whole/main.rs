@@ -6,6 +6,7 @@ mod campaign;
 mod compare;
 mod dry_friction;
 mod excite;
+mod functions;
 mod generate;
 mod hidden;
 mod identifiability;
