@@ -26,7 +26,7 @@ struct Cli {
 enum Command {
     /// Say whether motors can follow a pattern: current, voltage, power, and how fast and far they could.
     Actuator(Box<verbs::actuator::Args>),
-    /// A campaign on a real machine, by files: what to play next, take in its log, result.
+    /// A campaign on a real machine: behind a program, or by files (what to play next, take in its log, result).
     Campaign(Box<verbs::campaign::Args>),
     /// Parse a model, check units, linearity and finiteness, and say what was found.
     Check(verbs::check::Args),

@@ -85,8 +85,8 @@
 //! every angle, and it is named where another one is refused. Harmonics that cannot meet the conditions are refused too, with the
 //! condition and the least harmonics that can. What the conditions leave free goes to the least mean square of the acceleration.
 //!
-//! Expressions have `+ - * / ^`, the functions `sin cos tan asin acos atan2 sqrt abs sign`, time derivatives `dot(e)`, `ddot(e)`,
-//! `der(e, n)`, and partial ones `diff(e, q)` by a coordinate. `^` takes a non-negative integer, does not associate, and binds
+//! Expressions have `+ - * / ^`, the functions `sin cos tan asin acos atan2 sqrt tanh exp log abs sign` (`log` is the natural logarithm),
+//! time derivatives `dot(e)`, `ddot(e)`, `der(e, n)`, and partial ones `diff(e, q)` by a coordinate. `^` takes a non-negative integer, does not associate, and binds
 //! tighter than unary minus, that tighter than `* /` (left to right), those tighter than `+ -`. Numbers are exact: `1/9` and `0.1`
 //! are rational.
 //!

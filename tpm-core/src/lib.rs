@@ -65,4 +65,6 @@ pub mod source;
 pub mod support;
 
 pub use model::{Buffer, Dims, EvalError, Model};
-pub use support::{AccumulatorError, Label, LeastSquares, Real, SolveError, least_squares, weighted_least_squares};
+pub use support::{
+    AccumulatorError, Hyperbolic, Label, LeastSquares, Real, SolveError, least_squares, weighted_least_squares,
+};

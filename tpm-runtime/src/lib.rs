@@ -54,8 +54,8 @@ pub mod session;
 pub mod study;
 
 pub use tpm_core::{
-    Buffer, Dims, EvalError, Label, LeastSquares, Model, Real, SolveError, control, derivatives, filter, harmonics,
-    least_squares, linear, model, weighted_least_squares,
+    Buffer, Dims, EvalError, Hyperbolic, Label, LeastSquares, Model, Real, SolveError, control, derivatives, filter,
+    harmonics, least_squares, linear, model, weighted_least_squares,
 };
 #[cfg(feature = "macros")]
 pub use tpm_macros::{model, model_file};

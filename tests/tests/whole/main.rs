@@ -14,6 +14,7 @@ mod filtered;
 mod forgetting;
 mod foundation;
 mod frequency;
+mod functions;
 // The files that `tpm generate models/NAME.tpm --lang rust -o tests/generated` wrote; tests of `tpm-codegen` compare them with the
 // generator. They compile here on `core` and `libm` alone.
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]

@@ -1,8 +1,9 @@
-//! `tpm campaign`: a campaign on a real machine, which exchanges files with it.
+//! `tpm campaign`: a campaign on a real machine, by files or behind a program that drives it.
 
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::{BoundArgs, SimulatedArgs};
 use crate::input::log::ColumnArgs;
+use crate::interrupt;
 use crate::output::file;
 use crate::render::flags;
 use crate::render::result::print;
@@ -10,8 +11,11 @@ use clap::Subcommand;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
+use tpm_runtime::campaign::RunReport;
 use tpm_runtime::report::{number, plus_minus};
-use tpm_runtime::session::{CampaignFolder, NextStep, Submission};
+use tpm_runtime::run::{Record, Trial};
+use tpm_runtime::session::{CampaignFolder, NextStep, SessionError, Submission};
 
 /// Options of `tpm campaign`.
 #[derive(clap::Args)]
@@ -54,6 +58,11 @@ enum Step {
         #[command(flatten)]
         columns: ColumnArgs,
     },
+    /// Play a whole campaign on a machine behind a program, and print the result.
+    ///
+    /// The program speaks tpm.machine/1, lines of JSON over standard input and output. A campaign that broke off goes on from the runs
+    /// in its folder when the same command is given again.
+    Run(Box<RunArgs>),
     /// Print what is known so far.
     Result {
         /// The campaign's folder.
@@ -69,12 +78,45 @@ enum Step {
     },
 }
 
+/// Options of `tpm campaign run`.
+#[derive(clap::Args)]
+struct RunArgs {
+    /// The model file.
+    file: PathBuf,
+    /// The program that drives the machine, with its arguments: words between blanks, or in quotes; no shell takes part.
+    #[arg(long, value_name = "COMMAND")]
+    machine: String,
+    /// Longest wait for a line of the program, s; a machine that plays runs may be silent for the duration of a run beside it.
+    #[arg(long, value_name = "SECONDS", default_value = "30", value_parser = seconds)]
+    timeout: Duration,
+    /// Keep every run in this folder as it ends, and go on from the runs that are there; a folder of the model's name ending in
+    /// .campaign when not given.
+    #[arg(long, value_name = "DIR")]
+    runs: Option<PathBuf>,
+    #[command(flatten)]
+    simulated: SimulatedArgs,
+    #[command(flatten)]
+    bounds: BoundArgs,
+    /// Print the contract's JSON (tpm.identification/2).
+    #[arg(long)]
+    json: bool,
+    /// Write to this file instead of standard output.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let found = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    found.filter(|time| !time.is_zero()).ok_or_else(|| format!("`{text}` is no time in seconds"))
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     match &args.step {
         Step::Start { file, folder, simulated } => start(file, folder, simulated),
         Step::Next { folder, output } => next(folder, output.as_deref()),
         Step::Submit { folder, log, stopped, columns } => submit(folder, log, *stopped, columns),
+        Step::Run(args) => play(args),
         Step::Result { folder, bounds, json, output } => {
             let result = CampaignFolder::open(folder, bounds.by_name()?)?.result()?;
             print(&result, *json, output.as_deref())?;
@@ -119,6 +161,67 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
         target.display(),
         beside.display()
     ))
+}
+
+fn play(args: &RunArgs) -> Outcome {
+    let session = args.simulated.bounded(&args.file, &args.bounds)?;
+    let own = || Path::new(args.file.file_name().unwrap_or_default()).with_extension("campaign");
+    let place = args.runs.clone().unwrap_or_else(own);
+    let folder = CampaignFolder::begin(&place, session)?;
+    let kept = folder.store().fingerprints().map_err(SessionError::from)?.len();
+    if kept > 0 {
+        file::remark(&format!("remark: going on from {kept} runs in {}", place.display()));
+    }
+    let (played, interrupted) = interrupt::watched(|go_on| {
+        let mut step = |_: &Trial, _: &Record, run: &RunReport| {
+            if run.run > kept {
+                file::remark(&progress(run));
+            }
+            go_on()
+        };
+        let machine = folder.machine(args.machine.clone(), args.timeout, &go_on);
+        let played = machine.and_then(|mut machine| {
+            let result = folder.play(&mut machine, &mut step);
+            for stop in machine.stops() {
+                file::remark(&format!("remark: run {}: the machine stopped: {}", stop.run, stop.reason));
+            }
+            result
+        });
+        (played, !go_on())
+    });
+    match played {
+        Ok(result) => {
+            print(&result, args.json, args.output.as_deref())?;
+            if interrupted {
+                return Err(Failure::Interrupted);
+            }
+            result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
+        }
+        Err(error) => {
+            let goes_on =
+                format!("finished runs are kept in {}, and the same command goes on from them", place.display());
+            match error {
+                SessionError::Bench(_) if interrupted => {
+                    file::remark(&format!("remark: the machine was told to stop; {goes_on}"));
+                    Err(Failure::Interrupted)
+                }
+                SessionError::Bench(fault) => Err(Failure::Input(format!("the machine: {fault}; {goes_on}"))),
+                other => Err(other.into()),
+            }
+        }
+    }
+}
+
+/// A run that has just ended, with what is known after it.
+fn progress(run: &RunReport) -> String {
+    let mut text = format!("run {}: {}", run.run, run.ending);
+    for parameter in &run.parameters {
+        if let (Some(value), Some(std)) = (parameter.value, parameter.std) {
+            // Writing to a string cannot fail.
+            let _ = write!(text, "; {} = {}", parameter.name, plus_minus(value, std));
+        }
+    }
+    text
 }
 
 fn submit(folder: &Path, log: &Path, stopped: bool, columns: &ColumnArgs) -> Outcome {

@@ -4,6 +4,7 @@
 //! non-vanishing double.
 
 use thiserror::Error;
+use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::ExactModel;
@@ -163,6 +164,12 @@ impl EstimatorSource {
             Op::Constant(value) => Some(value),
             _ => None,
         })
+    }
+
+    /// Whether the code calls a function.
+    pub(super) fn calls(&self, wanted: Function) -> bool {
+        let mut ops = self.plans().flat_map(|plan| &plan.ops);
+        ops.any(|op| matches!(op, Op::Function(function, _) if *function == wanted))
     }
 
     /// Whether a literal of the code would look like a mistyped irrational constant.

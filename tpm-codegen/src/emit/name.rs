@@ -26,7 +26,7 @@ const RUST: [&str; 50] = [
 ];
 
 /// Words of C, of C++, and of `math.h` that a field or variable must not take.
-const C: [&str; 126] = [
+const C: [&str; 127] = [
     "alignas",
     "alignof",
     "and",
@@ -113,6 +113,7 @@ const C: [&str; 126] = [
     "atan2",
     "sqrt",
     "fabs",
+    "tanh",
     "exp",
     "log",
     "pow",

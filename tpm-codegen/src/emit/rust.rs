@@ -22,6 +22,8 @@ use proc_macro2::TokenStream;
 use quote::quote;
 #[cfg(feature = "generate")]
 use std::cell::RefCell;
+#[cfg(feature = "generate")]
+use tpm_symbolic::expr::graph::Function;
 
 use super::estimator::EstimatorSource;
 use super::header;
@@ -130,7 +132,8 @@ pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String
         }
     }
     if options.standalone {
-        text.push_str(&support::text(estimator.plan.patterns.iter().any(|pattern| pattern.table.is_ok())));
+        let solves = estimator.plan.patterns.iter().any(|pattern| pattern.table.is_ok());
+        text.push_str(&support::text(solves, estimator.calls(Function::Tanh)));
     }
     Ok(text)
 }

@@ -28,6 +28,12 @@ pub enum Function {
     Atan2,
     /// `sqrt(e)`
     Sqrt,
+    /// `tanh(e)`
+    Tanh,
+    /// `exp(e)`
+    Exp,
+    /// `log(e)`: the natural logarithm.
+    Log,
     /// `abs(e)`
     Abs,
     /// `sign(e)`: -1, 0 or 1.
@@ -54,6 +60,9 @@ impl Function {
         Self::Acos,
         Self::Atan2,
         Self::Sqrt,
+        Self::Tanh,
+        Self::Exp,
+        Self::Log,
         Self::Abs,
         Self::Sign,
         Self::RestToRest,
@@ -76,6 +85,9 @@ impl Function {
             Self::Acos => "acos",
             Self::Atan2 => "atan2",
             Self::Sqrt => "sqrt",
+            Self::Tanh => "tanh",
+            Self::Exp => "exp",
+            Self::Log => "log",
             Self::Abs => "abs",
             Self::Sign => "sign",
             Self::RestToRest => "rest_to_rest",
@@ -99,6 +111,9 @@ impl Function {
             Self::Acos => "acos(x)",
             Self::Atan2 => "atan2(y, x)",
             Self::Sqrt => "sqrt(x)",
+            Self::Tanh => "tanh(x)",
+            Self::Exp => "exp(x)",
+            Self::Log => "log(x)",
             Self::Abs => "abs(x)",
             Self::Sign => "sign(x)",
             Self::RestToRest => "rest_to_rest(lambda, w, 3)",

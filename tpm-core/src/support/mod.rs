@@ -4,6 +4,7 @@
 //! tests, so that its text may stand, unchanged, inside a generated file.
 
 mod error;
+mod hyperbolic;
 mod label;
 mod least_squares;
 mod real;
@@ -11,6 +12,7 @@ mod real;
 mod tests;
 
 pub use error::AccumulatorError;
+pub use hyperbolic::Hyperbolic;
 pub use label::Label;
 pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
 pub use real::Real;

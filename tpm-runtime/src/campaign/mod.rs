@@ -12,6 +12,7 @@ mod store;
 mod system_a;
 mod wire;
 
+pub use crate::run::{GainManifest, Law, RUN_FILE, Rate, RunFile, Timing};
 pub use modes::NearMode;
 pub(crate) use modes::near_mode;
 pub use procedure::{
@@ -19,5 +20,5 @@ pub use procedure::{
     StageStroke,
 };
 pub use settling::settled_from;
-pub use store::{GainManifest, LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};
-pub use wire::{Law, RUN_FILE, Rate, RunFile, Timing, WireError, read_trial, trial_samples};
+pub use store::{LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};
+pub use wire::{WireError, read_trial, trial_samples};

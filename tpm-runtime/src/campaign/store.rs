@@ -8,7 +8,7 @@
 use crate::log::{fingerprint, rate_column};
 use crate::report::write_whole;
 use crate::run::smoothing::Smoothing;
-use crate::run::{Ending, Record, RunEnding, Trial};
+use crate::run::{Ending, GainManifest, Record, RunEnding, Trial};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::format;
@@ -17,7 +17,6 @@ use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
-use tpm_core::control::Gain;
 use tpm_core::model::Model;
 
 const CAMPAIGN: &str = "tpm.campaign/1";
@@ -60,34 +59,6 @@ impl Manifest {
     /// [`StoreError`] when there is no manifest, or the file is not one.
     pub fn read(folder: &Path) -> Result<Self, StoreError> {
         read_json(&folder.join("campaign.json"), CAMPAIGN)
-    }
-}
-
-/// One path of the feedback of a run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct GainManifest {
-    /// Name of the input that is driven.
-    pub input: String,
-    /// Name of the coordinate whose tracking error is fed back.
-    pub coordinate: String,
-    /// Proportional gain.
-    pub kp: f64,
-    /// Derivative gain.
-    pub kd: f64,
-}
-
-impl GainManifest {
-    /// The paths of the feedback, with inputs and coordinates by name.
-    #[must_use]
-    pub fn all(model: &dyn Model<f64>, gains: &[Gain<f64>]) -> Vec<Self> {
-        let named = |gain: &Gain<f64>| GainManifest {
-            input: model.input(gain.input).name.to_string(),
-            coordinate: model.coordinate(gain.coordinate).name.to_string(),
-            kp: gain.proportional,
-            kd: gain.derivative,
-        };
-        gains.iter().map(named).collect()
     }
 }
 

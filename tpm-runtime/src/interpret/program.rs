@@ -2,7 +2,7 @@
 
 use std::vec;
 use std::vec::Vec;
-use tpm_core::Real;
+use tpm_core::{Hyperbolic, Real};
 use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::number::rational;
 use tpm_symbolic::plan::leaf::Leaf;
@@ -130,6 +130,9 @@ fn apply(function: Function, x: f64) -> f64 {
         Function::Acos => Real::acos(x),
         Function::Atan => Real::atan(x),
         Function::Sqrt => Real::sqrt(x),
+        Function::Tanh => Hyperbolic::tanh(x),
+        Function::Exp => Real::exp(x),
+        Function::Log => Real::ln(x),
         Function::Abs => Real::abs(x),
         Function::Sign => Real::sign(x),
     }

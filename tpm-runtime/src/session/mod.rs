@@ -29,6 +29,7 @@ mod folder;
 mod found;
 mod identification;
 mod identify;
+mod live;
 mod log;
 mod log_report;
 mod machine;

@@ -134,6 +134,14 @@ impl Graph {
                 let inverse = self.pow(root, -1);
                 self.scale(inverse, rational::ratio(1, 2))
             }
+            Function::Tanh => {
+                let tangent = self.function(Function::Tanh, argument);
+                let square = self.pow(tangent, 2);
+                let one = self.integer(1);
+                self.sub(one, square)
+            }
+            Function::Exp => self.function(Function::Exp, argument),
+            Function::Log => self.pow(argument, -1),
             Function::Abs => self.function(Function::Sign, argument),
             Function::Sign => self.integer(0),
         }

@@ -293,17 +293,17 @@ impl Graph {
         self.mul(a, inverse)
     }
 
-    /// `function(argument)`, with exact values at 0 and exact square roots taken.
+    /// `function(argument)`, with exact values at 0 (of the logarithm at 1) and exact square roots taken.
     pub fn function(&mut self, function: Function, argument: ExprId) -> ExprId {
         if let Some(exact) = self.as_number(argument).and_then(|value| function.apply_exact(value)) {
             return self.number(exact);
         }
-        // sin, tan, asin, atan and sign are odd, cos and abs even: one form for an argument and its negative.
+        // sin, tan, asin, atan, tanh and sign are odd, cos and abs even: one form for an argument and its negative.
         if let (coefficient, Some(_)) = self.split_coefficient(argument)
             && coefficient.is_negative()
         {
             match function {
-                Function::Sin | Function::Tan | Function::Asin | Function::Atan | Function::Sign => {
+                Function::Sin | Function::Tan | Function::Asin | Function::Atan | Function::Tanh | Function::Sign => {
                     let negated = self.neg(argument);
                     let value = self.function(function, negated);
                     return self.neg(value);
@@ -312,7 +312,7 @@ impl Graph {
                     let negated = self.neg(argument);
                     return self.function(function, negated);
                 }
-                Function::Acos | Function::Sqrt => {}
+                Function::Acos | Function::Sqrt | Function::Exp | Function::Log => {}
             }
         }
         self.intern(Node::Function(function, argument))

@@ -42,6 +42,12 @@ pub enum Function {
     Atan,
     /// Non-negative square root.
     Sqrt,
+    /// Hyperbolic tangent.
+    Tanh,
+    /// Natural exponential.
+    Exp,
+    /// Natural logarithm.
+    Log,
     /// Absolute value.
     Abs,
     /// Sign: -1, 0 or 1.
@@ -60,6 +66,9 @@ impl Function {
             Self::Acos => "acos",
             Self::Atan => "atan",
             Self::Sqrt => "sqrt",
+            Self::Tanh => "tanh",
+            Self::Exp => "exp",
+            Self::Log => "log",
             Self::Abs => "abs",
             Self::Sign => "sign",
         }
@@ -69,8 +78,9 @@ impl Function {
     #[must_use]
     pub fn apply_exact(self, x: &Rational) -> Option<Rational> {
         match self {
-            Self::Sin | Self::Tan | Self::Asin | Self::Atan if x.is_zero() => Some(x.clone()),
-            Self::Cos if x.is_zero() => Some(Rational::one()),
+            Self::Sin | Self::Tan | Self::Asin | Self::Atan | Self::Tanh if x.is_zero() => Some(x.clone()),
+            Self::Cos | Self::Exp if x.is_zero() => Some(Rational::one()),
+            Self::Log if x.is_one() => Some(Rational::zero()),
             Self::Abs => Some(x.abs()),
             Self::Sign => Some(x.signum()),
             Self::Sqrt => exact_square_root(x),
@@ -89,6 +99,9 @@ impl Function {
             Self::Acos => x.acos(),
             Self::Atan => x.atan(),
             Self::Sqrt => x.sqrt(),
+            Self::Tanh => x.tanh(),
+            Self::Exp => x.exp(),
+            Self::Log => x.ln(),
             Self::Abs => x.abs(),
             Self::Sign => {
                 if x > 0.0 {

@@ -1,7 +1,7 @@
 //! Where an expression is not smooth.
 //!
 //! Every function of the graph is analytic except at a few arguments: a power with negative exponent and a square root
-//! at 0, asin and acos at -1 and 1, tan at a zero of the cosine, atan2 at the origin, abs and sign at 0. A derivative,
+//! at 0, a logarithm at 0, asin and acos at -1 and 1, tan at a zero of the cosine, atan2 at the origin, abs and sign at 0. A derivative,
 //! a Taylor series or a linearisation at a point is meaningful only where none of these is met.
 
 use crate::expr::graph::{ExprId, Function, Graph, Node};
@@ -32,8 +32,8 @@ fn is_singular(graph: &mut Graph, id: ExprId, point: &HashMap<ExprId, ExprId>) -
     match *graph.node(id) {
         Node::Power(base, _) => vanishes(graph, base, point),
         Node::Function(function, argument) => match function {
-            Function::Sin | Function::Cos | Function::Atan => false,
-            Function::Sqrt | Function::Abs | Function::Sign => vanishes(graph, argument, point),
+            Function::Sin | Function::Cos | Function::Atan | Function::Tanh | Function::Exp => false,
+            Function::Sqrt | Function::Log | Function::Abs | Function::Sign => vanishes(graph, argument, point),
             Function::Tan => {
                 let cosine = graph.function(Function::Cos, argument);
                 vanishes(graph, cosine, point)

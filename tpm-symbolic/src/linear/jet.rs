@@ -308,15 +308,32 @@ fn taylor_coefficients<A: Analytic>(
                 list.push(domain.scale(wave, &(&factorial * rational::integer(sign))));
             }
         }
-        Function::Tan => {
-            // t' = 1 + t^2
+        Function::Tan | Function::Tanh => {
+            // tan' = 1 + tan^2, tanh' = 1 - tanh^2
+            let sign = rational::integer(if function == Function::Tan { 1 } else { -1 });
             for k in 0..count as usize {
                 let mut sum = domain.number(&rational::integer(i64::from(k == 0)));
                 for i in 0..=k {
                     let product = domain.mul(&list[i], &list[k - i]);
+                    let product = domain.scale(&product, &sign);
                     sum = domain.add(&sum, &product);
                 }
                 list.push(domain.scale(&sum, &inverse(k as u32 + 1)));
+            }
+        }
+        Function::Exp => {
+            let mut factorial = Rational::one();
+            for k in 1..=count {
+                factorial *= inverse(k);
+                list.push(domain.scale(&value, &factorial));
+            }
+        }
+        Function::Log => {
+            // log(a + h) = log(a) + sum (-1)^(k+1) a^-k h^k / k
+            for (k, exponent) in (1..=count).zip(1i32..) {
+                let power = domain.power(a, -exponent)?;
+                let sign = rational::integer(if k % 2 == 1 { 1 } else { -1 });
+                list.push(domain.scale(&power, &(inverse(k) * sign)));
             }
         }
         Function::Atan => {

@@ -268,8 +268,8 @@ impl Analytic for Expressions<'_> {
 
     fn function(&mut self, function: Function, argument: &ExprId, smooth: bool) -> Option<ExprId> {
         let singular = match function {
-            Function::Sin | Function::Cos | Function::Atan => false,
-            Function::Sqrt | Function::Abs | Function::Sign => self.vanishes(*argument),
+            Function::Sin | Function::Cos | Function::Atan | Function::Tanh | Function::Exp => false,
+            Function::Sqrt | Function::Log | Function::Abs | Function::Sign => self.vanishes(*argument),
             Function::Tan => {
                 let cosine = self.0.function(Function::Cos, *argument);
                 self.vanishes(cosine)

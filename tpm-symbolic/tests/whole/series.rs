@@ -34,6 +34,9 @@ fn functions(q: &E, p: &E) -> Vec<E> {
         (q * p / 5).call(Function::Acos),
         inner.call(Function::Atan),
         (2 + &inner).call(Function::Sqrt),
+        inner.call(Function::Tanh),
+        inner.call(Function::Exp),
+        (2 + &inner).call(Function::Log),
         inner.call(Function::Abs) * q,
         (1 + inner.pow(2)).pow(-2),
         (q.sin() + 2).atan2(&(q.cos() * p)),
@@ -62,6 +65,33 @@ fn coefficients_are_derivatives_over_factorials() {
             }
         }
     }
+}
+
+/// Derivatives beside differences of values four steps apart, of fourth order; exact values and odd symmetry.
+#[test]
+fn derivatives_of_tanh_exp_and_log_are_slopes() {
+    let b = Build::new();
+    let q = b.der(b.coordinate("x"), 0);
+    let [p] = b.parameters(["p"]);
+    let cases = [
+        (&q / &p).call(Function::Tanh),
+        (-&(&q * &p).pow(2)).call(Function::Exp),
+        (1 + q.pow(2) * &p).call(Function::Log),
+        (&q * &p).call(Function::Exp).call(Function::Tanh) * (2 + q.call(Function::Tanh)).call(Function::Log),
+    ];
+    for f in &cases {
+        let slope = f.diff(&q);
+        for (point, value) in [(0.3, 0.7), (-1.2, 0.4), (2.5, 1.3), (0.0, 0.9)] {
+            let at = |e: &E, offset: f64| e.at(&[(q.id, point + offset), (p.id, value)]);
+            let h = 1e-3;
+            let difference = (8.0 * (at(f, h) - at(f, -h)) - (at(f, 2.0 * h) - at(f, -2.0 * h))) / (12.0 * h);
+            let exact = at(&slope, 0.0);
+            assert!((exact - difference).abs() < 1e-8 * (1.0 + exact.abs()), "{point}: {exact} {difference}");
+        }
+    }
+    let odd = (-&q).call(Function::Tanh) + q.call(Function::Tanh);
+    let whole = [b.num(0).call(Function::Tanh), b.num(0).call(Function::Exp) - 1, b.num(1).call(Function::Log), odd];
+    assert!(whole.iter().all(|zero| zero.id == b.num(0).id));
 }
 
 #[test]
@@ -109,10 +139,11 @@ fn singular_points_are_named() {
     let [p] = b.parameters(["p"]);
     let f = q.clone().pow(-1);
     let one = b.num(1);
-    let cases: [(E, E, &str); 8] = [
+    let cases: [(E, E, &str); 9] = [
         (f.clone(), b.num(0), "1/x"),
         ((&q - &p).pow(-2), p.clone(), "1/(x - p)^2"),
         (q.call(Function::Sqrt), b.num(0), "sqrt(x)"),
+        (q.call(Function::Log), b.num(0), "log(x)"),
         (q.call(Function::Abs), b.num(0), "abs(x)"),
         (q.call(Function::Tan), b.pi() / 2, "tan(x)"),
         (q.call(Function::Asin), one.clone(), "asin(x)"),

@@ -2,7 +2,7 @@
 
 use proc_macro2::{Ident, TokenStream};
 use quote::quote;
-use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::expr::graph::{self, Symbol};
 use tpm_symbolic::mechanics::unit::Unit;
 use tpm_symbolic::plan::leaf::Leaf;
 
@@ -22,6 +22,10 @@ pub(super) fn imports(context: &Context<'_>) -> TokenStream {
         true => vec!["Label", "Real"],
         false => vec!["Buffer", "Dims", "EvalError", "Label", "Model", "Real"],
     };
+    if context.estimator.calls(graph::Function::Tanh) {
+        root.push("Hyperbolic");
+        root.sort_unstable();
+    }
     let table_here = context.names.patterns.iter().zip(&context.estimator.plan.patterns);
     let table_here = table_here.filter(|(names, pattern)| names.module.is_none() && pattern.table.is_ok());
     let harmonics = if table_here.count() > 0 {

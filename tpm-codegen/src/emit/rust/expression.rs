@@ -5,6 +5,7 @@
 use proc_macro2::{Literal, TokenStream};
 use quote::{format_ident, quote};
 use std::str::FromStr;
+use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::number::rational::Rational;
 use tpm_symbolic::plan::leaf::Leaf;
 
@@ -80,7 +81,11 @@ impl<L: Fn(&Leaf) -> TokenStream> Writer<L> {
                 quote!(-#value)
             }
             Expression::Call(function, value) => {
-                let (value, method) = (self.at(value, Level::Atom), format_ident!("{}", function.name()));
+                let method = match function {
+                    Function::Log => format_ident!("ln"),
+                    function => format_ident!("{}", function.name()),
+                };
+                let value = self.at(value, Level::Atom);
                 quote!(#value.#method())
             }
             Expression::Atan2(y, x) => {

@@ -4,8 +4,8 @@
 
 use tpm_core::source::SUPPORT;
 
-/// The module `support`; `solves` adds least squares, which a pattern with a table needs.
-pub(super) fn text(solves: bool) -> String {
+/// The module `support`; `solves` adds least squares, which a pattern with a table needs, `hyperbolic` the hyperbolic tangent.
+pub(super) fn text(solves: bool, hyperbolic: bool) -> String {
     let mut text = String::from(
         "\n/// What the functions above need beside `core` and the crate `libm`.\n#[allow(dead_code, unused_imports, reason = \"no model needs all of it\")]\npub mod support {\n    pub use self::label::Label;\n    pub use self::real::Real;\n",
     );
@@ -14,8 +14,16 @@ pub(super) fn text(solves: bool) -> String {
             "    pub use self::error::AccumulatorError;\n    pub use self::least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};\n",
         );
     }
+    if hyperbolic {
+        text.push_str("    pub use self::hyperbolic::Hyperbolic;\n");
+    }
     for (name, source) in SUPPORT {
-        if !solves && ["error", "least_squares"].contains(&name) {
+        let needed = match name {
+            "error" | "least_squares" => solves,
+            "hyperbolic" => hyperbolic,
+            _ => true,
+        };
+        if !needed {
             continue;
         }
         text.push_str(&format!("\n    mod {name} {{\n"));
@@ -38,8 +46,10 @@ mod tests {
 
     #[test]
     fn nothing_of_the_runtime_is_left() {
-        for solves in [true, false] {
-            let text = text(solves);
+        for (solves, hyperbolic) in [(true, false), (false, true)] {
+            let text = text(solves, hyperbolic);
+            assert_eq!(text.contains("least_squares"), solves);
+            assert_eq!(text.contains("tanh"), hyperbolic);
             assert!(!text.contains("crate::") && !text.contains("cfg(test)"), "{text}");
             assert!(syn::parse_file(&text).is_ok());
         }

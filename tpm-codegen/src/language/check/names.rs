@@ -396,7 +396,8 @@ impl<'a> Names<'a, '_, '_> {
                 let error = Diagnostic::error(name.span, format!("unknown function `{}`", shorten(text)));
                 let names: Vec<&str> = Function::ALL.iter().map(|function| function.name()).collect();
                 match text {
-                    "ln" | "log" | "exp" | "pow" | "sinh" | "cosh" | "tanh" => {
+                    "ln" => error.help("write `log`, the natural logarithm"),
+                    "pow" | "sinh" | "cosh" => {
                         error.help(format!("the functions are {}; a power is written `^`", names.join(", ")))
                     }
                     "atan" | "arctan" => error.help("write `atan2(y, x)`, the angle of the point (x, y)"),

@@ -393,7 +393,16 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
             }
             (Some(Function::Diff), _, [of, by]) => self.combine(of, by, -1, span),
             (
-                Some(Function::Sin | Function::Cos | Function::Tan | Function::Asin | Function::Acos),
+                Some(
+                    Function::Sin
+                    | Function::Cos
+                    | Function::Tan
+                    | Function::Asin
+                    | Function::Acos
+                    | Function::Tanh
+                    | Function::Exp
+                    | Function::Log,
+                ),
                 [argument],
                 [dimension],
             ) => {

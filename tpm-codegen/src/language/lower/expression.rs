@@ -171,6 +171,9 @@ impl Environment<'_, '_> {
             (Some(Function::Asin), [_]) => graph::Function::Asin,
             (Some(Function::Acos), [_]) => graph::Function::Acos,
             (Some(Function::Sqrt), [_]) => graph::Function::Sqrt,
+            (Some(Function::Tanh), [_]) => graph::Function::Tanh,
+            (Some(Function::Exp), [_]) => graph::Function::Exp,
+            (Some(Function::Log), [_]) => graph::Function::Log,
             (Some(Function::Abs), [_]) => graph::Function::Abs,
             (Some(Function::Sign), [_]) => graph::Function::Sign,
             // Everything else is reported by the checks.
@@ -183,6 +186,7 @@ impl Environment<'_, '_> {
         if let Some(value) = self.model.graph.as_number(argument) {
             let outside = match simple {
                 graph::Function::Sqrt => value.is_negative(),
+                graph::Function::Log => !value.is_positive(),
                 graph::Function::Asin | graph::Function::Acos => value.abs() > Rational::one(),
                 _ => false,
             };
@@ -231,7 +235,8 @@ impl Environment<'_, '_> {
     }
 }
 
-/// Requires an expression to have a value: no division by zero, no root of a negative number, no angle of the origin.
+/// Requires an expression to have a value: no division by zero, no root of a negative number, no
+/// logarithm of a number that is not positive, no angle of the origin.
 pub(super) fn regular(model: &ExactModel, id: ExprId, span: Span) -> Lower<()> {
     let graph = &model.graph;
     let mut open = vec![id];
@@ -244,6 +249,9 @@ pub(super) fn regular(model: &ExactModel, id: ExprId, span: Span) -> Lower<()> {
         let singular = match graph.node(id) {
             Node::Power(base, exponent) => *exponent < 0 && number(*base).is_some_and(Zero::is_zero),
             Node::Function(graph::Function::Sqrt, argument) => number(*argument).is_some_and(Signed::is_negative),
+            Node::Function(graph::Function::Log, argument) => {
+                number(*argument).is_some_and(|value| !value.is_positive())
+            }
             Node::Function(graph::Function::Asin | graph::Function::Acos, argument) => {
                 number(*argument).is_some_and(|value| value.abs() > Rational::one())
             }

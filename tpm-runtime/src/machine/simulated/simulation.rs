@@ -7,11 +7,9 @@ use crate::machine::simulated::plant::Plant;
 use crate::machine::simulated::rig::Rig;
 use crate::machine::simulated::sensor::{Measurement, Sensor, apply};
 use crate::machine::simulated::transmission::Transmission;
-use crate::run::smoothing::Smoother;
-use crate::run::{Ending, Record, Trial, Velocity};
+use crate::run::{Controller, Ending, Record, Trial};
 use std::vec;
 use std::vec::Vec;
-use tpm_core::control::{Differentiator, Feedback};
 use tpm_core::model::{Buffer, EvalError, Model, require_len};
 
 /// One run on a simulated machine.
@@ -22,19 +20,13 @@ pub struct SimulatedRun<'a> {
     plant: Plant<'a>,
     measurement: Measurement,
     transmission: Transmission,
-    filters: Vec<Differentiator<f64>>,
-    smoothers: Vec<Smoother>,
+    controller: Controller<'a>,
     measured: Vec<f64>,
-    errors: Vec<f64>,
-    /// Tracking errors as they are fed back: measured, or smoothed.
-    seen: Vec<f64>,
-    rates: Vec<f64>,
     wanted: Vec<f64>,
     coordinates: Vec<Vec<f64>>,
     inputs: Vec<Vec<f64>>,
     rated: Vec<f64>,
     rate_columns: Vec<Option<Vec<f64>>>,
-    order: usize,
     sample: usize,
     saturated: usize,
 }
@@ -58,7 +50,6 @@ impl<'a> SimulatedRun<'a> {
             start[..n].copy_from_slice(first);
         }
         plant.reset(&start)?;
-        let time_constant = trial.control.velocity.time_constant().unwrap_or(0.0);
         let reserve = |count: usize| (0..count).map(|_| Vec::with_capacity(trial.samples())).collect();
         Ok(SimulatedRun {
             trial,
@@ -66,16 +57,8 @@ impl<'a> SimulatedRun<'a> {
             plant,
             measurement: Measurement::new(&rig.sensors, rig.seed, trial.run),
             transmission: Transmission::new(&rig.actuators, trial.control.sample_time, rig.sub_steps),
-            filters: vec![Differentiator::new(trial.control.sample_time, time_constant); n],
-            smoothers: trial
-                .control
-                .velocity
-                .smoothing()
-                .map_or_else(Vec::new, |smoothing| vec![Smoother::new(smoothing, trial.control.sample_time); n]),
+            controller: Controller::new(dims, trial),
             measured: vec![0.0; n],
-            errors: vec![0.0; n],
-            seen: vec![0.0; n],
-            rates: vec![0.0; n],
             wanted: vec![0.0; dims.inputs],
             coordinates: reserve(n),
             inputs: reserve(dims.inputs),
@@ -86,7 +69,6 @@ impl<'a> SimulatedRun<'a> {
             } else {
                 Vec::new()
             },
-            order: dims.order,
             sample: 0,
             saturated: 0,
         })
@@ -107,9 +89,6 @@ impl<'a> SimulatedRun<'a> {
             return Ok(Some(Ending::Complete));
         }
         let n = self.measured.len();
-        let width = n * (self.order + 1);
-        let at = self.sample % self.trial.samples_per_period;
-        let reference = &self.trial.reference[at * width..(at + 1) * width];
         self.measurement.sample(self.plant.motion(), &mut self.measured);
         self.measurement.rates(self.plant.motion(), &mut self.rated);
         for (column, &value) in self.rate_columns.iter_mut().zip(&self.rated) {
@@ -117,48 +96,21 @@ impl<'a> SimulatedRun<'a> {
                 column.push(value);
             }
         }
-        for ((error, measured), wanted) in self.errors.iter_mut().zip(&self.measured).zip(reference) {
-            *error = measured - wanted;
-        }
-        self.seen.copy_from_slice(&self.errors);
-        let inputs = self.wanted.len();
-        self.wanted.copy_from_slice(&self.trial.feed_forward[at * inputs..(at + 1) * inputs]);
-        let rates = match self.trial.control.velocity {
-            Velocity::Measured => {
-                for (c, rate) in self.rates.iter_mut().enumerate() {
-                    let actual = match self.rig.sensors.get(c).and_then(|sensor| sensor.rate_noise) {
-                        Some(_) => self.rated.get(c),
-                        None => self.plant.motion().get(n + c),
-                    };
-                    *rate = match (actual, reference.get(n + c)) {
-                        (Some(actual), Some(wanted)) => actual - wanted,
-                        _ => 0.0,
-                    };
-                }
-                Some(self.rates.as_slice())
-            }
-            Velocity::Filtered(_) => None,
-            Velocity::Fitted(_) => {
-                for ((smoother, seen), rate) in self.smoothers.iter_mut().zip(&mut self.seen).zip(&mut self.rates) {
-                    (*seen, *rate) = smoother.push(*seen);
-                }
-                Some(self.rates.as_slice())
-            }
+        let (motion, rated, sensors) = (self.plant.motion(), &self.rated, &self.rig.sensors);
+        let rate = |c: usize| match sensors.get(c).and_then(|sensor| sensor.rate_noise) {
+            Some(_) => rated.get(c).copied(),
+            None => motion.get(n + c).copied(),
         };
-        Feedback::new(&self.trial.control.gains, &mut self.filters).add(&self.seen, rates, &mut self.wanted)?;
+        self.controller.step(&self.measured, rate, &mut self.wanted)?;
         self.saturated += usize::from(apply(&self.rig.actuators, &mut self.wanted, &mut self.inputs));
         for (&value, column) in self.measured.iter().zip(&mut self.coordinates) {
             column.push(value);
         }
         let sample = self.sample;
         self.sample += 1;
-        for (coordinate, (&error, bound)) in self.errors.iter().zip(&self.trial.tracking_bounds).enumerate() {
-            let velocity = self.plant.motion().get(n + coordinate).copied();
-            let ending = Ending::of_error(coordinate, sample, error, *bound)
-                .or_else(|| Ending::of_motion(self.trial, coordinate, sample, self.measured[coordinate], velocity));
-            if ending.is_some() {
-                return Ok(ending);
-            }
+        let motion = self.plant.motion();
+        if let Some(ending) = self.controller.ending(&self.measured, |c| motion.get(n + c).copied()) {
+            return Ok(Some(ending));
         }
         let diverged = self.transmission.advance(&mut self.plant, &self.wanted)?;
         Ok(diverged.then_some(Ending::Diverged { sample }))

@@ -1,0 +1,18 @@
+//! A machine behind a process: a program that drives the hardware, or simulates it, and speaks [`PROTOCOL`] over its standard input
+//! and output.
+//!
+//! ```text
+//! Trial -> ProcessMachine -> lines of JSON -> program -> lines of JSON -> Record
+//! ```
+
+mod child;
+mod command;
+mod error;
+mod machine;
+mod play;
+mod protocol;
+mod talk;
+
+pub use error::{MachineFault, MachineRunError};
+pub use machine::{MachineStop, ProcessMachine, ProcessSettings};
+pub use protocol::{FromMachine, PROTOCOL, Plays, Signal, ToMachine};

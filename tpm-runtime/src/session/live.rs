@@ -1,0 +1,39 @@
+//! A campaign in a folder on a machine that is at hand: what [`CampaignFolder::next`] and [`CampaignFolder::submit`] do by files, run
+//! after run until the campaign ends.
+
+use crate::machine::process::{ProcessMachine, ProcessSettings};
+use crate::run::Bench;
+use crate::session::error::SessionError;
+use crate::session::folder::CampaignFolder;
+use crate::session::identification::Identification;
+use crate::session::play::Watch;
+use std::string::String;
+use std::time::Duration;
+
+impl CampaignFolder {
+    /// Plays what is left of the campaign on a machine. Every run is kept in the folder as it ends, so that a campaign that breaks off
+    /// anywhere goes on from its finished runs, and gives the result of the unbroken one.
+    ///
+    /// # Errors
+    /// [`SessionError`]; [`SessionError::Bench`] when the machine fails.
+    pub fn play(&self, bench: &mut dyn Bench, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        self.session().identify_on(bench, Some(self.store()), watch)
+    }
+
+    /// The machine behind a program that speaks [`PROTOCOL`](crate::machine::process::PROTOCOL), for this campaign. `timeout` is the
+    /// longest wait for a line; once `go_on` says no, the machine is told to stop.
+    ///
+    /// # Errors
+    /// [`SessionError::Experiment`].
+    pub fn machine<'a>(
+        &'a self,
+        command: String,
+        timeout: Duration,
+        go_on: &'a dyn Fn() -> bool,
+    ) -> Result<ProcessMachine<'a>, SessionError> {
+        let session = self.session();
+        let settle_periods = session.campaign()?.0.setup().procedure.settle_periods;
+        let settings = ProcessSettings { command, timeout, settle_periods };
+        Ok(ProcessMachine::new(session.machine().plant(), settings, go_on))
+    }
+}
