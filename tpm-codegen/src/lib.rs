@@ -102,6 +102,7 @@ pub mod generate;
 pub mod identified;
 pub mod inline;
 pub mod language;
+mod near;
 pub mod source;
 
 pub use diagnostic::{Diagnostic, Diagnostics};

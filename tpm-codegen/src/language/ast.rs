@@ -4,8 +4,11 @@
 //! million terms is one node. The first member of a sum is added and the first of a product multiplied (a leading minus is
 //! [`ExprKind::Negative`]). Printing a model ([`std::fmt::Display`]) and parsing it again gives the same model but for its spans.
 
+pub mod mechanism;
+
 use tpm_symbolic::number::rational::Rational;
 
+use crate::language::ast::mechanism::MechanismDeclaration;
 use crate::source::Span;
 
 /// A name and its place.
@@ -44,6 +47,8 @@ pub enum Item {
     Energy(Energy),
     /// `force q = expr;`
     Force(Force),
+    /// `mechanism { ... }`
+    Mechanism(MechanismDeclaration),
     /// `eliminate x1, x2 as c;`
     Eliminate(Eliminate),
     /// `taylor q about q0 order n;`
@@ -71,6 +76,15 @@ pub enum Role {
 }
 
 impl Role {
+    /// The indefinite article that the keyword takes in messages.
+    #[must_use]
+    pub fn article(self) -> &'static str {
+        match self {
+            Self::Input | Self::Amplitude => "an",
+            _ => "a",
+        }
+    }
+
     /// The keyword.
     #[must_use]
     pub fn keyword(self) -> &'static str {
@@ -173,6 +187,9 @@ pub enum EnergyKind {
 }
 
 impl EnergyKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Kinetic, Self::Potential, Self::Dissipation];
+
     /// The keyword.
     #[must_use]
     pub fn keyword(self) -> &'static str {
@@ -195,7 +212,8 @@ pub struct Energy {
     pub value: Expr,
 }
 
-/// `force q = expr;`: the generalised force on a coordinate, the right-hand side of its Euler-Lagrange equation.
+/// `force q = expr;`: a generalised force on a coordinate, the right-hand side of its Euler-Lagrange equation; with a mechanism, a
+/// force beside those of the drives.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Force {
     /// The coordinate.
@@ -384,6 +402,7 @@ impl Item {
                 forget(coordinate);
                 value.forget_spans();
             }
+            Self::Mechanism(mechanism) => mechanism.forget_spans(),
             Self::Eliminate(eliminate) => {
                 eliminate.coordinates.iter_mut().for_each(forget);
                 forget(&mut eliminate.stem);

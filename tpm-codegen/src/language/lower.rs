@@ -1,12 +1,13 @@
 //! Lowers a checked model to the exact model.
 //!
 //! Invariant: every source term of the exact model has a [`TermId`] by which [`Terms`] finds the place that it came from, and
-//! every statement of the text is in the result: an equation as its terms, a `let` where it is used, a series as its Taylor
+//! every statement of the text is in the result: an equation as its terms, a mechanism as the terms of its equations, a `let` where it is used, a series as its Taylor
 //! polynomial, an energy as the terms of the Euler-Lagrange equations, a pattern as Fourier polynomials, an expansion order in
 //! [`Lowered::taylor`]. Nothing is rounded.
 
 mod dynamics;
 mod expression;
+mod mechanism;
 mod motion;
 
 pub use expression::HIGHEST_ORDER;
@@ -15,6 +16,7 @@ use std::collections::HashMap;
 
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
 use tpm_symbolic::mechanics::model::{Elimination, ExactModel, Kind, Lump, TermId};
+use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
 use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
 use tpm_symbolic::number::rational::Rational;
 
@@ -66,6 +68,8 @@ pub(crate) struct Lowered {
     pub(crate) taylor: Vec<Taylor>,
     /// How many harmonics each pattern keeps of terms with infinitely many.
     pub(crate) harmonics: Vec<Option<u32>>,
+    /// The mechanism that the equations of motion come from.
+    pub(crate) mechanism: Option<Mechanism>,
 }
 
 /// Lowers a model that passed its checks; faults that only show here go to `diagnostics`.
@@ -80,13 +84,15 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
         values: HashMap::new(),
         taylor: Vec::new(),
         harmonics: Vec::new(),
+        mechanism: None,
     };
     lowering.declarations(model);
+    lowering.mechanism(model);
     lowering.statements(model);
     lowering.dynamics(model);
     lowering.patterns(model);
-    let Lowering { model, terms, taylor, harmonics, .. } = lowering;
-    Lowered { model, terms, taylor, harmonics }
+    let Lowering { model, terms, taylor, harmonics, mechanism, .. } = lowering;
+    Lowered { model, terms, taylor, harmonics, mechanism }
 }
 
 /// Lowers an expression of a model's parameters and constants; faults go to `diagnostics`.
@@ -131,6 +137,7 @@ struct Lowering<'a, 'c, 'd> {
     values: HashMap<&'a str, Rational>,
     taylor: Vec<Taylor>,
     harmonics: Vec<Option<u32>>,
+    mechanism: Option<Mechanism>,
 }
 
 impl<'a> Lowering<'a, '_, '_> {
@@ -242,7 +249,12 @@ impl<'a> Lowering<'a, '_, '_> {
                         self.taylor.push(Taylor { coordinate, point, order, span: taylor.coordinate.span });
                     }
                 }
-                Item::Declaration(_) | Item::Equation(_) | Item::Energy(_) | Item::Force(_) | Item::Pattern(_) => {}
+                Item::Declaration(_)
+                | Item::Equation(_)
+                | Item::Energy(_)
+                | Item::Force(_)
+                | Item::Mechanism(_)
+                | Item::Pattern(_) => {}
             }
         }
     }

@@ -5,6 +5,9 @@
 //! number of tokens. Names that a dropped statement mentions are remembered, so that later checks do not report them unknown.
 
 mod expr;
+mod mechanism;
+
+pub(in crate::language) use mechanism::loss_word;
 
 use std::collections::HashSet;
 
@@ -60,7 +63,7 @@ struct Reported;
 type Parse<T> = Result<T, Reported>;
 
 /// Statements of a model that begin with a word and a name.
-const STATEMENTS: [&str; 11] = [
+const STATEMENTS: [&str; 12] = [
     "coordinate",
     "input",
     "parameter",
@@ -71,6 +74,7 @@ const STATEMENTS: [&str; 11] = [
     "force",
     "eliminate",
     "taylor",
+    "mechanism",
     "pattern",
 ];
 
@@ -338,6 +342,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             ("potential", TokenKind::Equals) if !self.declared.contains(word) => self.energy(EnergyKind::Potential),
             ("dissipation", TokenKind::Equals) if !self.declared.contains(word) => self.energy(EnergyKind::Dissipation),
             ("pattern", TokenKind::OpenBrace | TokenKind::Ident) => self.pattern(),
+            ("mechanism", TokenKind::OpenBrace) => self.mechanism(),
             // Two names in a row are no expression, so a word before a name is a keyword whatever the names are.
             (_, TokenKind::Ident) if STATEMENTS.contains(&word) || !self.declared.contains(word) => {
                 self.statement(word, first.span)
@@ -378,6 +383,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             "force" => self.force(),
             "eliminate" => self.eliminate(),
             "taylor" => self.taylor(),
+            "mechanism" => self.mechanism(),
             _ => self.pattern(),
         }
     }
@@ -405,7 +411,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                             format!(
                                 "only a constant has a value, `{}` is {} {}",
                                 name.name,
-                                article(role),
+                                role.article(),
                                 role.keyword()
                             ),
                         )
@@ -726,12 +732,5 @@ impl<'a, 'd> Parser<'a, 'd> {
                 ))
             }
         }
-    }
-}
-
-fn article(role: Role) -> &'static str {
-    match role {
-        Role::Input | Role::Amplitude => "an",
-        _ => "a",
     }
 }

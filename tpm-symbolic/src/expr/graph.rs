@@ -4,6 +4,9 @@
 //! is flat, has at least two operands, at most one number (first), no repeated operand of a sum (like terms are
 //! collected) and no repeated base of a product (powers are collected). Numbers are exact.
 //!
+//! Only [`Graph::sum_of_wholes`] and [`Graph::product_of_wholes`] build sums of sums and products of products, for recursions whose
+//! intermediate values are to be computed once: a flat sum would repeat the additions of every sum that goes into it.
+//!
 //! The graph is an arena of plain data, so that it is `Send + Sync` and can be serialised.
 
 use crate::number::rational::{self, Rational};
@@ -164,6 +167,11 @@ impl Graph {
                 (value, Some(rest)) => *collected.entry(rest).or_insert_with(Rational::zero) += value,
             }
         }
+        self.sum_of_collected(constant, collected)
+    }
+
+    /// The sum of a number and of terms with their coefficients.
+    fn sum_of_collected(&mut self, constant: Rational, collected: BTreeMap<ExprId, Rational>) -> ExprId {
         let mut operands = Vec::with_capacity(collected.len() + 1);
         if !constant.is_zero() {
             operands.push(self.number(constant));
@@ -221,6 +229,11 @@ impl Graph {
                 _ => *collected.entry(factor).or_insert(0) += 1,
             }
         }
+        self.product_of_collected(coefficient, collected)
+    }
+
+    /// The product of a number and of bases with their exponents.
+    fn product_of_collected(&mut self, coefficient: Rational, collected: BTreeMap<ExprId, i32>) -> ExprId {
         if coefficient.is_zero() {
             return self.number(coefficient);
         }
@@ -236,10 +249,7 @@ impl Graph {
         match (operands.len(), coefficient.is_one()) {
             (0, _) => self.number(coefficient),
             (1, true) => operands[0],
-            (1, false) => {
-                let number = self.number(coefficient);
-                self.intern(Node::Product(vec![number, operands[0]]))
-            }
+            (1, false) => self.with_coefficient(coefficient, operands[0]),
             (_, true) => self.intern(Node::Product(operands)),
             (_, false) => {
                 let number = self.number(coefficient);
@@ -247,6 +257,37 @@ impl Graph {
                 self.intern(Node::Product(operands))
             }
         }
+    }
+
+    /// The sum in which an operand that is a sum itself stays whole. Like terms are collected, as in [`Graph::sum`].
+    pub fn sum_of_wholes(&mut self, terms: &[ExprId]) -> ExprId {
+        let mut constant = Rational::zero();
+        let mut collected: BTreeMap<ExprId, Rational> = BTreeMap::new();
+        for &term in terms {
+            match self.split_coefficient(term) {
+                (value, None) => constant += value,
+                (value, Some(rest)) => *collected.entry(rest).or_insert_with(Rational::zero) += value,
+            }
+        }
+        self.sum_of_collected(constant, collected)
+    }
+
+    /// The product in which an operand that is a product itself stays whole, but for its coefficient. Numbers and powers are
+    /// collected, as in [`Graph::product`].
+    pub fn product_of_wholes(&mut self, factors: &[ExprId]) -> ExprId {
+        let mut coefficient = Rational::one();
+        let mut collected: BTreeMap<ExprId, i32> = BTreeMap::new();
+        for &factor in factors {
+            let (value, rest) = self.split_coefficient(factor);
+            coefficient *= &value;
+            let Some(rest) = rest else { continue };
+            let (base, exponent) = match self.node(rest) {
+                Node::Power(base, exponent) => (*base, *exponent),
+                _ => (rest, 1),
+            };
+            *collected.entry(base).or_insert(0) += exponent;
+        }
+        self.product_of_collected(coefficient, collected)
     }
 
     /// `a * b`.

@@ -187,6 +187,26 @@ impl ExactModel {
             .unwrap_or(0)
     }
 
+    /// The name of an equation by its place from 0: the input's name when exactly one input stands in the terms, otherwise `eq1`,
+    /// `eq2`, ...
+    #[must_use]
+    pub(crate) fn equation_name(&self, terms: &[SourceTerm], index: usize) -> String {
+        let mut inputs: Vec<String> = terms
+            .iter()
+            .flat_map(|term| self.graph.leaves(term.expr))
+            .filter_map(|leaf| match self.graph.node(leaf) {
+                Node::Symbol(symbol) if self.quantity(*symbol).kind == Kind::Input => Some(self.display(leaf)),
+                _ => None,
+            })
+            .collect();
+        inputs.sort_unstable();
+        inputs.dedup();
+        match inputs.as_slice() {
+            [single] => single.clone(),
+            _ => format!("eq{}", index + 1),
+        }
+    }
+
     /// An expression of this model in the model language.
     #[must_use]
     pub fn display(&self, expr: ExprId) -> String {

@@ -3,6 +3,8 @@
 //! Invariant: every term of an equation has the place of the term of the text that it came from, also when it was derived from
 //! an energy ([`tpm_symbolic::mechanics::lagrange`]).
 
+use std::collections::BTreeSet;
+
 use tpm_symbolic::expr::graph::Node;
 use tpm_symbolic::mechanics::lagrange::{self, Lagrangian};
 use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm};
@@ -27,6 +29,29 @@ impl<'a> Lowering<'a, '_, '_> {
         }
         if model.items.iter().any(|item| matches!(item, Item::Energy(_))) {
             self.euler_lagrange(model);
+        } else if self.mechanism.is_some() {
+            self.forces_on_joints(model);
+        }
+    }
+
+    /// Adds the forces of the model to the equations of its mechanism.
+    fn forces_on_joints(&mut self, model: &'a ast::ModelDeclaration) {
+        for item in &model.items {
+            let Item::Force(force) = item else { continue };
+            let result = self.terms_of(&force.value, Sign::Minus);
+            let (Some(forces), Some(coordinate)) = (self.keep(result), self.coordinate(&force.coordinate.name)) else {
+                continue;
+            };
+            let row = coordinate.0 as usize;
+            let driven = inputs(&self.model, &self.model.equations[row].terms);
+            let names: Vec<String> =
+                driven.into_iter().chain(inputs(&self.model, &forces)).collect::<BTreeSet<_>>().into_iter().collect();
+            let equation = &mut self.model.equations[row];
+            equation.terms.extend(forces);
+            equation.name = match names.as_slice() {
+                [input] => input.clone(),
+                _ => format!("eq{}", row + 1),
+            };
         }
     }
 

@@ -321,3 +321,35 @@ pub(super) fn exact(expr: &Expr, values: &HashMap<&str, Rational>) -> Lower<Rati
     };
     Ok(value)
 }
+
+/// The factor of pi in `pi`, `pi/2`, `3/4*pi`; `None` for another expression.
+pub(super) fn multiple_of_pi(expr: &Expr, values: &HashMap<&str, Rational>) -> Lower<Option<Rational>> {
+    match &expr.kind {
+        ExprKind::Name(name) if name == "pi" => Ok(Some(Rational::one())),
+        ExprKind::Negative(inner) => Ok(multiple_of_pi(inner, values)?.map(|multiple| -multiple)),
+        ExprKind::Product(factors) => {
+            let is_pi = |(operation, factor): &(Operation, Expr)| {
+                *operation == Operation::Times && matches!(&factor.kind, ExprKind::Name(name) if name == "pi")
+            };
+            let Some(at) = factors.iter().position(is_pi) else { return Ok(None) };
+            let mut others = factors.clone();
+            others.remove(at);
+            let others = Expr { kind: ExprKind::Product(others), span: expr.span };
+            exact(&others, values).map(Some)
+        }
+        _ => Ok(None),
+    }
+}
+
+/// The arguments of `2*atan2(y, x)`, an angle whose half has a rational tangent; `None` for another expression.
+pub(super) fn half_tangent(expr: &Expr, values: &HashMap<&str, Rational>) -> Lower<Option<(Rational, Rational)>> {
+    if let ExprKind::Product(factors) = &expr.kind
+        && let [(_, two), (Operation::Times, call)] = factors.as_slice()
+        && two.integer() == Some(2)
+        && let ExprKind::Call(name, arguments) = &call.kind
+        && let (Some(Function::Atan2), [y, x]) = (Function::from_name(&name.name), arguments.as_slice())
+    {
+        return Ok(Some((exact(y, values)?, exact(x, values)?)));
+    }
+    Ok(None)
+}
