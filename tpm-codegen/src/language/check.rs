@@ -5,6 +5,7 @@
 
 mod mechanism;
 mod names;
+mod parameters;
 mod structure;
 mod symbols;
 mod units;

@@ -7,8 +7,6 @@
 mod expr;
 mod mechanism;
 
-pub(in crate::language) use mechanism::loss_word;
-
 use std::collections::HashSet;
 
 use crate::diagnostic::{Diagnostic, Diagnostics};

@@ -1,8 +1,19 @@
 //! `mechanism { ... }`: bodies, the joints by which they stand on each other, and the drives of the joints.
 
-use crate::language::ast::{Expr, Ident};
+use crate::language::ast::expr::{Expr, Ident};
 use crate::source::Span;
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
+
+/// The word of the language for a torque of a drive.
+#[must_use]
+pub fn loss_word(loss: Loss) -> &'static str {
+    match loss {
+        Loss::Viscous => "viscous",
+        Loss::Coulomb => "coulomb",
+        Loss::Offset => "offset",
+        Loss::Rotor => "rotor",
+    }
+}
 
 /// `mechanism { ... }`
 #[derive(Clone, PartialEq, Eq, Debug)]

@@ -4,16 +4,13 @@ use std::collections::{HashMap, HashSet};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::mechanism::{
-    BodyDeclaration, DriveDeclaration, InertiaDeclaration, JointMotion, MechanismDeclaration, MechanismItem,
+    BodyDeclaration, DriveDeclaration, InertiaDeclaration, JointMotion, MechanismDeclaration, MechanismItem, loss_word,
 };
-use crate::language::ast::{ExprKind, Ident, Item, ModelDeclaration, Role};
+use crate::language::ast::{Ident, Item, ModelDeclaration, Role};
 use crate::language::check::symbols::{SymbolKind, Symbols};
-use crate::language::parse::{Syntax, loss_word};
+use crate::language::parse::Syntax;
 use crate::language::suggest::nearest;
-use crate::language::unit::Unit;
 use crate::source::Span;
-use tpm_symbolic::mechanics::tree::NAMES;
-use tpm_symbolic::mechanics::tree::mechanism::inertia_unit;
 
 pub(super) fn check(model: &ModelDeclaration, symbols: &Symbols<'_>, syntax: &Syntax, diagnostics: &mut Diagnostics) {
     let mechanism = model.items.iter().find_map(|item| match item {
@@ -26,37 +23,6 @@ pub(super) fn check(model: &ModelDeclaration, symbols: &Symbols<'_>, syntax: &Sy
     checker.tree(mechanism);
     checker.joints(model, mechanism);
     checker.drives(mechanism);
-}
-
-/// The parameters that a mechanism declares, each once, with their units.
-pub(super) fn parameters(mechanism: &MechanismDeclaration) -> Vec<(&Ident, Option<Unit>)> {
-    let mut seen = HashSet::new();
-    let bodies = mechanism.bodies().flat_map(|body| match &body.inertia {
-        Some(InertiaDeclaration::Parameters(names)) => names.as_slice(),
-        _ => &[],
-    });
-    let inertias = bodies.enumerate().map(|(index, name)| (name, inertia_unit(index % NAMES.len())));
-    let losses = mechanism.drives().flat_map(|drive| {
-        let turns = turns(mechanism, drive);
-        drive.losses.iter().map(move |(loss, name)| (name, loss.unit(turns)))
-    });
-    let all = inertias.chain(losses).map(|(name, unit)| (name, Unit::parse(&unit.to_string())));
-    all.filter(|(name, _)| seen.insert(name.name.as_str())).collect()
-}
-
-/// Whether the joints that a drive moves turn.
-pub(super) fn turns(mechanism: &MechanismDeclaration, drive: &DriveDeclaration) -> bool {
-    let mut names = vec![drive.name.name.as_str()];
-    if let Some(moves) = &drive.moves {
-        moves.walk(&mut |part| {
-            if let ExprKind::Name(name) = &part.kind {
-                names.push(name);
-            }
-        });
-    }
-    !mechanism.bodies().filter_map(|body| body.joint.as_ref()).any(
-        |joint| matches!(&joint.motion, JointMotion::Prismatic(coordinate, _) if names.contains(&coordinate.name.as_str())),
-    )
 }
 
 struct Checker<'a, 'd> {

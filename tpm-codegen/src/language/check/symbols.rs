@@ -10,7 +10,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
     Declaration, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role, UnitExpr,
 };
-use crate::language::check::mechanism::parameters;
+use crate::language::check::parameters::parameters;
 use crate::language::function::Function;
 use crate::language::suggest::nearest;
 use crate::language::unit::{self, Unit};

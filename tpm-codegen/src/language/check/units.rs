@@ -14,7 +14,7 @@ use crate::language::ast::mechanism::{
     InertiaDeclaration, JointMotion, MechanismDeclaration, MechanismItem, Placement,
 };
 use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, ModelDeclaration, Operation, PatternItem, Role};
-use crate::language::check::mechanism::turns;
+use crate::language::check::parameters::turns;
 use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols, resolve};
 use crate::language::function::{Clause, Function};
 use crate::language::lex::shorten;

@@ -8,7 +8,7 @@ use super::{Parse, Parser, Reported};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::mechanism::{
     BodyDeclaration, DriveDeclaration, InertiaDeclaration, JointDeclaration, JointMotion, KnownInertia,
-    MechanismDeclaration, MechanismItem, Placement, VectorExpr,
+    MechanismDeclaration, MechanismItem, Placement, VectorExpr, loss_word,
 };
 use crate::language::ast::{Expr, ExprKind, Ident, Item};
 use crate::language::lex::shorten;
@@ -21,16 +21,6 @@ const STATEMENTS: [&str; 3] = ["gravity", "body", "drive"];
 
 /// Statements of a body.
 const BODY_STATEMENTS: [&str; 4] = ["fixed", "revolute", "prismatic", "inertia"];
-
-/// The words of a drive's losses.
-pub(in crate::language) fn loss_word(loss: Loss) -> &'static str {
-    match loss {
-        Loss::Viscous => "viscous",
-        Loss::Coulomb => "coulomb",
-        Loss::Offset => "offset",
-        Loss::Rotor => "rotor",
-    }
-}
 
 impl Parser<'_, '_> {
     pub(super) fn mechanism(&mut self) -> Parse<Item> {

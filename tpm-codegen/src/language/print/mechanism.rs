@@ -5,10 +5,9 @@ use std::fmt::{self, Display, Formatter};
 use super::join;
 use crate::language::ast::mechanism::{
     BodyDeclaration, DriveDeclaration, InertiaDeclaration, JointDeclaration, JointMotion, KnownInertia,
-    MechanismDeclaration, MechanismItem, Placement, VectorExpr,
+    MechanismDeclaration, MechanismItem, Placement, VectorExpr, loss_word,
 };
 use crate::language::ast::{Expr, ExprKind};
-use crate::language::parse::loss_word;
 use num_traits::{One, Zero};
 
 impl Display for MechanismDeclaration {

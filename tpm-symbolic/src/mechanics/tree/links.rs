@@ -5,10 +5,10 @@
 //! because its parameters are about its own frame. What never moves is no link.
 
 use crate::expr::graph::{ExprId, Graph};
+use crate::mechanics::tree::bodies::{Joint, Tree};
 use crate::mechanics::tree::inertia::{Inertia, moved, together};
 use crate::mechanics::tree::rotation::Rotation;
 use crate::mechanics::tree::vector::{Vector, add, outward_in, zero};
-use crate::mechanics::tree::{Joint, Tree};
 
 /// A link and its place on the link that carries it.
 #[derive(Clone, Debug)]

@@ -2,8 +2,9 @@
 
 use crate::expr::graph::{Coordinate, ExprId, Function, Symbol};
 use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
+use crate::mechanics::tree::bodies::{Joint, Tree};
 use crate::mechanics::tree::inertia::{Inertia, NAMES};
-use crate::mechanics::tree::{JointRow, Tree};
+use crate::mechanics::tree::regressor::JointRow;
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
 use num_traits::Zero;
@@ -216,6 +217,6 @@ impl Mechanism {
     fn turns(&self, coordinate: Coordinate) -> bool {
         let joint =
             self.tree.bodies().iter().map(|body| &body.joint).find(|joint| joint.coordinate() == Some(coordinate));
-        !matches!(joint, Some(crate::mechanics::tree::Joint::Prismatic { .. }))
+        !matches!(joint, Some(Joint::Prismatic { .. }))
     }
 }

@@ -1,11 +1,11 @@
 //! Velocities and accelerations of the links, from the base outward, each in the frame of its link.
 
 use crate::expr::graph::{ExprId, Graph};
+use crate::mechanics::tree::bodies::{Joint, Tree};
 use crate::mechanics::tree::links::Link;
 use crate::mechanics::tree::vector::{
     Turn, Vector, add, constant, cross, negated, outward_in, scale, sum_of_products, times, zero,
 };
-use crate::mechanics::tree::{Joint, Tree};
 use crate::number::rational::integer;
 
 /// How a link moves.

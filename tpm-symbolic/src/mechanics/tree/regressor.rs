@@ -1,10 +1,10 @@
 //! The torque of every joint per unit of every inertia parameter.
 
 use crate::expr::graph::{Coordinate, ExprId, Graph};
+use crate::mechanics::tree::bodies::{Joint, Tree};
 use crate::mechanics::tree::links::{Link, links};
 use crate::mechanics::tree::motion::{Motion, Step, motions};
 use crate::mechanics::tree::vector::{Vector, add, constant, cross, dot, scale, sum_of_products, zero};
-use crate::mechanics::tree::{Joint, Tree};
 use num_traits::Zero;
 
 /// What one unit of an inertia parameter adds to the torque of a joint.
@@ -12,7 +12,7 @@ use num_traits::Zero;
 pub struct Entry {
     /// The index of the body.
     pub body: usize,
-    /// The index of the parameter in [`NAMES`](super::NAMES).
+    /// The index of the parameter in [`NAMES`](crate::mechanics::tree::NAMES).
     pub parameter: usize,
     /// The entry of the regressor; never the number zero.
     pub expr: ExprId,

@@ -1,11 +1,11 @@
 //! The torque of every joint by the recursion over wrenches, with the inertias in it.
 
 use crate::expr::graph::{Coordinate, ExprId, Graph};
+use crate::mechanics::tree::bodies::{Joint, Tree};
 use crate::mechanics::tree::inertia::together;
 use crate::mechanics::tree::links::links;
 use crate::mechanics::tree::motion::{Motion, motions};
 use crate::mechanics::tree::vector::{Vector, add, constant, cross, dot, scale, times, zero};
-use crate::mechanics::tree::{Joint, Tree};
 
 impl Tree {
     /// The torques of the moving joints (forces, where they are prismatic), in the order of the bodies, when `parameters` gives the
