@@ -100,6 +100,8 @@ pub mod emit;
 #[cfg(feature = "generate")]
 pub mod generate;
 pub mod identified;
+#[cfg(feature = "import")]
+pub mod import;
 pub mod inline;
 pub mod language;
 mod near;

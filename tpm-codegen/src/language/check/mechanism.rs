@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::mechanism::{
-    BodyDeclaration, DriveDeclaration, InertiaDeclaration, JointMotion, MechanismDeclaration, MechanismItem, loss_word,
+    BodyDeclaration, InertiaDeclaration, JointMotion, MechanismDeclaration, MechanismItem, loss_word,
 };
 use crate::language::ast::{Ident, Item, ModelDeclaration, Role};
 use crate::language::check::symbols::{SymbolKind, Symbols};
