@@ -12,13 +12,23 @@ impl Graph {
     /// coordinate), every other leaf held fixed. `sign` is taken as constant and `abs` as having slope `sign`:
     /// right everywhere but at the kink itself.
     pub fn differentiate(&mut self, expr: ExprId, variable: ExprId) -> ExprId {
-        let mut memo = HashMap::new();
+        self.differentiate_beside(expr, variable, &mut HashMap::new())
+    }
+
+    /// [`Self::differentiate`] beside other expressions: `known` holds the derivatives of parts by the same variable, and takes in
+    /// those that are found.
+    pub(crate) fn differentiate_beside(
+        &mut self,
+        expr: ExprId,
+        variable: ExprId,
+        known: &mut HashMap<ExprId, ExprId>,
+    ) -> ExprId {
         self.differentiate_with(
             expr,
             &mut |graph, leaf| {
                 if leaf == variable { graph.integer(1) } else { graph.integer(0) }
             },
-            &mut memo,
+            known,
         )
     }
 
@@ -141,7 +151,11 @@ impl Graph {
 
     /// Replaces leaves (or any other nodes) by expressions.
     pub fn substitute(&mut self, expr: ExprId, replacement: &HashMap<ExprId, ExprId>) -> ExprId {
-        let mut memo = replacement.clone();
+        self.substitute_beside(expr, &mut replacement.clone())
+    }
+
+    /// [`Self::substitute`] beside other expressions: `memo` begins as the replacements and takes in what becomes of every part.
+    pub(crate) fn substitute_beside(&mut self, expr: ExprId, memo: &mut HashMap<ExprId, ExprId>) -> ExprId {
         let mut stack = vec![expr];
         while let Some(&id) = stack.last() {
             if memo.contains_key(&id) {

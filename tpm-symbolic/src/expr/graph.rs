@@ -94,6 +94,13 @@ impl Graph {
         id
     }
 
+    /// Forgets the nodes that have come since the graph had so many. Their ids are given anew to other nodes.
+    pub fn truncate(&mut self, len: usize) {
+        for node in self.nodes.drain(len.min(self.nodes.len())..) {
+            self.index.remove(&node);
+        }
+    }
+
     /// An exact number.
     pub fn number(&mut self, value: Rational) -> ExprId {
         self.intern(Node::Number(value))
@@ -326,14 +333,21 @@ impl Graph {
     /// All leaves (symbols, derivatives of coordinates, placeholders) that `expr` depends on, in increasing order.
     #[must_use]
     pub fn leaves(&self, expr: ExprId) -> Vec<ExprId> {
-        let mut seen = vec![false; expr.index() + 1];
-        let mut stack = vec![expr];
+        self.leaves_of([expr])
+    }
+
+    /// All leaves (symbols, derivatives of coordinates, placeholders) that any of several expressions depends on, in increasing order.
+    #[must_use]
+    pub fn leaves_of(&self, exprs: impl IntoIterator<Item = ExprId>) -> Vec<ExprId> {
+        let mut stack: Vec<ExprId> = exprs.into_iter().collect();
+        let count = stack.iter().map(|expr| expr.0 + 1).max().unwrap_or(0);
+        let mut seen = vec![false; count as usize];
         while let Some(id) = stack.pop() {
             if !std::mem::replace(&mut seen[id.index()], true) {
                 stack.extend(self.operands(id));
             }
         }
-        (0..=expr.0)
+        (0..count)
             .map(ExprId)
             .filter(|id| {
                 seen[id.index()]
