@@ -14,6 +14,7 @@ pub use expression::HIGHEST_ORDER;
 use std::collections::HashMap;
 
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
+use tpm_symbolic::expr::size::Sizes;
 use tpm_symbolic::mechanics::model::{Elimination, ExactModel, Kind, Lump, TermId};
 use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
 use tpm_symbolic::number::rational::Rational;
@@ -76,7 +77,6 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
         model: ExactModel { name: model.name.name.clone(), ..ExactModel::default() },
         terms: Terms::default(),
         names: HashMap::new(),
-        sizes: expression::Sizes::default(),
         values: HashMap::new(),
         taylor: Vec::new(),
         harmonics: Vec::new(),
@@ -84,6 +84,7 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
     lowering.declarations(model);
     lowering.statements(model);
     lowering.dynamics(model);
+    lowering.refuse_too_long();
     lowering.patterns(model);
     let Lowering { model, terms, taylor, harmonics, .. } = lowering;
     Lowered { model, terms, taylor, harmonics }
@@ -114,7 +115,7 @@ pub(crate) fn lower_value(expr: &ast::Expr, model: &mut ExactModel, diagnostics:
     if unknown {
         return None;
     }
-    let lowered = Environment { model, names: &names, sizes: &mut expression::Sizes::default() }.lower(expr);
+    let lowered = Environment { model, names: &names }.lower(expr);
     lowered.map_err(|error| diagnostics.push(error)).ok()
 }
 
@@ -125,8 +126,6 @@ struct Lowering<'a, 'c, 'd> {
     terms: Terms,
     /// What every name of the model stands for.
     names: HashMap<&'a str, ExprId>,
-    /// How large the expressions so far are when they are multiplied out.
-    sizes: expression::Sizes,
     /// The constants that are known exactly.
     values: HashMap<&'a str, Rational>,
     taylor: Vec<Taylor>,
@@ -140,7 +139,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     fn expression(&mut self, expr: &ast::Expr) -> Lower<ExprId> {
-        Environment { model: &mut self.model, names: &self.names, sizes: &mut self.sizes }.lower(expr)
+        Environment { model: &mut self.model, names: &self.names }.lower(expr)
     }
 
     fn declarations(&mut self, model: &'a ast::ModelDeclaration) {
@@ -290,6 +289,22 @@ impl<'a> Lowering<'a, '_, '_> {
         Ok(())
     }
 
+    /// Refuses equations that are too long for what the model asks for, which multiplies them out.
+    fn refuse_too_long(&mut self) {
+        let (what, instead) = match (self.model.eliminations.is_empty(), self.taylor.is_empty()) {
+            (true, true) => return,
+            (false, _) => ("eliminating coordinates", "keep the coordinates"),
+            (true, false) => ("Taylor polynomials", "declare no order"),
+        };
+        let mut sizes = Sizes::default();
+        for term in self.model.equations.iter().flat_map(|equation| &equation.terms) {
+            if sizes.of(&self.model.graph, term.expr) > expression::MOST_TERMS {
+                let fault = too_long(self.terms.span(term.id), what);
+                self.diagnostics.push(fault.help(format!("{instead}, or write the equations shorter")));
+            }
+        }
+    }
+
     fn coordinate(&self, name: &str) -> Option<Coordinate> {
         let index = self.model.coordinates.iter().position(|coordinate| coordinate.name == name)?;
         u32::try_from(index).ok().map(Coordinate)
@@ -370,6 +385,12 @@ fn written(unit: &Unit) -> Option<FormalUnit> {
         i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))
     });
     product.map(FormalUnit::with_torque)
+}
+
+/// A term is too long to be multiplied out, as something that the model asks for does.
+fn too_long(span: Span, what: &str) -> Diagnostic {
+    let most = expression::MOST_TERMS;
+    Diagnostic::error(span, format!("{what} would multiply this out to more than {most} terms, which is too large"))
 }
 
 fn bounded(order: ast::Count) -> Lower<u32> {
