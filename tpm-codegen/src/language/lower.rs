@@ -15,6 +15,7 @@ pub use expression::HIGHEST_ORDER;
 use std::collections::HashMap;
 
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
+use tpm_symbolic::expr::size::Sizes;
 use tpm_symbolic::mechanics::model::{Elimination, ExactModel, Kind, Lump, TermId};
 use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
 use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
@@ -80,7 +81,6 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
         model: ExactModel { name: model.name.name.clone(), ..ExactModel::default() },
         terms: Terms::default(),
         names: HashMap::new(),
-        sizes: expression::Sizes::default(),
         values: HashMap::new(),
         taylor: Vec::new(),
         harmonics: Vec::new(),
@@ -90,6 +90,7 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
     lowering.mechanism(model);
     lowering.statements(model);
     lowering.dynamics(model);
+    lowering.refuse_too_long();
     lowering.patterns(model);
     let Lowering { model, terms, taylor, harmonics, mechanism, .. } = lowering;
     Lowered { model, terms, taylor, harmonics, mechanism }
@@ -120,7 +121,7 @@ pub(crate) fn lower_value(expr: &ast::Expr, model: &mut ExactModel, diagnostics:
     if unknown {
         return None;
     }
-    let lowered = Environment { model, names: &names, sizes: &mut expression::Sizes::default() }.lower(expr);
+    let lowered = Environment { model, names: &names }.lower(expr);
     lowered.map_err(|error| diagnostics.push(error)).ok()
 }
 
@@ -131,8 +132,6 @@ struct Lowering<'a, 'c, 'd> {
     terms: Terms,
     /// What every name of the model stands for.
     names: HashMap<&'a str, ExprId>,
-    /// How large the expressions so far are when they are multiplied out.
-    sizes: expression::Sizes,
     /// The constants that are known exactly.
     values: HashMap<&'a str, Rational>,
     taylor: Vec<Taylor>,
@@ -147,7 +146,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     fn expression(&mut self, expr: &ast::Expr) -> Lower<ExprId> {
-        Environment { model: &mut self.model, names: &self.names, sizes: &mut self.sizes }.lower(expr)
+        Environment { model: &mut self.model, names: &self.names }.lower(expr)
     }
 
     fn declarations(&mut self, model: &'a ast::ModelDeclaration) {
@@ -302,6 +301,22 @@ impl<'a> Lowering<'a, '_, '_> {
         Ok(())
     }
 
+    /// Refuses equations that are too long for what the model asks for, which multiplies them out.
+    fn refuse_too_long(&mut self) {
+        let (what, instead) = match (self.model.eliminations.is_empty(), self.taylor.is_empty()) {
+            (true, true) => return,
+            (false, _) => ("eliminating coordinates", "keep the coordinates"),
+            (true, false) => ("Taylor polynomials", "declare no order"),
+        };
+        let mut sizes = Sizes::default();
+        for term in self.model.equations.iter().flat_map(|equation| &equation.terms) {
+            if sizes.of(&self.model.graph, term.expr) > expression::MOST_TERMS {
+                let fault = too_long(self.terms.span(term.id), what);
+                self.diagnostics.push(fault.help(format!("{instead}, or write the equations shorter")));
+            }
+        }
+    }
+
     fn coordinate(&self, name: &str) -> Option<Coordinate> {
         let index = self.model.coordinates.iter().position(|coordinate| coordinate.name == name)?;
         u32::try_from(index).ok().map(Coordinate)
@@ -382,6 +397,12 @@ fn written(unit: &Unit) -> Option<FormalUnit> {
         i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))
     });
     product.map(FormalUnit::with_torque)
+}
+
+/// A term is too long to be multiplied out, as something that the model asks for does.
+fn too_long(span: Span, what: &str) -> Diagnostic {
+    let most = expression::MOST_TERMS;
+    Diagnostic::error(span, format!("{what} would multiply this out to more than {most} terms, which is too large"))
 }
 
 fn bounded(order: ast::Count) -> Lower<u32> {

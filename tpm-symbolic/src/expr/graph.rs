@@ -97,6 +97,13 @@ impl Graph {
         id
     }
 
+    /// Forgets the nodes that have come since the graph had so many. Their ids are given anew to other nodes.
+    pub fn truncate(&mut self, len: usize) {
+        for node in self.nodes.drain(len.min(self.nodes.len())..) {
+            self.index.remove(&node);
+        }
+    }
+
     /// An exact number.
     pub fn number(&mut self, value: Rational) -> ExprId {
         self.intern(Node::Number(value))
@@ -154,6 +161,9 @@ impl Graph {
 
     /// The sum of any number of terms.
     pub fn sum(&mut self, terms: &[ExprId]) -> ExprId {
+        if let [term] = terms {
+            return *term;
+        }
         let mut constant = Rational::zero();
         let mut collected: BTreeMap<ExprId, Rational> = BTreeMap::new();
         let mut pending: Vec<ExprId> = terms.iter().rev().copied().collect();
@@ -218,6 +228,9 @@ impl Graph {
 
     /// The product of any number of factors.
     pub fn product(&mut self, factors: &[ExprId]) -> ExprId {
+        if let [factor] = factors {
+            return *factor;
+        }
         let mut coefficient = Rational::one();
         let mut collected: BTreeMap<ExprId, i32> = BTreeMap::new();
         let mut pending: Vec<ExprId> = factors.iter().rev().copied().collect();
@@ -367,14 +380,21 @@ impl Graph {
     /// All leaves (symbols, derivatives of coordinates, placeholders) that `expr` depends on, in increasing order.
     #[must_use]
     pub fn leaves(&self, expr: ExprId) -> Vec<ExprId> {
-        let mut seen = vec![false; expr.index() + 1];
-        let mut stack = vec![expr];
+        self.leaves_of([expr])
+    }
+
+    /// All leaves (symbols, derivatives of coordinates, placeholders) that any of several expressions depends on, in increasing order.
+    #[must_use]
+    pub fn leaves_of(&self, exprs: impl IntoIterator<Item = ExprId>) -> Vec<ExprId> {
+        let mut stack: Vec<ExprId> = exprs.into_iter().collect();
+        let count = stack.iter().map(|expr| expr.0 + 1).max().unwrap_or(0);
+        let mut seen = vec![false; count as usize];
         while let Some(id) = stack.pop() {
             if !std::mem::replace(&mut seen[id.index()], true) {
                 stack.extend(self.operands(id));
             }
         }
-        (0..=expr.0)
+        (0..count)
             .map(ExprId)
             .filter(|id| {
                 seen[id.index()]

@@ -6,11 +6,12 @@
 use std::collections::BTreeSet;
 
 use tpm_symbolic::expr::graph::Node;
+use tpm_symbolic::expr::size::Sizes;
 use tpm_symbolic::mechanics::lagrange::{self, Lagrangian};
 use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm};
 
-use super::Lowering;
-use super::expression::Lower;
+use super::expression::{Lower, MOST_TERMS};
+use super::{Lowering, too_long};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{self, EnergyKind, Expr, ExprKind, Item, Sign};
 
@@ -87,6 +88,14 @@ impl<'a> Lowering<'a, '_, '_> {
                 Item::Energy(energy) => {
                     let result = self.terms_of(&energy.value, Sign::Plus);
                     let terms = self.keep(result).unwrap_or_default();
+                    let mut sizes = Sizes::default();
+                    for term in &terms {
+                        if sizes.of(&self.model.graph, term.expr) > MOST_TERMS {
+                            let fault = too_long(self.terms.span(term.id), "the equations of motion of this energy");
+                            let help = "write the equations themselves, with `let` for what they share";
+                            self.diagnostics.push(fault.help(help));
+                        }
+                    }
                     match energy.kind {
                         EnergyKind::Kinetic => lagrangian.kinetic = terms,
                         EnergyKind::Potential => lagrangian.potential = terms,
