@@ -373,3 +373,143 @@ fn torques_are_those_of_spatial_algebra() {
         }
     }
 }
+
+/// What is said of a description that is at fault, rendered.
+fn faults(text: &str, options: &Options) -> String {
+    let source = Source::new("robot.urdf", text);
+    match urdf(&source, options) {
+        Ok(imported) => panic!("no fault: {}", imported.model),
+        Err(faults) => faults.render(&source),
+    }
+}
+
+/// Two links and a joint between them, with some lines in the joint.
+fn two_links(joint: &str) -> String {
+    format!(
+        "<robot name=\"r\">\n<link name=\"a\"/>\n<link name=\"b\"/>\n<joint name=\"j\" type=\"revolute\">\n\
+         <parent link=\"a\"/><child link=\"b\"/>\n{joint}\n</joint>\n</robot>\n"
+    )
+}
+
+const SOUND: &str = "<axis xyz=\"0 0 1\"/><limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"2\"/>";
+
+#[test]
+fn faults_of_a_description_are_named_at_their_lines() {
+    let options = Options::default();
+    let check = |text: &str, line: usize, words: &[&str]| {
+        let said = faults(text, &options);
+        assert!(said.contains(&format!("robot.urdf:{line}:")), "line {line}:\n{said}");
+        words.iter().for_each(|word| assert!(said.contains(word), "`{word}`:\n{said}"));
+    };
+    check("<robot name=\"r\"><link", 1, &["no XML", "Help"]);
+    check("<sdf/>", 1, &["`sdf` is no robot description", "root element `robot`"]);
+    check(&two_links("<axis xyz=\"0 0 0\"/><limit/>"), 6, &["axis of the joint `j` is zero", "write a direction"]);
+    check(&two_links("<axis xyz=\"0 0 up\"/><limit/>"), 6, &["not three numbers"]);
+    check(&two_links("<origin xyz=\"0 0\"/><limit/>"), 6, &["not three numbers"]);
+    let moved = two_links(SOUND).replace("revolute", "floating");
+    check(&moved, 4, &["of the type `floating`", "prismatic"]);
+    let missing = two_links(SOUND).replace("<child link=\"b\"/>", "<child link=\"c\"/>");
+    check(&missing, 4, &["joins `c`, which is no link"]);
+    let roots = two_links(SOUND).replace("<link name=\"b\"/>", "<link name=\"b\"/>\n<link name=\"c\"/>");
+    check(&roots, 4, &["2 roots: `a`, `c`", "name the base"]);
+    let twice = "<joint name=\"k\" type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/></joint>\n</robot>";
+    check(&two_links(SOUND).replace("</robot>", twice), 8, &["form a loop", "remove a joint"]);
+    let back = "<joint name=\"k\" type=\"fixed\"><parent link=\"b\"/><child link=\"a\"/></joint>\n</robot>";
+    check(&two_links(SOUND).replace("</robot>", back), 1, &["in a loop"]);
+    let fixed = two_links(SOUND).replace("revolute", "fixed");
+    check(&fixed, 1, &["no joint of this part of the description moves"]);
+    let mut options = Options { base: Some("z".to_owned()), ..Options::default() };
+    assert!(faults(&two_links(SOUND), &options).contains("the base `z` is no link"));
+    options = Options { locked: vec![("k".to_owned(), "0".to_owned())], ..Options::default() };
+    assert!(faults(&two_links(SOUND), &options).contains("the joints that move are j"));
+}
+
+#[test]
+fn what_is_left_out_or_read_otherwise_is_said() {
+    let inertial = "<link name=\"b\"><inertial><mass value=\"2\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"9\"/></inertial><visual/></link>";
+    let joint = "<origin xyz=\"1e-17 0 .5\" rpy=\"1.5708 0 0.3\"/><limit effort=\"5\"/><mimic joint=\"k\"/><dynamics damping=\"0.5\"/>";
+    let text = two_links(joint)
+        .replace("<link name=\"b\"/>", inertial)
+        .replace("name=\"j\"", "name=\"2 j\"")
+        .replace("</robot>", "<gazebo/><gazebo/><frob/></robot>");
+    let source = Source::new("robot.urdf", text);
+    let imported = urdf(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let warnings: Vec<&str> = imported.warnings.iter().map(|warning| warning.message.as_str()).collect();
+    for words in [
+        "`mimic` is left out",
+        "`visual` is left out",
+        "`gazebo` is left out, 2 times in all",
+        "`frob` is no element of a `robot` that is known here",
+        "the joint `2 j` has no axis; by the rules of URDF it is the x axis",
+        "the joint `2 j` is called `j_2_j` in the model",
+        "no body has the inertia of the link `b`: a principal moment of inertia exceeds the sum of the two others",
+    ] {
+        assert!(warnings.iter().any(|warning| warning.contains(words)), "{words}: {warnings:#?}");
+    }
+    assert_eq!(imported.readings[0], "1.5708 is read as pi/2 (line 6)");
+    assert!(
+        imported.readings.iter().any(|reading| reading == "1e-17 is read as 0 (line 6)"),
+        "{:?}",
+        imported.readings
+    );
+    assert!(
+        imported.model.contains("revolute j_2_j about x at (0, 0, 1/2) turned (pi/2, 0, 2*atan2("),
+        "{}",
+        imported.model
+    );
+    assert!(imported.model.contains("drive j_2_j by tau_j_2_j with viscous;"), "{}", imported.model);
+    assert!(imported.prior.contains("fv_j_2_j = 0.5\n"), "{}", imported.prior);
+    let experiment = tpm_runtime::experiment::Experiment::parse(&imported.experiment).expect("an experiment");
+    assert_eq!(experiment.limits.inputs["tau_j_2_j"], 5.0);
+    parsed(&imported);
+}
+
+/// A chain of bodies on three branches: two arms on a torso.
+fn two_arms(joints: usize) -> String {
+    let mut text = String::from("model TwoArms {\n");
+    let names: Vec<String> = (0..joints).map(|index| format!("q{index}")).collect();
+    text += &format!("    coordinate {};\n    input {};\n", names.join(", "), names.join(", ").replace('q', "u"));
+    text += "    mechanism {\n        gravity (0, 0, -9.81);\n";
+    let torso = joints / 5;
+    for index in 0..joints {
+        // After the torso, even bodies are of the left arm and odd ones of the right arm.
+        let parent = if index == 0 {
+            None
+        } else if index <= torso {
+            Some(index - 1)
+        } else {
+            Some(if index <= torso + 2 { torso } else { index - 2 })
+        };
+        let on = parent.map_or_else(String::new, |parent| format!("on b{parent} "));
+        let axis = ["z", "y", "-x"][index % 3];
+        let turned = ["", " turned (pi/2, 0, 0)", " turned (0, -pi/2, pi)"][index % 3];
+        text += &format!(
+            "        body b{index} {on}{{ revolute q{index} about {axis} at (0.{:03}, 0, -0.1{index}){turned}; inertia parameters; }}\n",
+            37 * index % 1000
+        );
+    }
+    for index in 0..joints {
+        text += &format!("        drive q{index} by u{index} with viscous, coulomb;\n");
+    }
+    text + "    }\n}\n"
+}
+
+#[test]
+fn thirty_joints_are_read_and_sorted_in_seconds() {
+    let mut times = Vec::new();
+    for joints in [2, 5, 10, 20, 30] {
+        let source = Source::new("two arms", two_arms(joints));
+        let start = std::time::Instant::now();
+        let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+        let read = start.elapsed();
+        let prepared = tpm_symbolic::regressor::prepare::prepare(parsed.model).expect("linear in the parameters");
+        times.push((joints, read, start.elapsed(), prepared.model.graph.len()));
+    }
+    // Nodes grow at most with the square of the joints: bodies times depth.
+    let [.., (ten, _, _, small), (_, _, _, _), (thirty, _, whole, large)] = times.as_slice() else {
+        panic!("five sizes")
+    };
+    let growth = *large as f64 / *small as f64;
+    assert!(growth <= (*thirty as f64 / *ten as f64).powi(2), "{times:?}");
+    assert!(whole.as_secs_f64() < 5.0, "{times:?}");
+}

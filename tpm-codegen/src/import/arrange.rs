@@ -12,8 +12,8 @@ use tpm_symbolic::mechanics::tree::{about_origin, fault};
 use tpm_symbolic::number::rational::{self, Rational};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
-use crate::import::Options;
 use crate::import::description::{Description, Inertial, Joint, Kind, Limits, Link, Origin};
+use crate::import::options::Options;
 use crate::import::reading::{Exact, ExactAngle, Readings};
 use crate::language::function::Function;
 use crate::source::Span;

@@ -6,7 +6,7 @@ use num_traits::{ToPrimitive, Zero};
 use tpm_symbolic::mechanics::tree::rotation::{self, Angle};
 use tpm_symbolic::number::rational::{self, Rational};
 
-use crate::import::Angles;
+use crate::import::options::Angles;
 use crate::near;
 use crate::source::{Source, Span};
 

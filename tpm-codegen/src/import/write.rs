@@ -8,19 +8,24 @@ use tpm_symbolic::mechanics::tree::NAMES;
 use tpm_symbolic::mechanics::tree::mechanism::{Loss, parameter_name};
 use tpm_symbolic::number::rational::{self, Rational};
 
-use crate::diagnostic::Diagnostics;
-use crate::import::Options;
+use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::import::arrange::{Body, Moving, Robot};
 use crate::import::description::Origin;
+use crate::import::options::Options;
 use crate::language::ast::mechanism::loss_word;
 use crate::language::parse_model;
-use crate::source::Source;
+use crate::source::{Source, Span};
 
 /// The texts of model, prior and experiment.
 pub(super) fn write(robot: &Robot, options: &Options, from: &str) -> Result<(String, String, String), Diagnostics> {
     let model = model(robot, options, from);
     // The prior has the parameters that show in some equation, and no others.
-    let parsed = parse_model(&Source::new("the imported model", model.clone()))?;
+    let source = Source::new("the imported model", model.clone());
+    let parsed = parse_model(&source).map_err(|faults| {
+        let message = format!("this description gives no model:\n{}", faults.render(&source));
+        let fault = Diagnostic::error(Span::default(), message);
+        Diagnostics::from_iter([fault.help("correct in the description what these faults name")])
+    })?;
     let known: BTreeSet<String> =
         parsed.model.parameters().map(|symbol| parsed.model.quantity(symbol).name.to_string()).collect();
     let values = prior(robot, options, &known);

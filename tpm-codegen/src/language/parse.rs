@@ -61,7 +61,7 @@ struct Reported;
 type Parse<T> = Result<T, Reported>;
 
 /// Statements of a model that begin with a word and a name.
-const STATEMENTS: [&str; 12] = [
+const STATEMENTS: [&str; 11] = [
     "coordinate",
     "input",
     "parameter",
@@ -72,7 +72,6 @@ const STATEMENTS: [&str; 12] = [
     "force",
     "eliminate",
     "taylor",
-    "mechanism",
     "pattern",
 ];
 
@@ -248,8 +247,10 @@ impl<'a, 'd> Parser<'a, 'd> {
 
     fn begins_statement(&self, statements: &[&str]) -> bool {
         let next = self.nth(1).kind;
-        statements.contains(&self.text(self.peek()))
-            && (next == TokenKind::Ident || next == TokenKind::Number || next == TokenKind::OpenBrace)
+        let word = self.text(self.peek());
+        (statements.contains(&word)
+            && (next == TokenKind::Ident || next == TokenKind::Number || next == TokenKind::OpenBrace))
+            || (word == "mechanism" && next == TokenKind::OpenBrace)
     }
 
     fn mention(&mut self, index: usize) {
@@ -381,7 +382,6 @@ impl<'a, 'd> Parser<'a, 'd> {
             "force" => self.force(),
             "eliminate" => self.eliminate(),
             "taylor" => self.taylor(),
-            "mechanism" => self.mechanism(),
             _ => self.pattern(),
         }
     }

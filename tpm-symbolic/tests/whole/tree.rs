@@ -360,7 +360,7 @@ fn a_coupled_drive_puts_its_torques_on_all_its_joints() {
         unknown(None, 'r', [0, 0, 1], [0, 0, 300], quarters([0, 0, 0])),
         unknown(Some(0), 'r', [0, 0, 1], [0, -120, 40], quarters([-1, 0, 0])),
     ];
-    let (mut model, mut mechanism) = mechanism(&specs, false);
+    let (model, mut mechanism) = mechanism(&specs, false);
     let moves = vec![(Coordinate(0), integer(1)), (Coordinate(1), integer(-2))];
     let input = model.find_symbol("u1").expect("an input");
     mechanism.drives[1] =

@@ -31,7 +31,7 @@ pub enum MechanismItem {
     /// `gravity (0, 0, -9.81);`
     Gravity(VectorExpr),
     /// `body forearm on upperarm { ... }`
-    Body(BodyDeclaration),
+    Body(Box<BodyDeclaration>),
     /// `drive q1 by tau1 with viscous;`
     Drive(DriveDeclaration),
 }
@@ -106,7 +106,7 @@ pub enum InertiaDeclaration {
     /// The ten parameters are to be identified: `m_NAME`, `mx_NAME`, ..., `Izz_NAME`, all at the place of the statement.
     Parameters(Vec<Ident>),
     /// The inertia is known.
-    Known(KnownInertia),
+    Known(Box<KnownInertia>),
 }
 
 /// A known inertia.
@@ -138,7 +138,7 @@ pub struct DriveDeclaration {
 impl MechanismDeclaration {
     /// The bodies, in the order of the text.
     pub fn bodies(&self) -> impl Iterator<Item = &BodyDeclaration> {
-        self.items.iter().filter_map(|item| if let MechanismItem::Body(body) = item { Some(body) } else { None })
+        self.items.iter().filter_map(|item| if let MechanismItem::Body(body) = item { Some(&**body) } else { None })
     }
 
     /// The drives, in the order of the text.

@@ -155,10 +155,12 @@ impl<'a> Names<'a, '_, '_> {
         for expr in mechanism.geometry() {
             self.visit(expr, Place::Geometry, User::Root);
         }
-        let moving = mechanism.bodies().filter_map(|body| body.joint.as_ref()?.motion.moving());
+        // A coordinate that no joint moves is reported as such.
+        let symbols = self.symbols.model.iter();
+        let coordinates = symbols.filter(|(_, symbol)| symbol.kind == SymbolKind::Quantity(Role::Coordinate));
         let driving = mechanism.drives().flat_map(|drive| drive.input.as_ref().into_iter().chain([&drive.name]));
         let used = self.uses.entry(User::Root).or_default();
-        used.extend(moving.map(|(coordinate, _)| coordinate.name.as_str()));
+        used.extend(coordinates.map(|(name, _)| *name));
         used.extend(driving.map(|name| name.name.as_str()));
         for moves in mechanism.drives().filter_map(|drive| drive.moves.as_ref()) {
             self.visit(moves, Place::Dynamics, User::Root);

@@ -78,7 +78,7 @@ impl<'a> Checker<'a, '_> {
             (None, None) => self.error(
                 model.name.span,
                 format!("`{}` has no equation of motion", model.name.name),
-                "write equations, `m*ddot(x) + k*x = u;`, energies, `kinetic = 1/2*m*dot(x)^2;`, or a `mechanism { ... }`",
+                "write equations, `m*ddot(x) + k*x = u;`, or energies, `kinetic = 1/2*m*dot(x)^2;`",
             ),
             (Some(equation), Some((_, keyword))) => self.diagnostics.push(
                 Diagnostic::error(equation, "a model has either equations or energies")

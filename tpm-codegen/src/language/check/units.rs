@@ -271,6 +271,9 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
                 }
                 MechanismItem::Drive(drive) => {
                     let Some(input) = &drive.input else { continue };
+                    if self.symbol(&input.name).is_none_or(|symbol| symbol.kind != SymbolKind::Quantity(Role::Input)) {
+                        continue;
+                    }
                     let found = self.quantity(input);
                     let turns = turns(mechanism, drive);
                     let what = if turns { "the torque of this drive" } else { "the force of this drive" };

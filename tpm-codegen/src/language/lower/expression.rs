@@ -299,14 +299,17 @@ pub(super) fn multiple_of_pi(expr: &Expr, values: &HashMap<&str, Rational>) -> L
         ExprKind::Name(name) if name == "pi" => Ok(Some(Rational::one())),
         ExprKind::Negative(inner) => Ok(multiple_of_pi(inner, values)?.map(|multiple| -multiple)),
         ExprKind::Product(factors) => {
-            let is_pi = |(operation, factor): &(Operation, Expr)| {
-                *operation == Operation::Times && matches!(&factor.kind, ExprKind::Name(name) if name == "pi")
-            };
-            let Some(at) = factors.iter().position(is_pi) else { return Ok(None) };
-            let mut others = factors.clone();
-            others.remove(at);
-            let others = Expr { kind: ExprKind::Product(others), span: expr.span };
-            exact(&others, values).map(Some)
+            for (at, (operation, factor)) in factors.iter().enumerate() {
+                if *operation != Operation::Times {
+                    continue;
+                }
+                let Some(multiple) = multiple_of_pi(factor, values)? else { continue };
+                let mut others = factors.clone();
+                others.remove(at);
+                let others = Expr { kind: ExprKind::Product(others), span: expr.span };
+                return Ok(Some(multiple * exact(&others, values)?));
+            }
+            Ok(None)
         }
         _ => Ok(None),
     }

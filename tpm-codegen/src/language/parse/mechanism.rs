@@ -92,7 +92,7 @@ impl Parser<'_, '_> {
             return Ok(MechanismItem::Gravity(gravity));
         }
         if self.is_word(0, "body") {
-            return self.body().map(MechanismItem::Body);
+            return self.body().map(|body| MechanismItem::Body(Box::new(body)));
         }
         if self.is_word(0, "drive") {
             return self.drive().map(MechanismItem::Drive);
@@ -203,7 +203,7 @@ impl Parser<'_, '_> {
             None
         };
         self.end_of_statement()?;
-        Ok(InertiaDeclaration::Known(KnownInertia { keyword, mass, placement, moments }))
+        Ok(InertiaDeclaration::Known(Box::new(KnownInertia { keyword, mass, placement, moments })))
     }
 
     fn drive(&mut self) -> Parse<DriveDeclaration> {
