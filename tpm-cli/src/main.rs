@@ -50,6 +50,8 @@ enum Command {
     Identifiability(verbs::identifiability::Args),
     /// Identify parameters: on a simulated plant, or from a log.
     Identify(Box<verbs::identify::Args>),
+    /// Turn a robot description (URDF) into a model, with a prior and an experiment beside it.
+    Import(verbs::import::Args),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
     Linearize(Box<verbs::linearize::Args>),
     /// Design a regulator about an equilibrium: gains, poles, margins, and its code in C or Rust.
@@ -83,6 +85,7 @@ fn main() -> ExitCode {
         Command::Generate(args) => verbs::generate::run(args),
         Command::Identifiability(args) => verbs::identifiability::run(args),
         Command::Identify(args) => verbs::identify::run(args),
+        Command::Import(args) => verbs::import::run(args),
         Command::Linearize(args) => verbs::linearize::run(args),
         Command::Regulate(args) => verbs::regulate::run(args),
         Command::Split(args) => verbs::split::run(args),

@@ -13,6 +13,7 @@ pub(crate) mod frf;
 pub(crate) mod generate;
 pub(crate) mod identifiability;
 pub(crate) mod identify;
+pub(crate) mod import;
 pub(crate) mod linearize;
 pub(crate) mod path;
 pub(crate) mod regulate;

@@ -55,6 +55,7 @@
 //! | `left = right;` | an equation of motion; both sides are expressions |
 //! | `kinetic = ...; potential = ...; dissipation = ...;` | energies, and Rayleigh's dissipation function, instead of equations |
 //! | `force q = ...;` | the generalised force on a coordinate; without one it is free, and its row is equal to 0 |
+//! | `mechanism { ... }` | rigid bodies, joints and drives instead of equations, see [below](#mechanisms) |
 //! | `series f(q) [unit] about q0 order n as a0, ..., an;` | an unknown function by its Taylor coefficients, which are parameters |
 //! | `series f(q) = ... about q0 order n;` | a known function, replaced by its Taylor polynomial; `as` names the coefficients |
 //! | `taylor q about q0 order n;` | for tables: terms that do not expand finitely in q become Taylor polynomials |
@@ -85,8 +86,56 @@
 //! every angle, and it is named where another one is refused. Harmonics that cannot meet the conditions are refused too, with the
 //! condition and the least harmonics that can. What the conditions leave free goes to the least mean square of the acceleration.
 //!
-//! Expressions have `+ - * / ^`, the functions `sin cos tan asin acos atan2 sqrt tanh exp log abs sign` (`log` is the natural logarithm),
-//! time derivatives `dot(e)`, `ddot(e)`, `der(e, n)`, and partial ones `diff(e, q)` by a coordinate. `^` takes a non-negative integer, does not associate, and binds
+//! # Mechanisms
+//!
+//! A mechanism is a tree of rigid bodies. Its equations of motion follow by recursive Newton-Euler, exact and not multiplied out
+//! ([`tpm_symbolic::mechanics::tree`]), and are linear in the inertia parameters of the bodies about their own frames:
+//!
+//! ```text
+//! mechanism {
+//!     gravity (0, 0, -9.81);                                  // in the frame of the base, m/s^2
+//!     body upper {                                            // on the base
+//!         revolute q1 about z at (0, 0, 0.3);
+//!         inertia parameters;
+//!     }
+//!     body fore on upper {
+//!         revolute q2 about -y at (0.4, 0, 0) turned (0, pi/2, 0);
+//!         inertia parameters;
+//!     }
+//!     body tool on fore {
+//!         fixed at (0.3, 0, 0);
+//!         inertia mass 0.5 at (0, 0, 0.02) moments (0.0004, 0, 0, 0.0004, 0, 0.0002);
+//!     }
+//!     drive q1 by tau1 with viscous, coulomb, offset, rotor;
+//!     drive wrist = q1 + q2 by tau2;                          // a motor that is coupled to two joints
+//! }
+//! ```
+//!
+//! | statement | meaning |
+//! |---|---|
+//! | `gravity (x, y, z);` | the acceleration of gravity in the frame of the base |
+//! | `body NAME on PARENT { ... }` | a body; without `on` it stands on the base; bodies may come in any order |
+//! | `revolute q about AXIS at (x, y, z) turned (roll, pitch, yaw);` | the body turns by the coordinate q, rad |
+//! | `prismatic q along AXIS at ... turned ...;` | the body slides by the coordinate q, m |
+//! | `fixed at ... turned ...;` | the body moves with its parent |
+//! | `inertia parameters;` | the parameters `m_NAME`, `mx_NAME`, `my_NAME`, `mz_NAME`, `Ixx_NAME`, `Ixy_NAME`, `Ixz_NAME`, `Iyy_NAME`, `Iyz_NAME`, `Izz_NAME` |
+//! | `inertia mass m at (x, y, z) turned (...) moments (Ixx, Ixy, Ixz, Iyy, Iyz, Izz);` | a known inertia: its centre of mass, and the moments about that |
+//! | `drive q by INPUT with LOSSES;` | what drives and brakes a joint: an input, and parameters `fv_q` (`viscous`), `fc_q` (`coulomb`), `f0_q` (`offset`), `Ia_q` (`rotor`) |
+//! | `drive NAME = q5 + q6 by INPUT with LOSSES;` | a motor that moves by a constant combination of joints: its torque is on each of them with its factor; the parameters end in NAME |
+//!
+//! `at` places the joint's frame in the frame of the parent, `turned` turns it about the fixed axes x, then y, then z, and the frame
+//! of the body moves from there. Origins, masses and moments are numbers in SI units or expressions of constants. An angle is a
+//! multiple of pi/2, or `2*atan2(p, q)` with rational p and q, so that its cosine and sine are rational. An axis is `x`, `-y`, `z`
+//! or a vector, whose length does not matter but must be rational. First moments are mass times centre (`mx = m*x`), `Ixy` is the
+//! entry of the tensor (minus the integral of x y). A parameter that moves nothing, such as `Ixx` of a body that only turns about
+//! its z axis, is left out of the model. `force q = ...;` adds forces to those of the drives, such as springs. A coordinate without
+//! drive and force is free.
+//!
+//! # Expressions
+//!
+//! Expressions have `+ - * / ^`, the functions `sin cos tan asin acos atan2 sqrt tanh exp log abs sign` (`log` is the natural
+//! logarithm), time derivatives `dot(e)`, `ddot(e)`,
+//! `der(e, n)`, and partial ones `diff(e, q)` by a coordinate. `^` takes a non-negative integer, does not associate, and binds
 //! tighter than unary minus, that tighter than `* /` (left to right), those tighter than `+ -`. Numbers are exact: `1/9` and `0.1`
 //! are rational.
 //!
@@ -100,8 +149,11 @@ pub mod emit;
 #[cfg(feature = "generate")]
 pub mod generate;
 pub mod identified;
+#[cfg(feature = "import")]
+pub mod import;
 pub mod inline;
 pub mod language;
+mod near;
 pub mod source;
 
 pub use diagnostic::{Diagnostic, Diagnostics};

@@ -39,6 +39,7 @@ mod numerics_room;
 mod packages;
 mod pendulum;
 mod physical;
+mod robots;
 mod session;
 mod split;
 mod strokes;

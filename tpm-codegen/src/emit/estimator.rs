@@ -19,6 +19,7 @@ use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 use super::filter::FilterError;
 use super::number::{Rounded, resembles_constant};
+use super::text::Formulas;
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
 
@@ -35,6 +36,8 @@ pub struct EstimatorSource {
     pub plan: EstimatorPlan,
     /// What the tables, and only they, replace by Taylor polynomials, in whole sentences.
     pub replaced: Vec<String>,
+    /// The entries of the equations as text.
+    pub(super) formulas: Formulas,
 }
 
 /// Why no source code can be made of a model.
@@ -107,7 +110,8 @@ impl EstimatorSource {
             }
         };
         let plan = EstimatorPlan::with_tables(&model, &form, tables);
-        Self { model, form, plan, replaced }
+        let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs);
+        Self { model, form, plan, replaced, formulas }
             .in_range()
             .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
     }
@@ -118,7 +122,8 @@ impl EstimatorSource {
     /// When a number is beyond double precision.
     pub fn from_form(model: ExactModel, form: RegressorForm) -> Result<Self, EmitError> {
         let plan = EstimatorPlan::new(&model, &form);
-        Self { model, form, plan, replaced: Vec::new() }.in_range()
+        let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs);
+        Self { model, form, plan, replaced: Vec::new(), formulas }.in_range()
     }
 
     fn in_range(self) -> Result<Self, EmitError> {

@@ -1,13 +1,15 @@
 //! Documentation texts of emitted code.
 
+use std::collections::BTreeMap;
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::algebra::polynomial::Polynomial;
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Symbol};
+use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::unit::Unit;
 use tpm_symbolic::plan::operation::OperationCounts;
 use tpm_symbolic::plan::pattern::PatternPlan;
 use tpm_symbolic::plan::straight_line::Plan;
-use tpm_symbolic::regressor::form::canonical;
+use tpm_symbolic::regressor::form::{RegressorForm, canonical};
 
 use super::estimator::{EstimatorSource, gaps};
 use super::names::{derivative_text, harmonic_function};
@@ -86,24 +88,58 @@ fn rate(unit: Option<&Unit>, order: u32) -> Option<Unit> {
     unit.map(|unit| unit.mul(&per_second))
 }
 
-fn display(estimator: &EstimatorSource, polynomial: &Polynomial<ExprId>) -> String {
-    let mut graph = estimator.model.graph.clone();
-    let expr = graph.from_polynomial(polynomial);
-    graph.display(expr, &estimator.model)
+/// The most leaves and operations of a formula above an entry that was not multiplied out.
+const LONGEST_FORMULA: f64 = 40.0;
+
+/// The entries of the equations as the model language writes them; of a long one that was not multiplied out, what it depends on.
+#[derive(Clone, Debug)]
+pub(super) struct Formulas {
+    /// The regressor, row by row.
+    entries: Vec<Vec<String>>,
+    /// The terms without an unknown parameter, one sum per row.
+    known: Vec<String>,
+    /// The factors of the inputs, row by row.
+    inputs: Vec<Vec<String>>,
+}
+
+impl Formulas {
+    pub(super) fn new(model: &ExactModel, form: &RegressorForm, inputs: &[Symbol]) -> Self {
+        let longest = if form.is_expanded(&model.graph) { f64::INFINITY } else { LONGEST_FORMULA };
+        let mut graph = model.graph.clone();
+        let mut display = |polynomial: &Polynomial<ExprId>| {
+            let expr = graph.from_polynomial(polynomial);
+            let text = graph.display_short(expr, longest, model);
+            // The order of factors in a text is that in which the graph has met them, which no other text may change.
+            graph.truncate(model.graph.len());
+            text
+        };
+        let mut formulas = Self { entries: Vec::new(), known: Vec::new(), inputs: Vec::new() };
+        for row in &form.rows {
+            let mut sums: BTreeMap<Option<usize>, Polynomial<ExprId>> = BTreeMap::new();
+            for term in &row.terms {
+                sums.entry(term.column).or_default().add_term(term.atoms.clone(), term.coefficient.clone());
+            }
+            let mut entry = |column: Option<usize>| display(&sums.remove(&column).unwrap_or_default());
+            formulas.entries.push((0..form.columns.len()).map(|column| entry(Some(column))).collect());
+            formulas.known.push(entry(None));
+            let factor =
+                |input: &Symbol| row.inputs.iter().find(|(symbol, _)| symbol == input).map(|(_, factor)| factor);
+            let factors = inputs.iter().map(|input| factor(input).map_or_else(|| "0".to_owned(), &mut display));
+            formulas.inputs.push(factors.collect());
+        }
+        formulas
+    }
 }
 
 /// The entry of the regressor in a row and column, or the known terms.
-pub(super) fn entry(estimator: &EstimatorSource, row: usize, column: Option<usize>) -> String {
-    let terms = estimator.form.rows[row].terms.iter().filter(|term| term.column == column);
-    let polynomial: Polynomial<ExprId> = terms.map(|term| (term.atoms.clone(), term.coefficient.clone())).collect();
-    display(estimator, &polynomial)
+pub(super) fn entry(estimator: &EstimatorSource, row: usize, column: Option<usize>) -> &str {
+    let formulas = &estimator.formulas;
+    column.map_or(&formulas.known[row], |column| &formulas.entries[row][column])
 }
 
 /// The factor of an input in a row.
-pub(super) fn input_factor(estimator: &EstimatorSource, row: usize, input: usize) -> String {
-    let symbol = estimator.plan.evaluation.inputs[input];
-    let found = estimator.form.rows[row].inputs.iter().find(|(present, _)| *present == symbol);
-    found.map_or_else(|| "0".to_owned(), |(_, factor)| display(estimator, factor))
+pub(super) fn input_factor(estimator: &EstimatorSource, row: usize, input: usize) -> &str {
+    &estimator.formulas.inputs[row][input]
 }
 
 /// The equations, one after the other, as the model language writes them, over the parameters that are estimated.
@@ -115,7 +151,7 @@ pub(super) fn equations(estimator: &EstimatorSource) -> String {
             if !row.terms.iter().any(|term| term.column == Some(c)) {
                 continue;
             }
-            parts.push(match entry(estimator, r, Some(c)).as_str() {
+            parts.push(match entry(estimator, r, Some(c)) {
                 "1" => column.name.to_string(),
                 "-1" => format!("-{}", column.name),
                 sum if sum.contains(" + ") || sum.contains(" - ") => format!("{}*({sum})", column.name),
@@ -126,11 +162,12 @@ pub(super) fn equations(estimator: &EstimatorSource) -> String {
             });
         }
         if row.terms.iter().any(|term| term.column.is_none()) {
-            parts.push(entry(estimator, r, None));
+            parts.push(entry(estimator, r, None).to_owned());
         }
-        let inputs = row.inputs.iter().map(|(symbol, factor)| {
+        let inputs = row.inputs.iter().map(|(symbol, _)| {
             let name = &estimator.model.quantity(*symbol).name;
-            match display(estimator, factor).as_str() {
+            let input = estimator.plan.evaluation.inputs.iter().position(|input| input == symbol);
+            match input_factor(estimator, r, input.expect("invariant: the plans know every input")) {
                 "1" => name.to_string(),
                 "-1" => format!("-{name}"),
                 factor => format!("({factor})*{name}"),
@@ -292,6 +329,11 @@ pub(super) fn remarks(estimator: &EstimatorSource, pattern: &PatternPlan) -> Vec
 pub(super) fn fingerprint(estimator: &EstimatorSource) -> u64 {
     let model = &estimator.model;
     let mut text = format!("{}\n{}", model.name, equations(estimator));
+    if !estimator.form.is_expanded(&model.graph) {
+        // The formulas leave out what is long.
+        let plans = [&estimator.plan.evaluation.regressor, &estimator.plan.evaluation.known];
+        text.push_str(&format!("{:?}\n", plans.map(|plan| (&plan.inputs, &plan.ops, &plan.outputs))));
+    }
     for coordinate in &model.coordinates {
         text.push_str(&format!("{} {:?}\n", coordinate.name, coordinate.unit.as_ref().map(ToString::to_string)));
     }

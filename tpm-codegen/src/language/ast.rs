@@ -4,18 +4,14 @@
 //! million terms is one node. The first member of a sum is added and the first of a product multiplied (a leading minus is
 //! [`ExprKind::Negative`]). Printing a model ([`std::fmt::Display`]) and parsing it again gives the same model but for its spans.
 
-use tpm_symbolic::number::rational::Rational;
+mod expr;
+pub mod mechanism;
 
+use crate::language::ast::mechanism::MechanismDeclaration;
 use crate::source::Span;
 
-/// A name and its place.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Ident {
-    /// The name.
-    pub name: String,
-    /// Its place.
-    pub span: Span,
-}
+use expr::forget;
+pub use expr::{Expr, ExprKind, Ident, Operation, Sign};
 
 /// `model NAME { ... }`
 #[derive(Clone, PartialEq, Eq, Debug)]
@@ -44,6 +40,8 @@ pub enum Item {
     Energy(Energy),
     /// `force q = expr;`
     Force(Force),
+    /// `mechanism { ... }`
+    Mechanism(MechanismDeclaration),
     /// `eliminate x1, x2 as c;`
     Eliminate(Eliminate),
     /// `taylor q about q0 order n;`
@@ -71,6 +69,15 @@ pub enum Role {
 }
 
 impl Role {
+    /// The indefinite article that the keyword takes in messages.
+    #[must_use]
+    pub fn article(self) -> &'static str {
+        match self {
+            Self::Input | Self::Amplitude => "an",
+            _ => "a",
+        }
+    }
+
     /// The keyword.
     #[must_use]
     pub fn keyword(self) -> &'static str {
@@ -173,6 +180,9 @@ pub enum EnergyKind {
 }
 
 impl EnergyKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Kinetic, Self::Potential, Self::Dissipation];
+
     /// The keyword.
     #[must_use]
     pub fn keyword(self) -> &'static str {
@@ -195,7 +205,8 @@ pub struct Energy {
     pub value: Expr,
 }
 
-/// `force q = expr;`: the generalised force on a coordinate, the right-hand side of its Euler-Lagrange equation.
+/// `force q = expr;`: a generalised force on a coordinate, the right-hand side of its Euler-Lagrange equation; with a mechanism, a
+/// force beside those of the drives.
 #[derive(Clone, PartialEq, Eq, Debug)]
 pub struct Force {
     /// The coordinate.
@@ -256,91 +267,6 @@ pub struct Motion {
     pub value: Expr,
 }
 
-/// An expression and its place.
-#[derive(Clone, PartialEq, Eq, Debug)]
-pub struct Expr {
-    /// What it is.
-    pub kind: ExprKind,
-    /// Its place.
-    pub span: Span,
-}
-
-/// The forms of an expression.
-#[derive(Clone, PartialEq, Eq, Debug)]
-#[non_exhaustive]
-pub enum ExprKind {
-    /// A non-negative decimal number, exact.
-    Number(Rational),
-    /// A quantity, a `let`, `pi` or `t`.
-    Name(String),
-    /// A function of arguments.
-    Call(Ident, Vec<Expr>),
-    /// `-e`
-    Negative(Box<Expr>),
-    /// Two or more terms.
-    Sum(Vec<(Sign, Expr)>),
-    /// Two or more factors.
-    Product(Vec<(Operation, Expr)>),
-    /// `e^n`
-    Power(Box<Expr>, u32),
-}
-
-/// How a term enters a sum.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Sign {
-    /// Added.
-    Plus,
-    /// Subtracted.
-    Minus,
-}
-
-/// How a factor enters a product.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub enum Operation {
-    /// Multiplied.
-    Times,
-    /// Divided by.
-    Over,
-}
-
-impl Expr {
-    /// The terms that are added at the top of this expression, with their signs; one when it is no sum.
-    #[must_use]
-    pub fn terms(&self) -> Vec<(Sign, &Expr)> {
-        match &self.kind {
-            ExprKind::Sum(terms) => terms.iter().map(|(sign, term)| (*sign, term)).collect(),
-            _ => vec![(Sign::Plus, self)],
-        }
-    }
-
-    /// Whether this is the number zero as it is written.
-    #[must_use]
-    pub fn is_zero(&self) -> bool {
-        matches!(&self.kind, ExprKind::Number(value) if num_traits::Zero::is_zero(value))
-    }
-
-    /// The value of an integer literal; `None` for any other expression, and beyond 32 bits.
-    #[must_use]
-    pub fn integer(&self) -> Option<u32> {
-        match &self.kind {
-            ExprKind::Number(value) if value.is_integer() => value.to_integer().try_into().ok(),
-            _ => None,
-        }
-    }
-
-    /// Calls `visit` on this expression and on everything in it, from the outside in.
-    pub fn walk<'a>(&'a self, visit: &mut impl FnMut(&'a Expr)) {
-        visit(self);
-        match &self.kind {
-            ExprKind::Number(_) | ExprKind::Name(_) => {}
-            ExprKind::Call(_, arguments) => arguments.iter().for_each(|argument| argument.walk(visit)),
-            ExprKind::Negative(inner) | ExprKind::Power(inner, _) => inner.walk(visit),
-            ExprKind::Sum(terms) => terms.iter().for_each(|(_, term)| term.walk(visit)),
-            ExprKind::Product(factors) => factors.iter().for_each(|(_, factor)| factor.walk(visit)),
-        }
-    }
-}
-
 impl ModelDeclaration {
     /// Replaces every span by the empty one, so that models can be compared by what they say.
     pub fn forget_spans(&mut self) {
@@ -349,10 +275,6 @@ impl ModelDeclaration {
             item.forget_spans();
         }
     }
-}
-
-fn forget(ident: &mut Ident) {
-    ident.span = Span::default();
 }
 
 impl Item {
@@ -384,6 +306,7 @@ impl Item {
                 forget(coordinate);
                 value.forget_spans();
             }
+            Self::Mechanism(mechanism) => mechanism.forget_spans(),
             Self::Eliminate(eliminate) => {
                 eliminate.coordinates.iter_mut().for_each(forget);
                 forget(&mut eliminate.stem);
@@ -425,21 +348,5 @@ impl UnitExpr {
     fn forget_spans(&mut self) {
         self.factors.iter_mut().for_each(|(name, _)| forget(name));
         self.span = Span::default();
-    }
-}
-
-impl Expr {
-    fn forget_spans(&mut self) {
-        self.span = Span::default();
-        match &mut self.kind {
-            ExprKind::Number(_) | ExprKind::Name(_) => {}
-            ExprKind::Call(function, arguments) => {
-                forget(function);
-                arguments.iter_mut().for_each(Self::forget_spans);
-            }
-            ExprKind::Negative(inner) | ExprKind::Power(inner, _) => inner.forget_spans(),
-            ExprKind::Sum(terms) => terms.iter_mut().for_each(|(_, term)| term.forget_spans()),
-            ExprKind::Product(factors) => factors.iter_mut().for_each(|(_, factor)| factor.forget_spans()),
-        }
     }
 }

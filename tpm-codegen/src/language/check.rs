@@ -3,7 +3,9 @@
 //! Invariant: a check never stops at a fault, and a fault is reported by one check only. What could not be parsed is not there:
 //! with statements missing, nothing is said about what the model lacks.
 
+mod mechanism;
 mod names;
+mod parameters;
 mod structure;
 mod symbols;
 mod units;
@@ -32,6 +34,7 @@ pub(crate) fn check<'a>(
 ) -> Checked<'a> {
     let symbols = symbols::collect(model, diagnostics);
     structure::check(model, &symbols, syntax, diagnostics);
+    mechanism::check(model, &symbols, syntax, diagnostics);
     names::check(model, &symbols, syntax, diagnostics);
     let series_units = units::check(model, &symbols, source, diagnostics);
     Checked { symbols, series_units }

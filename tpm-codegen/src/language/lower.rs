@@ -1,12 +1,13 @@
 //! Lowers a checked model to the exact model.
 //!
 //! Invariant: every source term of the exact model has a [`TermId`] by which [`Terms`] finds the place that it came from, and
-//! every statement of the text is in the result: an equation as its terms, a `let` where it is used, a series as its Taylor
+//! every statement of the text is in the result: an equation as its terms, a mechanism as the terms of its equations, a `let` where it is used, a series as its Taylor
 //! polynomial, an energy as the terms of the Euler-Lagrange equations, a pattern as Fourier polynomials, an expansion order in
 //! [`Lowered::taylor`]. Nothing is rounded.
 
 mod dynamics;
 mod expression;
+mod mechanism;
 mod motion;
 
 pub use expression::HIGHEST_ORDER;
@@ -14,7 +15,9 @@ pub use expression::HIGHEST_ORDER;
 use std::collections::HashMap;
 
 use tpm_symbolic::expr::graph::{Coordinate, ExprId, Names as _, Symbol};
+use tpm_symbolic::expr::size::Sizes;
 use tpm_symbolic::mechanics::model::{Elimination, ExactModel, Kind, Lump, TermId};
+use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
 use tpm_symbolic::mechanics::unit::Unit as FormalUnit;
 use tpm_symbolic::number::rational::Rational;
 
@@ -66,6 +69,8 @@ pub(crate) struct Lowered {
     pub(crate) taylor: Vec<Taylor>,
     /// How many harmonics each pattern keeps of terms with infinitely many.
     pub(crate) harmonics: Vec<Option<u32>>,
+    /// The mechanism that the equations of motion come from.
+    pub(crate) mechanism: Option<Mechanism>,
 }
 
 /// Lowers a model that passed its checks; faults that only show here go to `diagnostics`.
@@ -76,17 +81,19 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
         model: ExactModel { name: model.name.name.clone(), ..ExactModel::default() },
         terms: Terms::default(),
         names: HashMap::new(),
-        sizes: expression::Sizes::default(),
         values: HashMap::new(),
         taylor: Vec::new(),
         harmonics: Vec::new(),
+        mechanism: None,
     };
     lowering.declarations(model);
+    lowering.mechanism(model);
     lowering.statements(model);
     lowering.dynamics(model);
+    lowering.refuse_too_long();
     lowering.patterns(model);
-    let Lowering { model, terms, taylor, harmonics, .. } = lowering;
-    Lowered { model, terms, taylor, harmonics }
+    let Lowering { model, terms, taylor, harmonics, mechanism, .. } = lowering;
+    Lowered { model, terms, taylor, harmonics, mechanism }
 }
 
 /// Lowers an expression of a model's parameters and constants; faults go to `diagnostics`.
@@ -114,7 +121,7 @@ pub(crate) fn lower_value(expr: &ast::Expr, model: &mut ExactModel, diagnostics:
     if unknown {
         return None;
     }
-    let lowered = Environment { model, names: &names, sizes: &mut expression::Sizes::default() }.lower(expr);
+    let lowered = Environment { model, names: &names }.lower(expr);
     lowered.map_err(|error| diagnostics.push(error)).ok()
 }
 
@@ -125,12 +132,11 @@ struct Lowering<'a, 'c, 'd> {
     terms: Terms,
     /// What every name of the model stands for.
     names: HashMap<&'a str, ExprId>,
-    /// How large the expressions so far are when they are multiplied out.
-    sizes: expression::Sizes,
     /// The constants that are known exactly.
     values: HashMap<&'a str, Rational>,
     taylor: Vec<Taylor>,
     harmonics: Vec<Option<u32>>,
+    mechanism: Option<Mechanism>,
 }
 
 impl<'a> Lowering<'a, '_, '_> {
@@ -140,7 +146,7 @@ impl<'a> Lowering<'a, '_, '_> {
     }
 
     fn expression(&mut self, expr: &ast::Expr) -> Lower<ExprId> {
-        Environment { model: &mut self.model, names: &self.names, sizes: &mut self.sizes }.lower(expr)
+        Environment { model: &mut self.model, names: &self.names }.lower(expr)
     }
 
     fn declarations(&mut self, model: &'a ast::ModelDeclaration) {
@@ -242,7 +248,12 @@ impl<'a> Lowering<'a, '_, '_> {
                         self.taylor.push(Taylor { coordinate, point, order, span: taylor.coordinate.span });
                     }
                 }
-                Item::Declaration(_) | Item::Equation(_) | Item::Energy(_) | Item::Force(_) | Item::Pattern(_) => {}
+                Item::Declaration(_)
+                | Item::Equation(_)
+                | Item::Energy(_)
+                | Item::Force(_)
+                | Item::Mechanism(_)
+                | Item::Pattern(_) => {}
             }
         }
     }
@@ -288,6 +299,22 @@ impl<'a> Lowering<'a, '_, '_> {
         let sum = graph.sum(&terms);
         self.names.insert(&series.function.name, sum);
         Ok(())
+    }
+
+    /// Refuses equations that are too long for what the model asks for, which multiplies them out.
+    fn refuse_too_long(&mut self) {
+        let (what, instead) = match (self.model.eliminations.is_empty(), self.taylor.is_empty()) {
+            (true, true) => return,
+            (false, _) => ("eliminating coordinates", "keep the coordinates"),
+            (true, false) => ("Taylor polynomials", "declare no order"),
+        };
+        let mut sizes = Sizes::default();
+        for term in self.model.equations.iter().flat_map(|equation| &equation.terms) {
+            if sizes.of(&self.model.graph, term.expr) > expression::MOST_TERMS {
+                let fault = too_long(self.terms.span(term.id), what);
+                self.diagnostics.push(fault.help(format!("{instead}, or write the equations shorter")));
+            }
+        }
     }
 
     fn coordinate(&self, name: &str) -> Option<Coordinate> {
@@ -370,6 +397,12 @@ fn written(unit: &Unit) -> Option<FormalUnit> {
         i32::try_from(exponent).ok().map(|exponent| product.mul(&FormalUnit::named(name).pow(exponent)))
     });
     product.map(FormalUnit::with_torque)
+}
+
+/// A term is too long to be multiplied out, as something that the model asks for does.
+fn too_long(span: Span, what: &str) -> Diagnostic {
+    let most = expression::MOST_TERMS;
+    Diagnostic::error(span, format!("{what} would multiply this out to more than {most} terms, which is too large"))
 }
 
 fn bounded(order: ast::Count) -> Lower<u32> {

@@ -24,6 +24,7 @@ use tpm_symbolic::linear::taylor::{self, Expansion, SeriesError, Truncation};
 use tpm_symbolic::mechanics::lagrange::LagrangeError;
 use tpm_symbolic::mechanics::model::{ExactModel, TermId};
 use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
 use tpm_symbolic::plan::split::SplitError;
 use tpm_symbolic::regressor::form::RegressorError;
 use tpm_symbolic::regressor::prepare::PrepareError;
@@ -53,6 +54,9 @@ pub struct Parsed {
     pub model: ExactModel,
     /// The model as it was written.
     pub ast: ast::ModelDeclaration,
+    /// The mechanism that the equations of motion come from, its expressions in the model's graph; none for a model of equations or
+    /// energies.
+    pub mechanism: Option<Mechanism>,
     /// Declared Taylor orders, for tables.
     pub taylor: Vec<Taylor>,
     /// Warnings, in spite of which the model can be used.
@@ -217,8 +221,8 @@ pub fn parse_model(source: &Source) -> Result<Parsed, Diagnostics> {
     if diagnostics.has_errors() {
         return Err(sorted(diagnostics));
     }
-    let lower::Lowered { model, terms, taylor, harmonics } = lowered;
-    Ok(Parsed { model, ast, taylor, harmonics, warnings: sorted(diagnostics), terms })
+    let lower::Lowered { model, terms, taylor, harmonics, mechanism } = lowered;
+    Ok(Parsed { model, ast, mechanism, taylor, harmonics, warnings: sorted(diagnostics), terms })
 }
 
 /// Reads an expression of a model's parameters and constants, such as a value on a command line, into the model's graph.

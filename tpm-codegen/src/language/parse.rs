@@ -5,6 +5,7 @@
 //! number of tokens. Names that a dropped statement mentions are remembered, so that later checks do not report them unknown.
 
 mod expr;
+mod mechanism;
 
 use std::collections::HashSet;
 
@@ -246,8 +247,10 @@ impl<'a, 'd> Parser<'a, 'd> {
 
     fn begins_statement(&self, statements: &[&str]) -> bool {
         let next = self.nth(1).kind;
-        statements.contains(&self.text(self.peek()))
-            && (next == TokenKind::Ident || next == TokenKind::Number || next == TokenKind::OpenBrace)
+        let word = self.text(self.peek());
+        (statements.contains(&word)
+            && (next == TokenKind::Ident || next == TokenKind::Number || next == TokenKind::OpenBrace))
+            || (word == "mechanism" && next == TokenKind::OpenBrace)
     }
 
     fn mention(&mut self, index: usize) {
@@ -338,6 +341,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             ("potential", TokenKind::Equals) if !self.declared.contains(word) => self.energy(EnergyKind::Potential),
             ("dissipation", TokenKind::Equals) if !self.declared.contains(word) => self.energy(EnergyKind::Dissipation),
             ("pattern", TokenKind::OpenBrace | TokenKind::Ident) => self.pattern(),
+            ("mechanism", TokenKind::OpenBrace) => self.mechanism(),
             // Two names in a row are no expression, so a word before a name is a keyword whatever the names are.
             (_, TokenKind::Ident) if STATEMENTS.contains(&word) || !self.declared.contains(word) => {
                 self.statement(word, first.span)
@@ -405,7 +409,7 @@ impl<'a, 'd> Parser<'a, 'd> {
                             format!(
                                 "only a constant has a value, `{}` is {} {}",
                                 name.name,
-                                article(role),
+                                role.article(),
                                 role.keyword()
                             ),
                         )
@@ -726,12 +730,5 @@ impl<'a, 'd> Parser<'a, 'd> {
                 ))
             }
         }
-    }
-}
-
-fn article(role: Role) -> &'static str {
-    match role {
-        Role::Input | Role::Amplitude => "an",
-        _ => "a",
     }
 }

@@ -2,6 +2,8 @@
 //!
 //! Invariant: the text parses to the same model, and has no parentheses but those that the model's structure needs.
 
+mod mechanism;
+
 use std::fmt::{self, Display, Formatter, Write as _};
 
 use num_bigint::BigInt;
@@ -189,6 +191,7 @@ impl Display for Item {
             Self::Equation(Equation { left, right }) => write!(f, "{left} = {right};"),
             Self::Energy(Energy { kind, value, .. }) => write!(f, "{} = {value};", kind.keyword()),
             Self::Force(Force { coordinate, value }) => write!(f, "force {} = {value};", coordinate.name),
+            Self::Mechanism(mechanism) => mechanism.fmt(f),
             Self::Eliminate(Eliminate { coordinates, stem }) => {
                 f.write_str("eliminate ")?;
                 join(f, coordinates.iter().map(|name| &name.name), ", ")?;

@@ -7,4 +7,5 @@ mod derivation;
 mod generate;
 mod language;
 mod lowering;
+mod newton_euler;
 mod support;

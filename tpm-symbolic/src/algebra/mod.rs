@@ -3,6 +3,7 @@
 //! Nothing here knows what a symbol stands for: a variable of a polynomial is whatever its user puts in.
 
 pub mod characteristic;
+pub mod field;
 pub mod fourier;
 mod fourier_product;
 pub mod fraction;

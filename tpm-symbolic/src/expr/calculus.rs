@@ -12,13 +12,23 @@ impl Graph {
     /// coordinate), every other leaf held fixed. `sign` is taken as constant and `abs` as having slope `sign`:
     /// right everywhere but at the kink itself.
     pub fn differentiate(&mut self, expr: ExprId, variable: ExprId) -> ExprId {
-        let mut memo = HashMap::new();
+        self.differentiate_beside(expr, variable, &mut HashMap::new())
+    }
+
+    /// [`Self::differentiate`] beside other expressions: `known` holds the derivatives of parts by the same variable, and takes in
+    /// those that are found.
+    pub(crate) fn differentiate_beside(
+        &mut self,
+        expr: ExprId,
+        variable: ExprId,
+        known: &mut HashMap<ExprId, ExprId>,
+    ) -> ExprId {
         self.differentiate_with(
             expr,
             &mut |graph, leaf| {
                 if leaf == variable { graph.integer(1) } else { graph.integer(0) }
             },
-            &mut memo,
+            known,
         )
     }
 
@@ -149,7 +159,11 @@ impl Graph {
 
     /// Replaces leaves (or any other nodes) by expressions.
     pub fn substitute(&mut self, expr: ExprId, replacement: &HashMap<ExprId, ExprId>) -> ExprId {
-        let mut memo = replacement.clone();
+        self.substitute_beside(expr, &mut replacement.clone())
+    }
+
+    /// [`Self::substitute`] beside other expressions: `memo` begins as the replacements and takes in what becomes of every part.
+    pub(crate) fn substitute_beside(&mut self, expr: ExprId, memo: &mut HashMap<ExprId, ExprId>) -> ExprId {
         let mut stack = vec![expr];
         while let Some(&id) = stack.last() {
             if memo.contains_key(&id) {
@@ -162,15 +176,22 @@ impl Graph {
                 continue;
             }
             stack.pop();
+            if self.operands(id).all(|operand| memo[&operand] == operand) {
+                memo.insert(id, id);
+                continue;
+            }
             let rebuilt = match self.node(id).clone() {
                 Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => id,
+                // A sum of sums and a product of products stay what they are.
                 Node::Sum(terms) => {
+                    let whole = terms.iter().any(|&term| matches!(self.node(term), Node::Sum(_)));
                     let terms: Vec<ExprId> = terms.iter().map(|term| memo[term]).collect();
-                    self.sum(&terms)
+                    if whole { self.sum_of_wholes(&terms) } else { self.sum(&terms) }
                 }
                 Node::Product(factors) => {
+                    let whole = factors.iter().any(|&factor| matches!(self.node(factor), Node::Product(_)));
                     let factors: Vec<ExprId> = factors.iter().map(|factor| memo[factor]).collect();
-                    self.product(&factors)
+                    if whole { self.product_of_wholes(&factors) } else { self.product(&factors) }
                 }
                 Node::Power(base, exponent) => self.pow(memo[&base], exponent),
                 Node::Function(function, argument) => self.function(function, memo[&argument]),

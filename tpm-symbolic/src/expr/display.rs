@@ -4,12 +4,29 @@ use crate::expr::graph::{ExprId, Graph, Names, Node};
 use crate::number::rational;
 use num_traits::{One, Signed};
 
+/// The most names that stand for a long expression.
+const MOST_NAMES: usize = 8;
+
 impl Graph {
     /// The expression in the model language; `names` has the names of symbols and coordinates.
     pub fn display(&self, expr: ExprId, names: &impl Names) -> String {
         let mut text = String::new();
         self.write(expr, 0, names, &mut text);
         text
+    }
+
+    /// The expression in the model language where it has at most `longest` leaves and operations, counted as often as they would be
+    /// written; otherwise what it depends on, as `f(q, dot(q), ...)`.
+    pub fn display_short(&self, expr: ExprId, longest: f64, names: &impl Names) -> String {
+        if self.written_size(expr) <= longest {
+            return self.display(expr, names);
+        }
+        let leaves = self.leaves(expr);
+        let mut list: Vec<String> = leaves.iter().take(MOST_NAMES).map(|&leaf| self.display(leaf, names)).collect();
+        if leaves.len() > MOST_NAMES {
+            list.push("...".to_owned());
+        }
+        format!("f({})", list.join(", "))
     }
 
     // Binding strength: 0 sum, 1 product, 2 unary minus, 3 power.

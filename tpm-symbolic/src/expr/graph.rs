@@ -4,6 +4,9 @@
 //! is flat, has at least two operands, at most one number (first), no repeated operand of a sum (like terms are
 //! collected) and no repeated base of a product (powers are collected). Numbers are exact.
 //!
+//! Only [`Graph::sum_of_wholes`] and [`Graph::product_of_wholes`] build sums of sums and products of products, for recursions whose
+//! intermediate values are to be computed once: a flat sum would repeat the additions of every sum that goes into it.
+//!
 //! The graph is an arena of plain data, so that it is `Send + Sync` and can be serialised.
 
 use crate::number::rational::{self, Rational};
@@ -94,6 +97,13 @@ impl Graph {
         id
     }
 
+    /// Forgets the nodes that have come since the graph had so many. Their ids are given anew to other nodes.
+    pub fn truncate(&mut self, len: usize) {
+        for node in self.nodes.drain(len.min(self.nodes.len())..) {
+            self.index.remove(&node);
+        }
+    }
+
     /// An exact number.
     pub fn number(&mut self, value: Rational) -> ExprId {
         self.intern(Node::Number(value))
@@ -151,6 +161,9 @@ impl Graph {
 
     /// The sum of any number of terms.
     pub fn sum(&mut self, terms: &[ExprId]) -> ExprId {
+        if let [term] = terms {
+            return *term;
+        }
         let mut constant = Rational::zero();
         let mut collected: BTreeMap<ExprId, Rational> = BTreeMap::new();
         let mut pending: Vec<ExprId> = terms.iter().rev().copied().collect();
@@ -164,6 +177,11 @@ impl Graph {
                 (value, Some(rest)) => *collected.entry(rest).or_insert_with(Rational::zero) += value,
             }
         }
+        self.sum_of_collected(constant, collected)
+    }
+
+    /// The sum of a number and of terms with their coefficients.
+    fn sum_of_collected(&mut self, constant: Rational, collected: BTreeMap<ExprId, Rational>) -> ExprId {
         let mut operands = Vec::with_capacity(collected.len() + 1);
         if !constant.is_zero() {
             operands.push(self.number(constant));
@@ -210,6 +228,9 @@ impl Graph {
 
     /// The product of any number of factors.
     pub fn product(&mut self, factors: &[ExprId]) -> ExprId {
+        if let [factor] = factors {
+            return *factor;
+        }
         let mut coefficient = Rational::one();
         let mut collected: BTreeMap<ExprId, i32> = BTreeMap::new();
         let mut pending: Vec<ExprId> = factors.iter().rev().copied().collect();
@@ -221,6 +242,11 @@ impl Graph {
                 _ => *collected.entry(factor).or_insert(0) += 1,
             }
         }
+        self.product_of_collected(coefficient, collected)
+    }
+
+    /// The product of a number and of bases with their exponents.
+    fn product_of_collected(&mut self, coefficient: Rational, collected: BTreeMap<ExprId, i32>) -> ExprId {
         if coefficient.is_zero() {
             return self.number(coefficient);
         }
@@ -236,10 +262,7 @@ impl Graph {
         match (operands.len(), coefficient.is_one()) {
             (0, _) => self.number(coefficient),
             (1, true) => operands[0],
-            (1, false) => {
-                let number = self.number(coefficient);
-                self.intern(Node::Product(vec![number, operands[0]]))
-            }
+            (1, false) => self.with_coefficient(coefficient, operands[0]),
             (_, true) => self.intern(Node::Product(operands)),
             (_, false) => {
                 let number = self.number(coefficient);
@@ -247,6 +270,37 @@ impl Graph {
                 self.intern(Node::Product(operands))
             }
         }
+    }
+
+    /// The sum in which an operand that is a sum itself stays whole. Like terms are collected, as in [`Graph::sum`].
+    pub fn sum_of_wholes(&mut self, terms: &[ExprId]) -> ExprId {
+        let mut constant = Rational::zero();
+        let mut collected: BTreeMap<ExprId, Rational> = BTreeMap::new();
+        for &term in terms {
+            match self.split_coefficient(term) {
+                (value, None) => constant += value,
+                (value, Some(rest)) => *collected.entry(rest).or_insert_with(Rational::zero) += value,
+            }
+        }
+        self.sum_of_collected(constant, collected)
+    }
+
+    /// The product in which an operand that is a product itself stays whole, but for its coefficient. Numbers and powers are
+    /// collected, as in [`Graph::product`].
+    pub fn product_of_wholes(&mut self, factors: &[ExprId]) -> ExprId {
+        let mut coefficient = Rational::one();
+        let mut collected: BTreeMap<ExprId, i32> = BTreeMap::new();
+        for &factor in factors {
+            let (value, rest) = self.split_coefficient(factor);
+            coefficient *= &value;
+            let Some(rest) = rest else { continue };
+            let (base, exponent) = match self.node(rest) {
+                Node::Power(base, exponent) => (*base, *exponent),
+                _ => (rest, 1),
+            };
+            *collected.entry(base).or_insert(0) += exponent;
+        }
+        self.product_of_collected(coefficient, collected)
     }
 
     /// `a * b`.
@@ -326,14 +380,21 @@ impl Graph {
     /// All leaves (symbols, derivatives of coordinates, placeholders) that `expr` depends on, in increasing order.
     #[must_use]
     pub fn leaves(&self, expr: ExprId) -> Vec<ExprId> {
-        let mut seen = vec![false; expr.index() + 1];
-        let mut stack = vec![expr];
+        self.leaves_of([expr])
+    }
+
+    /// All leaves (symbols, derivatives of coordinates, placeholders) that any of several expressions depends on, in increasing order.
+    #[must_use]
+    pub fn leaves_of(&self, exprs: impl IntoIterator<Item = ExprId>) -> Vec<ExprId> {
+        let mut stack: Vec<ExprId> = exprs.into_iter().collect();
+        let count = stack.iter().map(|expr| expr.0 + 1).max().unwrap_or(0);
+        let mut seen = vec![false; count as usize];
         while let Some(id) = stack.pop() {
             if !std::mem::replace(&mut seen[id.index()], true) {
                 stack.extend(self.operands(id));
             }
         }
-        (0..=expr.0)
+        (0..count)
             .map(ExprId)
             .filter(|id| {
                 seen[id.index()]

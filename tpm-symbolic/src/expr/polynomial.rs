@@ -25,7 +25,12 @@ impl Graph {
         exprs.into_iter().map(|expr| self.polynomial_beside(expr, &mut memo)).collect()
     }
 
-    fn polynomial_beside(&self, expr: ExprId, memo: &mut FxHashMap<ExprId, Polynomial<ExprId>>) -> Polynomial<ExprId> {
+    /// [`Self::polynomial`] beside other expressions: `memo` holds the polynomials of parts, and takes in those that are found.
+    pub(crate) fn polynomial_beside(
+        &self,
+        expr: ExprId,
+        memo: &mut FxHashMap<ExprId, Polynomial<ExprId>>,
+    ) -> Polynomial<ExprId> {
         if let Some((monomial, coefficient)) = self.single_term(expr) {
             return Polynomial::term(monomial, coefficient);
         }

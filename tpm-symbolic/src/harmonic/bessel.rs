@@ -304,6 +304,7 @@ pub fn numeric_table(
     harmonics: usize,
     mut value: impl FnMut(Symbol) -> f64,
 ) -> Result<Vec<NumericColumn>, BesselError> {
+    let form = form.expanded(&model.graph);
     let mut columns: BTreeMap<(usize, Option<usize>), (Wave, f64)> = BTreeMap::new();
     for (equation, row) in form.rows.iter().enumerate() {
         for term in &row.terms {

@@ -22,10 +22,12 @@ mod expansion;
 mod multiply;
 mod product;
 mod size;
+mod structured;
 
 use crate::algebra::packed::{Key, Layout, LongKey};
 use crate::harmonic::expand::atoms::Atoms;
 use crate::harmonic::expand::expansion::Expansion;
+use crate::harmonic::expand::structured::multiplied_out;
 use crate::harmonic::nonsmooth;
 use crate::harmonic::table::HarmonicTable;
 use crate::mechanics::model::ExactModel;
@@ -55,6 +57,7 @@ pub fn expand_with(
     pattern: &Pattern,
     options: &mut ExpandOptions<'_>,
 ) -> Result<HarmonicTable, ExpandError> {
+    let form = &*multiplied_out(model, form, pattern, options)?;
     if let Some((finite, infinite)) = nonsmooth::split(model, form) {
         let (entries, tails) = nonsmooth::expand(model, &infinite, pattern, options)?;
         return Ok(expand_with(model, &finite, pattern, options)?.with_infinite(entries, tails));

@@ -156,7 +156,7 @@ pub fn euler_lagrange(model: &mut ExactModel, lagrangian: &Lagrangian) -> Result
         if terms.is_empty() {
             return Err(LagrangeError::NoEquation { coordinate: model.coordinates[i].name.clone() });
         }
-        equations.push(Equation { name: equation_name(model, &terms, i), terms });
+        equations.push(Equation { name: model.equation_name(&terms, i), terms });
     }
 
     let total = |model: &mut ExactModel, sources: &[SourceTerm]| {
@@ -310,22 +310,4 @@ fn christoffel(
         rows.push(row);
     }
     rows
-}
-
-/// The input's name when exactly one input stands in the equation, otherwise `eq1`, `eq2`, ... by position.
-fn equation_name(model: &ExactModel, terms: &[SourceTerm], index: usize) -> String {
-    let mut inputs: Vec<String> = terms
-        .iter()
-        .flat_map(|term| model.graph.leaves(term.expr))
-        .filter_map(|leaf| match model.graph.node(leaf) {
-            Node::Symbol(symbol) if model.quantity(*symbol).kind == Kind::Input => Some(model.display(leaf)),
-            _ => None,
-        })
-        .collect();
-    inputs.sort_unstable();
-    inputs.dedup();
-    match inputs.as_slice() {
-        [single] => single.clone(),
-        _ => format!("eq{}", index + 1),
-    }
 }

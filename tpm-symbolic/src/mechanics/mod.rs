@@ -6,4 +6,5 @@ pub mod lagrange;
 pub mod model;
 pub mod pattern;
 pub mod shape;
+pub mod tree;
 pub mod unit;

@@ -11,6 +11,9 @@ use crate::number::rational::Rational;
 use ecow::EcoString;
 use serde::{Deserialize, Serialize};
 
+/// The most leaves and operations of an expression that is written out in full in a message.
+const LONGEST_DISPLAYED: f64 = 2000.0;
+
 /// What a named quantity is.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -176,9 +179,10 @@ impl ExactModel {
     /// The highest time derivative of any coordinate in the equations.
     #[must_use]
     pub fn order(&self) -> u32 {
-        let leaves =
-            self.equations.iter().flat_map(|equation| &equation.terms).flat_map(|term| self.graph.leaves(term.expr));
+        let terms = self.equations.iter().flat_map(|equation| &equation.terms).map(|term| term.expr);
+        let leaves = self.graph.leaves_of(terms);
         leaves
+            .into_iter()
             .filter_map(|leaf| match self.graph.node(leaf) {
                 Node::Derivative(_, order) => Some(*order),
                 _ => None,
@@ -187,7 +191,33 @@ impl ExactModel {
             .unwrap_or(0)
     }
 
-    /// An expression of this model in the model language.
+    /// The name of an equation by its place from 0: the input's name when exactly one input stands in the terms, otherwise `eq1`,
+    /// `eq2`, ...
+    #[must_use]
+    pub(crate) fn equation_name(&self, terms: &[SourceTerm], index: usize) -> String {
+        let mut inputs: Vec<String> = terms
+            .iter()
+            .flat_map(|term| self.graph.leaves(term.expr))
+            .filter_map(|leaf| match self.graph.node(leaf) {
+                Node::Symbol(symbol) if self.quantity(*symbol).kind == Kind::Input => Some(self.display(leaf)),
+                _ => None,
+            })
+            .collect();
+        inputs.sort_unstable();
+        inputs.dedup();
+        match inputs.as_slice() {
+            [single] => single.clone(),
+            _ => format!("eq{}", index + 1),
+        }
+    }
+
+    /// An expression of this model in the model language where it is short; otherwise what it depends on, as `f(q, dot(q), ...)`.
+    #[must_use]
+    pub fn display_short(&self, expr: ExprId) -> String {
+        self.graph.display_short(expr, LONGEST_DISPLAYED, self)
+    }
+
+    /// An expression of this model in the model language. Its length may be exponential in the number of nodes.
     #[must_use]
     pub fn display(&self, expr: ExprId) -> String {
         self.graph.display(expr, self)

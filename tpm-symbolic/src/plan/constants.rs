@@ -1,6 +1,6 @@
 //! Constants with a stated value: in plans they are numbers, not leaves.
 
-use crate::expr::graph::{ExprId, Graph, Node, Symbol};
+use crate::expr::graph::{ExprId, Graph, Symbol};
 use crate::mechanics::model::{ExactModel, Kind};
 use crate::plan::draft::Draft;
 use crate::plan::leaf::Leaf;
@@ -8,15 +8,28 @@ use std::collections::HashMap;
 
 /// Replaces stated constants by their values, also inside functions, where the regressor form keeps them as symbols.
 pub(crate) fn substitute_values(model: &ExactModel, graph: &mut Graph, expr: ExprId) -> ExprId {
-    let mut replacement = HashMap::new();
-    for leaf in graph.leaves(expr) {
-        if let Node::Symbol(symbol) = *graph.node(leaf)
-            && let Kind::Constant { value: Some(value) } = &model.quantity(symbol).kind
-        {
-            replacement.insert(leaf, graph.number(value.clone()));
+    Values::new(model, graph).put_in(graph, expr)
+}
+
+/// The values of the constants of a model, to be put into many expressions of one graph.
+pub(crate) struct Values(HashMap<ExprId, ExprId>);
+
+impl Values {
+    pub(crate) fn new(model: &ExactModel, graph: &mut Graph) -> Self {
+        let mut replacement = HashMap::new();
+        for (index, quantity) in (0u32..).zip(&model.symbols) {
+            if let Kind::Constant { value: Some(value) } = &quantity.kind {
+                let symbol = graph.symbol(Symbol(index));
+                replacement.insert(symbol, graph.number(value.clone()));
+            }
         }
+        Self(replacement)
     }
-    if replacement.is_empty() { expr } else { graph.substitute(expr, &replacement) }
+
+    /// The expression with numbers for the constants.
+    pub(crate) fn put_in(&mut self, graph: &mut Graph, expr: ExprId) -> ExprId {
+        if self.0.is_empty() { expr } else { graph.substitute_beside(expr, &mut self.0) }
+    }
 }
 
 /// The leaf of a quantity, or its value when the model states one.

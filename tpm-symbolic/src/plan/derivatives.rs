@@ -58,8 +58,11 @@ impl Derivatives {
             coordinates.iter().flat_map(|&(q, highest)| (0..=highest).map(move |order| (q, order))).collect();
         let leaves: Vec<ExprId> = slots.iter().map(|&(q, order)| graph.derivative_of(q, order)).collect();
         let mut rows = Vec::with_capacity(forces.len() * leaves.len());
+        // The rows share their parts: the derivatives of these serve all of them.
+        let mut slopes: Vec<HashMap<ExprId, ExprId>> = vec![HashMap::new(); leaves.len()];
         for &force in &forces {
-            rows.extend(leaves.iter().map(|&leaf| graph.differentiate(force, leaf)));
+            let of_row = leaves.iter().zip(&mut slopes);
+            rows.extend(of_row.map(|(&leaf, known)| graph.differentiate_beside(force, leaf, known)));
         }
         let mut signs = BTreeSet::new();
         let mut waiting = forces.clone();

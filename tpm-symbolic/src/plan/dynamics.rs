@@ -48,7 +48,9 @@ impl Dynamics {
         let theta: Vec<ExprId> = (0..columns).map(|column| draft.leaf(Leaf::Column(column))).collect();
         let graph = &mut draft.graph;
         let zero = graph.integer(0);
-        let rest: HashMap<ExprId, ExprId> = highest.iter().map(|&leaf| (leaf, zero)).collect();
+        // Entries share their parts: what is known of these serves all of them.
+        let mut rest: HashMap<ExprId, ExprId> = highest.iter().map(|&leaf| (leaf, zero)).collect();
+        let mut slopes: Vec<HashMap<ExprId, ExprId>> = vec![HashMap::new(); highest.len()];
         let (mut matrix, mut right) = (Vec::with_capacity(rows * rows), Vec::with_capacity(rows));
         for row in 0..rows {
             let of_row = |graph: &mut Graph, part: &mut dyn FnMut(&mut Graph, ExprId) -> ExprId| {
@@ -61,10 +63,10 @@ impl Dynamics {
                 terms.push(part(graph, known[row]));
                 graph.sum(&terms)
             };
-            for &leaf in &highest {
-                matrix.push(of_row(graph, &mut |graph, entry| graph.differentiate(entry, leaf)));
+            for (&leaf, known) in highest.iter().zip(&mut slopes) {
+                matrix.push(of_row(graph, &mut |graph, entry| graph.differentiate_beside(entry, leaf, known)));
             }
-            let bias = of_row(graph, &mut |graph, entry| graph.substitute(entry, &rest));
+            let bias = of_row(graph, &mut |graph, entry| graph.substitute_beside(entry, &mut rest));
             let mut terms = vec![graph.neg(bias)];
             for (&factor, &input) in input_map[row * inputs.len()..].iter().zip(&inputs) {
                 let input = graph.symbol(input);

@@ -3,7 +3,7 @@
 use crate::algebra::polynomial::Polynomial;
 use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
 use crate::mechanics::model::ExactModel;
-use crate::plan::constants::substitute_values;
+use crate::plan::constants::Values;
 use crate::plan::factored;
 use crate::regressor::form::RegressorForm;
 use std::collections::BTreeMap;
@@ -27,14 +27,15 @@ impl Entries {
         let mut graph = model.graph.clone();
         let inputs: Vec<Symbol> = model.inputs().collect();
         let mut coordinates: BTreeMap<Coordinate, u32> = BTreeMap::new();
-        for atom in form.rows.iter().flat_map(|row| &row.terms).flat_map(|term| term.atoms.factors()) {
-            for leaf in model.graph.leaves(*atom.0) {
-                if let Node::Derivative(coordinate, order) = *model.graph.node(leaf) {
-                    let highest = coordinates.entry(coordinate).or_insert(order);
-                    *highest = order.max(*highest);
-                }
+        for leaf in form.leaves(&model.graph) {
+            if let Node::Derivative(coordinate, order) = *model.graph.node(leaf) {
+                let highest = coordinates.entry(coordinate).or_insert(order);
+                *highest = order.max(*highest);
             }
         }
+        // What was left as it was written needs no search for what it was before it was multiplied out.
+        let searched = form.is_expanded(&model.graph);
+        let mut values = Values::new(model, &mut graph);
         let (mut regressor, mut known, mut input_map) = (Vec::new(), Vec::new(), Vec::new());
         for (r, row) in form.rows.iter().enumerate() {
             let mut entries: BTreeMap<Option<usize>, Polynomial<ExprId>> = BTreeMap::new();
@@ -44,11 +45,9 @@ impl Entries {
             }
             let mut entry = |graph: &mut Graph, column: Option<usize>| {
                 let polynomial = entries.remove(&column).unwrap_or_default();
-                let expr = match factored::entry(model, form, graph, (r, column), &polynomial) {
-                    Some(expr) => expr,
-                    None => graph.from_polynomial(&polynomial),
-                };
-                substitute_values(model, graph, expr)
+                let found = if searched { factored::entry(model, form, graph, (r, column), &polynomial) } else { None };
+                let expr = found.unwrap_or_else(|| graph.from_polynomial(&polynomial));
+                values.put_in(graph, expr)
             };
             for column in 0..form.columns.len() {
                 regressor.push(entry(&mut graph, Some(column)));
@@ -57,7 +56,7 @@ impl Entries {
             for input in &inputs {
                 let factor = row.inputs.iter().find(|(symbol, _)| symbol == input).map(|(_, factor)| factor);
                 let factor = graph.from_polynomial(factor.unwrap_or(&Polynomial::zero()));
-                input_map.push(substitute_values(model, &mut graph, factor));
+                input_map.push(values.put_in(&mut graph, factor));
             }
         }
         Self { graph, coordinates: coordinates.into_iter().collect(), inputs, regressor, known, input_map }

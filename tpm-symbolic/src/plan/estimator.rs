@@ -26,7 +26,8 @@ pub struct EstimatorPlan {
     /// The inputs, when every input stands in exactly one equation and alone there.
     pub feed_forward: Option<Plan>,
     /// The feed-forward in two parts that add up, the motion-independent one first ([`crate::plan::split`]); `None`
-    /// where there is no feed-forward, or where its terms cannot be divided between the two.
+    /// where there is no feed-forward, where its terms cannot be divided between the two, and where the equations are not multiplied
+    /// out ([`Self::part_feed_forward`]).
     pub feed_forward_parts: Option<[Plan; 2]>,
     /// The columns from the physical parameters; `None` when every column is one of them.
     pub lumping: Option<Plan>,
@@ -59,7 +60,7 @@ impl EstimatorPlan {
         let inverse_dynamics = merger.clone().finish(forces.clone());
         Self {
             feed_forward: feed_forward(merger, &forces, &evaluation, form),
-            feed_forward_parts: feed_forward_parts(model, form),
+            feed_forward_parts: if form.is_expanded(&model.graph) { feed_forward_parts(model, form) } else { None },
             inverse_dynamics,
             lumping: lumping(model, form),
             unlumping: unlumping(model, form),
@@ -70,6 +71,16 @@ impl EstimatorPlan {
                 .map(|(pattern, table)| PatternPlan::new(model, &evaluation, pattern, table))
                 .collect(),
             evaluation,
+        }
+    }
+}
+
+impl EstimatorPlan {
+    /// Makes [`Self::feed_forward_parts`] known for equations that are as they were written: they are multiplied out, which may take
+    /// many times their length. `model` and `form` are those of the plans.
+    pub fn part_feed_forward(&mut self, model: &ExactModel, form: &RegressorForm) {
+        if self.feed_forward_parts.is_none() {
+            self.feed_forward_parts = feed_forward_parts(model, &form.expanded(&model.graph));
         }
     }
 }

@@ -49,6 +49,14 @@ pub enum RegressorError {
         /// Its factor.
         factor: String,
     },
+    /// A power or product of sums of parameters has more monomials than could be estimated.
+    #[error("this power or product has more than {most} products of parameters; lower the exponents")]
+    TooLarge {
+        /// The source term at fault.
+        term: TermId,
+        /// The most that are sorted.
+        most: usize,
+    },
     /// No equation has an input.
     #[error("no equation has an input, so nothing fixes the scale of the parameters")]
     NoInput,
@@ -67,9 +75,10 @@ impl RegressorError {
     #[must_use]
     pub fn term(&self) -> Option<TermId> {
         match self {
-            Self::InsideFunction { term, .. } | Self::InputNotLinear { term, .. } | Self::InputFactor { term, .. } => {
-                Some(*term)
-            }
+            Self::InsideFunction { term, .. }
+            | Self::InputNotLinear { term, .. }
+            | Self::InputFactor { term, .. }
+            | Self::TooLarge { term, .. } => Some(*term),
             Self::Empty { term, .. } => *term,
             Self::NoInput => None,
         }
@@ -153,7 +162,16 @@ pub(crate) struct WrittenTerm {
     pub(crate) polynomial: Polynomial<ExprId>,
 }
 
-/// One equation, with its terms sorted and added up.
+/// What the source terms of an equation consist of, on its left-hand side.
+#[derive(Default)]
+pub(crate) struct Gathered {
+    /// In any order, a pair of parameter side and motion side as often as it was met.
+    pub(crate) terms: Vec<CollectedTerm>,
+    /// The factor of every input, with the first source term that has the input.
+    pub(crate) inputs: BTreeMap<Symbol, (Polynomial<ExprId>, TermId)>,
+}
+
+/// One equation that was multiplied out, with its terms sorted and added up.
 ///
 /// # Errors
 /// When a parameter or an input does not enter linearly, or the equation vanishes.
@@ -162,8 +180,12 @@ pub(crate) fn collect_terms(
     name: &str,
     written: &[WrittenTerm],
 ) -> Result<CollectedRow, RegressorError> {
+    let gathered = gather_terms(model, written)?;
+    row_of(model, name, gathered, written.first().map(|term| term.id))
+}
+
+fn gather_terms(model: &ExactModel, written: &[WrittenTerm]) -> Result<Gathered, RegressorError> {
     let mut terms = Vec::with_capacity(written.iter().map(|source| source.polynomial.len()).sum());
-    // input -> (factor monomial -> coefficient), on the left-hand side
     let mut inputs: BTreeMap<Symbol, (Polynomial<ExprId>, TermId)> = BTreeMap::new();
     for source in written {
         for (monomial, coefficient) in source.polynomial.terms() {
@@ -210,6 +232,21 @@ pub(crate) fn collect_terms(
             }
         }
     }
+    Ok(Gathered { terms, inputs })
+}
+
+/// The equation that consists of these terms, sorted and added up, and divided by the factor of its input. `first` is its first
+/// source term.
+///
+/// # Errors
+/// When the factor of an input cannot be divided out, or the equation vanishes.
+pub(crate) fn row_of(
+    model: &ExactModel,
+    name: &str,
+    gathered: Gathered,
+    first: Option<TermId>,
+) -> Result<CollectedRow, RegressorError> {
+    let Gathered { mut terms, mut inputs } = gathered;
     // The sort is stable, so that a pair keeps its first source term.
     terms.sort_by(|a, b| a.sides().cmp(&b.sides()));
     terms.dedup_by(|next, kept| {
@@ -222,8 +259,7 @@ pub(crate) fn collect_terms(
     terms.retain(|term| !term.coefficient.is_zero());
     inputs.retain(|_, (factor, _)| !factor.is_zero());
     if terms.is_empty() {
-        let term = written.first().map(|term| term.id);
-        return Err(RegressorError::Empty { name: name.to_owned(), term });
+        return Err(RegressorError::Empty { name: name.to_owned(), term: first });
     }
     normalise(model, &mut terms, &mut inputs)?;
     let name = match inputs.len() {
@@ -294,6 +330,6 @@ fn normalise(
     Ok(())
 }
 
-fn input_not_linear(model: &ExactModel, term: TermId, symbol: Symbol, found: ExprId) -> RegressorError {
-    RegressorError::InputNotLinear { term, input: model.symbol_name(symbol), found: model.display(found) }
+pub(crate) fn input_not_linear(model: &ExactModel, term: TermId, symbol: Symbol, found: ExprId) -> RegressorError {
+    RegressorError::InputNotLinear { term, input: model.symbol_name(symbol), found: model.display_short(found) }
 }

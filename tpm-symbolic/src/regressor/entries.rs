@@ -1,16 +1,24 @@
 //! What a regressor form consists of: columns, and rows of terms.
 //!
+//! The entry of a row and column is the sum of its terms. A factor of a term is an atom (a leaf, a function, a divisor) or a sum that
+//! was left as it was written, because the equations would be too long multiplied out. Whoever evaluates or prints an entry takes it
+//! as it is; a table of harmonics needs [`RegressorForm::expanded`].
+//!
 //! Invariants of [`RegressorForm`]: terms of a row are sorted by column, then monomial, with no zero coefficient and no
 //! two terms of equal column and monomial; no column is empty; a row with a single input, whose coefficient is rational,
 //! is scaled so that this coefficient is 1.
 
 use crate::algebra::polynomial::{Monomial, Polynomial};
-use crate::expr::graph::{ExprId, Symbol};
+use crate::expr::graph::{ExprId, Graph, Node, Symbol};
+use crate::expr::size::Sizes;
 use crate::mechanics::model::TermId;
 use crate::mechanics::unit::Unit;
-use crate::number::rational::Rational;
+use crate::number::rational::{self, Rational};
 use ecow::EcoString;
+use num_traits::Zero;
+use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A parameter that is estimated: one of the model's own, or a lumped one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,14 +34,14 @@ pub struct Column {
     pub parameter: Option<Symbol>,
 }
 
-/// coefficient * (product of constants and motion atoms), multiplying one column, or none for a known term.
+/// coefficient * (product of constants, motion atoms and sums), multiplying one column, or none for a known term.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Term {
     /// Index of the column; `None` for a term without unknown parameters.
     pub column: Option<usize>,
     /// The exact factor.
     pub coefficient: Rational,
-    /// Constants and motion atoms, by their ids in the model's graph.
+    /// Constants, motion atoms and sums of such, by their ids in the model's graph.
     pub atoms: Monomial<ExprId>,
     /// A source term from which this term came.
     pub source: TermId,
@@ -57,4 +65,82 @@ pub struct RegressorForm {
     pub columns: Vec<Column>,
     /// The equations.
     pub rows: Vec<Row>,
+}
+
+impl Term {
+    /// Whether no factor is a sum that could be multiplied out.
+    #[must_use]
+    pub fn is_expanded(&self, graph: &Graph) -> bool {
+        self.atoms.factors().all(|(&atom, exponent)| exponent < 0 || !matches!(graph.node(atom), Node::Sum(_)))
+    }
+
+    /// An upper bound of the number of terms that this one has when it is multiplied out.
+    pub(crate) fn size(&self, graph: &Graph, sizes: &mut Sizes) -> f64 {
+        let factor =
+            |(&atom, exponent): (&ExprId, i32)| if exponent > 0 { sizes.of(graph, atom).powi(exponent) } else { 1.0 };
+        self.atoms.factors().map(factor).product()
+    }
+
+    /// The product, multiplied out; `known` holds the polynomials of parts, and takes in those that are found.
+    fn polynomial(&self, graph: &Graph, known: &mut FxHashMap<ExprId, Polynomial<ExprId>>) -> Polynomial<ExprId> {
+        let mut product = Polynomial::constant(self.coefficient.clone());
+        for (&atom, exponent) in self.atoms.factors() {
+            let base = graph.polynomial_beside(atom, known);
+            let power = match base.as_term() {
+                _ if exponent > 0 => base.pow(exponent.unsigned_abs()),
+                Some((monomial, value)) => Polynomial::term(monomial.pow(exponent), rational::power(value, exponent)),
+                None => Polynomial::term(Monomial::power_of(atom, exponent), rational::integer(1)),
+            };
+            product = product.mul(&power);
+        }
+        product
+    }
+}
+
+impl RegressorForm {
+    /// Whether no term has a factor that could be multiplied out.
+    #[must_use]
+    pub fn is_expanded(&self, graph: &Graph) -> bool {
+        self.rows.iter().flat_map(|row| &row.terms).all(|term| term.is_expanded(graph))
+    }
+
+    /// The form with every term multiplied out; `graph` is that of its model. The number of terms may be exponential in the number of
+    /// the graph's nodes.
+    #[must_use]
+    pub fn expanded(&self, graph: &Graph) -> Cow<'_, Self> {
+        if self.is_expanded(graph) {
+            return Cow::Borrowed(self);
+        }
+        let mut known = FxHashMap::default();
+        let rows = self.rows.iter().map(|row| {
+            let mut terms = Vec::with_capacity(row.terms.len());
+            for term in &row.terms {
+                let polynomial = term.polynomial(graph, &mut known);
+                terms.extend(polynomial.terms().map(|(atoms, coefficient)| Term {
+                    column: term.column,
+                    coefficient: coefficient.clone(),
+                    atoms: atoms.clone(),
+                    source: term.source,
+                }));
+            }
+            // The sort is stable, so that a product keeps its first source term.
+            terms.sort_by(|a, b| (a.column, &a.atoms).cmp(&(b.column, &b.atoms)));
+            terms.dedup_by(|next, kept| {
+                let same = (next.column, &next.atoms) == (kept.column, &kept.atoms);
+                if same {
+                    kept.coefficient += &next.coefficient;
+                }
+                same
+            });
+            terms.retain(|term| !term.coefficient.is_zero());
+            Row { name: row.name.clone(), terms, inputs: row.inputs.clone() }
+        });
+        Cow::Owned(Self { columns: self.columns.clone(), rows: rows.collect() })
+    }
+
+    /// The leaves on which the entries depend, in increasing order.
+    pub(crate) fn leaves(&self, graph: &Graph) -> Vec<ExprId> {
+        let terms = self.rows.iter().flat_map(|row| &row.terms);
+        graph.leaves_of(terms.flat_map(|term| term.atoms.factors()).map(|(&atom, _)| atom))
+    }
 }

@@ -3,15 +3,22 @@
 //! Products of parameters become *lumped* parameters, so that the result is linear in what is estimated; the map from
 //! physical to lumped parameters is kept exactly.
 
+use crate::expr::size::Sizes;
 use crate::mechanics::model::ExactModel;
-use crate::regressor::collect::{WrittenTerm, collect_terms};
-use crate::regressor::lump::{assemble, merge_proportional};
+use crate::regressor::collect::{Gathered, WrittenTerm, collect_terms, row_of};
+use crate::regressor::gather::Gather;
+use crate::regressor::lump::{assemble, merge_by_traces, merge_proportional};
+use crate::regressor::traces::Traces;
 
 pub use crate::regressor::collect::RegressorError;
 pub use crate::regressor::entries::{Column, RegressorForm, Row, Term};
 pub use crate::regressor::lump::canonical;
 
-/// Sorts a model into its parameters.
+/// The most terms that the equations of a model may have, multiplied out, for [`prepare`](crate::regressor::prepare::prepare) to multiply
+/// them out, which takes some milliseconds. Longer ones keep their structure.
+const MOST_TERMS: f64 = 5_000.0;
+
+/// Sorts a model into its parameters, its equations multiplied out.
 ///
 /// # Errors
 /// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
@@ -33,4 +40,38 @@ pub fn regressor_form(model: &ExactModel) -> Result<RegressorForm, RegressorErro
     }
     let groups = merge_proportional(&rows);
     Ok(assemble(model, rows, groups))
+}
+
+/// Sorts a model into its parameters, its equations as they were written. The factors of the form's terms are added to the model's
+/// graph.
+///
+/// # Errors
+/// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
+pub fn structured_form(model: &mut ExactModel) -> Result<RegressorForm, RegressorError> {
+    let equations = model.equations.clone();
+    let mut gather = Gather::new(model);
+    let gathered: Vec<Gathered> =
+        equations.iter().map(|equation| gather.equation(&equation.terms)).collect::<Result<_, _>>()?;
+    let mut rows = Vec::with_capacity(equations.len());
+    for (equation, gathered) in equations.iter().zip(gathered) {
+        rows.push(row_of(model, &equation.name, gathered, equation.terms.first().map(|term| term.id))?);
+    }
+    if rows.iter().all(|row| row.inputs.is_empty()) {
+        return Err(RegressorError::NoInput);
+    }
+    let mut traces = Traces::new(&model.graph, &rows);
+    traces.drop_zeros(&mut rows);
+    if let Some((row, equation)) = rows.iter().zip(&equations).find(|(row, _)| row.terms.is_empty()) {
+        let term = equation.terms.first().map(|term| term.id);
+        return Err(RegressorError::Empty { name: row.name.to_string(), term });
+    }
+    let groups = merge_by_traces(&rows, &traces);
+    Ok(assemble(model, rows, groups))
+}
+
+/// Whether the equations of a model are short enough to be multiplied out.
+pub(crate) fn is_short(model: &ExactModel) -> bool {
+    let mut sizes = Sizes::default();
+    let terms = model.equations.iter().flat_map(|equation| &equation.terms);
+    terms.map(|term| sizes.of(&model.graph, term.expr)).sum::<f64>() <= MOST_TERMS
 }

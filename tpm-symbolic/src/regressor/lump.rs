@@ -12,6 +12,7 @@ use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
 use crate::regressor::collect::{CollectedRow, CollectedTerm, ParameterMonomial};
 use crate::regressor::entries::{Column, RegressorForm, Row, Term};
+use crate::regressor::traces::{Direction, Traces};
 use num_traits::One;
 use smallvec::{SmallVec, smallvec};
 use std::collections::{BTreeMap, BTreeSet};
@@ -39,9 +40,9 @@ fn multiple(regressor: &Regressor<'_>, first: &Regressor<'_>) -> Option<Rational
     pairs.iter().all(|(a, b)| a.coefficient == &ratio * &b.coefficient).then_some(ratio)
 }
 
-/// Groups parameter monomials whose regressors are proportional over all rows.
-pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
-    // Columns appear as the user wrote them: by row, then by source term.
+/// Parameter monomials with their regressors, in the order in which columns appear: as the user wrote them, by row, then by source
+/// term.
+fn regressors(rows: &[CollectedRow]) -> Vec<(&ParameterMonomial, Regressor<'_>)> {
     let mut regressors: BTreeMap<&ParameterMonomial, ((usize, TermId), Regressor<'_>)> = BTreeMap::new();
     for (r, row) in rows.iter().enumerate() {
         for terms in row.terms.chunk_by(|a, b| a.parameters == b.parameters) {
@@ -56,11 +57,17 @@ pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
     let mut order: Vec<(&ParameterMonomial, (usize, TermId), Regressor<'_>)> =
         regressors.into_iter().map(|(parameters, (place, regressor))| (parameters, place, regressor)).collect();
     order.sort_by_key(|(_, place, _)| *place);
+    order.into_iter().map(|(parameters, _, regressor)| (parameters, regressor)).collect()
+}
+
+/// Groups parameter monomials whose regressors are proportional over all rows; the equations are multiplied out.
+pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
+    let order = regressors(rows);
     // A group with the regressor of its first member.
     let mut groups: Vec<(Group, &Regressor<'_>)> = Vec::with_capacity(order.len());
     // Groups by the row and the motion monomial of their first term.
     let mut seen: BTreeMap<(usize, &Monomial<ExprId>), SmallVec<[usize; 1]>> = BTreeMap::new();
-    for (parameters, _, regressor) in &order {
+    for (parameters, regressor) in &order {
         let Some((row, terms)) = regressor.first() else { continue };
         let alike = seen.entry((*row, &terms[0].motion)).or_default();
         match alike.iter().find_map(|&group| Some((group, multiple(regressor, groups[group].1)?))) {
@@ -72,6 +79,31 @@ pub(crate) fn merge_proportional(rows: &[CollectedRow]) -> Vec<Group> {
         }
     }
     groups.into_iter().map(|(group, _)| group).collect()
+}
+
+/// Groups parameter monomials whose regressors are proportional over all rows, by their traces; the equations are as they were written.
+pub(crate) fn merge_by_traces(rows: &[CollectedRow], traces: &Traces<'_>) -> Vec<Group> {
+    let directions = traces.directions(rows);
+    let mut groups: Vec<Group> = Vec::new();
+    let mut seen: BTreeMap<&Direction, usize> = BTreeMap::new();
+    for (parameters, regressor) in regressors(rows) {
+        let direction = directions.get(parameters);
+        let known = direction.and_then(|direction| seen.get(direction)).copied();
+        let ratio = known.and_then(|group| {
+            let first = &groups[group].members[0].0;
+            Some((group, traces.ratio(&rows[regressor.first()?.0], parameters, first)?))
+        });
+        match ratio {
+            Some((group, ratio)) => groups[group].members.push((parameters.clone(), ratio)),
+            None => {
+                if let Some(direction) = direction {
+                    seen.insert(direction, groups.len());
+                }
+                groups.push(Group { members: smallvec![(parameters.clone(), Rational::one())] });
+            }
+        }
+    }
+    groups
 }
 
 /// The form with a column for every group of parameter monomials.

@@ -3,9 +3,11 @@
 mod collect;
 mod entries;
 pub mod form;
+mod gather;
 pub mod inverse;
 mod inversion;
 mod lattice;
 mod lump;
 pub mod parameter_map;
 pub mod prepare;
+mod traces;

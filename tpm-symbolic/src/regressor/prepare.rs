@@ -1,6 +1,7 @@
 //! From a declared model to the regressor form that everything else works on: coordinates eliminated, parameters lumped.
 //!
-//! Without eliminations the result is [`regressor_form`]. With them, every motion monomial of the remaining equations
+//! Without eliminations the result is [`regressor_form`], or [`structured_form`] where the equations are too long to be multiplied out.
+//! With eliminations, every motion monomial of the remaining equations
 //! gets one lumped parameter, its whole coefficient (Feng, Eqns 4.35-4.41), numbered in a documented order.
 //!
 //! Invariants of [`Prepared`]: every atom of `form` and every expression of `reconstructions` is in `model.graph`; two
@@ -14,7 +15,7 @@ use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
 use crate::regressor::collect::{CollectedRow, CollectedTerm, RegressorError, WrittenTerm, collect_terms};
-use crate::regressor::form::{Column, RegressorForm, Row, Term, regressor_form};
+use crate::regressor::form::{Column, RegressorForm, Row, Term, is_short, regressor_form, structured_form};
 use crate::regressor::lump::names;
 use num_traits::One;
 use serde::{Deserialize, Serialize};
@@ -83,7 +84,7 @@ impl PrepareError {
 pub fn prepare(mut model: ExactModel) -> Result<Prepared, PrepareError> {
     let targets: Vec<Coordinate> = model.eliminations.iter().flat_map(|e| e.coordinates.iter().copied()).collect();
     if targets.is_empty() {
-        let form = regressor_form(&model)?;
+        let form = if is_short(&model) { regressor_form(&model)? } else { structured_form(&mut model)? };
         return Ok(Prepared { model, form, reconstructions: Vec::new() });
     }
     let (remaining, solutions) = eliminate(&mut model, &targets)?;
@@ -111,8 +112,12 @@ impl Prepared {
     /// The highest time derivative of any coordinate in the regressor form.
     #[must_use]
     pub fn order(&self) -> u32 {
-        let atoms = self.form.rows.iter().flat_map(|row| &row.terms).flat_map(|term| term.atoms.factors());
-        atoms.flat_map(|(&atom, _)| derivative_orders(&self.model.graph, atom)).max().unwrap_or(0)
+        let graph = &self.model.graph;
+        let orders = self.form.leaves(graph).into_iter().filter_map(|leaf| match *graph.node(leaf) {
+            Node::Derivative(_, order) => Some(order),
+            _ => None,
+        });
+        orders.max().unwrap_or(0)
     }
 
     /// The reconstruction of a coordinate, when it was eliminated.

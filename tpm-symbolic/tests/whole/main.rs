@@ -13,3 +13,4 @@ mod mechanics;
 mod naive;
 mod nonsmooth;
 mod series;
+mod tree;

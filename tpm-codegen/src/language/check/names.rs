@@ -6,6 +6,7 @@
 use std::collections::{HashMap, HashSet};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::language::ast::mechanism::MechanismDeclaration;
 use crate::language::ast::{
     Declaration, Expr, ExprKind, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role,
 };
@@ -29,6 +30,8 @@ enum Place<'a> {
     Series(&'a str),
     /// A lumped parameter.
     Lump,
+    /// The geometry of a mechanism, or a known inertia.
+    Geometry,
     /// A motion of the pattern of this number.
     Motion(usize),
 }
@@ -42,7 +45,7 @@ impl Place<'_> {
                 kind,
                 Quantity(Coordinate | Input | Parameter | Constant) | Function(_) | Coefficient(..) | Let
             ),
-            Self::Value | Self::Point => kind == Quantity(Constant),
+            Self::Value | Self::Point | Self::Geometry => kind == Quantity(Constant),
             Self::Series(coordinate) => {
                 matches!(kind, Quantity(Parameter | Constant) | Let)
                     || (kind == Quantity(Coordinate) && name == coordinate)
@@ -61,6 +64,7 @@ impl Place<'_> {
                 format!("this function may use `{coordinate}`, parameters, constants and `let`s")
             }
             Self::Lump => "a lumped parameter is made of parameters, constants and coefficients".to_owned(),
+            Self::Geometry => "the geometry of a mechanism is made of numbers, `pi` and constants".to_owned(),
             Self::Motion(_) => {
                 "a motion is made of the pattern's amplitudes and frequency, constants, `t` and `pi`".to_owned()
             }
@@ -129,6 +133,7 @@ impl<'a> Names<'a, '_, '_> {
                     self.uses.entry(User::Root).or_default().insert(&force.coordinate.name);
                     self.visit(&force.value, Place::Dynamics, User::Root);
                 }
+                Item::Mechanism(mechanism) => self.mechanism(mechanism),
                 Item::Eliminate(_) => {}
                 Item::Taylor(taylor) => self.visit(&taylor.point, Place::Point, User::Root),
                 Item::Pattern(pattern) => self.visit_pattern(pattern),
@@ -142,6 +147,23 @@ impl<'a> Names<'a, '_, '_> {
                 self.visit(value, Place::Value, User::Name(&quantity.name.name));
                 self.known.insert(&quantity.name.name);
             }
+        }
+    }
+
+    /// A mechanism uses its coordinates, its inputs and the constants of its geometry.
+    fn mechanism(&mut self, mechanism: &'a MechanismDeclaration) {
+        for expr in mechanism.geometry() {
+            self.visit(expr, Place::Geometry, User::Root);
+        }
+        // A coordinate that no joint moves is reported as such.
+        let symbols = self.symbols.model.iter();
+        let coordinates = symbols.filter(|(_, symbol)| symbol.kind == SymbolKind::Quantity(Role::Coordinate));
+        let driving = mechanism.drives().flat_map(|drive| drive.input.as_ref().into_iter().chain([&drive.name]));
+        let used = self.uses.entry(User::Root).or_default();
+        used.extend(coordinates.map(|(name, _)| *name));
+        used.extend(driving.map(|name| name.name.as_str()));
+        for moves in mechanism.drives().filter_map(|drive| drive.moves.as_ref()) {
+            self.visit(moves, Place::Dynamics, User::Root);
         }
     }
 
@@ -343,7 +365,7 @@ impl<'a> Names<'a, '_, '_> {
             Place::Dynamics => return,
             Place::Series(_) if !function.is_derivative() => return,
             Place::Lump if !function.is_derivative() => return,
-            Place::Point if !function.is_derivative() => return,
+            Place::Point | Place::Geometry if !function.is_derivative() => return,
             _ => "only quantities of the equations of motion have derivatives and functions",
         };
         self.diagnostics.push(Diagnostic::error(span, format!("`{name}` cannot stand here")).help(help));
@@ -434,7 +456,10 @@ impl<'a> Names<'a, '_, '_> {
         let inputs: Vec<_> = quantities(model, Role::Input).collect();
         let driven = inputs.iter().any(|(name, _)| used.contains(name));
         if !driven
-            && model.items.iter().any(|item| matches!(item, Item::Equation(_) | Item::Force(_) | Item::Energy(_)))
+            && model
+                .items
+                .iter()
+                .any(|item| matches!(item, Item::Equation(_) | Item::Force(_) | Item::Energy(_) | Item::Mechanism(_)))
         {
             let span = inputs.first().map_or(model.name.span, |&(_, span)| span);
             let (message, help) = match inputs.first() {

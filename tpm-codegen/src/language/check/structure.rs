@@ -35,11 +35,12 @@ impl<'a> Checker<'a, '_> {
         );
     }
 
-    /// A model has either equations or energies.
+    /// A model has either equations, or energies, or a mechanism.
     fn dynamics(&mut self, model: &'a ModelDeclaration) {
         let mut energies: HashMap<&str, Span> = HashMap::new();
         let mut lagrangian = None;
         let mut equation = None;
+        let mut mechanism = None;
         for item in &model.items {
             match item {
                 Item::Equation(item) => equation = equation.or(Some(item.left.span)),
@@ -52,8 +53,23 @@ impl<'a> Checker<'a, '_> {
                     }
                 }
                 Item::Force(force) => lagrangian = lagrangian.or(Some(("force", force.coordinate.span))),
+                Item::Mechanism(item) => match mechanism {
+                    Some(first) => self.twice(item.keyword, first, "`mechanism`"),
+                    None => mechanism = Some(item.keyword),
+                },
                 _ => {}
             }
+        }
+        if let Some(keyword) = mechanism {
+            let kinds = EnergyKind::ALL.iter().filter_map(|kind| energies.get(kind.keyword()).copied());
+            if let Some(span) = equation.into_iter().chain(kinds).min() {
+                self.diagnostics.push(
+                    Diagnostic::error(span, "a model with a mechanism has no other equations of motion")
+                        .label(keyword, "the mechanism")
+                        .help("write what is missing in the mechanism as forces, `force q = ...;`"),
+                );
+            }
+            return;
         }
         if self.syntax.incomplete {
             return;

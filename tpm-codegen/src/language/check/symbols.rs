@@ -10,6 +10,7 @@ use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
     Declaration, Ident, Item, ModelDeclaration, PatternDeclaration, PatternItem, Role, UnitExpr,
 };
+use crate::language::check::parameters::parameters;
 use crate::language::function::Function;
 use crate::language::suggest::nearest;
 use crate::language::unit::{self, Unit};
@@ -94,6 +95,12 @@ pub(super) fn collect<'a>(model: &'a ModelDeclaration, diagnostics: &mut Diagnos
             }
             Item::Lump(definition) => {
                 define(&definition.name, SymbolKind::Lump, None, &mut symbols.model, None, diagnostics)
+            }
+            Item::Mechanism(mechanism) => {
+                for (name, unit) in parameters(mechanism) {
+                    let kind = SymbolKind::Quantity(Role::Parameter);
+                    define(name, kind, unit, &mut symbols.model, None, diagnostics);
+                }
             }
             Item::Equation(_)
             | Item::Energy(_)

@@ -10,7 +10,11 @@ use num_rational::Ratio;
 use num_traits::{CheckedAdd, CheckedMul, Zero};
 
 use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::language::ast::mechanism::{
+    InertiaDeclaration, JointMotion, MechanismDeclaration, MechanismItem, Placement,
+};
 use crate::language::ast::{EnergyKind, Expr, ExprKind, Ident, Item, ModelDeclaration, Operation, PatternItem, Role};
+use crate::language::check::parameters::turns;
 use crate::language::check::symbols::{Scope, Symbol, SymbolKind, Symbols, resolve};
 use crate::language::function::{Clause, Function};
 use crate::language::lex::shorten;
@@ -139,6 +143,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         });
         // Energies are compared once the `let`s that they use are known.
         let mut later = Vec::new();
+        let mut mechanism = None;
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => {
@@ -175,6 +180,10 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
                     );
                 }
                 Item::Equation(equation) => self.equation(&equation.left, &equation.right),
+                Item::Mechanism(item) => {
+                    self.mechanism(item);
+                    mechanism = Some(item);
+                }
                 Item::Energy(_) | Item::Force(_) => later.push(item),
                 Item::Eliminate(_) => {}
                 Item::Pattern(pattern) => {
@@ -218,10 +227,77 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
                 (Item::Energy(item), _) if item.kind != EnergyKind::Kinetic => {
                     self.terms(&item.value, None);
                 }
-                (Item::Force(item), _) => {
-                    self.terms(&item.value, None);
-                }
+                (Item::Force(item), _) => match mechanism.and_then(|mechanism| joint_of(mechanism, &item.coordinate)) {
+                    Some((joint, turns)) => {
+                        let what = format!("the torque on `{}`", item.coordinate.name);
+                        self.expect(&item.value, torque(turns), joint, &what);
+                    }
+                    None => {
+                        self.terms(&item.value, None);
+                    }
+                },
                 _ => {}
+            }
+        }
+    }
+
+    /// Joints that turn have coordinates in rad and torques, joints that slide coordinates in m and forces; what has a name in the
+    /// geometry is in m.
+    fn mechanism(&mut self, mechanism: &'a MechanismDeclaration) {
+        for item in &mechanism.items {
+            match item {
+                MechanismItem::Gravity(gravity) => {
+                    self.geometry(&gravity.components, "m/s^2", gravity.span, "an acceleration");
+                }
+                MechanismItem::Body(body) => {
+                    if let Some(joint) = &body.joint {
+                        self.placement(&joint.placement);
+                        let (coordinate, unit, what) = match &joint.motion {
+                            JointMotion::Fixed => continue,
+                            JointMotion::Revolute(name, _) => (name, "rad", "the coordinate of a joint that turns"),
+                            JointMotion::Prismatic(name, _) => (name, "m", "the coordinate of a joint that slides"),
+                        };
+                        let found = self.quantity(coordinate);
+                        let reference =
+                            Reference { dimension: known(unit), span: joint.keyword, what: what.to_owned() };
+                        self.compare(coordinate.span, &found, &reference);
+                    }
+                    if let Some(InertiaDeclaration::Known(inertia)) = &body.inertia {
+                        self.placement(&inertia.placement);
+                        self.geometry([&inertia.mass], "kg", inertia.keyword, "a mass");
+                        let moments = inertia.moments.iter().flatten();
+                        self.geometry(moments, "kg*m^2", inertia.keyword, "a moment of inertia");
+                    }
+                }
+                MechanismItem::Drive(drive) => {
+                    let Some(input) = &drive.input else { continue };
+                    if self.symbol(&input.name).is_none_or(|symbol| symbol.kind != SymbolKind::Quantity(Role::Input)) {
+                        continue;
+                    }
+                    let found = self.quantity(input);
+                    let turns = turns(mechanism, drive);
+                    let what = if turns { "the torque of this drive" } else { "the force of this drive" };
+                    let reference =
+                        Reference { dimension: torque(turns), span: drive.name.span, what: what.to_owned() };
+                    self.compare(input.span, &found, &reference);
+                }
+            }
+        }
+    }
+
+    fn placement(&mut self, placement: &'a Placement) {
+        if let Some(at) = &placement.at {
+            self.geometry(&at.components, "m", at.span, "a length");
+        }
+    }
+
+    /// Compares what has a name with a unit; a number is in that unit.
+    fn geometry<'e>(&mut self, exprs: impl IntoIterator<Item = &'e Expr>, unit: &str, span: Span, what: &str) {
+        for expr in exprs {
+            let mut names = false;
+            expr.walk(&mut |part| names |= matches!(part.kind, ExprKind::Name(_)));
+            if names {
+                self.expect(expr, known(unit), span, what);
             }
         }
     }
@@ -484,6 +560,25 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
         let what = format!("the frequency of `{}`", function.name);
         self.compare(expr.span, dimension, &Reference { dimension: wanted, span: function.span, what });
     }
+}
+
+/// The dimension of a unit of the table.
+fn known(unit: &str) -> Dimension {
+    Unit::parse(unit).map_or(Dimension::Unknown, Dimension::of)
+}
+
+/// The dimension of the torque or force of a joint.
+fn torque(turns: bool) -> Dimension {
+    known(if turns { "N*m" } else { "N" })
+}
+
+/// The place of the joint of a coordinate, and whether it turns.
+fn joint_of(mechanism: &MechanismDeclaration, coordinate: &Ident) -> Option<(Span, bool)> {
+    mechanism.bodies().filter_map(|body| body.joint.as_ref()).find_map(|joint| match &joint.motion {
+        JointMotion::Revolute(name, _) if name.name == coordinate.name => Some((joint.keyword, true)),
+        JointMotion::Prismatic(name, _) if name.name == coordinate.name => Some((joint.keyword, false)),
+        _ => None,
+    })
 }
 
 fn mismatch(span: Span, found: &Unit, wanted: &Unit, reference: &Reference, torque: &str) -> Diagnostic {

@@ -3,12 +3,15 @@
 //! Invariant: every term of an equation has the place of the term of the text that it came from, also when it was derived from
 //! an energy ([`tpm_symbolic::mechanics::lagrange`]).
 
+use std::collections::BTreeSet;
+
 use tpm_symbolic::expr::graph::Node;
+use tpm_symbolic::expr::size::Sizes;
 use tpm_symbolic::mechanics::lagrange::{self, Lagrangian};
 use tpm_symbolic::mechanics::model::{Equation, ExactModel, Kind, SourceTerm};
 
-use super::Lowering;
-use super::expression::Lower;
+use super::expression::{Lower, MOST_TERMS};
+use super::{Lowering, too_long};
 use crate::diagnostic::Diagnostic;
 use crate::language::ast::{self, EnergyKind, Expr, ExprKind, Item, Sign};
 
@@ -27,6 +30,29 @@ impl<'a> Lowering<'a, '_, '_> {
         }
         if model.items.iter().any(|item| matches!(item, Item::Energy(_))) {
             self.euler_lagrange(model);
+        } else if self.mechanism.is_some() {
+            self.forces_on_joints(model);
+        }
+    }
+
+    /// Adds the forces of the model to the equations of its mechanism.
+    fn forces_on_joints(&mut self, model: &'a ast::ModelDeclaration) {
+        for item in &model.items {
+            let Item::Force(force) = item else { continue };
+            let result = self.terms_of(&force.value, Sign::Minus);
+            let (Some(forces), Some(coordinate)) = (self.keep(result), self.coordinate(&force.coordinate.name)) else {
+                continue;
+            };
+            let row = coordinate.0 as usize;
+            let driven = inputs(&self.model, &self.model.equations[row].terms);
+            let names: Vec<String> =
+                driven.into_iter().chain(inputs(&self.model, &forces)).collect::<BTreeSet<_>>().into_iter().collect();
+            let equation = &mut self.model.equations[row];
+            equation.terms.extend(forces);
+            equation.name = match names.as_slice() {
+                [input] => input.clone(),
+                _ => format!("eq{}", row + 1),
+            };
         }
     }
 
@@ -62,6 +88,14 @@ impl<'a> Lowering<'a, '_, '_> {
                 Item::Energy(energy) => {
                     let result = self.terms_of(&energy.value, Sign::Plus);
                     let terms = self.keep(result).unwrap_or_default();
+                    let mut sizes = Sizes::default();
+                    for term in &terms {
+                        if sizes.of(&self.model.graph, term.expr) > MOST_TERMS {
+                            let fault = too_long(self.terms.span(term.id), "the equations of motion of this energy");
+                            let help = "write the equations themselves, with `let` for what they share";
+                            self.diagnostics.push(fault.help(help));
+                        }
+                    }
                     match energy.kind {
                         EnergyKind::Kinetic => lagrangian.kinetic = terms,
                         EnergyKind::Potential => lagrangian.potential = terms,

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use num_traits::{One, Signed, Zero};
 use tpm_symbolic::expr::graph::{self, ExprId, Graph, Node};
+use tpm_symbolic::expr::size::multiset;
 use tpm_symbolic::mechanics::model::{ExactModel, Kind};
 use tpm_symbolic::number::rational::Rational;
 
@@ -21,61 +22,18 @@ pub const HIGHEST_ORDER: u32 = 100;
 const LONGEST_NUMBER: u64 = 1 << 17;
 
 /// The highest exponent of anything but a number.
-const HIGHEST_EXPONENT: i32 = 1000;
+const HIGHEST_EXPONENT: u32 = 1000;
 
-/// Most terms that an expression may have when it is multiplied out, as every later stage does.
-const MOST_TERMS: f64 = 100_000.0;
+/// Most terms that a power may have when it is multiplied out, and an expression that a later stage multiplies out.
+pub(super) const MOST_TERMS: f64 = 100_000.0;
 
 /// What lowering a part of the text gives; the fault costs the statement that the part stands in.
 pub(super) type Lower<T> = Result<T, Diagnostic>;
-
-/// Upper bounds of the numbers of terms that expressions have when they are multiplied out; infinite for exponents above
-/// [`HIGHEST_EXPONENT`].
-#[derive(Debug, Default)]
-pub(super) struct Sizes(HashMap<ExprId, f64>);
-
-impl Sizes {
-    fn of(&mut self, graph: &Graph, expr: ExprId) -> f64 {
-        let mut stack = vec![expr];
-        while let Some(&id) = stack.last() {
-            if self.0.contains_key(&id) {
-                stack.pop();
-                continue;
-            }
-            let missing: Vec<ExprId> = match graph.node(id) {
-                Node::Sum(_) | Node::Product(_) | Node::Power(..) => {
-                    graph.operands(id).filter(|operand| !self.0.contains_key(operand)).collect()
-                }
-                _ => Vec::new(),
-            };
-            if !missing.is_empty() {
-                stack.extend(missing);
-                continue;
-            }
-            stack.pop();
-            let size = match graph.node(id) {
-                Node::Sum(terms) => terms.iter().map(|term| self.0[term]).sum(),
-                Node::Product(factors) => factors.iter().map(|factor| self.0[factor]).product(),
-                Node::Power(_, exponent) if exponent.unsigned_abs() > HIGHEST_EXPONENT.unsigned_abs() => f64::INFINITY,
-                Node::Power(base, exponent) if *exponent > 0 => multiset(self.0[base], *exponent),
-                _ => 1.0,
-            };
-            self.0.insert(id, size);
-        }
-        self.0[&expr]
-    }
-}
-
-/// The number of monomials of degree `exponent` in so many terms: C(terms + exponent - 1, exponent).
-fn multiset(terms: f64, exponent: i32) -> f64 {
-    (1..=exponent).fold(1.0, |count, i| count * (terms - 1.0 + f64::from(i)) / f64::from(i))
-}
 
 /// The graph with the names that an expression may use.
 pub(super) struct Environment<'e, 'a> {
     pub(super) model: &'e mut ExactModel,
     pub(super) names: &'e HashMap<&'a str, ExprId>,
-    pub(super) sizes: &'e mut Sizes,
 }
 
 impl Environment<'_, '_> {
@@ -123,7 +81,13 @@ impl Environment<'_, '_> {
             ExprKind::Call(function, arguments) => self.call(function, arguments, expr.span)?,
         };
         within(self.bits(id), expr.span)?;
-        if self.sizes.of(&self.model.graph, id) > MOST_TERMS {
+        // Powers of one base meet in products.
+        let graph = &self.model.graph;
+        let powers = match graph.node(id) {
+            Node::Product(factors) => factors.as_slice(),
+            _ => std::slice::from_ref(&id),
+        };
+        if powers.iter().any(|&power| is_huge_power(graph, power)) {
             return Err(too_large(expr.span));
         }
         Ok(id)
@@ -269,6 +233,13 @@ pub(super) fn regular(model: &ExactModel, id: ExprId, span: Span) -> Lower<()> {
     Ok(())
 }
 
+/// Whether a power has so high an exponent, or so many terms even if those of its base were single ones, that it cannot be meant.
+fn is_huge_power(graph: &Graph, id: ExprId) -> bool {
+    let Node::Power(base, exponent) = *graph.node(id) else { return false };
+    let terms = if let Node::Sum(terms) = graph.node(base) { terms.len() } else { 1 };
+    exponent.unsigned_abs() > HIGHEST_EXPONENT || multiset(terms as f64, exponent) > MOST_TERMS
+}
+
 fn length(value: &Rational) -> u64 {
     value.numer().bits().max(value.denom().bits())
 }
@@ -328,4 +299,39 @@ pub(super) fn exact(expr: &Expr, values: &HashMap<&str, Rational>) -> Lower<Rati
         }
     };
     Ok(value)
+}
+
+/// The factor of pi in `pi`, `pi/2`, `3/4*pi`; `None` for another expression.
+pub(super) fn multiple_of_pi(expr: &Expr, values: &HashMap<&str, Rational>) -> Lower<Option<Rational>> {
+    match &expr.kind {
+        ExprKind::Name(name) if name == "pi" => Ok(Some(Rational::one())),
+        ExprKind::Negative(inner) => Ok(multiple_of_pi(inner, values)?.map(|multiple| -multiple)),
+        ExprKind::Product(factors) => {
+            for (at, (operation, factor)) in factors.iter().enumerate() {
+                if *operation != Operation::Times {
+                    continue;
+                }
+                let Some(multiple) = multiple_of_pi(factor, values)? else { continue };
+                let mut others = factors.clone();
+                others.remove(at);
+                let others = Expr { kind: ExprKind::Product(others), span: expr.span };
+                return Ok(Some(multiple * exact(&others, values)?));
+            }
+            Ok(None)
+        }
+        _ => Ok(None),
+    }
+}
+
+/// The arguments of `2*atan2(y, x)`, an angle whose half has a rational tangent; `None` for another expression.
+pub(super) fn half_tangent(expr: &Expr, values: &HashMap<&str, Rational>) -> Lower<Option<(Rational, Rational)>> {
+    if let ExprKind::Product(factors) = &expr.kind
+        && let [(_, two), (Operation::Times, call)] = factors.as_slice()
+        && two.integer() == Some(2)
+        && let ExprKind::Call(name, arguments) = &call.kind
+        && let (Some(Function::Atan2), [y, x]) = (Function::from_name(&name.name), arguments.as_slice())
+    {
+        return Ok(Some((exact(y, values)?, exact(x, values)?)));
+    }
+    Ok(None)
 }

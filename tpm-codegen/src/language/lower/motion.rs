@@ -312,20 +312,14 @@ impl Scope<'_> {
 
     /// The phase at which a motion ends: a multiple of pi, or an angle whose half has a rational tangent.
     fn end_phase(&self, expr: &Expr) -> Lower<EndPhase> {
-        if let Some(multiple) = self.multiple_of_pi(expr)? {
+        if let Some(multiple) = expression::multiple_of_pi(expr, &self.values)? {
             if multiple <= Rational::zero() {
                 return Err(Diagnostic::error(expr.span, "a motion ends at a positive phase")
                     .help("it begins at the phase 0; write, for example, `pi`"));
             }
             return Ok(EndPhase::Pi(multiple));
         }
-        if let ExprKind::Product(factors) = &expr.kind
-            && let [(_, two), (Operation::Times, call)] = factors.as_slice()
-            && two.integer() == Some(2)
-            && let ExprKind::Call(name, arguments) = &call.kind
-            && let (Some(Function::Atan2), [y, x]) = (Function::from_name(&name.name), arguments.as_slice())
-        {
-            let (y, x) = (expression::exact(y, &self.values)?, expression::exact(x, &self.values)?);
+        if let Some((y, x)) = expression::half_tangent(expr, &self.values)? {
             if y <= Rational::zero() {
                 return Err(Diagnostic::error(expr.span, "a motion ends at a phase between 0 and 2 pi")
                     .help("the first argument of this `atan2` must be positive"));
@@ -334,25 +328,6 @@ impl Scope<'_> {
         }
         let angle = expression::exact(expr, &self.values).ok().map(|value| rational::to_f64(&value));
         Err(Diagnostic::error(expr.span, "this is no phase at which a motion ends").help(end_phases(angle)))
-    }
-
-    /// The factor of pi in `pi`, `pi/2`, `3/4*pi`; `None` for another expression.
-    fn multiple_of_pi(&self, expr: &Expr) -> Lower<Option<Rational>> {
-        match &expr.kind {
-            ExprKind::Name(name) if name == "pi" => Ok(Some(Rational::one())),
-            ExprKind::Negative(inner) => Ok(self.multiple_of_pi(inner)?.map(|multiple| -multiple)),
-            ExprKind::Product(factors) => {
-                let is_pi = |(operation, factor): &(Operation, Expr)| {
-                    *operation == Operation::Times && matches!(&factor.kind, ExprKind::Name(name) if name == "pi")
-                };
-                let Some(at) = factors.iter().position(is_pi) else { return Ok(None) };
-                let mut others = factors.clone();
-                others.remove(at);
-                let others = Expr { kind: ExprKind::Product(others), span: expr.span };
-                expression::exact(&others, &self.values).map(Some)
-            }
-            _ => Ok(None),
-        }
     }
 
     /// A motion that is constant in time, such as an amplitude.

@@ -183,7 +183,7 @@ impl Parser<'_, '_> {
         Ok(Expr { kind: ExprKind::Call(function, arguments), span })
     }
 
-    fn close(&mut self, open: Span) -> Parse<Span> {
+    pub(super) fn close(&mut self, open: Span) -> Parse<Span> {
         if self.kind() == TokenKind::CloseParen {
             return Ok(self.bump().span);
         }

@@ -1,0 +1,515 @@
+//! Robot descriptions through `import`, the language and the recursion, against Pinocchio (fixtures by `tests/scripts/robots.py`) and
+//! against a twin in spatial algebra.
+//!
+//! `TPM_ROBOTS` may name a folder of larger fixtures of the same form.
+
+use crate::support::{root, skipped};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use tpm_codegen::import::{Angles, Imported, Options, urdf};
+use tpm_codegen::source::Source;
+use tpm_codegen::{Parsed, parse_model};
+use tpm_symbolic::expr::graph::{ExprId, Graph, Node};
+use tpm_symbolic::mechanics::tree::mechanism::parameter_name;
+use tpm_symbolic::mechanics::tree::{Joint, NAMES};
+use tpm_symbolic::number::rational::to_f64;
+
+/// The fixtures, with the description and the joints that are held.
+const ROBOTS: [(&str, &str, &[&str]); 7] = [
+    ("ur5", "ur5_robot", &[]),
+    ("ur10", "ur10_robot", &[]),
+    ("so101", "so101", &[]),
+    ("so101_written", "so101", &[]),
+    ("xarm7", "xarm7", &[]),
+    ("panda", "panda", &["panda_finger_joint1", "panda_finger_joint2"]),
+    ("z1", "z1", &[]),
+];
+
+fn folder() -> Option<PathBuf> {
+    let folder = PathBuf::from(std::env::var_os("TPM_DATA")?).join("robots");
+    folder.is_dir().then_some(folder)
+}
+
+fn imported(fixture: &str, file: &str, locked: &[&str]) -> Option<Imported> {
+    let path = folder()?.join(format!("{file}.urdf"));
+    let source = Source::from_bytes(format!("{file}.urdf"), std::fs::read(path).expect("a description"));
+    let options = Options {
+        locked: locked.iter().map(|joint| ((*joint).to_owned(), "0".to_owned())).collect(),
+        angles: if fixture.ends_with("written") { Angles::Written } else { Angles::Recognised },
+        losses: Some(Vec::new()),
+        ..Options::default()
+    };
+    Some(urdf(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source))))
+}
+
+fn parsed(imported: &Imported) -> Parsed {
+    let source = Source::new("imported", imported.model.clone());
+    parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)))
+}
+
+/// `NAME = VALUE` lines.
+fn values(text: &str) -> BTreeMap<String, f64> {
+    let lines = text.lines().filter(|line| !line.starts_with('#'));
+    let pairs = lines.filter_map(|line| line.split_once(" = "));
+    pairs.map(|(name, value)| (name.to_owned(), value.parse().expect("a number"))).collect()
+}
+
+/// Values of all nodes of a graph; `leaf` gives those of the leaves.
+fn evaluate(graph: &Graph, upto: &[ExprId], leaf: impl Fn(&Node) -> f64) -> Vec<f64> {
+    let mut plan: BTreeMap<ExprId, f64> = BTreeMap::new();
+    let mut stack = upto.to_vec();
+    while let Some(&id) = stack.last() {
+        if plan.contains_key(&id) {
+            stack.pop();
+            continue;
+        }
+        let missing: Vec<ExprId> = graph.operands(id).filter(|operand| !plan.contains_key(operand)).collect();
+        if !missing.is_empty() {
+            stack.extend(missing);
+            continue;
+        }
+        let value = match graph.node(id) {
+            Node::Number(value) => to_f64(value),
+            Node::Sum(terms) => terms.iter().map(|term| plan[term]).sum(),
+            Node::Product(factors) => factors.iter().map(|factor| plan[factor]).product(),
+            Node::Power(base, exponent) => plan[base].powi(*exponent),
+            Node::Function(function, argument) => function.apply(plan[argument]),
+            node => leaf(node),
+        };
+        plan.insert(id, value);
+    }
+    upto.iter().map(|id| plan[id]).collect()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().expect("a list").iter().map(|number| number.as_f64().expect("a number")).collect()
+}
+
+fn close(found: &[f64], wanted: &[f64], what: &str) {
+    assert_eq!(found.len(), wanted.len(), "{what}");
+    let scale = wanted.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    for (index, (found, wanted)) in found.iter().zip(wanted).enumerate() {
+        assert!((found - wanted).abs() <= 1e-9 * scale, "{what}, {index}: {found} and {wanted}");
+    }
+}
+
+/// A robot and what of it is evaluated.
+struct Arm {
+    model: Parsed,
+    graph: Graph,
+    /// The ten parameters of every body.
+    inertias: Vec<[f64; 10]>,
+    /// By joint, in the order of the coordinates: the torque of the equations, and the entry of every body and parameter.
+    torques: Vec<ExprId>,
+    entries: Vec<Vec<(usize, usize, ExprId)>>,
+    /// The torques of the recursion over wrenches.
+    recursion: Vec<ExprId>,
+}
+
+impl Arm {
+    fn new(imported: &Imported) -> Self {
+        let mut model = parsed(imported);
+        let prior = values(&imported.prior);
+        let mechanism = model.mechanism.clone().expect("a mechanism");
+        let inertias: Vec<[f64; 10]> = mechanism
+            .labels
+            .iter()
+            .map(|label| NAMES.map(|name| prior.get(&parameter_name(name, &label.name)).copied().unwrap_or(0.0)))
+            .collect();
+        let graph = &mut model.model.graph;
+        let mut rows = mechanism.tree.regressor(graph);
+        rows.sort_by_key(|row| row.coordinate);
+        let entries = rows
+            .iter()
+            .map(|row| row.entries.iter().map(|entry| (entry.body, entry.parameter, entry.expr)).collect())
+            .collect();
+        let symbols: Vec<[ExprId; 10]> = (0..inertias.len())
+            .map(|body| std::array::from_fn(|k| graph.placeholder((10 * body + k) as u32)))
+            .collect();
+        let mut recursion = mechanism.tree.torques(graph, |body| symbols[body]);
+        recursion.sort_by_key(|(coordinate, _)| *coordinate);
+        let recursion = recursion.into_iter().map(|(_, torque)| torque).collect();
+        let torques = model
+            .model
+            .equations
+            .clone()
+            .into_iter()
+            .map(|equation| {
+                let terms: Vec<ExprId> = equation.terms.iter().map(|term| term.expr).collect();
+                model.model.graph.sum_of_wholes(&terms)
+            })
+            .collect();
+        let graph = model.model.graph.clone();
+        Self { model, graph, inertias, torques, entries, recursion }
+    }
+
+    fn leaf(&self, prior: &BTreeMap<String, f64>, state: [&[f64]; 3], node: &Node) -> f64 {
+        match node {
+            Node::Derivative(coordinate, order) => state[*order as usize][coordinate.0 as usize],
+            Node::Symbol(symbol) => {
+                prior.get(self.model.model.quantity(*symbol).name.as_str()).copied().unwrap_or_default()
+            }
+            Node::Placeholder(index) => self.inertias[*index as usize / 10][*index as usize % 10],
+            other => panic!("{other:?} is no leaf"),
+        }
+    }
+}
+
+#[test]
+fn torques_regressors_and_mass_matrices_are_pinocchios() {
+    if folder().is_none() {
+        skipped("TPM_DATA has no robots");
+        return;
+    }
+    let fixtures = std::env::var_os("TPM_ROBOTS").map_or_else(|| root().join("tests/fixtures/robots"), PathBuf::from);
+    for (fixture, file, locked) in ROBOTS {
+        let imported = imported(fixture, file, locked).expect("a description");
+        let arm = Arm::new(&imported);
+        let prior = values(&imported.prior);
+        let text = std::fs::read_to_string(fixtures.join(format!("{fixture}.json"))).expect("a fixture");
+        let known: Value = serde_json::from_str(&text).expect("JSON");
+        // Pinocchio's joints by our coordinates.
+        let theirs: Vec<String> = known["joints"]
+            .as_array()
+            .expect("joints")
+            .iter()
+            .map(|name| name.as_str().unwrap_or("").to_owned())
+            .collect();
+        let order: Vec<usize> = arm
+            .model
+            .model
+            .coordinates
+            .iter()
+            .map(|coordinate| theirs.iter().position(|name| *name == coordinate.name).expect("the same joints"))
+            .collect();
+        let ours = |list: &Value| -> Vec<f64> {
+            let list = numbers(list);
+            order.iter().map(|&index| list[index]).collect()
+        };
+        for (index, state) in known["states"].as_array().expect("states").iter().enumerate() {
+            let what = format!("{fixture}, state {index}");
+            let [q, v, a] = ["q", "v", "a"].map(|key| ours(&state[key]));
+            let torque = ours(&state["torque"]);
+            let at = |exprs: &[ExprId], v: &[f64], a: &[f64]| {
+                evaluate(&arm.graph, exprs, |node| arm.leaf(&prior, [&q, v, a], node))
+            };
+            close(&at(&arm.torques, &v, &a), &torque, &what);
+            close(&at(&arm.recursion, &v, &a), &torque, &what);
+            // Columns of the mass matrix are the torques of single accelerations without gravity.
+            let still = vec![0.0; q.len()];
+            let held = at(&arm.torques, &still, &still);
+            let mass = state["mass"].as_array().expect("rows");
+            for column in 0..q.len() {
+                let mut single = still.clone();
+                single[column] = 1.0;
+                let found: Vec<f64> =
+                    at(&arm.torques, &still, &single).iter().zip(&held).map(|(with, without)| with - without).collect();
+                let wanted: Vec<f64> = order.iter().map(|&row| numbers(&mass[row])[order[column]]).collect();
+                close(&found, &wanted, &format!("{what}, column {column} of the mass matrix"));
+            }
+            let Some(regressor) = state.get("regressor").and_then(Value::as_array) else { continue };
+            // The bodies are the links of the joints, in the order of the coordinates where all stand on moving joints.
+            let tree = &arm.model.mechanism.as_ref().expect("a mechanism").tree;
+            for (row, entries) in arm.entries.iter().enumerate() {
+                let wanted = numbers(&regressor[order[row]]);
+                let exprs: Vec<ExprId> = entries.iter().map(|(_, _, expr)| *expr).collect();
+                let mut found = vec![0.0; wanted.len()];
+                for ((body, parameter, _), value) in entries.iter().zip(at(&exprs, &v, &a)) {
+                    let coordinate = tree.bodies()[*body].joint.coordinate().expect("a moving body");
+                    found[10 * order[coordinate.0 as usize] + parameter] = value;
+                }
+                close(&found, &wanted, &format!("{what}, row {row} of the regressor"));
+            }
+        }
+    }
+}
+
+type Spatial = [[f64; 6]; 6];
+
+fn times(matrix: &Spatial, vector: &[f64; 6]) -> [f64; 6] {
+    std::array::from_fn(|i| (0..6).map(|j| matrix[i][j] * vector[j]).sum())
+}
+
+fn transposed(matrix: &Spatial) -> Spatial {
+    std::array::from_fn(|i| std::array::from_fn(|j| matrix[j][i]))
+}
+
+fn product(a: &Spatial, b: &Spatial) -> Spatial {
+    std::array::from_fn(|i| std::array::from_fn(|j| (0..6).map(|k| a[i][k] * b[k][j]).sum()))
+}
+
+fn skew(v: [f64; 3]) -> [[f64; 3]; 3] {
+    [[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]]
+}
+
+/// Motion vectors of a frame (angular first) in a frame that is placed in it by a rotation and an origin (Featherstone, 2.8).
+fn to_child(rotation: &[[f64; 3]; 3], origin: [f64; 3]) -> Spatial {
+    let lever = skew(origin);
+    let mut matrix = [[0.0; 6]; 6];
+    for i in 0..3 {
+        for j in 0..3 {
+            matrix[i][j] = rotation[j][i];
+            matrix[i + 3][j + 3] = rotation[j][i];
+            matrix[i + 3][j] = -(0..3).map(|k| rotation[k][i] * lever[k][j]).sum::<f64>();
+        }
+    }
+    matrix
+}
+
+/// The cross product of motion vectors as a matrix.
+fn motion_cross(v: &[f64; 6]) -> Spatial {
+    let (angular, linear) = (skew([v[0], v[1], v[2]]), skew([v[3], v[4], v[5]]));
+    let mut matrix = [[0.0; 6]; 6];
+    for i in 0..3 {
+        for j in 0..3 {
+            matrix[i][j] = angular[i][j];
+            matrix[i + 3][j + 3] = angular[i][j];
+            matrix[i + 3][j] = linear[i][j];
+        }
+    }
+    matrix
+}
+
+/// The torques by spatial algebra in doubles, written down once more from the placements of the bodies.
+fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
+    let tree = &arm.model.mechanism.as_ref().expect("a mechanism").tree;
+    let bodies = tree.bodies();
+    let number = |expr: ExprId| to_f64(arm.graph.as_number(expr).expect("a number"));
+    let mut kept: Vec<(Spatial, [f64; 6], [f64; 6], [f64; 6], [f64; 6])> = Vec::new();
+    for (index, body) in bodies.iter().enumerate() {
+        let rotation: [[f64; 3]; 3] =
+            std::array::from_fn(|i| std::array::from_fn(|j| to_f64(body.rotation.entry(i, j))));
+        let placed = to_child(&rotation, body.origin.map(number));
+        let mut screw = [0.0; 6];
+        let (mut moved, mut rates) = (placed, [0.0; 2]);
+        if let Some(coordinate) = body.joint.coordinate() {
+            let place = coordinate.0 as usize;
+            rates = [state[1][place], state[2][place]];
+            match &body.joint {
+                Joint::Revolute { axis, .. } => {
+                    let axis: [f64; 3] = std::array::from_fn(|i| to_f64(&axis[i]));
+                    let (sine, cosine) = state[0][place].sin_cos();
+                    let across = skew(axis);
+                    let turn: [[f64; 3]; 3] = std::array::from_fn(|i| {
+                        std::array::from_fn(|j| {
+                            f64::from(u8::from(i == j)) * cosine
+                                + across[i][j] * sine
+                                + axis[i] * axis[j] * (1.0 - cosine)
+                        })
+                    });
+                    screw[..3].copy_from_slice(&axis);
+                    moved = product(&to_child(&turn, [0.0; 3]), &placed);
+                }
+                Joint::Prismatic { axis, .. } => {
+                    let axis: [f64; 3] = std::array::from_fn(|i| to_f64(&axis[i]));
+                    screw[3..].copy_from_slice(&axis);
+                    let identity = std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
+                    moved = product(&to_child(&identity, axis.map(|component| component * state[0][place])), &placed);
+                }
+                Joint::Fixed => {}
+            }
+        }
+        let (parent_velocity, parent_acceleration) = match body.parent {
+            Some(parent) => (kept[parent].1, kept[parent].2),
+            None => ([0.0; 6], [0.0, 0.0, 0.0, 0.0, 0.0, 9.81]),
+        };
+        let carried = times(&moved, &parent_velocity);
+        let velocity: [f64; 6] = std::array::from_fn(|i| carried[i] + screw[i] * rates[0]);
+        let gyration = times(&motion_cross(&velocity), &screw.map(|component| component * rates[0]));
+        let carried = times(&moved, &parent_acceleration);
+        let acceleration: [f64; 6] = std::array::from_fn(|i| carried[i] + screw[i] * rates[1] + gyration[i]);
+        let [m, x, y, z, xx, xy, xz, yy, yz, zz] = arm.inertias[index];
+        let (first, tensor) = (skew([x, y, z]), [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
+        let mut inertia = [[0.0; 6]; 6];
+        for i in 0..3 {
+            inertia[i + 3][i + 3] = m;
+            for j in 0..3 {
+                inertia[i][j] = tensor[i][j];
+                inertia[i][j + 3] = first[i][j];
+                inertia[i + 3][j] = first[j][i];
+            }
+        }
+        let momentum = times(&inertia, &velocity);
+        let gyration = times(&transposed(&motion_cross(&velocity)), &momentum);
+        let pushed = times(&inertia, &acceleration);
+        let wrench = std::array::from_fn(|i| pushed[i] - gyration[i]);
+        kept.push((moved, velocity, acceleration, wrench, screw));
+    }
+    let mut torques = vec![0.0; arm.torques.len()];
+    for index in (0..bodies.len()).rev() {
+        let (moved, _, _, wrench, screw) = kept[index];
+        if let Some(coordinate) = bodies[index].joint.coordinate() {
+            torques[coordinate.0 as usize] = (0..6).map(|i| screw[i] * wrench[i]).sum();
+        }
+        if let Some(parent) = bodies[index].parent {
+            let carried = times(&transposed(&moved), &wrench);
+            (0..6).for_each(|i| kept[parent].3[i] += carried[i]);
+        }
+    }
+    torques
+}
+
+#[test]
+fn torques_are_those_of_spatial_algebra() {
+    if folder().is_none() {
+        skipped("TPM_DATA has no robots");
+        return;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    for (fixture, file, locked) in ROBOTS {
+        let imported = imported(fixture, file, locked).expect("a description");
+        let arm = Arm::new(&imported);
+        let prior = values(&imported.prior);
+        for _ in 0..20 {
+            let count = arm.torques.len();
+            let state: [Vec<f64>; 3] =
+                std::array::from_fn(|_| (0..count).map(|_| rng.random_range(-3.0..3.0)).collect());
+            let state = state.each_ref().map(Vec::as_slice);
+            let found = evaluate(&arm.graph, &arm.torques, |node| arm.leaf(&prior, state, node));
+            close(&found, &twin(&arm, state), fixture);
+        }
+    }
+}
+
+/// What is said of a description that is at fault, rendered.
+fn faults(text: &str, options: &Options) -> String {
+    let source = Source::new("robot.urdf", text);
+    match urdf(&source, options) {
+        Ok(imported) => panic!("no fault: {}", imported.model),
+        Err(faults) => faults.render(&source),
+    }
+}
+
+/// Two links and a joint between them, with some lines in the joint.
+fn two_links(joint: &str) -> String {
+    format!(
+        "<robot name=\"r\">\n<link name=\"a\"/>\n<link name=\"b\"/>\n<joint name=\"j\" type=\"revolute\">\n\
+         <parent link=\"a\"/><child link=\"b\"/>\n{joint}\n</joint>\n</robot>\n"
+    )
+}
+
+const SOUND: &str = "<axis xyz=\"0 0 1\"/><limit lower=\"-1\" upper=\"1\" effort=\"5\" velocity=\"2\"/>";
+
+#[test]
+fn faults_of_a_description_are_named_at_their_lines() {
+    let options = Options::default();
+    let check = |text: &str, line: usize, words: &[&str]| {
+        let said = faults(text, &options);
+        assert!(said.contains(&format!("robot.urdf:{line}:")), "line {line}:\n{said}");
+        words.iter().for_each(|word| assert!(said.contains(word), "`{word}`:\n{said}"));
+    };
+    check("<robot name=\"r\"><link", 1, &["no XML", "Help"]);
+    check("<sdf/>", 1, &["`sdf` is no robot description", "root element `robot`"]);
+    check(&two_links("<axis xyz=\"0 0 0\"/><limit/>"), 6, &["axis of the joint `j` is zero", "write a direction"]);
+    check(&two_links("<axis xyz=\"0 0 up\"/><limit/>"), 6, &["not three numbers"]);
+    check(&two_links("<origin xyz=\"0 0\"/><limit/>"), 6, &["not three numbers"]);
+    let moved = two_links(SOUND).replace("revolute", "floating");
+    check(&moved, 4, &["of the type `floating`", "prismatic"]);
+    let missing = two_links(SOUND).replace("<child link=\"b\"/>", "<child link=\"c\"/>");
+    check(&missing, 4, &["joins `c`, which is no link"]);
+    let roots = two_links(SOUND).replace("<link name=\"b\"/>", "<link name=\"b\"/>\n<link name=\"c\"/>");
+    check(&roots, 4, &["2 roots: `a`, `c`", "name the base"]);
+    let twice = "<joint name=\"k\" type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/></joint>\n</robot>";
+    check(&two_links(SOUND).replace("</robot>", twice), 8, &["form a loop", "remove a joint"]);
+    let back = "<joint name=\"k\" type=\"fixed\"><parent link=\"b\"/><child link=\"a\"/></joint>\n</robot>";
+    check(&two_links(SOUND).replace("</robot>", back), 1, &["in a loop"]);
+    let fixed = two_links(SOUND).replace("revolute", "fixed");
+    check(&fixed, 1, &["no joint of this part of the description moves"]);
+    let mut options = Options { base: Some("z".to_owned()), ..Options::default() };
+    assert!(faults(&two_links(SOUND), &options).contains("the base `z` is no link"));
+    options = Options { locked: vec![("k".to_owned(), "0".to_owned())], ..Options::default() };
+    assert!(faults(&two_links(SOUND), &options).contains("the joints that move are j"));
+}
+
+#[test]
+fn what_is_left_out_or_read_otherwise_is_said() {
+    let inertial = "<link name=\"b\"><inertial><mass value=\"2\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"9\"/></inertial><visual/></link>";
+    let joint = "<origin xyz=\"1e-17 0 .5\" rpy=\"1.5708 0 0.3\"/><limit effort=\"5\"/><mimic joint=\"k\"/><dynamics damping=\"0.5\"/>";
+    let text = two_links(joint)
+        .replace("<link name=\"b\"/>", inertial)
+        .replace("name=\"j\"", "name=\"2 j\"")
+        .replace("</robot>", "<gazebo/><gazebo/><frob/></robot>");
+    let source = Source::new("robot.urdf", text);
+    let imported = urdf(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    let warnings: Vec<&str> = imported.warnings.iter().map(|warning| warning.message.as_str()).collect();
+    for words in [
+        "`mimic` is left out",
+        "`visual` is left out",
+        "`gazebo` is left out, 2 times in all",
+        "`frob` is no element of a `robot` that is known here",
+        "the joint `2 j` has no axis; by the rules of URDF it is the x axis",
+        "the joint `2 j` is called `j_2_j` in the model",
+        "no body has the inertia of the link `b`: a principal moment of inertia exceeds the sum of the two others",
+    ] {
+        assert!(warnings.iter().any(|warning| warning.contains(words)), "{words}: {warnings:#?}");
+    }
+    assert_eq!(imported.readings[0], "1.5708 is read as pi/2 (line 6)");
+    assert!(
+        imported.readings.iter().any(|reading| reading == "1e-17 is read as 0 (line 6)"),
+        "{:?}",
+        imported.readings
+    );
+    assert!(
+        imported.model.contains("revolute j_2_j about x at (0, 0, 1/2) turned (pi/2, 0, 2*atan2("),
+        "{}",
+        imported.model
+    );
+    assert!(imported.model.contains("drive j_2_j by tau_j_2_j with viscous;"), "{}", imported.model);
+    assert!(imported.prior.contains("fv_j_2_j = 0.5\n"), "{}", imported.prior);
+    let experiment = tpm_runtime::experiment::Experiment::parse(&imported.experiment).expect("an experiment");
+    assert_eq!(experiment.limits.inputs["tau_j_2_j"], 5.0);
+    parsed(&imported);
+}
+
+/// A chain of bodies on three branches: two arms on a torso.
+fn two_arms(joints: usize) -> String {
+    let mut text = String::from("model TwoArms {\n");
+    let names: Vec<String> = (0..joints).map(|index| format!("q{index}")).collect();
+    text += &format!("    coordinate {};\n    input {};\n", names.join(", "), names.join(", ").replace('q', "u"));
+    text += "    mechanism {\n        gravity (0, 0, -9.81);\n";
+    let torso = joints / 5;
+    for index in 0..joints {
+        // After the torso, even bodies are of the left arm and odd ones of the right arm.
+        let parent = if index == 0 {
+            None
+        } else if index <= torso {
+            Some(index - 1)
+        } else {
+            Some(if index <= torso + 2 { torso } else { index - 2 })
+        };
+        let on = parent.map_or_else(String::new, |parent| format!("on b{parent} "));
+        let axis = ["z", "y", "-x"][index % 3];
+        let turned = ["", " turned (pi/2, 0, 0)", " turned (0, -pi/2, pi)"][index % 3];
+        text += &format!(
+            "        body b{index} {on}{{ revolute q{index} about {axis} at (0.{:03}, 0, -0.1{index}){turned}; inertia parameters; }}\n",
+            37 * index % 1000
+        );
+    }
+    for index in 0..joints {
+        text += &format!("        drive q{index} by u{index} with viscous, coulomb;\n");
+    }
+    text + "    }\n}\n"
+}
+
+#[test]
+fn thirty_joints_are_read_and_sorted_in_seconds() {
+    let mut times = Vec::new();
+    for joints in [2, 5, 10, 20, 30] {
+        let source = Source::new("two arms", two_arms(joints));
+        let start = std::time::Instant::now();
+        let parsed = parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+        let read = start.elapsed();
+        let prepared = tpm_symbolic::regressor::prepare::prepare(parsed.model).expect("linear in the parameters");
+        times.push((joints, read, start.elapsed(), prepared.model.graph.len()));
+    }
+    // Nodes grow at most with the square of the joints: bodies times depth.
+    let [.., (ten, _, _, small), (_, _, _, _), (thirty, _, whole, large)] = times.as_slice() else {
+        panic!("five sizes")
+    };
+    let growth = *large as f64 / *small as f64;
+    assert!(growth <= (*thirty as f64 / *ten as f64).powi(2), "{times:?}");
+    assert!(whole.as_secs_f64() < 5.0, "{times:?}");
+}

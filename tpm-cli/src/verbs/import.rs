@@ -1,0 +1,104 @@
+//! `tpm import`: a robot description as a model, with a prior and an experiment beside it.
+
+use crate::failure::{Failure, Outcome};
+use crate::input::assignments::assignment;
+use crate::output::file;
+use clap::ValueEnum;
+use std::path::{Path, PathBuf};
+use tpm_codegen::diagnostic::{Diagnostics, render};
+use tpm_codegen::import::{Angles, Options, urdf};
+use tpm_codegen::source::Source;
+use tpm_symbolic::mechanics::tree::mechanism::Loss;
+
+/// Options of `tpm import`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The robot description (URDF).
+    file: PathBuf,
+    /// The link that stands still; the root when not given. What is not outward of it is left out.
+    #[arg(long, value_name = "LINK")]
+    base: Option<String>,
+    /// The last link of the chain that is taken; everything when not given.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+    /// Hold a joint at a position, rad or m.
+    #[arg(long, value_name = "JOINT=VALUE", value_parser = assignment)]
+    lock: Vec<(String, String)>,
+    /// How angles and lengths are read: right angles and zeros recognised where rounding hides them, or as written.
+    #[arg(long, value_enum, default_value = "recognised")]
+    angles: AnglesChoice,
+    /// Unknown torques of every drive; those that the description has a value for when not given.
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "TORQUES")]
+    with: Option<Vec<LossChoice>>,
+    /// The model file to write; `arm.prior.toml` and `arm.experiment.toml` go beside `arm.tpm`.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+/// How angles are read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AnglesChoice {
+    /// Angles within 1e-4 of a multiple of pi/2 are that multiple, lengths below 1e-12 m are zero.
+    Recognised,
+    /// Every number is what is written.
+    Written,
+}
+
+/// An unknown torque of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum LossChoice {
+    /// None at all.
+    None,
+    /// Friction that grows with the rate.
+    Viscous,
+    /// Dry friction.
+    Coulomb,
+    /// A constant.
+    Offset,
+    /// The inertia of the rotor.
+    Rotor,
+}
+
+impl LossChoice {
+    fn loss(self) -> Option<Loss> {
+        match self {
+            Self::None => None,
+            Self::Viscous => Some(Loss::Viscous),
+            Self::Coulomb => Some(Loss::Coulomb),
+            Self::Offset => Some(Loss::Offset),
+            Self::Rotor => Some(Loss::Rotor),
+        }
+    }
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let bytes = std::fs::read(&args.file).map_err(|error| Failure::read(&args.file, error))?;
+    let source = Source::from_bytes(args.file.display().to_string(), bytes);
+    let options = Options {
+        base: args.base.clone(),
+        tip: args.tip.clone(),
+        locked: args.lock.clone(),
+        angles: match args.angles {
+            AnglesChoice::Recognised => Angles::Recognised,
+            AnglesChoice::Written => Angles::Written,
+        },
+        losses: args.with.as_ref().map(|losses| losses.iter().filter_map(|choice| choice.loss()).collect()),
+    };
+    let imported =
+        urdf(&source, &options).map_err(|diagnostics: Diagnostics| Failure::Model(diagnostics.render(&source)))?;
+    for warning in &imported.warnings {
+        file::remark(render(&source, warning).trim_end());
+    }
+    for reading in &imported.readings {
+        file::remark(&format!("remark: {reading}"));
+    }
+    let beside = |extension: &str| args.output.with_extension(extension);
+    let (prior, experiment) = (beside("prior.toml"), beside("experiment.toml"));
+    let files: [(&Path, &[u8]); 3] = [
+        (&args.output, imported.model.as_bytes()),
+        (&prior, imported.prior.as_bytes()),
+        (&experiment, imported.experiment.as_bytes()),
+    ];
+    file::write_files(&files)
+}

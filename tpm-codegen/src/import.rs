@@ -1,0 +1,56 @@
+//! Robot descriptions as models.
+//!
+//! [`urdf`] reads a URDF and writes a model with a mechanism, a prior and an experiment beside it. Decimals are taken as the
+//! rational numbers that they are. An angle within 1e-4 of a multiple of pi/2 is that multiple, and every other angle a becomes the
+//! angle with the rational tangent of a/2 within 1e-15, so that the geometry is rational throughout; every such reading is reported.
+
+mod arrange;
+mod description;
+mod options;
+mod reading;
+mod write;
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::source::{Source, Span};
+
+pub use options::{Angles, Options};
+
+/// A description as a model.
+#[derive(Clone, Debug)]
+pub struct Imported {
+    /// The text of the model.
+    pub model: String,
+    /// Values of its parameters by name, from the masses, inertias and frictions of the description (TOML).
+    pub prior: String,
+    /// An experiment with the limits of the joints (TOML), to be completed.
+    pub experiment: String,
+    /// What was read as something else than what is written, one sentence each.
+    pub readings: Vec<String>,
+    /// What is left out or doubtful, each at its place.
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Reads a URDF.
+///
+/// # Errors
+/// Every fault at its place: the text is no XML or no robot, a number cannot be read, links and joints are no tree, an axis is zero,
+/// a joint is of a kind that has no model, or an option names what is not there.
+pub fn urdf(source: &Source, options: &Options) -> Result<Imported, Diagnostics> {
+    let mut diagnostics = Diagnostics::new();
+    if source.fault().is_some() {
+        let fault = Diagnostic::error(Span::default(), "this is no text, or it is longer than 4 GiB");
+        diagnostics.push(fault.help("a description is a text in UTF-8"));
+        return Err(diagnostics);
+    }
+    let mut readings = reading::Readings::new(source, options.angles);
+    let Some(description) = description::read(source, &mut readings, &mut diagnostics) else { return Err(diagnostics) };
+    let arranged = arrange::arrange(description, options, &mut readings, &mut diagnostics);
+    let Some(robot) = arranged.filter(|_| !diagnostics.has_errors()) else {
+        diagnostics.sort();
+        return Err(diagnostics);
+    };
+    let mut warnings = diagnostics.take_warnings();
+    warnings.sort_by_key(|warning| warning.span);
+    let (model, prior, experiment) = write::write(&robot, options, source.name())?;
+    Ok(Imported { model, prior, experiment, readings: readings.sentences(), warnings })
+}

@@ -1,0 +1,489 @@
+//! From links and joints to the bodies of a mechanism.
+//!
+//! Invariant: every body comes after the body that it stands on. Links that are fixed to each other move as one, so that the inertias
+//! of all of them are part of the link that carries them, which is the one on a moving joint.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use num_traits::Zero;
+use tpm_symbolic::expr::graph::{ExprId, Graph};
+use tpm_symbolic::mechanics::tree::rotation::{Angle, Rotation};
+use tpm_symbolic::mechanics::tree::{about_origin, fault};
+use tpm_symbolic::number::rational::{self, Rational};
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::import::description::{Description, Inertial, Joint, Kind, Limits, Link, Origin};
+use crate::import::options::Options;
+use crate::import::reading::{Exact, ExactAngle, Readings};
+use crate::language::function::Function;
+use crate::source::Span;
+
+/// A robot in the terms of the language.
+pub(super) struct Robot {
+    pub(super) name: String,
+    pub(super) bodies: Vec<Body>,
+}
+
+/// A body of the mechanism.
+pub(super) struct Body {
+    pub(super) name: String,
+    /// The body that it stands on; `None` for the base.
+    pub(super) parent: Option<usize>,
+    pub(super) origin: Origin,
+    /// `None` for a body on a fixed joint.
+    pub(super) moving: Option<Moving>,
+}
+
+/// What a body on a moving joint has.
+pub(super) struct Moving {
+    pub(super) coordinate: String,
+    pub(super) input: String,
+    pub(super) turns: bool,
+    /// The axis as the language writes it.
+    pub(super) axis: String,
+    pub(super) limits: Limits,
+    pub(super) damping: Rational,
+    pub(super) friction: Rational,
+    /// The ten parameters about the frame of the body, of all links that move with it.
+    pub(super) inertia: [Rational; 10],
+}
+
+/// Where the frame of a link is: on a body on a moving joint, or on the base.
+#[derive(Clone)]
+struct Place {
+    carrier: Option<usize>,
+    origin: [Rational; 3],
+    rotation: Rotation,
+    /// The last body of the text that the link is fixed to.
+    body: Option<usize>,
+}
+
+/// The bodies of the part of the description that the options name; faults go to `diagnostics`.
+pub(super) fn arrange(
+    description: Description,
+    options: &Options,
+    readings: &mut Readings<'_>,
+    diagnostics: &mut Diagnostics,
+) -> Option<Robot> {
+    let mut arranger = Arranger {
+        description: &description,
+        readings,
+        diagnostics,
+        links: BTreeMap::new(),
+        children: BTreeMap::new(),
+        above: BTreeMap::new(),
+        taken: BTreeSet::new(),
+        bodies: Vec::new(),
+    };
+    arranger.index();
+    let base = arranger.base(options)?;
+    let kept = arranger.kept(base, options)?;
+    let locked = arranger.locked(options);
+    if arranger.diagnostics.has_errors() {
+        return None;
+    }
+    arranger.walk(base, &kept, &locked);
+    arranger.massless();
+    if arranger.bodies.iter().all(|body| body.moving.is_none()) {
+        let fault = Diagnostic::error(description.span, "no joint of this part of the description moves");
+        arranger.diagnostics.push(fault.help("name another base or tip, or lock fewer joints"));
+    }
+    let name = type_name(&description.name);
+    Some(Robot { name, bodies: arranger.bodies })
+}
+
+struct Arranger<'a, 'r, 's> {
+    description: &'a Description,
+    readings: &'r mut Readings<'s>,
+    diagnostics: &'r mut Diagnostics,
+    links: BTreeMap<&'a str, &'a Link>,
+    /// The joints by their parents, in the order of the text.
+    children: BTreeMap<&'a str, Vec<&'a Joint>>,
+    /// The joint above each link.
+    above: BTreeMap<&'a str, &'a Joint>,
+    /// Names of the model.
+    taken: BTreeSet<String>,
+    bodies: Vec<Body>,
+}
+
+impl<'a> Arranger<'a, '_, '_> {
+    fn error(&mut self, span: Span, message: String, help: &str) {
+        self.diagnostics.push(Diagnostic::error(span, message).help(help));
+    }
+
+    fn warning(&mut self, span: Span, message: String, help: &str) {
+        self.diagnostics.push(Diagnostic::warning(span, message).help(help));
+    }
+
+    /// Finds links and joints by their names.
+    fn index(&mut self) {
+        for link in &self.description.links {
+            if let Some(first) = self.links.insert(&link.name, link) {
+                let fault = Diagnostic::error(link.span, format!("the link `{}` is given twice", link.name));
+                self.diagnostics.push(fault.label(first.span, "the first one").help("rename or remove one of them"));
+            }
+        }
+        let mut joints: BTreeMap<&str, &Joint> = BTreeMap::new();
+        for joint in &self.description.joints {
+            if let Some(first) = joints.insert(&joint.name, joint) {
+                let fault = Diagnostic::error(joint.span, format!("the joint `{}` is given twice", joint.name));
+                self.diagnostics.push(fault.label(first.span, "the first one").help("rename or remove one of them"));
+            }
+            for link in [&joint.parent, &joint.child] {
+                if !self.links.contains_key(link.as_str()) {
+                    let message = format!("the joint `{}` joins `{link}`, which is no link", joint.name);
+                    self.error(joint.span, message, "add the link, or correct its name");
+                }
+            }
+            if let Some(first) = self.above.insert(&joint.child, joint) {
+                let message = format!("the link `{}` hangs on two joints, so that the links form a loop", joint.child);
+                let fault = Diagnostic::error(joint.span, message);
+                self.diagnostics
+                    .push(fault.label(first.span, "the first one").help("a mechanism is a tree: remove a joint"));
+            }
+            if joint.kind != Kind::Fixed && joint.axis.0.iter().all(|component| component.value.is_zero()) {
+                let message = format!("the axis of the joint `{}` is zero", joint.name);
+                self.error(joint.axis.2, message, "write a direction, such as `<axis xyz=\"0 0 1\"/>`");
+            }
+            self.children.entry(&joint.parent).or_default().push(joint);
+        }
+    }
+
+    /// The link that stands still.
+    fn base(&mut self, options: &Options) -> Option<&'a str> {
+        if let Some(base) = &options.base {
+            return self.known(base, "base");
+        }
+        let links = &self.description.links;
+        let roots: Vec<&Link> = links.iter().filter(|link| !self.above.contains_key(link.name.as_str())).collect();
+        match roots.as_slice() {
+            [root] => {
+                let reached = self.reached(&root.name);
+                if let Some(link) = links.iter().find(|link| !reached.contains(link.name.as_str())) {
+                    let message = format!("the link `{}` hangs on itself in a loop of joints", link.name);
+                    self.error(link.span, message, "a mechanism is a tree: remove a joint of the loop");
+                }
+                Some(&root.name)
+            }
+            [] => {
+                let message = "every link hangs on another one, in a loop".to_owned();
+                self.error(self.description.span, message, "a mechanism is a tree: remove a joint of the loop");
+                None
+            }
+            [first, second, ..] => {
+                let message = format!("the description has {} roots: `{}`, `{}`", roots.len(), first.name, second.name);
+                let fault = Diagnostic::error(second.span, message).label(first.span, "the first one");
+                self.diagnostics.push(fault.help("join them, or name the base whose links are wanted"));
+                None
+            }
+        }
+    }
+
+    fn known(&mut self, name: &str, what: &str) -> Option<&'a str> {
+        let found = self.links.get(name).map(|link| link.name.as_str());
+        if found.is_none() {
+            let names = self.links.keys().copied().collect::<Vec<_>>().join(", ");
+            let message = format!("the {what} `{name}` is no link of this description");
+            self.error(self.description.span, message, &format!("the links are {names}"));
+        }
+        found
+    }
+
+    /// The links outward of one, itself included.
+    fn reached(&self, from: &'a str) -> BTreeSet<&'a str> {
+        let mut reached = BTreeSet::new();
+        let mut open = vec![from];
+        while let Some(link) = open.pop() {
+            if reached.insert(link) {
+                let joints = self.children.get(link).into_iter().flatten();
+                open.extend(joints.map(|joint| joint.child.as_str()));
+            }
+        }
+        reached
+    }
+
+    /// The links from the base to the tip; `None` in the inner option for everything.
+    fn kept(&mut self, base: &'a str, options: &Options) -> Option<Option<BTreeSet<&'a str>>> {
+        let Some(tip) = &options.tip else { return Some(None) };
+        let tip = self.known(tip, "tip")?;
+        let mut path = BTreeSet::from([tip]);
+        let mut current = tip;
+        while current != base {
+            match self.above.get(current) {
+                Some(joint) if path.insert(&joint.parent) => current = &joint.parent,
+                _ => {
+                    let message = format!("the tip `{tip}` is not outward of the base `{base}`");
+                    self.error(self.description.span, message, "name a link that the base carries");
+                    return None;
+                }
+            }
+        }
+        Some(Some(path))
+    }
+
+    /// Positions of the joints that are held.
+    fn locked(&mut self, options: &Options) -> BTreeMap<String, (Rational, String)> {
+        let mut locked = BTreeMap::new();
+        for (name, text) in &options.locked {
+            let joint = self.description.joints.iter().find(|joint| joint.name == *name && joint.kind != Kind::Fixed);
+            if joint.is_none() {
+                let moving = self.description.joints.iter().filter(|joint| joint.kind != Kind::Fixed);
+                let names = moving.map(|joint| joint.name.as_str()).collect::<Vec<_>>().join(", ");
+                let message = format!("`{name}` is to be locked and is no joint that moves");
+                self.error(self.description.span, message, &format!("the joints that move are {names}"));
+            }
+            match rational::parse(text) {
+                Some(value) => {
+                    locked.insert(name.clone(), (value, text.clone()));
+                }
+                None => {
+                    let message = format!("`{name}` is to be locked at `{text}`, which is no number");
+                    self.error(self.description.span, message, "write a decimal number, in rad or m");
+                }
+            }
+        }
+        locked
+    }
+
+    /// The bodies outward of the base.
+    fn walk(&mut self, base: &'a str, kept: &Option<BTreeSet<&'a str>>, locked: &BTreeMap<String, (Rational, String)>) {
+        let rest = Place {
+            carrier: None,
+            origin: std::array::from_fn(|_| Rational::zero()),
+            rotation: Rotation::identity(),
+            body: None,
+        };
+        let mut open: Vec<(&Joint, Place)> = Vec::new();
+        let push = |open: &mut Vec<(&'a Joint, Place)>, joints: Option<&Vec<&'a Joint>>, place: &Place| {
+            let joints = joints.into_iter().flatten().rev();
+            open.extend(joints.map(|joint| (*joint, place.clone())));
+        };
+        push(&mut open, self.children.get(base), &rest);
+        while let Some((joint, parent)) = open.pop() {
+            let held = joint.kind == Kind::Fixed || locked.contains_key(&joint.name);
+            if !held && kept.as_ref().is_some_and(|path| !path.contains(joint.child.as_str())) {
+                let message = format!(
+                    "the joint `{}` is not between base and tip; it is left out with all that it carries",
+                    joint.name
+                );
+                self.warning(joint.span, message, "lock it to keep what it carries");
+                continue;
+            }
+            let place = if held {
+                let position = locked.get(&joint.name);
+                let moves = self.moves_outward(joint, kept, locked);
+                self.held(joint, position, &parent, moves)
+            } else {
+                self.moving(joint, &parent)
+            };
+            if let Some(inertial) = self.links.get(joint.child.as_str()).and_then(|link| link.inertial.as_ref()) {
+                self.load(&joint.child, inertial, &place);
+            }
+            push(&mut open, self.children.get(joint.child.as_str()), &place);
+        }
+    }
+
+    /// Whether a joint that moves stands outward of a joint.
+    fn moves_outward(
+        &self,
+        joint: &'a Joint,
+        kept: &Option<BTreeSet<&'a str>>,
+        locked: &BTreeMap<String, (Rational, String)>,
+    ) -> bool {
+        let outward = self.reached(&joint.child);
+        self.description.joints.iter().any(|other| {
+            other.kind != Kind::Fixed
+                && !locked.contains_key(&other.name)
+                && outward.contains(other.parent.as_str())
+                && kept.as_ref().is_none_or(|path| path.contains(other.child.as_str()))
+        })
+    }
+
+    /// A link on a joint that does not move; it is a body of the text where it carries one that moves.
+    fn held(&mut self, joint: &Joint, position: Option<&(Rational, String)>, parent: &Place, carries: bool) -> Place {
+        let mut origin = joint.origin.clone();
+        let rotation = rotation_of(&origin);
+        let mut turned = None;
+        if let Some((value, text)) = position.filter(|(value, _)| !value.is_zero()) {
+            let (axis, _) = self.readings.axis(&joint.axis.0, &joint.axis.1, joint.axis.2);
+            if joint.kind == Kind::Prismatic {
+                for (i, component) in origin.at.iter_mut().enumerate() {
+                    let along: Rational = (0..3).map(|j| rotation.entry(i, j) * &axis[j]).sum();
+                    let moved = &component.value + along * value;
+                    let text = moved.to_string();
+                    *component = Exact::new(moved, &text);
+                }
+            } else {
+                let own = axis.iter().position(|component| rational::abs(component) == rational::integer(1));
+                match own {
+                    Some(index) => {
+                        let negative = axis[index] < Rational::zero();
+                        let signed = if negative { -value.clone() } else { value.clone() };
+                        let text = match (negative, text.strip_prefix('-')) {
+                            (false, _) => text.clone(),
+                            (true, Some(positive)) => positive.to_owned(),
+                            (true, None) => format!("-{text}"),
+                        };
+                        let mut angles: [ExactAngle; 3] = std::array::from_fn(|_| ExactAngle::zero());
+                        angles[index] = self.readings.angle(&signed, &text, joint.span);
+                        turned = Some(Origin { at: Origin::none().at, turned: angles });
+                    }
+                    None => {
+                        let message = format!("the joint `{}` turns about no axis of its frame", joint.name);
+                        self.error(joint.span, message, "lock it at 0, or turn its frame");
+                    }
+                }
+            }
+        }
+        let mut place = placed(parent, &origin);
+        if carries {
+            let name = identifier(&joint.child, &mut self.taken);
+            let first = if turned.is_some() { format!("{name}_locked") } else { name.clone() };
+            self.bodies.push(Body { name: first, parent: parent.body, origin, moving: None });
+            place.body = Some(self.bodies.len() - 1);
+        }
+        if let Some(turned) = turned {
+            let before = place.clone();
+            place = placed(&before, &turned);
+            if carries {
+                let name = identifier(&joint.child, &mut self.taken);
+                self.bodies.push(Body { name, parent: before.body, origin: turned, moving: None });
+                place.body = Some(self.bodies.len() - 1);
+            }
+        }
+        place
+    }
+
+    /// A link on a joint that moves.
+    fn moving(&mut self, joint: &'a Joint, parent: &Place) -> Place {
+        let (_, axis) = self.readings.axis(&joint.axis.0, &joint.axis.1, joint.axis.2);
+        let turns = joint.kind == Kind::Revolute;
+        let coordinate = self.renamed(&joint.name, "joint", joint.span);
+        let input = identifier(&format!("{}_{coordinate}", if turns { "tau" } else { "force" }), &mut self.taken);
+        let name = self.renamed(&joint.child, "link", joint.span);
+        let index = self.bodies.len();
+        self.bodies.push(Body {
+            name,
+            parent: parent.body,
+            origin: joint.origin.clone(),
+            moving: Some(Moving {
+                coordinate,
+                input,
+                turns,
+                axis,
+                limits: Limits {
+                    lower: joint.limits.lower.clone(),
+                    upper: joint.limits.upper.clone(),
+                    velocity: joint.limits.velocity.clone(),
+                    effort: joint.limits.effort.clone(),
+                },
+                damping: joint.damping.clone(),
+                friction: joint.friction.clone(),
+                inertia: std::array::from_fn(|_| Rational::zero()),
+            }),
+        });
+        Place {
+            carrier: Some(index),
+            origin: std::array::from_fn(|_| Rational::zero()),
+            rotation: Rotation::identity(),
+            body: Some(index),
+        }
+    }
+
+    /// An identifier for a name, with a report where it is another one.
+    fn renamed(&mut self, name: &str, what: &str, span: Span) -> String {
+        let identifier = identifier(name, &mut self.taken);
+        if identifier != name {
+            let message = format!("the {what} `{name}` is called `{identifier}` in the model");
+            self.warning(span, message, "a name of the language has letters, digits and `_`, and stands for one thing");
+        }
+        identifier
+    }
+
+    /// Adds the inertia of a link to the body that carries it.
+    fn load(&mut self, link: &str, inertial: &Inertial, place: &Place) {
+        if let Some(fault) = fault(&inertial.mass, &inertial.moments) {
+            let message = format!("no body has the inertia of the link `{link}`: {fault}");
+            let help = "the prior has it all the same; correct the description, or weigh and measure the link";
+            self.warning(inertial.span, message, help);
+        }
+        let Some(Moving { inertia, .. }) = place.carrier.and_then(|carrier| self.bodies[carrier].moving.as_mut())
+        else {
+            return;
+        };
+        let turned = place.rotation.times(&rotation_of(&inertial.origin));
+        let centre: [Rational; 3] = std::array::from_fn(|i| {
+            let offset: Rational = (0..3).map(|j| place.rotation.entry(i, j) * &inertial.origin.at[j].value).sum();
+            &place.origin[i] + offset
+        });
+        let graph = &mut Graph::new();
+        let mass = graph.number(inertial.mass.clone());
+        let centre: [ExprId; 3] = centre.map(|component| graph.number(component));
+        let moments: [ExprId; 6] = inertial.moments.clone().map(|moment| graph.number(moment));
+        let values = about_origin(graph, mass, &centre, &moments, &turned);
+        for (sum, value) in inertia.iter_mut().zip(values) {
+            if let Some(value) = graph.as_number(value) {
+                *sum += value;
+            }
+        }
+    }
+
+    /// Warns of bodies for which the description has no mass.
+    fn massless(&mut self) {
+        let names: Vec<String> = self
+            .bodies
+            .iter()
+            .filter(|body| body.moving.as_ref().is_some_and(|moving| moving.inertia[0].is_zero()))
+            .map(|body| body.name.clone())
+            .collect();
+        for name in names {
+            let link = self.description.links.iter().find(|link| link.name == name);
+            let span = link.map_or(self.description.span, |link| link.span);
+            let message = format!("the link `{name}` moves and has no mass in the description");
+            self.warning(span, message, "its prior is zero; add an `inertial` to it");
+        }
+    }
+}
+
+fn rotation_of(origin: &Origin) -> Rotation {
+    let angles: [Angle; 3] = origin.turned.each_ref().map(|turned| turned.angle.clone());
+    Rotation::roll_pitch_yaw(&angles)
+}
+
+/// The place of a frame that is fixed to another one.
+fn placed(parent: &Place, origin: &Origin) -> Place {
+    Place {
+        carrier: parent.carrier,
+        origin: std::array::from_fn(|i| {
+            let offset: Rational = (0..3).map(|j| parent.rotation.entry(i, j) * &origin.at[j].value).sum();
+            &parent.origin[i] + offset
+        }),
+        rotation: parent.rotation.times(&rotation_of(origin)),
+        body: parent.body,
+    }
+}
+
+/// A name of the language that is still free: letters, digits and `_`.
+fn identifier(name: &str, taken: &mut BTreeSet<String>) -> String {
+    let mut text: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    if text.starts_with(|c: char| c.is_ascii_digit()) || text.trim_matches('_').is_empty() {
+        text.insert_str(0, "j_");
+    }
+    while ["t", "pi"].contains(&text.as_str()) || Function::from_name(&text).is_some() || taken.contains(&text) {
+        text.push('_');
+    }
+    taken.insert(text.clone());
+    text
+}
+
+/// A name in the form of a type's name.
+fn type_name(name: &str) -> String {
+    let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    let text: String = words
+        .map(|word| {
+            let (first, rest) = word.split_at(1);
+            first.to_ascii_uppercase() + rest
+        })
+        .collect();
+    if text.starts_with(|c: char| c.is_ascii_alphabetic()) { text } else { format!("Robot{text}") }
+}

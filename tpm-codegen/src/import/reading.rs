@@ -1,0 +1,156 @@
+//! Numbers of a description, exactly, and what they are read as.
+
+use std::collections::BTreeMap;
+
+use num_traits::{ToPrimitive, Zero};
+use tpm_symbolic::mechanics::tree::rotation::{self, Angle};
+use tpm_symbolic::number::rational::{self, Rational};
+
+use crate::import::options::Angles;
+use crate::near;
+use crate::source::{Source, Span};
+
+/// How far an angle may lie from a multiple of pi/2 that it is read as, rad.
+const RIGHT: f64 = 1e-4;
+/// Lengths below this are read as zero, m: what is left of a rotation by a rounded angle in a computer-aided design.
+const NO_LENGTH: f64 = 1e-12;
+/// Half a turn, rad.
+const PI: f64 = std::f64::consts::PI;
+
+/// A number with the text that the language writes it as.
+#[derive(Clone, Debug)]
+pub(super) struct Exact {
+    pub(super) value: Rational,
+    pub(super) text: String,
+}
+
+impl Exact {
+    pub(super) fn zero() -> Self {
+        Self { value: Rational::zero(), text: "0".to_owned() }
+    }
+
+    /// A decimal as it is written, or a quotient.
+    pub(super) fn new(value: Rational, written: &str) -> Self {
+        if value.is_zero() {
+            return Self::zero();
+        }
+        let digits = written.strip_prefix('-').unwrap_or(written);
+        let (mantissa, exponent) = digits.split_once(['e', 'E']).unwrap_or((digits, "0"));
+        let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, "0"));
+        let plain = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        let literal = plain(whole) && plain(fraction) && plain(exponent.trim_start_matches(['-', '+']));
+        let text = if literal { written.to_owned() } else { value.to_string() };
+        Self { value, text }
+    }
+}
+
+/// An angle with the text that the language writes it as.
+#[derive(Clone, Debug)]
+pub(super) struct ExactAngle {
+    pub(super) angle: Angle,
+    pub(super) text: String,
+}
+
+impl ExactAngle {
+    pub(super) fn zero() -> Self {
+        Self { angle: Angle::quarter_turns(0), text: "0".to_owned() }
+    }
+
+    pub(super) fn is_zero(&self) -> bool {
+        self.text == "0"
+    }
+}
+
+/// What was read as something else than what is written: by text and meaning, the places.
+pub(super) struct Readings<'a> {
+    source: &'a Source,
+    angles: Angles,
+    found: BTreeMap<(String, String), Vec<usize>>,
+}
+
+impl<'a> Readings<'a> {
+    pub(super) fn new(source: &'a Source, angles: Angles) -> Self {
+        Self { source, angles, found: BTreeMap::new() }
+    }
+
+    fn note(&mut self, written: &str, meaning: &str, span: Span) {
+        let line = self.source.position(span.start).line;
+        self.found.entry((written.to_owned(), meaning.to_owned())).or_default().push(line);
+    }
+
+    /// One sentence for every text and what it was read as.
+    pub(super) fn sentences(&self) -> Vec<String> {
+        let mut sentences: Vec<(usize, String)> = Vec::new();
+        for ((written, meaning), lines) in &self.found {
+            let mut places: Vec<String> = lines.iter().map(ToString::to_string).collect();
+            places.dedup();
+            let places = format!("line{} {}", if places.len() == 1 { "" } else { "s" }, places.join(", "));
+            sentences.push((lines[0], format!("{written} is read as {meaning} ({places})")));
+        }
+        sentences.sort();
+        sentences.into_iter().map(|(_, sentence)| sentence).collect()
+    }
+
+    /// A length; one that is nothing but rounding is zero.
+    pub(super) fn length(&mut self, value: Rational, written: &str, span: Span) -> Exact {
+        let size = rational::to_f64(&value).abs();
+        if self.angles == Angles::Recognised && size > 0.0 && size < NO_LENGTH {
+            self.note(written, "0", span);
+            return Exact::zero();
+        }
+        Exact::new(value, written)
+    }
+
+    /// An angle whose cosine and sine are rational.
+    pub(super) fn angle(&mut self, value: &Rational, written: &str, span: Span) -> ExactAngle {
+        if value.is_zero() {
+            return ExactAngle::zero();
+        }
+        let radians = rational::to_f64(value);
+        let quarters = (radians / (PI / 2.0)).round();
+        let is_right = (radians - quarters * (PI / 2.0)).abs() <= RIGHT;
+        if let Some(count) = quarters.to_i64().filter(|_| is_right && self.angles == Angles::Recognised) {
+            let text = quarter_turns(count);
+            self.note(written, &text, span);
+            return ExactAngle { angle: Angle::quarter_turns(count), text };
+        }
+        // Whole turns taken off, so that the tangent of the half is small.
+        let turned = (radians / (2.0 * PI)).round();
+        let tangent = near::rational(((radians - turned * 2.0 * PI) / 2.0).tan()).unwrap_or_else(Rational::zero);
+        let text = format!("2*atan2({}, {})", tangent.numer(), tangent.denom());
+        self.note(written, &text, span);
+        ExactAngle { angle: Angle::half_tangent(&tangent), text }
+    }
+
+    /// A rational unit vector along an axis that is not zero, with the texts of its components.
+    pub(super) fn axis(&mut self, axis: &[Exact; 3], written: &str, span: Span) -> ([Rational; 3], String) {
+        let direction = axis.each_ref().map(|component| component.value.clone());
+        let letters = ["x", "y", "z"];
+        if let Some(unit) = rotation::unit_vector(&direction) {
+            let single = unit.iter().position(|component| rational::abs(component) == rational::integer(1));
+            let text = match single {
+                Some(index) if unit[index] < Rational::zero() => format!("-{}", letters[index]),
+                Some(index) => letters[index].to_owned(),
+                None => format!("({}, {}, {})", axis[0].text, axis[1].text, axis[2].text),
+            };
+            return (unit, text);
+        }
+        let unit = near::unit_vector(direction.map(|component| rational::to_f64(&component)))
+            .unwrap_or_else(|| [0, 0, 1].map(rational::integer));
+        let text = format!("({}, {}, {})", unit[0], unit[1], unit[2]);
+        self.note(&format!("the axis {written}"), &format!("the unit vector {text}"), span);
+        (unit, text)
+    }
+}
+
+/// Quarter turns in the language.
+fn quarter_turns(count: i64) -> String {
+    let sign = if count < 0 { "-" } else { "" };
+    match count.unsigned_abs() {
+        0 => "0".to_owned(),
+        1 => format!("{sign}pi/2"),
+        2 => format!("{sign}pi"),
+        size if size % 2 == 0 => format!("{sign}{}*pi", size / 2),
+        size => format!("{sign}{size}*pi/2"),
+    }
+}

@@ -1,0 +1,163 @@
+//! The text of the model, of its prior and of its experiment.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+
+use num_traits::Zero;
+use tpm_symbolic::mechanics::tree::NAMES;
+use tpm_symbolic::mechanics::tree::mechanism::{Loss, parameter_name};
+use tpm_symbolic::number::rational::{self, Rational};
+
+use crate::diagnostic::{Diagnostic, Diagnostics};
+use crate::import::arrange::{Body, Moving, Robot};
+use crate::import::description::Origin;
+use crate::import::options::Options;
+use crate::language::ast::mechanism::loss_word;
+use crate::language::parse_model;
+use crate::source::{Source, Span};
+
+/// The texts of model, prior and experiment.
+pub(super) fn write(robot: &Robot, options: &Options, from: &str) -> Result<(String, String, String), Diagnostics> {
+    let model = model(robot, options, from);
+    // The prior has the parameters that show in some equation, and no others.
+    let source = Source::new("the imported model", model.clone());
+    let parsed = parse_model(&source).map_err(|faults| {
+        let message = format!("this description gives no model:\n{}", faults.render(&source));
+        let fault = Diagnostic::error(Span::default(), message);
+        Diagnostics::from_iter([fault.help("correct in the description what these faults name")])
+    })?;
+    let known: BTreeSet<String> =
+        parsed.model.parameters().map(|symbol| parsed.model.quantity(symbol).name.to_string()).collect();
+    let values = prior(robot, options, &known);
+    let head = format!(
+        "# From {from}: inertias about the frames of the bodies, of all links that move with them; SI units.\n"
+    );
+    let experiment = experiment(robot, from, &values);
+    Ok((model, head + &values, experiment))
+}
+
+fn moving(robot: &Robot) -> impl Iterator<Item = (&Body, &Moving)> {
+    robot.bodies.iter().filter_map(|body| Some((body, body.moving.as_ref()?)))
+}
+
+/// The unknown torques of a drive.
+fn losses(moving: &Moving, options: &Options) -> Vec<Loss> {
+    match &options.losses {
+        Some(losses) => losses.clone(),
+        None => {
+            let given = [(Loss::Viscous, &moving.damping), (Loss::Coulomb, &moving.friction)];
+            given.into_iter().filter(|(_, value)| !value.is_zero()).map(|(loss, _)| loss).collect()
+        }
+    }
+}
+
+fn model(robot: &Robot, options: &Options, from: &str) -> String {
+    let mut text =
+        format!("// Imported from {from}. Lengths in m, angles in rad, parameters about the frames of the bodies.\n");
+    let _ = writeln!(text, "model {} {{", robot.name);
+    let coordinates: Vec<String> = moving(robot)
+        .map(|(_, moving)| format!("{} [{}]", moving.coordinate, if moving.turns { "rad" } else { "m" }))
+        .collect();
+    let inputs: Vec<String> = moving(robot)
+        .map(|(_, moving)| format!("{} [{}]", moving.input, if moving.turns { "N*m" } else { "N" }))
+        .collect();
+    let _ = writeln!(text, "    coordinate {};\n    input {};\n", coordinates.join(", "), inputs.join(", "));
+    text.push_str("    mechanism {\n        gravity (0, 0, -9.81);\n");
+    for body in &robot.bodies {
+        let parent = body.parent.map_or_else(String::new, |parent| format!("on {} ", robot.bodies[parent].name));
+        let _ = writeln!(text, "        body {} {parent}{{", body.name);
+        let joint = match &body.moving {
+            None => "fixed".to_owned(),
+            Some(moving) if moving.turns => format!("revolute {} about {}", moving.coordinate, moving.axis),
+            Some(moving) => format!("prismatic {} along {}", moving.coordinate, moving.axis),
+        };
+        let _ = writeln!(text, "            {joint}{};", placement(&body.origin));
+        if body.moving.is_some() {
+            text.push_str("            inertia parameters;\n");
+        }
+        text.push_str("        }\n");
+    }
+    for (_, moving) in moving(robot) {
+        let _ = write!(text, "        drive {} by {}", moving.coordinate, moving.input);
+        let losses = losses(moving, options);
+        if !losses.is_empty() {
+            let words: Vec<&str> = losses.into_iter().map(loss_word).collect();
+            let _ = write!(text, " with {}", words.join(", "));
+        }
+        text.push_str(";\n");
+    }
+    text.push_str("    }\n}\n");
+    text
+}
+
+fn placement(origin: &Origin) -> String {
+    let mut text = String::new();
+    if origin.at.iter().any(|component| !component.value.is_zero()) {
+        let [x, y, z] = origin.at.each_ref().map(|component| component.text.as_str());
+        let _ = write!(text, " at ({x}, {y}, {z})");
+    }
+    if origin.turned.iter().any(|angle| !angle.is_zero()) {
+        let [roll, pitch, yaw] = origin.turned.each_ref().map(|angle| angle.text.as_str());
+        let _ = write!(text, " turned ({roll}, {pitch}, {yaw})");
+    }
+    text
+}
+
+/// `NAME = VALUE` for every parameter of the model.
+fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
+    let mut text = String::new();
+    let mut line = |name: String, value: &Rational| {
+        if known.contains(&name) {
+            let _ = writeln!(text, "{name} = {:?}", rational::to_f64(value));
+        }
+    };
+    for (body, moving) in moving(robot) {
+        for (name, value) in NAMES.iter().zip(&moving.inertia) {
+            line(parameter_name(name, &body.name), value);
+        }
+    }
+    for (_, moving) in moving(robot) {
+        for loss in losses(moving, options) {
+            let zero = Rational::zero();
+            let value = match loss {
+                Loss::Viscous => &moving.damping,
+                Loss::Coulomb => &moving.friction,
+                Loss::Offset | Loss::Rotor => &zero,
+            };
+            line(parameter_name(loss.symbol(), &moving.coordinate), value);
+        }
+    }
+    text
+}
+
+fn experiment(robot: &Robot, from: &str, prior: &str) -> String {
+    let mut text = format!(
+        "# Experiment with the limits of {from}. To be completed: gains, measure time, and stages with the amplitudes and the\n\
+         # frequency of a pattern that the model has to declare.\n\n[prior]\n{prior}\n"
+    );
+    text.push_str("[control]\nsample_time = 1e-3              # s\nfeedback = [\n");
+    for (_, moving) in moving(robot) {
+        let _ = writeln!(
+            text,
+            "    {{ input = \"{}\", coordinate = \"{}\", kp = 0.0, kd = 0.0 }},",
+            moving.input, moving.coordinate
+        );
+    }
+    text.push_str("]\n\n[limits]\n");
+    let number = |value: &Rational| format!("{:?}", rational::to_f64(value));
+    let table = |key: &str, of: &dyn Fn(&Moving) -> Option<(String, String)>| {
+        let entries: Vec<String> = moving(robot)
+            .filter_map(|(_, moving)| of(moving))
+            .map(|(name, value)| format!("{name} = {value}"))
+            .collect();
+        if entries.is_empty() { String::new() } else { format!("{key} = {{ {} }}\n", entries.join(", ")) }
+    };
+    text += &table("inputs", &|moving| Some((moving.input.clone(), number(moving.limits.effort.as_ref()?))));
+    text += &table("positions", &|moving| {
+        let (lower, upper) = (moving.limits.lower.as_ref()?, moving.limits.upper.as_ref()?);
+        Some((moving.coordinate.clone(), format!("[{}, {}]", number(lower), number(upper))))
+    });
+    text += &table("velocities", &|moving| Some((moving.coordinate.clone(), number(moving.limits.velocity.as_ref()?))));
+    text.push_str("\n[schedule]\nmeasure_time = 20.0             # s in every run\nstages = []\n");
+    text
+}

@@ -1,0 +1,261 @@
+//! Fields in which expressions can be evaluated: the rationals, and the residues of a prime.
+//!
+//! An identity over the rationals holds modulo every prime that divides none of its denominators; what is not zero modulo a prime is
+//! not zero. So a rank modulo a prime is a certain lower bound, at the price of one machine word per number.
+
+use crate::number::rational::Rational;
+use num_bigint::BigInt;
+use num_integer::Integer;
+use num_traits::{One, Signed, ToPrimitive, Zero};
+
+/// A field with exact arithmetic.
+pub trait Field {
+    /// Its elements; equal elements are equal data.
+    type Element: Clone + PartialEq;
+
+    /// The image of a rational number; `None` where its denominator has no inverse.
+    fn number(&self, value: &Rational) -> Option<Self::Element>;
+    /// The sum.
+    fn add(&self, a: &Self::Element, b: &Self::Element) -> Self::Element;
+    /// The difference.
+    fn sub(&self, a: &Self::Element, b: &Self::Element) -> Self::Element;
+    /// The product.
+    fn mul(&self, a: &Self::Element, b: &Self::Element) -> Self::Element;
+    /// The inverse; `None` of zero.
+    fn inverse(&self, a: &Self::Element) -> Option<Self::Element>;
+    /// Whether an element is zero.
+    fn is_zero(&self, a: &Self::Element) -> bool;
+
+    /// The element zero.
+    fn zero(&self) -> Self::Element {
+        self.number(&Rational::zero()).expect("invariant: zero is in every field")
+    }
+
+    /// The element one.
+    fn one(&self) -> Self::Element {
+        self.number(&Rational::one()).expect("invariant: one is in every field")
+    }
+
+    /// `base ^ exponent`; `None` for a negative power of zero.
+    fn power(&self, base: &Self::Element, exponent: i32) -> Option<Self::Element> {
+        let mut square = if exponent < 0 { self.inverse(base)? } else { base.clone() };
+        let mut rest = exponent.unsigned_abs();
+        let mut result = self.one();
+        while rest > 0 {
+            if rest & 1 == 1 {
+                result = self.mul(&result, &square);
+            }
+            rest >>= 1;
+            if rest > 0 {
+                square = self.mul(&square, &square);
+            }
+        }
+        Some(result)
+    }
+
+    /// Brings `rows` to reduced row echelon form in place, taking pivots in the given order of the columns, and returns the
+    /// column of the pivot of every row that is left; rows of zeros are dropped.
+    fn reduce(&self, rows: &mut Vec<Vec<Self::Element>>, order: &[usize]) -> Vec<usize> {
+        let mut pivots = Vec::new();
+        for &column in order {
+            let top = pivots.len();
+            let Some(found) = (top..rows.len()).find(|&r| !self.is_zero(&rows[r][column])) else { continue };
+            rows.swap(top, found);
+            let inverse = self.inverse(&rows[top][column]).expect("invariant: a pivot is not zero");
+            for value in &mut rows[top] {
+                *value = self.mul(value, &inverse);
+            }
+            let pivot = std::mem::take(&mut rows[top]);
+            for row in rows.iter_mut().filter(|row| !row.is_empty()) {
+                if self.is_zero(&row[column]) {
+                    continue;
+                }
+                let factor = row[column].clone();
+                for (value, of_pivot) in row.iter_mut().zip(&pivot) {
+                    if !self.is_zero(of_pivot) {
+                        *value = self.sub(value, &self.mul(&factor, of_pivot));
+                    }
+                }
+            }
+            rows[top] = pivot;
+            pivots.push(column);
+        }
+        rows.truncate(pivots.len());
+        pivots
+    }
+}
+
+/// The rational numbers.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rationals;
+
+impl Field for Rationals {
+    type Element = Rational;
+
+    fn number(&self, value: &Rational) -> Option<Rational> {
+        Some(value.clone())
+    }
+
+    fn add(&self, a: &Rational, b: &Rational) -> Rational {
+        a + b
+    }
+
+    fn sub(&self, a: &Rational, b: &Rational) -> Rational {
+        a - b
+    }
+
+    fn mul(&self, a: &Rational, b: &Rational) -> Rational {
+        a * b
+    }
+
+    fn inverse(&self, a: &Rational) -> Option<Rational> {
+        (!a.is_zero()).then(|| a.recip())
+    }
+
+    fn is_zero(&self, a: &Rational) -> bool {
+        a.is_zero()
+    }
+}
+
+/// The residues of a prime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Residues {
+    prime: u64,
+}
+
+impl Residues {
+    /// Primes between 2^60 and 2^61, the largest first, each 3 modulo 4: there 1 + t^2 is never zero, so that every t is the tangent
+    /// of half an angle.
+    pub const PRIMES: [u64; 4] =
+        [2_305_843_009_213_693_951, 2_305_843_009_213_693_907, 2_305_843_009_213_693_723, 2_305_843_009_213_693_487];
+
+    /// The field of a prime.
+    #[must_use]
+    pub fn new(prime: u64) -> Self {
+        Self { prime }
+    }
+
+    /// The prime.
+    #[must_use]
+    pub fn prime(&self) -> u64 {
+        self.prime
+    }
+
+    fn residue(&self, value: &BigInt) -> u64 {
+        value.mod_floor(&BigInt::from(self.prime)).to_u64().expect("invariant: a residue is below its prime")
+    }
+}
+
+impl Field for Residues {
+    type Element = u64;
+
+    fn number(&self, value: &Rational) -> Option<u64> {
+        if let Some((numerator, 1)) = value.as_words() {
+            return u64::try_from(i128::from(numerator).rem_euclid(i128::from(self.prime))).ok();
+        }
+        let below = self.inverse(&self.residue(&value.denom()))?;
+        Some(self.mul(&self.residue(&value.numer()), &below))
+    }
+
+    fn add(&self, a: &u64, b: &u64) -> u64 {
+        let sum = a + b;
+        if sum >= self.prime { sum - self.prime } else { sum }
+    }
+
+    fn sub(&self, a: &u64, b: &u64) -> u64 {
+        if a >= b { a - b } else { a + (self.prime - b) }
+    }
+
+    fn mul(&self, a: &u64, b: &u64) -> u64 {
+        (u128::from(*a) * u128::from(*b) % u128::from(self.prime)) as u64
+    }
+
+    fn inverse(&self, a: &u64) -> Option<u64> {
+        if *a == 0 {
+            return None;
+        }
+        // Fermat: a^(p - 2).
+        let (mut square, mut rest, mut result) = (*a, self.prime - 2, 1);
+        while rest > 0 {
+            if rest & 1 == 1 {
+                result = self.mul(&result, &square);
+            }
+            square = self.mul(&square, &square);
+            rest >>= 1;
+        }
+        Some(result)
+    }
+
+    fn is_zero(&self, a: &u64) -> bool {
+        *a == 0
+    }
+}
+
+/// The rational of smallest size that is `residue` modulo `modulus`: numerator and denominator both below the root of half the
+/// modulus, where there is at most one. `None` when there is none.
+#[must_use]
+pub fn reconstruct(residue: &BigInt, modulus: &BigInt) -> Option<Rational> {
+    let bound: BigInt = (modulus >> 1u32).sqrt();
+    let (mut above, mut rest) = (modulus.clone(), residue.mod_floor(modulus));
+    let (mut before, mut factor) = (BigInt::zero(), BigInt::one());
+    while rest > bound {
+        let quotient = &above / &rest;
+        let next = &above - &quotient * &rest;
+        above = std::mem::replace(&mut rest, next);
+        let next = &before - &quotient * &factor;
+        before = std::mem::replace(&mut factor, next);
+    }
+    let sound = !factor.is_zero() && factor.abs() <= bound && rest.gcd(&factor).is_one();
+    sound.then(|| Rational::new(rest, factor))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Field, Rationals, Residues, reconstruct};
+    use crate::number::rational::{integer, ratio};
+    use num_bigint::BigInt;
+    use proptest::prelude::{prop_assert_eq, proptest};
+
+    #[test]
+    fn the_primes_are_prime_and_three_modulo_four() {
+        for prime in Residues::PRIMES {
+            let field = Residues::new(prime);
+            assert!(prime % 4 == 3 && prime >> 60 == 1, "{prime}");
+            // Miller and Rabin, with witnesses that decide every number of 64 bits.
+            for witness in [2u64, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37] {
+                let (mut power, mut square, mut rest) = (1, witness, (prime - 1) / 2);
+                while rest > 0 {
+                    if rest & 1 == 1 {
+                        power = field.mul(&power, &square);
+                    }
+                    square = field.mul(&square, &square);
+                    rest >>= 1;
+                }
+                assert!(power == 1 || power == prime - 1, "{prime} is not prime: witness {witness}");
+            }
+        }
+    }
+
+    #[test]
+    fn elimination_takes_pivots_in_the_order_that_is_asked_for() {
+        // Column 2 is column 0 plus twice column 1.
+        let rows = || vec![vec![integer(1), integer(0), integer(1)], vec![integer(3), integer(5), integer(13)]];
+        let (mut forward, mut backward) = (rows(), rows());
+        assert_eq!(Rationals.reduce(&mut forward, &[0, 1, 2]), [0, 1]);
+        assert_eq!(forward, [[integer(1), integer(0), integer(1)], [integer(0), integer(1), integer(2)]]);
+        assert_eq!(Rationals.reduce(&mut backward, &[2, 1, 0]), [2, 1]);
+        assert_eq!(backward[1], [integer(-2), integer(1), integer(0)]);
+    }
+
+    proptest! {
+        #[test]
+        fn rationals_come_back_from_their_residues(numerator in -1_000_000i64..1_000_000, denominator in 1i64..1_000_000) {
+            let value = ratio(numerator, denominator);
+            for prime in Residues::PRIMES {
+                let field = Residues::new(prime);
+                let residue = field.number(&value).expect("a small denominator");
+                prop_assert_eq!(reconstruct(&BigInt::from(residue), &BigInt::from(prime)), Some(value.clone()));
+            }
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! How large expressions are: multiplied out, and written down.
+
+use crate::expr::graph::{ExprId, Graph, Node};
+use rustc_hash::FxHashMap;
+
+/// Upper bounds of the numbers of terms that expressions have when they are multiplied out.
+#[derive(Clone, Debug, Default)]
+pub struct Sizes(FxHashMap<ExprId, f64>);
+
+impl Sizes {
+    /// The bound for an expression of a graph; all calls must be for the same graph, which may grow in between.
+    pub fn of(&mut self, graph: &Graph, expr: ExprId) -> f64 {
+        let mut stack = vec![expr];
+        while let Some(&id) = stack.last() {
+            if self.0.contains_key(&id) {
+                stack.pop();
+                continue;
+            }
+            let missing: Vec<ExprId> = match graph.node(id) {
+                Node::Sum(_) | Node::Product(_) | Node::Power(..) => {
+                    graph.operands(id).filter(|operand| !self.0.contains_key(operand)).collect()
+                }
+                _ => Vec::new(),
+            };
+            if !missing.is_empty() {
+                stack.extend(missing);
+                continue;
+            }
+            stack.pop();
+            let size = match graph.node(id) {
+                Node::Sum(terms) => terms.iter().map(|term| self.0[term]).sum(),
+                Node::Product(factors) => factors.iter().map(|factor| self.0[factor]).product(),
+                Node::Power(base, exponent) if *exponent > 0 => multiset(self.0[base], *exponent),
+                _ => 1.0,
+            };
+            self.0.insert(id, size);
+        }
+        self.0[&expr]
+    }
+}
+
+/// The number of monomials of degree `exponent` in so many terms: C(terms + exponent - 1, exponent).
+#[must_use]
+pub fn multiset(terms: f64, exponent: i32) -> f64 {
+    if terms <= 1.0 {
+        return terms;
+    }
+    let mut count = 1.0;
+    for i in 1..=exponent {
+        count *= (terms - 1.0 + f64::from(i)) / f64::from(i);
+        if count > 1e300 {
+            return f64::INFINITY;
+        }
+    }
+    count
+}
+
+impl Graph {
+    /// The number of leaves and operations of an expression when it is written down, with a shared part counted wherever it stands.
+    #[must_use]
+    pub fn written_size(&self, expr: ExprId) -> f64 {
+        let mut sizes: FxHashMap<ExprId, f64> = FxHashMap::default();
+        let mut stack = vec![expr];
+        while let Some(&id) = stack.last() {
+            let missing: Vec<ExprId> = self.operands(id).filter(|operand| !sizes.contains_key(operand)).collect();
+            if missing.is_empty() {
+                stack.pop();
+                let size = 1.0 + self.operands(id).map(|operand| sizes[&operand]).sum::<f64>();
+                sizes.insert(id, size);
+            } else {
+                stack.extend(missing);
+            }
+        }
+        sizes[&expr]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Sizes;
+    use crate::expr::graph::{Graph, Symbol};
+
+    #[test]
+    fn bounds_hold_and_are_exact_without_cancellation() {
+        let mut g = Graph::new();
+        let [a, b, c] = [0, 1, 2].map(|i| g.symbol(Symbol(i)));
+        let sum = g.sum(&[a, b, c]);
+        let cube = g.pow(sum, 3);
+        let pair = g.add(a, b);
+        let product = g.mul(cube, pair);
+        let mut sizes = Sizes::default();
+        assert_eq!(sizes.of(&g, cube), 10.0);
+        assert_eq!(sizes.of(&g, product), 20.0);
+        assert!(g.polynomial(product).len() <= 20);
+        // a chain of squares of sums: 2^n factors
+        let mut deep = pair;
+        for _ in 0..60 {
+            let shifted = g.add(deep, c);
+            deep = g.mul(shifted, deep);
+        }
+        assert!(sizes.of(&g, deep) > 1e15 && g.written_size(deep) > 1e15);
+    }
+}

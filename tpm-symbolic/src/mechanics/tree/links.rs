@@ -1,0 +1,76 @@
+//! The links of a tree: what moves as one.
+//!
+//! A body on a fixed joint moves with the body that it stands on. Known inertias of such bodies are moved to the frame of that
+//! body and added up, and what stands on them is placed in that frame. A body of unknown inertia on a fixed joint stays a link,
+//! because its parameters are about its own frame. What never moves is no link.
+
+use crate::expr::graph::{ExprId, Graph};
+use crate::mechanics::tree::bodies::{Joint, Tree};
+use crate::mechanics::tree::inertia::{Inertia, moved, together};
+use crate::mechanics::tree::rotation::Rotation;
+use crate::mechanics::tree::vector::{Vector, add, outward_in, zero};
+
+/// A link and its place on the link that carries it.
+#[derive(Clone, Debug)]
+pub(super) struct Link {
+    /// The index of the link that carries it; `None` for the base.
+    pub(super) parent: Option<usize>,
+    /// The origin of the joint's frame in the frame of the parent.
+    pub(super) origin: Vector,
+    /// The rotation from the parent's frame to the joint's frame.
+    pub(super) rotation: Rotation,
+    pub(super) joint: Joint,
+    /// The body of unknown inertia, by its index in the tree.
+    pub(super) unknown: Option<usize>,
+    /// The known inertia about the frame of the link.
+    pub(super) known: Option<[ExprId; 10]>,
+}
+
+/// Where the frame of a body is: in the frame of a link, or of the base.
+struct Place {
+    link: Option<usize>,
+    origin: Vector,
+    rotation: Rotation,
+}
+
+pub(super) fn links(graph: &mut Graph, tree: &Tree) -> Vec<Link> {
+    let mut links: Vec<Link> = Vec::new();
+    let mut places: Vec<Place> = Vec::with_capacity(tree.bodies.len());
+    for (index, body) in tree.bodies.iter().enumerate() {
+        let (carrier, origin, rotation) = match body.parent.map(|parent| &places[parent]) {
+            None => (None, body.origin, body.rotation.clone()),
+            Some(place) => {
+                let offset = outward_in(graph, &place.rotation, &body.origin);
+                (place.link, add(graph, &place.origin, &offset), place.rotation.times(&body.rotation))
+            }
+        };
+        let moves = body.joint != Joint::Fixed;
+        let own_link = moves || (body.inertia == Inertia::Unknown && carrier.is_some());
+        let unknown = (own_link && body.inertia == Inertia::Unknown).then_some(index);
+        if own_link {
+            links.push(Link {
+                parent: carrier,
+                origin,
+                rotation: rotation.clone(),
+                joint: body.joint.clone(),
+                unknown,
+                known: None,
+            });
+        }
+        let place = if moves {
+            Place { link: Some(links.len() - 1), origin: zero(graph), rotation: Rotation::identity() }
+        } else {
+            Place { link: carrier, origin, rotation }
+        };
+        if let (Inertia::Known(values), Some(link)) = (&body.inertia, place.link) {
+            let values = moved(graph, values, &place.origin, &place.rotation);
+            let sum = match links[link].known.take() {
+                Some(known) => together(graph, &known, &values),
+                None => values,
+            };
+            links[link].known = Some(sum);
+        }
+        places.push(place);
+    }
+    links
+}

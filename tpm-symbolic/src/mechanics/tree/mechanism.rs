@@ -1,0 +1,222 @@
+//! A tree of bodies with names, and with the drives of its joints: equations of motion that are linear in named parameters.
+
+use crate::expr::graph::{Coordinate, ExprId, Function, Symbol};
+use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
+use crate::mechanics::tree::bodies::{Joint, Tree};
+use crate::mechanics::tree::inertia::{Inertia, NAMES};
+use crate::mechanics::tree::regressor::JointRow;
+use crate::mechanics::unit::Unit;
+use crate::number::rational::Rational;
+use num_traits::Zero;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A torque of a drive that has an unknown parameter of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Loss {
+    /// Friction that grows with the rate.
+    Viscous,
+    /// Dry friction, which has the sign of the rate.
+    Coulomb,
+    /// A constant torque, such as the zero of a sensor.
+    Offset,
+    /// The inertia of a rotor, in terms of the rate of the drive.
+    Rotor,
+}
+
+impl Loss {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Viscous, Self::Coulomb, Self::Offset, Self::Rotor];
+
+    /// The parameter's name but for the name of its drive.
+    #[must_use]
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Viscous => "fv",
+            Self::Coulomb => "fc",
+            Self::Offset => "f0",
+            Self::Rotor => "Ia",
+        }
+    }
+
+    /// The parameter's unit, on a joint that turns or slides.
+    #[must_use]
+    pub fn unit(self, turns: bool) -> Unit {
+        let torque = if turns { named(&[("N", 1), ("m", 1)]) } else { Unit::named("N") };
+        match self {
+            Self::Viscous => torque.mul(&if turns { Unit::named("s") } else { named(&[("s", 1), ("m", -1)]) }),
+            Self::Coulomb | Self::Offset => torque,
+            Self::Rotor => {
+                if turns {
+                    named(&[("kg", 1), ("m", 2)])
+                } else {
+                    Unit::named("kg")
+                }
+            }
+        }
+    }
+}
+
+/// What drives, brakes and loads a constant combination of joints: the motor of one joint, or a motor that is coupled to several.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Drive {
+    /// The name, which ends the names of the drive's parameters.
+    pub name: String,
+    /// The position of the drive as a combination of coordinates: each with its factor.
+    pub moves: Vec<(Coordinate, Rational)>,
+    /// The torque of the motor, when it is an input.
+    pub input: Option<Symbol>,
+    /// The unknown torques.
+    pub losses: Vec<Loss>,
+    /// Where the drive stands in the source.
+    pub term: TermId,
+}
+
+/// A body's name and its place in the source.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Label {
+    /// The name, which ends the names of the body's parameters.
+    pub name: String,
+    /// Where the body stands in the source.
+    pub term: TermId,
+}
+
+/// A tree with the names of its bodies, and the drives of its joints.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Mechanism {
+    /// The bodies.
+    pub tree: Tree,
+    /// The name of every body.
+    pub labels: Vec<Label>,
+    /// The drives.
+    pub drives: Vec<Drive>,
+}
+
+/// The name of a parameter of a body or of a drive: `m_forearm`, `fv_elbow`.
+#[must_use]
+pub fn parameter_name(symbol: &str, owner: &str) -> String {
+    format!("{symbol}_{owner}")
+}
+
+/// The unit of an inertia parameter, by its index in [`NAMES`].
+#[must_use]
+pub fn inertia_unit(parameter: usize) -> Unit {
+    match parameter {
+        0 => Unit::named("kg"),
+        1..4 => named(&[("kg", 1), ("m", 1)]),
+        _ => named(&[("kg", 1), ("m", 2)]),
+    }
+}
+
+fn named(factors: &[(&str, i32)]) -> Unit {
+    factors.iter().fold(Unit::one(), |unit, (name, power)| unit.mul(&Unit::named(name).pow(*power)))
+}
+
+impl Mechanism {
+    /// The equations of motion, one for each coordinate that a joint moves, in the order of the coordinates. Every term but the
+    /// known ones is a parameter times an expression, and no parameter has two terms in one equation. The parameters are declared
+    /// in the model; a parameter of an inertia that enters no equation, such as Ixx of a body that turns about its z axis only,
+    /// is not declared.
+    pub fn equations(&self, model: &mut ExactModel) -> Vec<Equation> {
+        let mut rows = self.tree.regressor(&mut model.graph);
+        rows.sort_by_key(|row| row.coordinate);
+        let inertias = self.declare_inertias(model, &rows);
+        let mut terms: Vec<Vec<SourceTerm>> = Vec::with_capacity(rows.len());
+        let mut inertial = Vec::with_capacity(rows.len());
+        for row in &rows {
+            let mut row_terms = Vec::new();
+            for entry in &row.entries {
+                let parameter = inertias[&(entry.body, entry.parameter)];
+                let expr = model.graph.product_of_wholes(&[parameter, entry.expr]);
+                row_terms.push(SourceTerm { id: self.labels[entry.body].term, expr });
+            }
+            if let Some(id) = self.known_term()
+                && !model.graph.as_number(row.known).is_some_and(Zero::is_zero)
+            {
+                row_terms.push(SourceTerm { id, expr: row.known });
+            }
+            inertial.push(row_terms.len());
+            terms.push(row_terms);
+        }
+        for drive in &self.drives {
+            self.drive(model, &rows, drive, &mut terms);
+        }
+        let rows = terms.into_iter().zip(inertial).enumerate();
+        let named = rows.map(|(index, (terms, inertial))| {
+            // No inertia has an input in its terms.
+            Equation { name: model.equation_name(&terms[inertial..], index), terms }
+        });
+        named.collect()
+    }
+
+    /// Declares the parameters that enter some equation, body by body.
+    fn declare_inertias(&self, model: &mut ExactModel, rows: &[JointRow]) -> BTreeMap<(usize, usize), ExprId> {
+        let mut inertias = BTreeMap::new();
+        for entry in rows.iter().flat_map(|row| &row.entries) {
+            inertias.insert((entry.body, entry.parameter), entry.expr);
+        }
+        for (&(body, parameter), expr) in &mut inertias {
+            let name = parameter_name(NAMES[parameter], &self.labels[body].name);
+            let symbol = model.declare(&name, Some(inertia_unit(parameter)), Kind::Parameter);
+            *expr = model.graph.symbol(symbol);
+        }
+        inertias
+    }
+
+    /// The place that the torques of known inertias are credited to: the first body that has one.
+    fn known_term(&self) -> Option<TermId> {
+        let bodies = self.tree.bodies().iter().zip(&self.labels);
+        bodies.filter(|(body, _)| matches!(body.inertia, Inertia::Known(_))).map(|(_, label)| label.term).next()
+    }
+
+    /// The torques of a drive on the joints that it moves: the power of the drive is that of the joints.
+    fn drive(&self, model: &mut ExactModel, rows: &[JointRow], drive: &Drive, terms: &mut [Vec<SourceTerm>]) {
+        let rate = |model: &mut ExactModel, order: u32| {
+            let parts: Vec<ExprId> = drive
+                .moves
+                .iter()
+                .map(|(coordinate, factor)| {
+                    let derivative = model.graph.derivative_of(*coordinate, order);
+                    model.graph.scale(derivative, factor.clone())
+                })
+                .collect();
+            model.graph.sum(&parts)
+        };
+        let turns = drive.moves.iter().all(|(coordinate, _)| self.turns(*coordinate));
+        let mut torques = Vec::new();
+        for &loss in &drive.losses {
+            let factor = match loss {
+                Loss::Viscous => rate(model, 1),
+                Loss::Coulomb => {
+                    let rate = rate(model, 1);
+                    model.graph.function(Function::Sign, rate)
+                }
+                Loss::Offset => model.graph.integer(1),
+                Loss::Rotor => rate(model, 2),
+            };
+            let name = parameter_name(loss.symbol(), &drive.name);
+            let symbol = model.declare(&name, Some(loss.unit(turns)), Kind::Parameter);
+            let parameter = model.graph.symbol(symbol);
+            torques.push(model.graph.product_of_wholes(&[parameter, factor]));
+        }
+        if let Some(input) = drive.input {
+            let input = model.graph.symbol(input);
+            torques.push(model.graph.neg(input));
+        }
+        for (coordinate, factor) in &drive.moves {
+            let Some(row) = rows.iter().position(|row| row.coordinate == *coordinate) else { continue };
+            let factor = model.graph.number(factor.clone());
+            for &torque in &torques {
+                let expr = model.graph.product_of_wholes(&[factor, torque]);
+                terms[row].push(SourceTerm { id: drive.term, expr });
+            }
+        }
+    }
+
+    /// Whether the joint of a coordinate turns.
+    fn turns(&self, coordinate: Coordinate) -> bool {
+        let joint =
+            self.tree.bodies().iter().map(|body| &body.joint).find(|joint| joint.coordinate() == Some(coordinate));
+        !matches!(joint, Some(Joint::Prismatic { .. }))
+    }
+}

@@ -1,0 +1,158 @@
+//! Velocities and accelerations of the links, from the base outward, each in the frame of its link.
+
+use crate::expr::graph::{ExprId, Graph};
+use crate::mechanics::tree::bodies::{Joint, Tree};
+use crate::mechanics::tree::links::Link;
+use crate::mechanics::tree::vector::{
+    Turn, Vector, add, constant, cross, negated, outward_in, scale, sum_of_products, times, zero,
+};
+use crate::number::rational::integer;
+
+/// How a link moves.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    /// Angular velocity.
+    pub(super) velocity: Vector,
+    /// Angular acceleration.
+    pub(super) turning: Vector,
+    /// Acceleration of the origin, gravity subtracted.
+    pub(super) acceleration: Vector,
+    /// U = [e]x + [w]x [w]x: the acceleration of the point p is a + U p.
+    pub(super) field: [Vector; 3],
+    /// Squares of the components of the angular velocity.
+    squares: Vector,
+    /// w_y w_z, w_z w_x, w_x w_y.
+    products: Vector,
+}
+
+impl Motion {
+    fn new(graph: &mut Graph, velocity: Vector, turning: Vector, acceleration: Vector) -> Self {
+        let squares = velocity.map(|component| graph.product_of_wholes(&[component, component]));
+        let products: Vector =
+            std::array::from_fn(|i| graph.product_of_wholes(&[velocity[(i + 1) % 3], velocity[(i + 2) % 3]]));
+        let mut field = [[velocity[0]; 3]; 3];
+        for i in 0..3 {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let sum = graph.sum_of_wholes(&[squares[j], squares[k]]);
+            field[i][i] = negated(graph, sum);
+            let minus = negated(graph, turning[k]);
+            field[i][j] = graph.sum_of_wholes(&[products[k], minus]);
+            field[j][i] = graph.sum_of_wholes(&[products[k], turning[k]]);
+        }
+        Self { velocity, turning, acceleration, field, squares, products }
+    }
+
+    /// The moments per unit of the moments of inertia, columns of I e + w x I w in the order xx, xy, xz, yy, yz, zz.
+    pub(super) fn moments(&self, graph: &mut Graph) -> [Vector; 6] {
+        let [yz, zx, xy] = self.products;
+        let [minus_yz, minus_zx, minus_xy] = self.products.map(|product| negated(graph, product));
+        let minus = |graph: &mut Graph, i: usize, j: usize| {
+            let negative = negated(graph, self.squares[j]);
+            graph.sum_of_wholes(&[self.squares[i], negative])
+        };
+        let [x_y, y_z, z_x] = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| minus(graph, i, j));
+        let negative = |graph: &mut Graph, i: usize, j: usize| negated(graph, self.field[i][j]);
+        [
+            [self.turning[0], zx, minus_xy],
+            [negative(graph, 2, 0), self.field[2][1], x_y],
+            [self.field[1][0], z_x, negative(graph, 1, 2)],
+            [minus_yz, self.turning[1], xy],
+            [y_z, negative(graph, 0, 1), self.field[0][2]],
+            [yz, minus_zx, self.turning[2]],
+        ]
+    }
+}
+
+/// What a joint does to vectors of its parent's frame.
+#[derive(Clone, Debug)]
+pub(super) struct Step {
+    turn: Option<Turn>,
+}
+
+impl Step {
+    fn new(graph: &mut Graph, link: &Link) -> Self {
+        let turn = match &link.joint {
+            Joint::Revolute { coordinate, axis } => {
+                let angle = graph.derivative_of(*coordinate, 0);
+                Some(Turn::new(graph, axis, angle))
+            }
+            _ => None,
+        };
+        Self { turn }
+    }
+
+    /// A vector of the parent's frame in the frame of the link.
+    pub(super) fn outward(&self, graph: &mut Graph, link: &Link, vector: &Vector) -> Vector {
+        let vector = outward_in(graph, &link.rotation.transposed(), vector);
+        match &self.turn {
+            Some(turn) => turn.forward(graph, &vector),
+            None => vector,
+        }
+    }
+
+    /// A vector of the link's frame in the frame of the parent.
+    pub(super) fn inward(&self, graph: &mut Graph, link: &Link, vector: &Vector) -> Vector {
+        let vector = match &self.turn {
+            Some(turn) => turn.backward(graph, vector),
+            None => *vector,
+        };
+        outward_in(graph, &link.rotation, &vector)
+    }
+}
+
+/// The steps and the motions of all links.
+pub(super) fn motions(graph: &mut Graph, tree: &Tree, links: &[Link]) -> (Vec<Step>, Vec<Motion>) {
+    let rest = {
+        let still = zero(graph);
+        let minus_one = graph.integer(-1);
+        let acceleration = scale(graph, &tree.gravity, minus_one);
+        Motion::new(graph, still, still, acceleration)
+    };
+    let mut steps: Vec<Step> = Vec::with_capacity(links.len());
+    let mut motions: Vec<Motion> = Vec::with_capacity(links.len());
+    for link in links {
+        let step = Step::new(graph, link);
+        let parent = link.parent.map_or(&rest, |parent| &motions[parent]);
+        let motion = carried(graph, link, &step, parent);
+        steps.push(step);
+        motions.push(motion);
+    }
+    (steps, motions)
+}
+
+/// The motion of a link from the motion of the link that carries it.
+fn carried(graph: &mut Graph, link: &Link, step: &Step, parent: &Motion) -> Motion {
+    let velocity = step.outward(graph, link, &parent.velocity);
+    let turning = step.outward(graph, link, &parent.turning);
+    let lever = times(graph, &parent.field, &link.origin);
+    let acceleration = add(graph, &parent.acceleration, &lever);
+    let acceleration = step.outward(graph, link, &acceleration);
+    let rates = |graph: &mut Graph, coordinate| -> [ExprId; 3] {
+        [0, 1, 2].map(|order| graph.derivative_of(coordinate, order))
+    };
+    match &link.joint {
+        Joint::Fixed => Motion::new(graph, velocity, turning, acceleration),
+        Joint::Revolute { coordinate, axis } => {
+            let [_, rate, second] = rates(graph, *coordinate);
+            let axis = constant(graph, axis);
+            let [own, own_turning] = [rate, second].map(|rate| scale(graph, &axis, rate));
+            let gyration = cross(graph, &velocity, &own);
+            let turning = std::array::from_fn(|i| graph.sum_of_wholes(&[turning[i], own_turning[i], gyration[i]]));
+            let velocity = add(graph, &velocity, &own);
+            Motion::new(graph, velocity, turning, acceleration)
+        }
+        Joint::Prismatic { coordinate, axis } => {
+            let [position, rate, second] = rates(graph, *coordinate);
+            let axis = constant(graph, axis);
+            let mut motion = Motion::new(graph, velocity, turning, acceleration);
+            let lever = times(graph, &motion.field, &axis);
+            let swept = cross(graph, &velocity, &axis);
+            let twice = graph.scale(rate, integer(2));
+            motion.acceleration = std::array::from_fn(|i| {
+                let own = sum_of_products(graph, &[(lever[i], position), (swept[i], twice), (axis[i], second)]);
+                graph.sum_of_wholes(&[acceleration[i], own])
+            });
+            motion
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! Vectors of expressions. Zeros and ones fold, and intermediate values stay whole, so that each is computed once.
+
+use crate::expr::graph::{ExprId, Function, Graph};
+use crate::mechanics::tree::rotation::Rotation;
+use crate::number::rational::Rational;
+use num_traits::{One, Zero};
+
+/// A vector in some frame.
+pub type Vector = [ExprId; 3];
+
+/// A sum of products: the first factor of each term multiplies the second.
+pub(super) fn sum_of_products(graph: &mut Graph, terms: &[(ExprId, ExprId)]) -> ExprId {
+    let products: Vec<ExprId> = terms.iter().map(|&(a, b)| graph.product_of_wholes(&[a, b])).collect();
+    graph.sum_of_wholes(&products)
+}
+
+pub(super) fn zero(graph: &mut Graph) -> Vector {
+    [graph.integer(0); 3]
+}
+
+pub(super) fn negated(graph: &mut Graph, value: ExprId) -> ExprId {
+    let minus_one = graph.integer(-1);
+    graph.product_of_wholes(&[minus_one, value])
+}
+
+pub(super) fn add(graph: &mut Graph, a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|i| graph.sum_of_wholes(&[a[i], b[i]]))
+}
+
+pub(super) fn scale(graph: &mut Graph, a: &Vector, factor: ExprId) -> Vector {
+    a.map(|component| graph.product_of_wholes(&[component, factor]))
+}
+
+pub(super) fn cross(graph: &mut Graph, a: &Vector, b: &Vector) -> Vector {
+    std::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let minus = negated(graph, a[k]);
+        sum_of_products(graph, &[(a[j], b[k]), (minus, b[j])])
+    })
+}
+
+pub(super) fn dot(graph: &mut Graph, a: &Vector, b: &Vector) -> ExprId {
+    sum_of_products(graph, &[0, 1, 2].map(|i| (a[i], b[i])))
+}
+
+/// A matrix times a vector.
+pub(super) fn times(graph: &mut Graph, matrix: &[Vector; 3], vector: &Vector) -> Vector {
+    std::array::from_fn(|i| dot(graph, &matrix[i], vector))
+}
+
+/// A constant vector.
+pub(super) fn constant(graph: &mut Graph, vector: &[Rational; 3]) -> Vector {
+    std::array::from_fn(|i| graph.number(vector[i].clone()))
+}
+
+/// The vector in the frame that the rotation was turned from.
+pub(super) fn outward_in(graph: &mut Graph, rotation: &Rotation, vector: &Vector) -> Vector {
+    std::array::from_fn(|i| {
+        let terms = [0, 1, 2].map(|j| (graph.number(rotation.entry(i, j).clone()), vector[j]));
+        sum_of_products(graph, &terms)
+    })
+}
+
+/// The rotation of a revolute joint.
+#[derive(Clone, Debug)]
+pub(super) struct Turn {
+    axis: [Rational; 3],
+    cosine: ExprId,
+    sine: ExprId,
+}
+
+impl Turn {
+    pub(super) fn new(graph: &mut Graph, axis: &[Rational; 3], angle: ExprId) -> Self {
+        let cosine = graph.function(Function::Cos, angle);
+        let sine = graph.function(Function::Sin, angle);
+        Self { axis: axis.clone(), cosine, sine }
+    }
+
+    /// A vector of the frame before the joint in the turned frame.
+    pub(super) fn forward(&self, graph: &mut Graph, vector: &Vector) -> Vector {
+        let sine = negated(graph, self.sine);
+        self.turned(graph, vector, sine)
+    }
+
+    /// A vector of the turned frame in the frame before the joint.
+    pub(super) fn backward(&self, graph: &mut Graph, vector: &Vector) -> Vector {
+        self.turned(graph, vector, self.sine)
+    }
+
+    /// v cos q + (a x v) sin q + a (a.v) (1 - cos q), with a cheap form for the axes of the frame.
+    fn turned(&self, graph: &mut Graph, vector: &Vector, sine: ExprId) -> Vector {
+        if let Some(k) = self.axis.iter().position(|component| !component.is_zero())
+            && (&self.axis[k] * &self.axis[k]).is_one()
+        {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            let sign = graph.number(self.axis[k].clone());
+            let sine = graph.product_of_wholes(&[sign, sine]);
+            let minus = negated(graph, sine);
+            let mut turned = *vector;
+            turned[i] = sum_of_products(graph, &[(self.cosine, vector[i]), (minus, vector[j])]);
+            turned[j] = sum_of_products(graph, &[(sine, vector[i]), (self.cosine, vector[j])]);
+            return turned;
+        }
+        let axis = constant(graph, &self.axis);
+        let (one, minus) = (graph.integer(1), negated(graph, self.cosine));
+        let versine = graph.sum_of_wholes(&[one, minus]);
+        let along = dot(graph, &axis, vector);
+        let along = graph.product_of_wholes(&[along, versine]);
+        let across = cross(graph, &axis, vector);
+        std::array::from_fn(|i| {
+            sum_of_products(graph, &[(self.cosine, vector[i]), (sine, across[i]), (axis[i], along)])
+        })
+    }
+}
