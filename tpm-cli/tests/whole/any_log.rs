@@ -76,7 +76,7 @@ fn a_sweep_is_identified_and_predicts_another_one() {
     std::fs::write(folder.path().join("wrong.json"), heavier).expect("writable");
     let output = tpm_in(folder.path(), &["validate", &model, "--params", "wrong.json", "--log", "b.csv", "--json"]);
     let validation: Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    assert!(number(&validation["prediction_error"]) > 0.5, "{validation}");
+    assert!(number(&validation["prediction_error"]) > 0.2, "{validation}");
 }
 
 #[test]
