@@ -61,7 +61,7 @@ fn sum(products: &[(i32, &str, &str)]) -> String {
         };
         let product = match (*a, *b) {
             ("1", b) => b.to_owned(),
-            (a, "1") => a.to_owned(),
+            (a, "1") => format!("({a})"),
             (a, b) => format!("({a})*({b})"),
         };
         let _ = write!(text, "{}{sign}{product}", if text.is_empty() { "" } else { " " });
@@ -284,11 +284,45 @@ fn seven_joints_are_checked_and_generated_without_being_multiplied_out() {
         "{columns} columns, {} nodes; read {read:?}, check {checked:?}, plans {planned:?}, generate {generated:?}; {sizes:?} bytes",
         prepared.model.graph.len()
     );
-    for (name, plan) in
-        [("regressor", &estimator.plan.evaluation.regressor), ("forces", &estimator.plan.inverse_dynamics)]
-    {
-        println!("{name}: {:?}", plan.counts());
+    let (regressor, forces) = (&estimator.plan.evaluation.regressor, &estimator.plan.inverse_dynamics);
+    println!("regressor: {:?}, forces: {:?}", regressor.counts(), forces.counts());
+    assert!(sizes.iter().sum::<usize>() < 250_000);
+    assert!(estimator.plan.feed_forward_parts.is_none());
+    // The forces follow the recursion, which takes fewer operations than Phi theta and gives the same numbers.
+    assert!(forces.counts().multiplications < regressor.counts().multiplications);
+    let value = |leaf: &Leaf| match *leaf {
+        Leaf::Motion(q, order) => (1.3 + f64::from(q.0) * 0.7 + f64::from(order) * 0.31).sin(),
+        Leaf::Column(column) => 0.2 + (column as f64 * 1.1).cos(),
+        _ => f64::NAN,
+    };
+    let [phi, known, found] = [regressor, &estimator.plan.evaluation.known, forces].map(|plan| evaluated(plan, value));
+    for (row, found) in found.iter().enumerate() {
+        let products = (0..columns).map(|c| phi[row * columns + c] * value(&Leaf::Column(c)));
+        let expected = known[row] + products.sum::<f64>();
+        assert!((found - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{found} {expected}");
     }
+}
+
+/// The outputs of a plan in double precision.
+fn evaluated(plan: &Plan, leaf: impl Fn(&Leaf) -> f64) -> Vec<f64> {
+    let mut values: Vec<f64> = Vec::with_capacity(plan.ops.len());
+    for op in &plan.ops {
+        let at = |slot: &Slot| values[slot.index()];
+        let value = match op {
+            Op::Constant(value) => rational::to_f64(value),
+            Op::Pi => std::f64::consts::PI,
+            Op::Load(index) => leaf(&plan.inputs[*index as usize]),
+            Op::Add(a, b) => at(a) + at(b),
+            Op::Sub(a, b) => at(a) - at(b),
+            Op::Mul(a, b) => at(a) * at(b),
+            Op::Div(a, b) => at(a) / at(b),
+            Op::Neg(a) => -at(a),
+            Op::Function(function, a) => function.apply(at(a)),
+            Op::Atan2(y, x) => at(y).atan2(at(x)),
+        };
+        values.push(value);
+    }
+    plan.outputs.iter().map(|slot| values[slot.index()]).collect()
 }
 
 /// The links of a UR5 have 36 base parameters, those of a Panda 43; friction adds three per joint. The rank does not depend on the way
