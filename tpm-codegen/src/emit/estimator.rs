@@ -9,7 +9,7 @@ use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::number::rational::{self, Rational};
-use tpm_symbolic::plan::estimator::EstimatorPlan;
+use tpm_symbolic::plan::estimator::{EstimatorPlan, TooLong};
 use tpm_symbolic::plan::operation::Op;
 use tpm_symbolic::plan::pattern::{PatternGap, PatternPlan};
 use tpm_symbolic::plan::straight_line::Plan;
@@ -66,6 +66,9 @@ pub enum EmitError {
     /// The low passes of the feed-forward do not exist.
     #[error(transparent)]
     Filter(#[from] FilterError),
+    /// The equations are too long for the feed-forward to be parted.
+    #[error(transparent)]
+    TooLong(#[from] TooLong),
     /// The text could not be laid out.
     #[error("the emitted code is not Rust as the formatter knows it: {0}")]
     Layout(String),
@@ -132,6 +135,15 @@ impl EstimatorSource {
             Some(lost) => Err(EmitError::OutOfRange(shortened(&lost))),
             None => Ok(self),
         }
+    }
+
+    /// This source with the feed-forward in its two parts, also where the equations must be multiplied out for that.
+    ///
+    /// # Errors
+    /// [`EmitError::TooLong`] when the equations would have too many terms.
+    pub fn with_split(mut self) -> Result<Self, EmitError> {
+        self.plan.part_feed_forward(&self.model, &self.form)?;
+        self.in_range()
     }
 
     /// The parts of the patterns that this code lacks, and why, in whole sentences.

@@ -10,12 +10,29 @@ use tpm_symbolic::algebra::field::{Field, Rationals};
 use tpm_symbolic::expr::graph::ExprId;
 use tpm_symbolic::expr::point::{Drawn, Draws, Points};
 use tpm_symbolic::mechanics::model::ExactModel;
-use tpm_symbolic::number::rational::Rational;
+use tpm_symbolic::number::rational::{self, Rational};
+use tpm_symbolic::plan::leaf::Leaf;
+use tpm_symbolic::plan::operation::{Op, Slot};
+use tpm_symbolic::plan::straight_line::Plan;
+use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters, verify};
 use tpm_symbolic::regressor::form::{RegressorForm, regressor_form, structured_form};
 use tpm_symbolic::regressor::prepare::prepare;
 
 /// Per joint: distance a along x, quarter turns about x, distance d along the joint's axis (Craig's convention).
-const GEOMETRY: [(&str, i32, &str); 7] = [
+type Geometry = [(&'static str, i32, &'static str)];
+
+/// Universal Robots UR5.
+pub(crate) const UR5: [(&str, i32, &str); 6] = [
+    ("0", 0, "0.089159"),
+    ("0", 1, "0"),
+    ("-0.425", 0, "0"),
+    ("-0.39225", 0, "0.10915"),
+    ("0", 1, "0.09465"),
+    ("0", -1, "0.0823"),
+];
+
+/// Franka Emika Panda.
+pub(crate) const PANDA: [(&str, i32, &str); 7] = [
     ("0", 0, "333/1000"),
     ("0", -1, "0"),
     ("0", 1, "79/250"),
@@ -44,7 +61,7 @@ fn sum(products: &[(i32, &str, &str)]) -> String {
         };
         let product = match (*a, *b) {
             ("1", b) => b.to_owned(),
-            (a, "1") => a.to_owned(),
+            (a, "1") => format!("({a})"),
             (a, b) => format!("({a})*({b})"),
         };
         let _ = write!(text, "{}{sign}{product}", if text.is_empty() { "" } else { " " });
@@ -67,6 +84,15 @@ fn cross(a: &Vector, b: &Vector) -> Vector {
 #[derive(Default)]
 struct Text(Vec<(String, String)>);
 
+fn quarters(geometry: &Geometry, i: usize) -> (i32, i32) {
+    match geometry[i - 1].1.rem_euclid(4) {
+        0 => (1, 0),
+        1 => (0, 1),
+        2 => (-1, 0),
+        _ => (0, -1),
+    }
+}
+
 impl Text {
     /// Names the components of a vector.
     fn name(&mut self, name: &str, vector: &Vector) -> Vector {
@@ -81,9 +107,8 @@ impl Text {
     }
 
     /// The vector in the frame of joint `i`, from the one before.
-    fn outward(&mut self, name: &str, i: usize, v: &Vector) -> Vector {
+    fn outward(&mut self, name: &str, i: usize, (ca, sa): (i32, i32), v: &Vector) -> Vector {
         let (c, s) = (format!("c{i}"), format!("s{i}"));
-        let (ca, sa) = quarter(GEOMETRY[i - 1].1);
         // R^T v with the turn about x first.
         let y = sum(&[(ca, &v[1], "1"), (sa, &v[2], "1")]);
         let z = sum(&[(-sa, &v[1], "1"), (ca, &v[2], "1")]);
@@ -92,9 +117,8 @@ impl Text {
     }
 
     /// The vector in the frame before joint `i`, from that of the joint.
-    fn inward(&mut self, name: &str, i: usize, v: &Vector) -> Vector {
+    fn inward(&mut self, name: &str, i: usize, (ca, sa): (i32, i32), v: &Vector) -> Vector {
         let (c, s) = (format!("c{i}"), format!("s{i}"));
-        let (ca, sa) = quarter(GEOMETRY[i - 1].1);
         let y = sum(&[(1, &s, &v[0]), (1, &c, &v[1])]);
         let turned = [
             sum(&[(1, &c, &v[0]), (-1, &s, &v[1])]),
@@ -105,17 +129,9 @@ impl Text {
     }
 }
 
-fn quarter(turns: i32) -> (i32, i32) {
-    match turns.rem_euclid(4) {
-        0 => (1, 0),
-        1 => (0, 1),
-        2 => (-1, 0),
-        _ => (0, -1),
-    }
-}
-
-/// The model of the first joints of a Panda, by recursive Newton-Euler.
-pub(crate) fn arm(joints: usize) -> String {
+/// An arm by recursive Newton-Euler, with friction in every joint.
+pub(crate) fn arm(geometry: &Geometry) -> String {
+    let joints = geometry.len();
     let mut text = Text::default();
     let (mut w, mut dw) = (zero(), zero());
     let mut a = ["0", "0", "981/100"].map(String::from);
@@ -124,18 +140,18 @@ pub(crate) fn arm(joints: usize) -> String {
     for i in 1..=joints {
         text.0.push((format!("c{i}"), format!("cos(q{i})")));
         text.0.push((format!("s{i}"), format!("sin(q{i})")));
-        let (ca, sa) = quarter(GEOMETRY[i - 1].1);
-        let d = GEOMETRY[i - 1].2;
-        let p = [GEOMETRY[i - 1].0.to_owned(), sum(&[(-sa, d, "1")]), sum(&[(ca, d, "1")])];
+        let (ca, sa) = quarters(geometry, i);
+        let d = geometry[i - 1].2;
+        let p = [geometry[i - 1].0.to_owned(), sum(&[(-sa, d, "1")]), sum(&[(ca, d, "1")])];
         let spin = cross(&w, &p);
         let spin = text.name(&format!("wp{i}"), &spin);
         let carried = plus(&a, &plus(&cross(&dw, &p), &cross(&w, &spin)));
         let carried = text.name(&format!("ap{i}"), &carried);
-        a = text.outward(&format!("a{i}"), i, &carried);
-        let turned = text.outward(&format!("wo{i}"), i, &w);
+        a = text.outward(&format!("a{i}"), i, (ca, sa), &carried);
+        let turned = text.outward(&format!("wo{i}"), i, (ca, sa), &w);
         let dot = ["0".to_owned(), "0".to_owned(), format!("dot(q{i})")];
         let ddot = ["0".to_owned(), "0".to_owned(), format!("ddot(q{i})")];
-        let dturned = text.outward(&format!("dwo{i}"), i, &dw);
+        let dturned = text.outward(&format!("dwo{i}"), i, (ca, sa), &dw);
         dw = text.name(&format!("dw{i}"), &plus(&plus(&dturned, &cross(&turned, &dot)), &ddot));
         w = text.name(&format!("w{i}"), &plus(&turned, &dot));
         let h = ["mx", "my", "mz"].map(|name| format!("{name}{i}"));
@@ -161,8 +177,8 @@ pub(crate) fn arm(joints: usize) -> String {
         f = text.name(&format!("f{i}"), &plus(force, &f));
         n = text.name(&format!("n{i}"), &plus(moment, &n));
         rows.push(format!("{} + fv{i}*dot(q{i}) + fc{i}*sign(dot(q{i})) + fo{i} = u{i};", n[2]));
-        f = text.inward(&format!("fi{i}"), i, &f);
-        let turned = text.inward(&format!("ni{i}"), i, &n);
+        f = text.inward(&format!("fi{i}"), i, quarters(geometry, i), &f);
+        let turned = text.inward(&format!("ni{i}"), i, quarters(geometry, i), &n);
         n = text.name(&format!("nj{i}"), &plus(&turned, &cross(&offsets[i - 1], &f)));
     }
     rows.reverse();
@@ -219,9 +235,10 @@ fn entries(model: &ExactModel, form: &RegressorForm) -> Vec<Rational> {
     let draw = |drawn: Drawn| {
         let number = match drawn {
             Drawn::Value(id) => id.index() as u64,
+            Drawn::Sign(id) => 2_000_000 + id.index() as u64,
             Drawn::HalfTangent(unit) => 1_000_000 + points.units()[unit].factors[0].index() as u64,
         };
-        Some(Draws::new(number).fraction())
+        Some(Rationals.element(Draws::new(number).word()))
     };
     points.evaluate(&Rationals, draw).expect("no division by zero")
 }
@@ -229,7 +246,7 @@ fn entries(model: &ExactModel, form: &RegressorForm) -> Vec<Rational> {
 #[test]
 fn structured_and_multiplied_out_forms_are_equal() {
     for joints in 1..=3 {
-        let mut model = parse(&arm(joints)).model;
+        let mut model = parse(&arm(&PANDA[..joints])).model;
         let structured = structured_form(&mut model).expect("linear");
         let expanded = regressor_form(&model).expect("linear");
         assert_eq!(structured.columns, expanded.columns);
@@ -249,7 +266,7 @@ fn structured_and_multiplied_out_forms_are_equal() {
 
 #[test]
 fn seven_joints_are_checked_and_generated_without_being_multiplied_out() {
-    let text = arm(7);
+    let text = arm(&PANDA);
     let started = Instant::now();
     let parsed = parse(&text);
     let read = started.elapsed();
@@ -267,9 +284,73 @@ fn seven_joints_are_checked_and_generated_without_being_multiplied_out() {
         "{columns} columns, {} nodes; read {read:?}, check {checked:?}, plans {planned:?}, generate {generated:?}; {sizes:?} bytes",
         prepared.model.graph.len()
     );
-    for (name, plan) in
-        [("regressor", &estimator.plan.evaluation.regressor), ("forces", &estimator.plan.inverse_dynamics)]
-    {
-        println!("{name}: {:?}", plan.counts());
+    let (regressor, forces) = (&estimator.plan.evaluation.regressor, &estimator.plan.inverse_dynamics);
+    println!("regressor: {:?}, forces: {:?}", regressor.counts(), forces.counts());
+    assert!(sizes.iter().sum::<usize>() < 250_000);
+    assert!(estimator.plan.feed_forward_parts.is_none());
+    // The forces follow the recursion, which takes fewer operations than Phi theta and gives the same numbers.
+    assert!(forces.counts().multiplications < regressor.counts().multiplications);
+    let value = |leaf: &Leaf| match *leaf {
+        Leaf::Motion(q, order) => (1.3 + f64::from(q.0) * 0.7 + f64::from(order) * 0.31).sin(),
+        Leaf::Column(column) => 0.2 + (column as f64 * 1.1).cos(),
+        _ => f64::NAN,
+    };
+    let [phi, known, found] = [regressor, &estimator.plan.evaluation.known, forces].map(|plan| evaluated(plan, value));
+    for (row, found) in found.iter().enumerate() {
+        let products = (0..columns).map(|c| phi[row * columns + c] * value(&Leaf::Column(c)));
+        let expected = known[row] + products.sum::<f64>();
+        assert!((found - expected).abs() < 1e-12 * (1.0 + expected.abs()), "{found} {expected}");
+    }
+}
+
+/// The outputs of a plan in double precision.
+fn evaluated(plan: &Plan, leaf: impl Fn(&Leaf) -> f64) -> Vec<f64> {
+    let mut values: Vec<f64> = Vec::with_capacity(plan.ops.len());
+    for op in &plan.ops {
+        let at = |slot: &Slot| values[slot.index()];
+        let value = match op {
+            Op::Constant(value) => rational::to_f64(value),
+            Op::Pi => std::f64::consts::PI,
+            Op::Load(index) => leaf(&plan.inputs[*index as usize]),
+            Op::Add(a, b) => at(a) + at(b),
+            Op::Sub(a, b) => at(a) - at(b),
+            Op::Mul(a, b) => at(a) * at(b),
+            Op::Div(a, b) => at(a) / at(b),
+            Op::Neg(a) => -at(a),
+            Op::Function(function, a) => function.apply(at(a)),
+            Op::Atan2(y, x) => at(y).atan2(at(x)),
+        };
+        values.push(value);
+    }
+    plan.outputs.iter().map(|slot| values[slot.index()]).collect()
+}
+
+/// The links of a UR5 have 36 base parameters, those of a Panda 43; friction adds three per joint. The rank does not depend on the way
+/// in which the rows are written.
+#[test]
+fn base_parameters_of_arms() {
+    for (name, geometry, links) in [("UR5", UR5.as_slice(), 36), ("Panda", PANDA.as_slice(), 43)] {
+        let prepared = prepare(parse(&arm(geometry)).model).expect("linear");
+        let (model, form) = (&prepared.model, &prepared.form);
+        let started = Instant::now();
+        let found = base_parameters(model, form, &Motions::default()).expect("no division by zero");
+        let taken = started.elapsed();
+        let base = found.base.as_ref().expect("every constant is a number");
+        let terms: usize = base.iter().map(|base| 1 + base.others.len()).sum();
+        println!("{name}: rank {} of {} in {taken:?}, {terms} terms", found.rank, form.columns.len());
+        assert_eq!(found.rank, links + 3 * geometry.len());
+        verify(model, form, &Motions::default(), &found.certificate, 7).expect("holds at other points");
+        let mut wrong = found.certificate.clone();
+        let last = wrong.directions.as_mut().and_then(|list| list.last_mut()?.last_mut()).expect("a direction");
+        last.1 += Rational::new(1.into(), 1_000_000_000.into());
+        assert!(verify(model, form, &Motions::default(), &wrong, 7).is_err());
+    }
+    for joints in 2..=3 {
+        let mut model = parse(&arm(&PANDA[..joints])).model;
+        let expanded = regressor_form(&model).expect("linear");
+        let structured = structured_form(&mut model).expect("linear");
+        let [a, b] = [&expanded, &structured]
+            .map(|form| base_parameters(&model, form, &Motions::default()).expect("no division by zero"));
+        assert_eq!((&a.rank, &a.base), (&b.rank, &b.base));
     }
 }

@@ -3,7 +3,7 @@
 //! An identity over the rationals holds modulo every prime that divides none of its denominators; what is not zero modulo a prime is
 //! not zero. So a rank modulo a prime is a certain lower bound, at the price of one machine word per number.
 
-use crate::number::rational::Rational;
+use crate::number::rational::{Rational, ratio};
 use num_bigint::BigInt;
 use num_integer::Integer;
 use num_traits::{One, Signed, ToPrimitive, Zero};
@@ -25,6 +25,8 @@ pub trait Field {
     fn inverse(&self, a: &Self::Element) -> Option<Self::Element>;
     /// Whether an element is zero.
     fn is_zero(&self, a: &Self::Element) -> bool;
+    /// An element for a random word: of a finite field any one, of the rationals a fraction of small numbers that is not zero.
+    fn element(&self, word: u64) -> Self::Element;
 
     /// The element zero.
     fn zero(&self) -> Self::Element {
@@ -115,6 +117,12 @@ impl Field for Rationals {
     fn is_zero(&self, a: &Rational) -> bool {
         a.is_zero()
     }
+
+    fn element(&self, word: u64) -> Rational {
+        let above = i64::try_from(word % 61).unwrap_or_default() + 1;
+        let below = i64::try_from((word >> 16) % 16).unwrap_or_default() + 1;
+        ratio(if word >> 63 == 1 { -above } else { above }, below)
+    }
 }
 
 /// The residues of a prime.
@@ -188,6 +196,10 @@ impl Field for Residues {
 
     fn is_zero(&self, a: &u64) -> bool {
         *a == 0
+    }
+
+    fn element(&self, word: u64) -> u64 {
+        word % self.prime
     }
 }
 

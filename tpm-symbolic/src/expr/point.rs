@@ -9,8 +9,9 @@
 //! The arguments of sines, cosines and tangents are written as sums of multiples of *units*: a coordinate, a symbol, or whatever else
 //! stands there beside a number. Every unit has one t, and sums and multiples of angles follow by turning, so that all identities
 //! between sines and cosines of such sums hold at every point. A unit and the point of its angle are drawn apart, since x and cos x are
-//! algebraically independent. Every other function of the motion, sign and square root among them, is drawn like a leaf: what holds
-//! for independent values holds for the functions, but not every identity between functions is seen.
+//! algebraically independent. A field has no order, so that the sign of an expression is drawn too, and |u| = u sign(u). Every other
+//! function, a square root for instance, is drawn like a leaf: what holds for independent values holds for the functions, but not every
+//! identity between functions is seen.
 
 use crate::algebra::field::Field;
 use crate::expr::graph::{ExprId, Function, Graph, Node};
@@ -22,8 +23,10 @@ use rustc_hash::FxHashMap;
 /// Something whose value the caller chooses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Drawn {
-    /// A leaf of the graph, pi, or a function that is no sine, cosine or tangent.
+    /// A leaf of the graph, pi, or a function that has no exact value.
     Value(ExprId),
+    /// The sign of an expression that is not zero.
+    Sign(ExprId),
     /// The tangent of half the angle of a unit, by its index.
     HalfTangent(usize),
 }
@@ -69,7 +72,8 @@ impl<'g> Points<'g> {
             match *graph.node(id) {
                 Node::Function(Function::Sin | Function::Cos | Function::Tan, argument) => this.resolve(argument),
                 // The value is drawn.
-                Node::Function(..) | Node::Atan2(..) => {}
+                Node::Function(function, _) if !matches!(function, Function::Sign | Function::Abs) => {}
+                Node::Atan2(..) => {}
                 _ => stack.extend(graph.operands(id)),
             }
         }
@@ -81,16 +85,6 @@ impl<'g> Points<'g> {
     #[must_use]
     pub fn units(&self) -> &[Unit] {
         &self.units
-    }
-
-    /// Whether what is drawn depends on the motion, so that it has another value at every point.
-    #[must_use]
-    pub fn moves(&self, drawn: Drawn) -> bool {
-        let leaves = match drawn {
-            Drawn::Value(id) => self.graph.leaves(id),
-            Drawn::HalfTangent(unit) => self.graph.leaves_of(self.units[unit].factors.iter().copied()),
-        };
-        leaves.into_iter().any(|leaf| matches!(self.graph.node(leaf), Node::Derivative(..)))
     }
 
     /// Writes the argument of a function as a sum of multiples of units.
@@ -132,7 +126,27 @@ impl<'g> Points<'g> {
         self.angles.insert(argument, angle);
     }
 
-    /// The values of the roots, where `draw` chooses what is drawn; it is asked once for each. `None` where a division by zero
+    /// Everything that may be drawn, in a fixed order.
+    pub fn drawn(&self) -> impl Iterator<Item = Drawn> {
+        let of_node = |&id: &ExprId| match *self.graph.node(id) {
+            Node::Function(Function::Sign | Function::Abs, argument) => Some(Drawn::Sign(argument)),
+            Node::Function(Function::Sin | Function::Cos | Function::Tan, _) => None,
+            Node::Number(_) | Node::Sum(_) | Node::Product(_) | Node::Power(..) => None,
+            _ => Some(Drawn::Value(id)),
+        };
+        (0..self.units.len()).map(Drawn::HalfTangent).chain(self.order.iter().filter_map(of_node))
+    }
+
+    /// The leaves on which something drawn depends, in increasing order.
+    #[must_use]
+    pub fn leaves(&self, drawn: Drawn) -> Vec<ExprId> {
+        match drawn {
+            Drawn::Value(id) | Drawn::Sign(id) => self.graph.leaves(id),
+            Drawn::HalfTangent(unit) => self.graph.leaves_of(self.units[unit].factors.iter().copied()),
+        }
+    }
+
+    /// The values of the roots, where `draw` chooses what is drawn; it must give equal values for what is equal. `None` where a division by zero
     /// stands in the way.
     pub fn evaluate<F: Field>(
         &self,
@@ -184,6 +198,10 @@ impl<'g> Points<'g> {
                     let (cos, sin) = &angles[argument];
                     field.mul(sin, &field.inverse(cos)?)
                 }
+                Node::Function(Function::Sign, argument) if field.is_zero(at(argument)) => zero.clone(),
+                Node::Function(Function::Sign, argument) => draw(Drawn::Sign(*argument))?,
+                Node::Function(Function::Abs, argument) if field.is_zero(at(argument)) => zero.clone(),
+                Node::Function(Function::Abs, argument) => field.mul(at(argument), &draw(Drawn::Sign(*argument))?),
                 _ => draw(Drawn::Value(id))?,
             };
             values.insert(id, value);
@@ -235,15 +253,6 @@ impl Draws {
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ (z >> 31)
     }
-
-    /// A fraction of two small numbers, neither of them zero.
-    pub fn fraction(&mut self) -> Rational {
-        let word = self.word();
-        let above = i64::try_from(word % 61).unwrap_or(0) + 1;
-        let below = i64::try_from((word >> 16) % 16).unwrap_or(0) + 1;
-        let value = crate::number::rational::ratio(above, below);
-        if word >> 63 == 1 { -value } else { value }
-    }
 }
 
 #[cfg(test)]
@@ -260,10 +269,11 @@ mod tests {
         let field = Residues::new(Residues::PRIMES[0]);
         let at = |number: u64| {
             let mut draws = Draws::new(number);
-            points.evaluate(&field, |_| Some(draws.word() % field.prime())).expect("no division by zero")[0]
+            points.evaluate(&field, |_| Some(field.element(draws.word()))).expect("no division by zero")[0]
         };
         let mut draws = Draws::new(9);
-        let exact = points.evaluate(&Rationals, |_| Some(draws.fraction())).expect("no division by zero");
+        let exact =
+            points.evaluate(&Rationals, |_| Some(Rationals.element(draws.word()))).expect("no division by zero");
         ((0..3).all(|number| field.is_zero(&at(number))), exact[0].is_zero())
     }
 

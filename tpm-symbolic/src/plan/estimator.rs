@@ -3,6 +3,7 @@
 //! Invariant of [`EstimatorPlan`]: no plan has an operation that no output needs. Emitters print these plans and decide no
 //! mathematics.
 
+use crate::expr::size::Sizes;
 use crate::harmonic::expand::expand;
 use crate::harmonic::table::HarmonicTable;
 use crate::mechanics::model::ExactModel;
@@ -13,8 +14,23 @@ use crate::plan::operation::{Op, Slot};
 use crate::plan::pattern::{PatternGap, PatternPlan};
 use crate::plan::split::split_form;
 use crate::plan::straight_line::{Merger, Plan};
+use crate::plan::written;
 use crate::regressor::form::RegressorForm;
 use num_traits::{One, Zero};
+use thiserror::Error;
+
+/// The most terms of equations whose feed-forward is parted: some seconds, and megabytes of code.
+const MOST_PARTED: f64 = 2_000_000.0;
+
+/// The equations have too many terms, multiplied out, for their feed-forward to be parted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error(
+    "the feed-forward is parted term by term, and the equations may have more than {most} terms when they are multiplied out"
+)]
+pub struct TooLong {
+    /// The most terms that are multiplied out.
+    pub most: u64,
+}
 
 /// The plans of a model.
 #[derive(Clone, Debug)]
@@ -56,7 +72,10 @@ impl EstimatorPlan {
     ) -> Self {
         let evaluation = Evaluation::new(model, form);
         let mut merger = Merger::default();
-        let forces = inverse_dynamics(&mut merger, &evaluation, form);
+        let forces = match written::forces(model, form) {
+            Some(written) => merger.append(&written),
+            None => inverse_dynamics(&mut merger, &evaluation, form),
+        };
         let inverse_dynamics = merger.clone().finish(forces.clone());
         Self {
             feed_forward: feed_forward(merger, &forces, &evaluation, form),
@@ -78,10 +97,20 @@ impl EstimatorPlan {
 impl EstimatorPlan {
     /// Makes [`Self::feed_forward_parts`] known for equations that are as they were written: they are multiplied out, which may take
     /// many times their length. `model` and `form` are those of the plans.
-    pub fn part_feed_forward(&mut self, model: &ExactModel, form: &RegressorForm) {
+    ///
+    /// # Errors
+    /// [`TooLong`] when the equations would have too many terms.
+    pub fn part_feed_forward(&mut self, model: &ExactModel, form: &RegressorForm) -> Result<(), TooLong> {
+        let mut sizes = Sizes::default();
+        let terms = form.rows.iter().flat_map(|row| &row.terms);
+        let terms = terms.map(|term| term.size(&model.graph, &mut sizes)).sum::<f64>();
+        if terms > MOST_PARTED {
+            return Err(TooLong { most: MOST_PARTED as u64 });
+        }
         if self.feed_forward_parts.is_none() {
             self.feed_forward_parts = feed_forward_parts(model, &form.expanded(&model.graph));
         }
+        Ok(())
     }
 }
 

@@ -20,3 +20,4 @@ mod sharing;
 pub mod split;
 pub mod straight_line;
 pub mod table;
+mod written;

@@ -1,5 +1,6 @@
 //! The regressor form `Phi(q, q', q'', ...) theta + known = B u` of a model, with the map between lumped and physical parameters.
 
+pub mod base_parameters;
 mod collect;
 mod entries;
 pub mod form;

@@ -7,7 +7,7 @@
 
 use crate::algebra::field::{Field, Rationals, Residues};
 use crate::expr::graph::{ExprId, Graph};
-use crate::expr::point::{Draws, Points};
+use crate::expr::point::{Drawn, Draws, Points};
 use crate::number::rational::Rational;
 use crate::regressor::collect::{CollectedRow, CollectedTerm, ParameterMonomial};
 use num_traits::Zero;
@@ -49,6 +49,14 @@ fn value<F: Field>(field: &F, atoms: &FxHashMap<ExprId, F::Element>, entry: &[Co
     })
 }
 
+/// Draws of a point, each kept for when it is asked for again. Signs are drawn among all elements: two among a few points could agree by
+/// chance.
+fn drawn<F: Field>(field: &F, number: u64) -> impl FnMut(Drawn) -> Option<F::Element> {
+    let mut draws = Draws::new(number);
+    let mut known: FxHashMap<Drawn, F::Element> = FxHashMap::default();
+    move |drawn| Some(known.entry(drawn).or_insert_with(|| field.element(draws.word())).clone())
+}
+
 impl<'g> Traces<'g> {
     pub(crate) fn new(graph: &'g Graph, rows: &[CollectedRow]) -> Self {
         let motions = rows.iter().flat_map(|row| &row.terms).flat_map(|term| term.motion.factors());
@@ -60,8 +68,7 @@ impl<'g> Traces<'g> {
         let mut traces: Vec<Vec<Trace>> = rows.iter().map(|row| vec![[0; POINTS]; entries(row).count()]).collect();
         let mut found = 0;
         for number in 0..POINTS as u64 + FAILURES {
-            let mut draws = Draws::new(number);
-            let Some(values) = points.evaluate(&field, |_| Some(draws.word() % field.prime())) else { continue };
+            let Some(values) = points.evaluate(&field, drawn(&field, number)) else { continue };
             let values: FxHashMap<ExprId, u64> = atoms.iter().copied().zip(values).collect();
             let of_row = |row: &CollectedRow| entries(row).map(|entry| value(&field, &values, entry)).collect();
             let Some(rows) = rows.iter().map(of_row).collect::<Option<Vec<Vec<u64>>>>() else { continue };
@@ -118,8 +125,7 @@ impl<'g> Traces<'g> {
         own.dedup();
         let points = Points::new(self.graph, &own);
         (0..FAILURES).find_map(|number| {
-            let mut draws = Draws::new(number);
-            let values = points.evaluate(&Rationals, |_| Some(draws.fraction()))?;
+            let values = points.evaluate(&Rationals, drawn(&Rationals, number))?;
             let values: FxHashMap<ExprId, Rational> = own.iter().copied().zip(values).collect();
             let (of, to) = (value(&Rationals, &values, of)?, value(&Rationals, &values, to)?);
             (!of.is_zero() && !to.is_zero()).then(|| of / to)

@@ -1,6 +1,7 @@
 //! The algebra on the equations of papers, on random models, and against naive twins.
 
 mod appendix_a;
+mod base_parameters;
 mod chain;
 mod common;
 mod derivatives;

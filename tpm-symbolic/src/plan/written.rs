@@ -1,0 +1,80 @@
+//! The row forces of equations that were left as they were written.
+//!
+//! Phi theta adds up what belongs to every parameter by itself, whereas a recursion adds forces of the same point before it carries them
+//! further. Where the equations were not multiplied out, the forces are therefore taken from the equations, with the columns in the
+//! place of the parameters. A column that stands for several proportional parameters takes the place of one of these, and the others are
+//! zero: the column is their sum with the factors of the proportion, so that the rows stay what they are.
+
+use crate::algebra::polynomial::Polynomial;
+use crate::expr::graph::{ExprId, Graph, Node};
+use crate::mechanics::model::{Equation, ExactModel, Kind};
+use crate::number::rational::{self, Rational};
+use crate::plan::constants::Values;
+use crate::plan::draft::Draft;
+use crate::plan::leaf::Leaf;
+use crate::plan::straight_line::Plan;
+use crate::regressor::form::{RegressorForm, Row};
+use std::collections::HashMap;
+
+/// Phi theta + known, one output per row; `None` where the equations are multiplied out, where a column is no sum of parameters, and
+/// where a row was divided by something that is no number.
+pub(crate) fn forces(model: &ExactModel, form: &RegressorForm) -> Option<Plan> {
+    if form.is_expanded(&model.graph) || !model.eliminations.is_empty() || form.rows.len() != model.equations.len() {
+        return None;
+    }
+    let mut draft: Draft = Draft::new(model.graph.clone());
+    let mut values = Values::new(model, &mut draft.graph);
+    let mut replacement: HashMap<ExprId, ExprId> = HashMap::new();
+    let zero = draft.graph.integer(0);
+    for symbol in model.symbols_where(|kind| matches!(kind, Kind::Parameter | Kind::Input)) {
+        replacement.insert(draft.graph.symbol(symbol), zero);
+    }
+    for (index, column) in form.columns.iter().enumerate() {
+        let (parameter, factor) = first_parameter(model, &column.definition)?;
+        let theta = draft.leaf(Leaf::Column(index));
+        let value = draft.graph.scale(theta, factor.recip());
+        replacement.insert(parameter, value);
+    }
+    let mut roots = Vec::with_capacity(form.rows.len());
+    for (equation, row) in model.equations.iter().zip(&form.rows) {
+        let scale = scale(&mut draft.graph, equation, row, &mut values)?;
+        let mut terms = Vec::with_capacity(equation.terms.len());
+        for term in &equation.terms {
+            let term = values.put_in(&mut draft.graph, term.expr);
+            terms.push(draft.graph.substitute_beside(term, &mut replacement));
+        }
+        let sum = draft.graph.sum(&terms);
+        roots.push(draft.graph.scale(sum, scale));
+    }
+    Some(draft.plan(&roots))
+}
+
+/// The first parameter of a sum of multiples of parameters, with its factor.
+fn first_parameter(model: &ExactModel, definition: &Polynomial<ExprId>) -> Option<(ExprId, Rational)> {
+    let mut found = None;
+    for (monomial, factor) in definition.terms() {
+        let mut factors = monomial.factors();
+        let (Some((&atom, 1)), None) = (factors.next(), factors.next()) else { return None };
+        let Node::Symbol(symbol) = *model.graph.node(atom) else { return None };
+        if model.quantity(symbol).kind != Kind::Parameter {
+            return None;
+        }
+        found = found.or_else(|| Some((atom, factor.clone())));
+    }
+    found
+}
+
+/// The number by which an equation, left minus right-hand side, became its row; `None` where it was divided by parameters.
+fn scale(graph: &mut Graph, equation: &Equation, row: &Row, values: &mut Values) -> Option<Rational> {
+    let Some((input, factor)) = row.inputs.first() else { return Some(rational::integer(1)) };
+    let leaf = graph.symbol(*input);
+    let slopes: Vec<ExprId> = equation.terms.iter().map(|term| graph.differentiate(term.expr, leaf)).collect();
+    let slope = graph.sum(&slopes);
+    let slope = values.put_in(graph, slope);
+    let slope = graph.polynomial(slope);
+    // The input has moved to the other side.
+    let (_, of_row) = factor.terms().next()?;
+    let (_, of_equation) = slope.terms().next()?;
+    let scale = -(of_row / of_equation);
+    (slope.scale(&-scale.clone()) == *factor).then_some(scale)
+}

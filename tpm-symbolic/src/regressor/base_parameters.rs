@@ -1,0 +1,534 @@
+//! Base parameters: the combinations of parameters that any motion can show, exactly.
+//!
+//! The rows of the regressor at many motions, stacked, have a rank r; what can be estimated is the row space. The rows are evaluated at
+//! points where everything is a number of a field ([`crate::expr::point`]), with velocities and accelerations drawn at random.
+//!
+//! - The rank modulo a prime of 61 bits is a certain lower bound of r. It is smaller only with a probability of about d / 2^60 for
+//!   entries of degree d (Schwartz and Zippel).
+//! - The null space modulo a few primes is lifted to rationals. That every null vector is one is checked exactly at fresh rational
+//!   points, and modulo another prime, where chance fails as rarely: an upper bound of r.
+//!
+//! Signs of the motion are drawn as 1 or -1, so that every motion is taken to turn both ways. Square roots, inverse functions and the
+//! angle of a point are taken as independent of everything else that moves. Constants without a value, pi, and their functions have
+//! values drawn once for all points: a combination that depends on them has no exact factors, and is left out while the rank stands.
+//!
+//! Invariant of [`BaseParameters`]: with the directions of its certificate, base parameters are complementary: the leading columns and
+//! the free columns of the directions are all columns, each once.
+
+use crate::algebra::field::{Field, Rationals, Residues, reconstruct};
+use crate::expr::graph::{Coordinate, ExprId, Node, Symbol};
+use crate::expr::point::{Drawn, Draws, Points};
+use crate::mechanics::model::{ExactModel, Kind};
+use crate::number::rational::Rational;
+use crate::regressor::entries::RegressorForm;
+use num_bigint::BigInt;
+use num_integer::Integer;
+use num_traits::{One, Signed, Zero};
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use thiserror::Error;
+
+/// Points in a row that show nothing new before the rank is taken as reached. A sign that is drawn alike at all of them would hide what
+/// depends on it.
+const NOTHING_NEW: usize = 24;
+
+/// Points at which null vectors are checked over the rationals, and modulo a prime.
+const CHECKS: u64 = 2;
+
+/// The number of the first point of a check; the points of a rank have smaller numbers.
+const FRESH: u64 = 1 << 32;
+
+/// Draws that may fail because a divisor vanishes there.
+const FAILURES: u64 = 20;
+
+/// Where a coordinate rests.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Rest {
+    /// An angle, by the tangent of its half; as a number it is taken as generic, unless it is zero.
+    HalfTangent(Rational),
+    /// A length; its sine and cosine are taken as generic, unless it is zero.
+    Value(Rational),
+}
+
+/// The motions that are asked about: which coordinates move, all of them independently, and which constants have which values.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Motions {
+    /// Coordinates at rest. All others move.
+    pub resting: BTreeMap<Coordinate, Rest>,
+    /// Values of run-time constants.
+    pub values: BTreeMap<Symbol, Rational>,
+}
+
+/// A combination of parameters that can be estimated: the parameter of a column plus multiples of others.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BaseParameter {
+    /// Index of the leading column.
+    pub column: usize,
+    /// What is lumped into it: column and factor.
+    pub others: Vec<(usize, Rational)>,
+}
+
+/// From what the result follows, for [`verify`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Certificate {
+    /// The rank.
+    pub rank: usize,
+    /// The prime modulo which the rows have this rank.
+    pub prime: u64,
+    /// The numbers of the points whose rows, stacked, have this rank.
+    pub points: Vec<u64>,
+    /// As many null vectors as columns are left, each as columns with factors that are not zero, and each with a factor of one at a
+    /// column of its own, named first. `None` where they depend on constants without a value.
+    pub directions: Option<Vec<Vec<(usize, Rational)>>>,
+}
+
+/// The result of [`base_parameters`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BaseParameters {
+    /// Names of the columns.
+    pub parameters: Vec<String>,
+    /// The rank.
+    pub rank: usize,
+    /// A maximal set of combinations that can be estimated; `None` where they depend on constants without a value.
+    pub base: Option<Vec<BaseParameter>>,
+    /// From what this follows.
+    pub certificate: Certificate,
+}
+
+/// Why there is no rank, or why a certificate does not hold.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum BaseParameterError {
+    /// The rows have no value at any point that was drawn.
+    #[error("the equations divide by something that is zero at every motion that is asked about")]
+    NoValue,
+    /// The rows at the points of the certificate have a smaller rank.
+    #[error("the rows at the certificate's points have rank {found} modulo its prime, not {claimed}")]
+    Rank {
+        /// The rank that was found.
+        found: usize,
+        /// The rank of the certificate.
+        claimed: usize,
+    },
+    /// The null vectors are not independent, or not as many as columns less the rank.
+    #[error("{found} independent null vectors are given, where {wanted} belong to the rank")]
+    Count {
+        /// How many independent ones there are.
+        found: usize,
+        /// How many there must be.
+        wanted: usize,
+    },
+    /// A vector is no null vector.
+    #[error("vector {direction} changes the rows of some motion")]
+    NoNullVector {
+        /// Its index.
+        direction: usize,
+    },
+}
+
+/// What a drawn value depends on.
+enum Policy {
+    /// An exact value.
+    Exact(Rational),
+    /// A constant: one value for all points.
+    Constant(u64),
+    /// Another value at every point.
+    Moving(u64),
+    /// 1 or -1 at every point.
+    Sign(u64),
+}
+
+/// The rows of a regressor, to be evaluated at many points.
+struct Rows<'a> {
+    points: Points<'a>,
+    policies: FxHashMap<Drawn, Policy>,
+    rows: usize,
+    columns: usize,
+    /// Row, column, coefficient, and powers of the roots of `points`.
+    terms: Vec<(usize, usize, Rational, Vec<(usize, i32)>)>,
+}
+
+impl<'a> Rows<'a> {
+    fn new(model: &'a ExactModel, form: &RegressorForm, motions: &Motions) -> Self {
+        let all = form.rows.iter().enumerate().flat_map(|(r, row)| row.terms.iter().map(move |term| (r, term)));
+        let mut atoms: Vec<ExprId> = Vec::new();
+        let mut index: FxHashMap<ExprId, usize> = FxHashMap::default();
+        let mut terms = Vec::new();
+        for (row, term) in all {
+            let Some(column) = term.column else { continue };
+            let powers = term.atoms.factors().map(|(&atom, exponent)| {
+                let root = *index.entry(atom).or_insert_with(|| {
+                    atoms.push(atom);
+                    atoms.len() - 1
+                });
+                (root, exponent)
+            });
+            terms.push((row, column, term.coefficient.clone(), powers.collect()));
+        }
+        let points = Points::new(&model.graph, &atoms);
+        let policies = points.drawn().map(|drawn| (drawn, policy(model, motions, &points, drawn))).collect();
+        Self { points, policies, rows: form.rows.len(), columns: form.columns.len(), terms }
+    }
+
+    /// The rows at a point; `None` where a divisor vanishes.
+    fn at<F: Field>(&self, field: &F, number: u64) -> Option<Vec<Vec<F::Element>>> {
+        // A draw depends on its number and key only, not on what else is drawn.
+        let word = |number: u64, key: u64| {
+            let mut draws = Draws::new(number.wrapping_mul(0x1_0000_0001).wrapping_add(key));
+            draws.word();
+            draws.word()
+        };
+        let values = self.points.evaluate(field, |drawn| match self.policies.get(&drawn)? {
+            Policy::Exact(value) => field.number(value),
+            Policy::Constant(key) => Some(field.element(word(u64::MAX, *key))),
+            Policy::Moving(key) => Some(field.element(word(number, *key))),
+            Policy::Sign(key) if word(number, *key) >> 63 == 1 => Some(field.sub(&field.zero(), &field.one())),
+            Policy::Sign(_) => Some(field.one()),
+        })?;
+        let mut matrix = vec![vec![field.zero(); self.columns]; self.rows];
+        for (row, column, coefficient, powers) in &self.terms {
+            let mut product = field.number(coefficient)?;
+            for (root, exponent) in powers {
+                product = field.mul(&product, &field.power(&values[*root], *exponent)?);
+            }
+            matrix[*row][*column] = field.add(&matrix[*row][*column], &product);
+        }
+        Some(matrix)
+    }
+}
+
+/// What a drawn value depends on, and the key of its draws, which follows from the model alone.
+fn policy(model: &ExactModel, motions: &Motions, points: &Points<'_>, drawn: Drawn) -> Policy {
+    let graph = &model.graph;
+    let key = match drawn {
+        Drawn::Value(id) => 4 * id.index() as u64,
+        Drawn::HalfTangent(unit) => 4 * unit as u64 + 1,
+        Drawn::Sign(id) => 4 * id.index() as u64 + 2,
+    };
+    let rests = |leaf: ExprId| match *graph.node(leaf) {
+        Node::Derivative(coordinate, order) => motions.resting.get(&coordinate).map(|rest| (rest, order)),
+        _ => None,
+    };
+    let moves = |leaf: &ExprId| matches!(graph.node(*leaf), Node::Derivative(..)) && rests(*leaf).is_none();
+    let moving = points.leaves(drawn).iter().any(moves);
+    match drawn {
+        Drawn::Sign(_) if moving => Policy::Sign(key),
+        // Of an argument whose value is not known either sign is as good.
+        Drawn::Sign(argument) => {
+            let leaf = |leaf: &Node| match *leaf {
+                Node::Symbol(symbol) => known(model, motions, symbol),
+                Node::Derivative(coordinate, order) => match (motions.resting.get(&coordinate)?, order) {
+                    (_, 1..) => Some(Rational::zero()),
+                    (Rest::Value(value), 0) => Some(value.clone()),
+                    (Rest::HalfTangent(value), 0) => value.is_zero().then(Rational::zero),
+                },
+                _ => None,
+            };
+            let value = graph.evaluate_exact(argument, leaf);
+            Policy::Exact(value.filter(|value| !value.is_zero()).map_or_else(Rational::one, |value| value.signum()))
+        }
+        _ if moving => Policy::Moving(key),
+        Drawn::Value(id) => {
+            let exact = match *graph.node(id) {
+                Node::Symbol(symbol) => known(model, motions, symbol),
+                _ => match rests(id) {
+                    Some((_, 1..)) => Some(Rational::zero()),
+                    Some((Rest::Value(value), 0)) => Some(value.clone()),
+                    Some((Rest::HalfTangent(value), 0)) if value.is_zero() => Some(Rational::zero()),
+                    _ => None,
+                },
+            };
+            exact.map_or(Policy::Constant(key), Policy::Exact)
+        }
+        Drawn::HalfTangent(unit) => {
+            let unit = &points.units()[unit];
+            let zero = Some(Rational::zero());
+            let exact = match unit.factors.as_slice() {
+                &[single] => match (graph.node(single), rests(single)) {
+                    (_, Some((_, 1..))) => zero,
+                    (_, Some((Rest::Value(value), 0))) if value.is_zero() => zero,
+                    (_, Some((Rest::HalfTangent(value), 0))) if value.is_zero() || unit.divisor == 1 => {
+                        Some(value.clone())
+                    }
+                    (Node::Symbol(symbol), _) => known(model, motions, *symbol).filter(Zero::is_zero),
+                    _ => None,
+                },
+                _ => None,
+            };
+            exact.map_or(Policy::Constant(key), Policy::Exact)
+        }
+    }
+}
+
+/// The value of a constant.
+fn known(model: &ExactModel, motions: &Motions, symbol: Symbol) -> Option<Rational> {
+    match &model.quantity(symbol).kind {
+        Kind::Constant { value: Some(value) } => Some(value.clone()),
+        _ => motions.values.get(&symbol).cloned(),
+    }
+}
+
+/// Rows in echelon form, one pivot each, in the order in which they were found.
+struct Echelon<'f> {
+    field: &'f Residues,
+    rows: Vec<(usize, Vec<u64>)>,
+}
+
+impl Echelon<'_> {
+    /// Adds a row; whether it was independent of those before.
+    fn add(&mut self, mut row: Vec<u64>) -> bool {
+        for (pivot, known) in &self.rows {
+            let factor = row[*pivot];
+            if factor != 0 {
+                for (value, of_known) in row.iter_mut().zip(known).filter(|(_, of_known)| **of_known != 0) {
+                    *value = self.field.sub(value, &self.field.mul(&factor, of_known));
+                }
+            }
+        }
+        let Some(pivot) = row.iter().position(|value| *value != 0) else { return false };
+        let inverse = self.field.inverse(&row[pivot]).expect("invariant: a pivot is not zero");
+        row.iter_mut().for_each(|value| *value = self.field.mul(value, &inverse));
+        self.rows.push((pivot, row));
+        true
+    }
+}
+
+/// A basis of the row space modulo a prime, and the numbers of the points that gave it.
+fn basis(rows: &Rows<'_>, field: &Residues) -> Result<(Vec<Vec<u64>>, Vec<u64>), BaseParameterError> {
+    let mut echelon = Echelon { field, rows: Vec::new() };
+    let (mut points, mut failures, mut nothing_new, mut number) = (Vec::new(), 0, 0, 0);
+    while nothing_new < NOTHING_NEW && echelon.rows.len() < rows.columns {
+        let matrix = rows.at(field, number);
+        number += 1;
+        let Some(matrix) = matrix else {
+            failures += 1;
+            if failures > FAILURES {
+                return Err(BaseParameterError::NoValue);
+            }
+            continue;
+        };
+        let before = echelon.rows.len();
+        matrix.into_iter().for_each(|row| {
+            echelon.add(row);
+        });
+        if echelon.rows.len() > before {
+            points.push(number - 1);
+            nothing_new = 0;
+        } else {
+            nothing_new += 1;
+        }
+    }
+    Ok((echelon.rows.into_iter().map(|(_, row)| row).collect(), points))
+}
+
+/// The null vectors of rows in reduced echelon form: for every free column, named first, the factors of the pivots' columns.
+fn null_vectors<T: Clone>(
+    reduced: &[Vec<T>],
+    pivots: &[usize],
+    columns: usize,
+    is_zero: impl Fn(&T) -> bool,
+) -> Vec<(usize, Vec<(usize, T)>)> {
+    let free = (0..columns).filter(|column| !pivots.contains(column));
+    free.map(|free| {
+        let factors = reduced.iter().zip(pivots).filter(|(row, _)| !is_zero(&row[free]));
+        (free, factors.map(|(row, &pivot)| (pivot, row[free].clone())).collect())
+    })
+    .collect()
+}
+
+/// The base parameters of a model in regressor form under some motions.
+///
+/// Leading columns are taken from the first to the last, or from the last to the first, whichever gives fewer terms: where the links of
+/// an arm are declared from its base outward, the first order regroups the parameters of outer links into those of inner ones (Gautier
+/// and Khalil 1990).
+///
+/// # Errors
+/// When the equations have no value at the motions that are asked about.
+pub fn base_parameters(
+    model: &ExactModel,
+    form: &RegressorForm,
+    motions: &Motions,
+) -> Result<BaseParameters, BaseParameterError> {
+    let rows = Rows::new(model, form, motions);
+    let columns = rows.columns;
+    let fields = Residues::PRIMES.map(Residues::new);
+    let (first, points) = basis(&rows, &fields[0])?;
+    let rank = first.len();
+    let mut bases = vec![first];
+    let forward: Vec<usize> = (0..columns).collect();
+    let backward: Vec<usize> = (0..columns).rev().collect();
+    let mut base = None;
+    for count in 1..=fields.len() {
+        if bases.len() < count {
+            let (next, _) = basis(&rows, &fields[count - 1])?;
+            // Another rank would be a prime that divides what it must not.
+            if next.len() != rank {
+                break;
+            }
+            bases.push(next);
+        }
+        let lifted = [&forward, &backward].map(|order| lift(&fields, &bases, order, columns));
+        let sound = lifted.into_iter().flatten().filter(|vectors| holds(&rows, vectors, &fields[3]).is_ok());
+        base = sound.reduce(|best, next| if terms(&next) < terms(&best) { next } else { best });
+        if base.is_some() {
+            break;
+        }
+    }
+    let directions = base.as_ref().map(|vectors| vectors.iter().map(direction).collect());
+    let base = base.map(|vectors| {
+        let free: Vec<usize> = vectors.iter().map(|(free, _)| *free).collect();
+        let leading = (0..columns).filter(|column| !free.contains(column));
+        let lumped = |column: usize| {
+            let others = vectors.iter().filter_map(|(free, factors)| {
+                factors.iter().find(|(pivot, _)| *pivot == column).map(|(_, factor)| (*free, factor.clone()))
+            });
+            BaseParameter { column, others: others.collect() }
+        };
+        leading.map(lumped).collect()
+    });
+    let certificate = Certificate { rank, prime: fields[0].prime(), points, directions };
+    let parameters = form.columns.iter().map(|column| column.name.to_string()).collect();
+    Ok(BaseParameters { parameters, rank, base, certificate })
+}
+
+/// A null vector by its free column: what moves into the leading columns when the free one is left out.
+type Lifted = (usize, Vec<(usize, Rational)>);
+
+fn terms(vectors: &[Lifted]) -> usize {
+    vectors.iter().map(|(_, factors)| factors.len()).sum()
+}
+
+/// A null vector with all its components: one at its free column, and the negative factors.
+fn direction((free, factors): &Lifted) -> Vec<(usize, Rational)> {
+    std::iter::once((*free, Rational::one())).chain(factors.iter().map(|(pivot, factor)| (*pivot, -factor))).collect()
+}
+
+/// The null vectors over the rationals, from those modulo several primes (Chinese remainders, then rational reconstruction).
+fn lift(fields: &[Residues], bases: &[Vec<Vec<u64>>], order: &[usize], columns: usize) -> Option<Vec<Lifted>> {
+    let mut modulus = BigInt::one();
+    let mut residues: Vec<(usize, BTreeMap<usize, BigInt>)> = Vec::new();
+    let mut leading: Option<Vec<usize>> = None;
+    for (field, basis) in fields.iter().zip(bases) {
+        let mut reduced = basis.clone();
+        let pivots = field.reduce(&mut reduced, order);
+        if leading.get_or_insert_with(|| pivots.clone()) != &pivots {
+            return None;
+        }
+        let vectors = null_vectors(&reduced, &pivots, columns, |value| *value == 0);
+        if residues.is_empty() {
+            residues = vectors.iter().map(|(free, _)| (*free, BTreeMap::new())).collect();
+        }
+        let prime = BigInt::from(field.prime());
+        let inverse = field.inverse(&field.element(residue(&modulus, field)))?;
+        for ((_, known), (_, factors)) in residues.iter_mut().zip(vectors) {
+            let found: BTreeMap<usize, u64> = factors.into_iter().collect();
+            let pivots: Vec<usize> = known.keys().chain(found.keys()).copied().collect();
+            for pivot in pivots {
+                let slot = known.entry(pivot).or_default();
+                let wanted = found.get(&pivot).copied().unwrap_or(0);
+                let step = field.mul(&field.sub(&wanted, &residue(slot, field)), &inverse);
+                *slot += &modulus * BigInt::from(step);
+            }
+        }
+        modulus *= prime;
+    }
+    let vectors = residues.into_iter().map(|(free, factors)| {
+        let factors = factors.into_iter().map(|(pivot, value)| Some((pivot, reconstruct(&value, &modulus)?)));
+        let factors: Option<Vec<(usize, Rational)>> = factors.collect();
+        Some((free, factors?.into_iter().filter(|(_, factor)| !factor.is_zero()).collect()))
+    });
+    vectors.collect()
+}
+
+fn residue(value: &BigInt, field: &Residues) -> u64 {
+    let rest = value.mod_floor(&BigInt::from(field.prime()));
+    debug_assert!(!rest.is_negative());
+    rest.iter_u64_digits().next().unwrap_or(0)
+}
+
+/// Checks null vectors at fresh points, over the rationals and modulo a prime.
+fn holds(rows: &Rows<'_>, vectors: &[Lifted], field: &Residues) -> Result<(), BaseParameterError> {
+    let directions: Vec<Vec<(usize, Rational)>> = vectors.iter().map(direction).collect();
+    annihilate(rows, &directions, field, FRESH)?;
+    annihilate(rows, &directions, &Rationals, FRESH)
+}
+
+/// Checks that vectors are null vectors of the rows at a few points of a field, beginning with the point `first`.
+fn annihilate<F: Field>(
+    rows: &Rows<'_>,
+    directions: &[Vec<(usize, Rational)>],
+    field: &F,
+    first: u64,
+) -> Result<(), BaseParameterError> {
+    let mut checked = 0;
+    for number in first..first + CHECKS + FAILURES {
+        let Some(matrix) = rows.at(field, number) else { continue };
+        for (index, direction) in directions.iter().enumerate() {
+            for row in &matrix {
+                let mut sum = field.zero();
+                for (column, factor) in direction {
+                    let entry = row.get(*column).zip(field.number(factor));
+                    let (entry, factor) = entry.ok_or(BaseParameterError::NoNullVector { direction: index })?;
+                    sum = field.add(&sum, &field.mul(entry, &factor));
+                }
+                if !field.is_zero(&sum) {
+                    return Err(BaseParameterError::NoNullVector { direction: index });
+                }
+            }
+        }
+        checked += 1;
+        if checked == CHECKS {
+            return Ok(());
+        }
+    }
+    Err(BaseParameterError::NoValue)
+}
+
+/// Checks a certificate for a model in regressor form under some motions: that the rows at its points have its rank, and that its vectors
+/// are independent null vectors, at points that `seed` chooses. Nothing that led to the certificate is used.
+///
+/// # Errors
+/// When the certificate does not hold; what is wrong is named.
+pub fn verify(
+    model: &ExactModel,
+    form: &RegressorForm,
+    motions: &Motions,
+    certificate: &Certificate,
+    seed: u64,
+) -> Result<(), BaseParameterError> {
+    let rows = Rows::new(model, form, motions);
+    let field = Residues::PRIMES.map(Residues::new).into_iter().find(|field| field.prime() == certificate.prime);
+    let wrong_rank = |found| BaseParameterError::Rank { found, claimed: certificate.rank };
+    let field = field.ok_or(wrong_rank(0))?;
+    let mut stacked = Vec::new();
+    for &point in &certificate.points {
+        stacked.extend(rows.at(&field, point).ok_or(BaseParameterError::NoValue)?);
+    }
+    let order: Vec<usize> = (0..rows.columns).collect();
+    let found = field.reduce(&mut stacked, &order).len();
+    if found != certificate.rank {
+        return Err(wrong_rank(found));
+    }
+    let Some(directions) = &certificate.directions else { return Ok(()) };
+    let wanted = rows.columns - certificate.rank;
+    let mut matrix: Vec<Vec<Rational>> = Vec::with_capacity(directions.len());
+    for (index, direction) in directions.iter().enumerate() {
+        let mut row = vec![Rational::zero(); rows.columns];
+        for (column, factor) in direction {
+            let slot = row.get_mut(*column).ok_or(BaseParameterError::NoNullVector { direction: index })?;
+            slot.clone_from(factor);
+        }
+        matrix.push(row);
+    }
+    let independent = Rationals.reduce(&mut matrix, &order).len();
+    if independent != wanted || directions.len() != wanted {
+        return Err(BaseParameterError::Count { found: independent, wanted });
+    }
+    let first = FRESH.wrapping_add(seed % FRESH).wrapping_mul(2);
+    for field in Residues::PRIMES.map(Residues::new) {
+        annihilate(&rows, directions, &field, first)?;
+    }
+    annihilate(&rows, directions, &Rationals, first)
+}
