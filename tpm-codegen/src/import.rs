@@ -51,6 +51,8 @@ pub fn urdf(source: &Source, options: &Options) -> Result<Imported, Diagnostics>
     };
     let mut warnings = diagnostics.take_warnings();
     warnings.sort_by_key(|warning| warning.span);
-    let (model, prior, experiment) = write::write(&robot, options, source.name())?;
+    // The file's name without its folders, which mean nothing elsewhere.
+    let from = source.name().rsplit(['/', '\\']).next().unwrap_or_default();
+    let (model, prior, experiment) = write::write(&robot, options, from)?;
     Ok(Imported { model, prior, experiment, readings: readings.sentences(), warnings })
 }

@@ -245,32 +245,32 @@ fn skew(v: [f64; 3]) -> [[f64; 3]; 3] {
     [[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]]
 }
 
+/// A matrix by its four blocks.
+fn blocks(of: impl Fn(usize, usize) -> [[f64; 3]; 3]) -> Spatial {
+    std::array::from_fn(|i| std::array::from_fn(|j| of(i / 3, j / 3)[i % 3][j % 3]))
+}
+
 /// Motion vectors of a frame (angular first) in a frame that is placed in it by a rotation and an origin (Featherstone, 2.8).
 fn to_child(rotation: &[[f64; 3]; 3], origin: [f64; 3]) -> Spatial {
     let lever = skew(origin);
-    let mut matrix = [[0.0; 6]; 6];
-    for i in 0..3 {
-        for j in 0..3 {
-            matrix[i][j] = rotation[j][i];
-            matrix[i + 3][j + 3] = rotation[j][i];
-            matrix[i + 3][j] = -(0..3).map(|k| rotation[k][i] * lever[k][j]).sum::<f64>();
-        }
-    }
-    matrix
+    let turned: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| rotation[j][i]));
+    let swept: [[f64; 3]; 3] =
+        std::array::from_fn(|i| std::array::from_fn(|j| -(0..3).map(|k| turned[i][k] * lever[k][j]).sum::<f64>()));
+    blocks(|row, column| match (row, column) {
+        (0, 1) => [[0.0; 3]; 3],
+        (1, 0) => swept,
+        _ => turned,
+    })
 }
 
 /// The cross product of motion vectors as a matrix.
 fn motion_cross(v: &[f64; 6]) -> Spatial {
     let (angular, linear) = (skew([v[0], v[1], v[2]]), skew([v[3], v[4], v[5]]));
-    let mut matrix = [[0.0; 6]; 6];
-    for i in 0..3 {
-        for j in 0..3 {
-            matrix[i][j] = angular[i][j];
-            matrix[i + 3][j + 3] = angular[i][j];
-            matrix[i + 3][j] = linear[i][j];
-        }
-    }
-    matrix
+    blocks(|row, column| match (row, column) {
+        (0, 1) => [[0.0; 3]; 3],
+        (1, 0) => linear,
+        _ => angular,
+    })
 }
 
 /// The torques by spatial algebra in doubles, written down once more from the placements of the bodies.
@@ -323,15 +323,9 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
         let acceleration: [f64; 6] = std::array::from_fn(|i| carried[i] + screw[i] * rates[1] + gyration[i]);
         let [m, x, y, z, xx, xy, xz, yy, yz, zz] = arm.inertias[index];
         let (first, tensor) = (skew([x, y, z]), [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
-        let mut inertia = [[0.0; 6]; 6];
-        for i in 0..3 {
-            inertia[i + 3][i + 3] = m;
-            for j in 0..3 {
-                inertia[i][j] = tensor[i][j];
-                inertia[i][j + 3] = first[i][j];
-                inertia[i + 3][j] = first[j][i];
-            }
-        }
+        let back = skew([-x, -y, -z]);
+        let heavy = [[m, 0.0, 0.0], [0.0, m, 0.0], [0.0, 0.0, m]];
+        let inertia = blocks(|row, column| [[tensor, first], [back, heavy]][row][column]);
         let momentum = times(&inertia, &velocity);
         let gyration = times(&transposed(&motion_cross(&velocity)), &momentum);
         let pushed = times(&inertia, &acceleration);

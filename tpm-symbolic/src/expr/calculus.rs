@@ -176,22 +176,26 @@ impl Graph {
                 continue;
             }
             stack.pop();
-            if self.operands(id).all(|operand| memo[&operand] == operand) {
-                memo.insert(id, id);
-                continue;
-            }
             let rebuilt = match self.node(id).clone() {
                 Node::Number(_) | Node::Pi | Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_) => id,
                 // A sum of sums and a product of products stay what they are.
                 Node::Sum(terms) => {
                     let whole = terms.iter().any(|&term| matches!(self.node(term), Node::Sum(_)));
-                    let terms: Vec<ExprId> = terms.iter().map(|term| memo[term]).collect();
-                    if whole { self.sum_of_wholes(&terms) } else { self.sum(&terms) }
+                    let found: Vec<ExprId> = terms.iter().map(|term| memo[term]).collect();
+                    match (whole, found == terms) {
+                        (true, true) => id,
+                        (true, false) => self.sum_of_wholes(&found),
+                        (false, _) => self.sum(&found),
+                    }
                 }
                 Node::Product(factors) => {
                     let whole = factors.iter().any(|&factor| matches!(self.node(factor), Node::Product(_)));
-                    let factors: Vec<ExprId> = factors.iter().map(|factor| memo[factor]).collect();
-                    if whole { self.product_of_wholes(&factors) } else { self.product(&factors) }
+                    let found: Vec<ExprId> = factors.iter().map(|factor| memo[factor]).collect();
+                    match (whole, found == factors) {
+                        (true, true) => id,
+                        (true, false) => self.product_of_wholes(&found),
+                        (false, _) => self.product(&found),
+                    }
                 }
                 Node::Power(base, exponent) => self.pow(memo[&base], exponent),
                 Node::Function(function, argument) => self.function(function, memo[&argument]),

@@ -161,9 +161,6 @@ impl Graph {
 
     /// The sum of any number of terms.
     pub fn sum(&mut self, terms: &[ExprId]) -> ExprId {
-        if let [term] = terms {
-            return *term;
-        }
         let mut constant = Rational::zero();
         let mut collected: BTreeMap<ExprId, Rational> = BTreeMap::new();
         let mut pending: Vec<ExprId> = terms.iter().rev().copied().collect();
@@ -228,9 +225,6 @@ impl Graph {
 
     /// The product of any number of factors.
     pub fn product(&mut self, factors: &[ExprId]) -> ExprId {
-        if let [factor] = factors {
-            return *factor;
-        }
         let mut coefficient = Rational::one();
         let mut collected: BTreeMap<ExprId, i32> = BTreeMap::new();
         let mut pending: Vec<ExprId> = factors.iter().rev().copied().collect();

@@ -169,6 +169,10 @@ impl Graph {
         }
     }
 
+    fn is_sum(&self, id: ExprId) -> bool {
+        matches!(self.node(id), Node::Sum(_))
+    }
+
     /// The expression of a polynomial over atoms of this graph.
     pub fn from_polynomial(&mut self, polynomial: &Polynomial<ExprId>) -> ExprId {
         let mut terms = Vec::with_capacity(polynomial.len());
@@ -179,6 +183,10 @@ impl Graph {
             }
             terms.push(self.product(&factors));
         }
-        self.sum(&terms)
+        match terms.as_slice() {
+            // A sum of sums stays one.
+            [single] if self.is_sum(*single) && self.operands(*single).any(|part| self.is_sum(part)) => *single,
+            _ => self.sum(&terms),
+        }
     }
 }

@@ -189,7 +189,11 @@ impl<'m> Gather<'m> {
             Node::Product(factors) => {
                 let (unknown, known): (Vec<ExprId>, Vec<ExprId>) =
                     factors.into_iter().partition(|&factor| self.of(factor).is_unknown());
-                let known = self.model.graph.product(&known);
+                // A single factor may be a product of products, and stays one.
+                let known = match known.as_slice() {
+                    [single] => *single,
+                    _ => self.model.graph.product(&known),
+                };
                 let mut product = Parts::from([(Monomial::one(), known)]);
                 for factor in unknown {
                     let parts = Rc::clone(&self.memo[&factor]);
@@ -244,7 +248,10 @@ impl<'m> Gather<'m> {
     fn summed(&mut self, lists: BTreeMap<Monomial<ExprId>, Vec<ExprId>>) -> Parts {
         let mut parts = Parts::new();
         for (monomial, list) in lists {
-            let sum = self.model.graph.sum(&list);
+            let sum = match list.as_slice() {
+                [single] => *single,
+                _ => self.model.graph.sum(&list),
+            };
             if !self.is_zero(sum) {
                 parts.insert(monomial, sum);
             }
