@@ -202,13 +202,15 @@ fn every_fault_of_a_machine_is_named_and_loses_one_run_at_most() {
         ("--fault error --after 6", &["run 2: it says: drive fault 17"]),
         ("--fault stop --after 5", &["run 2: it says: stopped before the first sample: limit switch"]),
         ("--samples --fault error --after 14020", &["run 2: it says: drive fault 17"]),
-        ("--samples --fault lost --after 14020", &["run 2: it said nothing for 1 s; a measured sample was awaited"]),
+        ("--samples --fault lost --after 14020", &["run 2: it said nothing for 3 s; a measured sample was awaited"]),
         ("--samples --fault nan --after 14020", &["run 2: line 14021", "JSON has no NaN"]),
-        ("--fault hang --after 0", &["run 1: it said nothing for 1 s; its greeting was awaited, after 0 lines"]),
+        ("--fault hang --after 0", &["run 1: it said nothing for 3 s; its greeting was awaited, after 0 lines"]),
     ] {
         let more = if fault.starts_with("--samples") { fault.to_owned() } else { format!("{PARTS} {fault}") };
         let machine = place.machine(&SHORT, &more);
-        says(&tpm_in(place.folder.path(), &place.arguments(&machine, "1", &SHORT)), 2, parts);
+        // A loaded computer may start a program slowly: the wait is short only where it is what is tested.
+        let patience = if parts.iter().any(|part| part.contains("said nothing")) { "3" } else { "20" };
+        says(&tpm_in(place.folder.path(), &place.arguments(&machine, patience, &SHORT)), 2, parts);
         assert_eq!(numbers(&place.play(&good, &SHORT)), unbroken, "{fault}");
         std::fs::remove_dir_all(place.at("c")).expect("removed");
     }

@@ -211,9 +211,10 @@ mod tests {
     use std::time::{Duration, Instant};
     use std::vec::Vec;
 
-    fn shell(script: &str) -> Process {
+    /// A shell that runs a script; it has so many milliseconds to end of itself.
+    fn shell(script: &str, grace: u64) -> Process {
         let words: Vec<String> = ["sh", "-c", script].iter().map(ToString::to_string).collect();
-        Process::start(&words, Duration::from_millis(500)).expect("there is a shell")
+        Process::start(&words, Duration::from_millis(grace)).expect("there is a shell")
     }
 
     fn hear(process: &Process, milliseconds: u64) -> Heard {
@@ -222,7 +223,7 @@ mod tests {
 
     #[test]
     fn lines_go_both_ways_and_the_end_is_told() {
-        let mut echo = shell("while read line; do echo \"$line\"; done; echo broken belt >&2; exit 3");
+        let mut echo = shell("while read line; do echo \"$line\"; done; echo broken belt >&2; exit 3", 20_000);
         for line in ["one", "two"] {
             echo.say(line.to_string());
             assert!(matches!(hear(&echo, 5000), Heard::Line(heard) if heard == line));
@@ -235,7 +236,7 @@ mod tests {
     #[test]
     fn nothing_waits_for_a_process_that_hangs() {
         let began = Instant::now();
-        let hung = shell("exec sleep 60");
+        let hung = shell("exec sleep 60", 200);
         // More than a pipe holds, which nobody reads.
         hung.say("x".repeat(1 << 20));
         assert!(matches!(hear(&hung, 50), Heard::Silence));
@@ -246,12 +247,12 @@ mod tests {
 
     #[test]
     fn what_is_no_line_of_text_is_said() {
-        let torn = shell("printf '{\"type\":'");
+        let torn = shell("printf '{\"type\":'", 20_000);
         assert!(matches!(hear(&torn, 5000), Heard::NoText(what) if what.contains("does not end: {\"type\":")));
-        let binary = shell("printf '\\377\\376\\n'");
+        let binary = shell("printf '\\377\\376\\n'", 20_000);
         assert!(matches!(hear(&binary, 5000), Heard::NoText(what) if what.contains("no text")));
         // A flood is read no faster than it is asked for.
-        let flood = shell("yes");
+        let flood = shell("yes", 200);
         assert!(matches!(hear(&flood, 5000), Heard::Line(line) if line == "y"));
     }
 }
