@@ -278,7 +278,8 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
     let tree = &arm.model.mechanism.as_ref().expect("a mechanism").tree;
     let bodies = tree.bodies();
     let number = |expr: ExprId| to_f64(arm.graph.as_number(expr).expect("a number"));
-    let mut kept: Vec<(Spatial, [f64; 6], [f64; 6], [f64; 6], [f64; 6])> = Vec::new();
+    // How each body is placed, and its velocity, acceleration, wrench and screw.
+    let mut kept: Vec<(Spatial, [[f64; 6]; 4])> = Vec::new();
     for (index, body) in bodies.iter().enumerate() {
         let rotation: [[f64; 3]; 3] =
             std::array::from_fn(|i| std::array::from_fn(|j| to_f64(body.rotation.entry(i, j))));
@@ -313,7 +314,7 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
             }
         }
         let (parent_velocity, parent_acceleration) = match body.parent {
-            Some(parent) => (kept[parent].1, kept[parent].2),
+            Some(parent) => (kept[parent].1[0], kept[parent].1[1]),
             None => ([0.0; 6], [0.0, 0.0, 0.0, 0.0, 0.0, 9.81]),
         };
         let carried = times(&moved, &parent_velocity);
@@ -330,17 +331,17 @@ fn twin(arm: &Arm, state: [&[f64]; 3]) -> Vec<f64> {
         let gyration = times(&transposed(&motion_cross(&velocity)), &momentum);
         let pushed = times(&inertia, &acceleration);
         let wrench = std::array::from_fn(|i| pushed[i] - gyration[i]);
-        kept.push((moved, velocity, acceleration, wrench, screw));
+        kept.push((moved, [velocity, acceleration, wrench, screw]));
     }
     let mut torques = vec![0.0; arm.torques.len()];
     for index in (0..bodies.len()).rev() {
-        let (moved, _, _, wrench, screw) = kept[index];
+        let (moved, [_, _, wrench, screw]) = kept[index];
         if let Some(coordinate) = bodies[index].joint.coordinate() {
             torques[coordinate.0 as usize] = (0..6).map(|i| screw[i] * wrench[i]).sum();
         }
         if let Some(parent) = bodies[index].parent {
             let carried = times(&transposed(&moved), &wrench);
-            (0..6).for_each(|i| kept[parent].3[i] += carried[i]);
+            (0..6).for_each(|i| kept[parent].1[2][i] += carried[i]);
         }
     }
     torques

@@ -146,9 +146,12 @@ struct Rows<'a> {
     policies: FxHashMap<Drawn, Policy>,
     rows: usize,
     columns: usize,
-    /// Row, column, coefficient, and powers of the roots of `points`.
-    terms: Vec<(usize, usize, Rational, Vec<(usize, i32)>)>,
+    /// Row, column, and what stands there.
+    terms: Vec<(usize, usize, Product)>,
 }
+
+/// A coefficient, and powers of the roots of the points.
+type Product = (Rational, Vec<(usize, i32)>);
 
 impl<'a> Rows<'a> {
     fn new(model: &'a ExactModel, form: &RegressorForm, motions: &Motions) -> Self {
@@ -165,7 +168,7 @@ impl<'a> Rows<'a> {
                 });
                 (root, exponent)
             });
-            terms.push((row, column, term.coefficient.clone(), powers.collect()));
+            terms.push((row, column, (term.coefficient.clone(), powers.collect())));
         }
         let points = Points::new(&model.graph, &atoms);
         let policies = points.drawn().map(|drawn| (drawn, policy(model, motions, &points, drawn))).collect();
@@ -188,7 +191,7 @@ impl<'a> Rows<'a> {
             Policy::Sign(_) => Some(field.one()),
         })?;
         let mut matrix = vec![vec![field.zero(); self.columns]; self.rows];
-        for (row, column, coefficient, powers) in &self.terms {
+        for (row, column, (coefficient, powers)) in &self.terms {
             let mut product = field.number(coefficient)?;
             for (root, exponent) in powers {
                 product = field.mul(&product, &field.power(&values[*root], *exponent)?);

@@ -31,6 +31,8 @@ impl Motion {
         let products: Vector =
             std::array::from_fn(|i| graph.product_of_wholes(&[velocity[(i + 1) % 3], velocity[(i + 2) % 3]]));
         let mut field = [[velocity[0]; 3]; 3];
+        // Entries on both sides of the diagonal are written together.
+        #[expect(clippy::needless_range_loop, reason = "rows i and j are written in one turn")]
         for i in 0..3 {
             let (j, k) = ((i + 1) % 3, (i + 2) % 3);
             let sum = graph.sum_of_wholes(&[squares[j], squares[k]]);
