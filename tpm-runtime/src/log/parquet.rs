@@ -15,6 +15,7 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader as _, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 use std::io::Read;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::string::{String, ToString as _};
 use std::vec;
 use std::vec::Vec;
@@ -92,7 +93,7 @@ impl Parquet {
     pub(super) fn new(mut input: impl Read, path: &str) -> Result<Self, LogError> {
         let mut bytes = Vec::new();
         input.read_to_end(&mut bytes).map_err(|source| LogError::Io { path: path.into(), source })?;
-        let reader = SerializedFileReader::new(Bytes::from(bytes)).map_err(|error| fault(path, &error))?;
+        let reader = guarded(path, || SerializedFileReader::new(Bytes::from(bytes)))?;
         let schema = reader.metadata().file_metadata().schema_descr_ptr();
         let named = schema.columns().iter().enumerate().filter_map(|(place, column)| Some((place, name(column)?)));
         let (places, header) = named.unzip();
@@ -134,6 +135,14 @@ impl Parquet {
     }
 }
 
+/// Reads a part of a file. The crate `parquet` panics on some damaged files; that is a fault of the file here.
+fn guarded<T>(path: &str, read: impl FnOnce() -> Result<T, ParquetError>) -> Result<T, LogError> {
+    match catch_unwind(AssertUnwindSafe(read)) {
+        Ok(read) => read.map_err(|error| fault(path, &error)),
+        Err(_) => Err(fault(path, &ParquetError::General("it is damaged".into()))),
+    }
+}
+
 fn fault(path: &str, error: &ParquetError) -> LogError {
     LogError::Format {
         path: path.into(),
@@ -169,7 +178,8 @@ impl Columns for Parquet {
             if self.next_group == self.reader.num_row_groups() {
                 return Ok(None);
             }
-            self.read_group().map_err(|error| fault(&self.path, &error))?;
+            let path = self.path.clone();
+            guarded(&path, || self.read_group())?;
         }
     }
 
