@@ -10,6 +10,7 @@ pub mod c;
 mod code;
 pub mod estimator;
 pub mod filter;
+mod formulas;
 mod function;
 mod header;
 pub mod name;

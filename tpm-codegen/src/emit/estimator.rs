@@ -18,8 +18,8 @@ use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical};
 use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 use super::filter::FilterError;
+use super::formulas::Formulas;
 use super::number::{Rounded, resembles_constant};
-use super::text::Formulas;
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
 
