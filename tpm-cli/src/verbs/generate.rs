@@ -30,6 +30,13 @@ enum Real {
     Double,
 }
 
+/// A part of the code that is made on request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    /// The feed-forward in two parts.
+    Split,
+}
+
 impl Language {
     fn target(self) -> generate::Language {
         match self {
@@ -84,6 +91,10 @@ pub(crate) struct Args {
     /// Add a function for single strokes of every pattern, with rest before and after them.
     #[arg(long)]
     strokes: bool,
+    /// Add what is not made of equations too long to be multiplied out, though it is made of all others: `split`, the feed-forward in
+    /// its motion-independent and its motion-dependent part. Low passes need the parts and ask for them.
+    #[arg(long, value_enum, value_name = "PART")]
+    with: Vec<Part>,
     /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
     #[arg(long, requires = "output")]
     check: bool,
@@ -92,7 +103,10 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
-    let estimator = loaded.estimator()?;
+    let mut estimator = loaded.estimator()?;
+    if args.with.contains(&Part::Split) || args.low_pass.is_some() {
+        estimator = estimator.with_split().map_err(|error| loaded.at_whole(&error.to_string()))?;
+    }
     let identified = args.params.as_deref().map(identified).transpose()?;
     if args.lang != Language::C && (args.prefix.is_some() || args.real.is_some()) {
         let what =
@@ -175,6 +189,9 @@ fn command(args: &Args) -> String {
     }
     if args.strokes {
         command.push_str(" --strokes");
+    }
+    if args.with.contains(&Part::Split) {
+        command.push_str(" --with split");
     }
     if let Some(params) = &args.params {
         command.push_str(&format!(" --params {}", name(params)));
