@@ -1,5 +1,7 @@
 //! `tpm identifiability`: what a pattern can show of the parameters, and what it cannot, before anything moves.
 
+mod any_motion;
+
 use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
 use crate::output::file;
@@ -33,7 +35,13 @@ pub(crate) struct Args {
     /// infinitely many, and of models without a table).
     #[arg(long, value_name = "N")]
     harmonics: Option<usize>,
-    /// Print JSON (tpm.identifiability/1).
+    /// What any motion can show, not that of a pattern: exact base parameters. The default of a model without a pattern.
+    #[arg(long, conflicts_with_all = ["pattern", "settings", "harmonics"])]
+    any_motion: bool,
+    /// With `--any-motion`: a coordinate that rests at a value (exact), such as a joint that is locked.
+    #[arg(long, value_name = "COORDINATE=VALUE")]
+    rest: Vec<String>,
+    /// Print JSON (tpm.identifiability/1, or tpm.base/1 for any motion).
     #[arg(long)]
     json: bool,
     /// Write to this file instead of standard output.
@@ -88,6 +96,12 @@ fn setting(text: &str, experiments: usize) -> Result<Setting, Failure> {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
+    if args.any_motion || loaded.model().patterns.is_empty() && args.pattern.is_empty() {
+        return any_motion::run(&loaded, &args.rest, args.json, args.output.as_deref());
+    }
+    if let Some(rest) = args.rest.first() {
+        return Err(Failure::Input(format!("--rest {rest}: a pattern says how coordinates move; use --any-motion")));
+    }
     let names: Vec<Option<&str>> = if args.pattern.is_empty() {
         vec![None]
     } else {

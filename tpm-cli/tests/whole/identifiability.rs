@@ -1,6 +1,6 @@
 //! `tpm identifiability` of models with and without a table.
 
-use crate::support::{printed_in, root};
+use crate::support::{fails, printed_in, root};
 use std::path::Path;
 
 const PENDULUM: &str = "model MotorPendulum {
@@ -46,4 +46,25 @@ fn a_sine_is_answered_exactly_by_its_series_and_numerically_without() {
 fn the_harmonics_of_a_polynomial_model_are_limited_too() {
     let text = printed_in(&root(), &["identifiability", "models/mass_spring_drag.tpm", "--harmonics", "1"], 1);
     assert!(text.starts_with("rank 2 of 3 parameters (exact, proven)"), "{text}");
+}
+
+#[test]
+fn any_motion_shows_the_base_parameters_of_an_arm() {
+    let arm = "models/robots/planar_arm.tpm";
+    let all = |options: &[&str]| -> serde_json::Value {
+        let text = printed_in(&root(), &[&["identifiability", arm, "--json"], options].concat(), 1);
+        serde_json::from_str(&text).expect("JSON")
+    };
+    // Of an arm in a vertical plane the mass of the outer link is told only by its effect on the inner one.
+    let free = all(&[]);
+    assert_eq!((free["schema"].as_str(), free["rank"].as_u64()), (Some("tpm.base/1"), Some(11)), "{free}");
+    let base = free["base"].as_array().expect("a list");
+    let lumped: Vec<&serde_json::Value> =
+        base.iter().filter(|one| one["plus"].as_object().is_some_and(|plus| !plus.is_empty())).collect();
+    assert_eq!((base.len(), lumped.len()), (11, 2), "{free}");
+    let locked = all(&["--rest", "q2=0"]);
+    let hidden = locked["unobservable"].as_array().expect("a list");
+    assert!(hidden.iter().any(|name| name == "fv_q2") && locked["rank"].as_u64() == Some(8), "{locked}");
+    fails(&["identifiability", arm, "--rest", "q3=0"], 2, &["no coordinate `q3`"]);
+    fails(&["identifiability", "models/emps.tpm", "--rest", "q=0"], 2, &["--any-motion"]);
 }
