@@ -5,7 +5,7 @@ mod any_motion;
 use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
 use crate::output::file;
-use std::collections::BTreeMap;
+use crate::render::combination::sum;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable, or_dash};
@@ -194,19 +194,6 @@ fn json(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Result<S
         physical: Option<&'a PhysicalIdentifiability>,
     }
     file::json(&Whole { report, physical })
-}
-
-/// `factor name`, without the factor when it is one.
-fn multiple(name: &str, factor: &str) -> String {
-    match factor {
-        "1" => name.to_owned(),
-        "-1" => format!("-{name}"),
-        factor => format!("({factor}) {name}"),
-    }
-}
-
-fn sum(terms: &BTreeMap<String, String>) -> String {
-    terms.iter().map(|(name, factor)| multiple(name, factor)).collect::<Vec<_>>().join(" + ")
 }
 
 fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> String {

@@ -1,10 +1,10 @@
 //! What any motion can show of a model's parameters, exactly, with a certificate that is checked before it is printed.
 
-use super::{multiple, sum};
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::assignment;
 use crate::input::load::Loaded;
 use crate::output::file;
+use crate::render::combination::sum;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -111,7 +111,7 @@ fn describe(found: &BaseParameters, base: Option<&[Base]>, left: &[String]) -> S
             text.push_str("\nbase parameters\n");
             for one in base {
                 let rest = if one.plus.is_empty() { String::new() } else { format!(" + {}", sum(&one.plus)) };
-                let _ = writeln!(text, "  {}{rest}", multiple(&one.parameter, "1"));
+                let _ = writeln!(text, "  {}{rest}", one.parameter);
             }
         }
         None => text.push_str("their factors depend on constants without a value\n"),
