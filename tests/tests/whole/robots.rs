@@ -441,12 +441,9 @@ fn what_is_left_out_or_read_otherwise_is_said() {
     ] {
         assert!(warnings.iter().any(|warning| warning.contains(words)), "{words}: {warnings:#?}");
     }
-    assert_eq!(imported.readings[0], "1.5708 is read as pi/2 (line 6)");
-    assert!(
-        imported.readings.iter().any(|reading| reading == "1e-17 is read as 0 (line 6)"),
-        "{:?}",
-        imported.readings
-    );
+    for words in ["1.5708 is read as pi/2 (line 6)", "1e-17 is read as 0 (line 6)"] {
+        assert!(imported.readings.iter().any(|reading| reading == words), "{words}: {:?}", imported.readings);
+    }
     assert!(
         imported.model.contains("revolute j_2_j about x at (0, 0, 1/2) turned (pi/2, 0, 2*atan2("),
         "{}",

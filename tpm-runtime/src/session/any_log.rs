@@ -5,7 +5,7 @@ use crate::estimate::{
 };
 use crate::log::{Log, LogError, LogOptions};
 use crate::report::Remedy;
-use crate::session::excerpt::Excerpt;
+use crate::session::excerpt::{Excerpt, blocks};
 use crate::session::found::Found;
 use crate::session::log_report::{HoldResiduals, Way};
 use crate::session::refine::{Start, refined};
@@ -54,6 +54,11 @@ pub(super) fn stretches<'a>(
     Ok(stretches)
 }
 
+/// Most samples that are low-passed; of a longer record it is blocks, evenly spread over it.
+const MOST_SAMPLES: usize = 1 << 20;
+/// Number of such blocks.
+const BLOCKS: usize = 16;
+
 /// Identifies a model from all samples of the segments of a record, whatever the motion is.
 ///
 /// # Errors
@@ -69,12 +74,15 @@ pub(super) fn identify(
     let stretches = stretches(segments, dims.coordinates, options)?;
     let nothing = LogError::Estimate { path: String::new(), source: EstimateError::NoSignal };
     let first = segments.first().ok_or(nothing)?;
-    let samples = stretches.iter().map(|stretch| stretch.coordinates.first().map_or(0, |signal| signal.len())).sum();
+    let samples: usize =
+        stretches.iter().map(|stretch| stretch.coordinates.first().map_or(0, |signal| signal.len())).sum();
+    let used =
+        if samples > MOST_SAMPLES { blocks(&stretches, BLOCKS, MOST_SAMPLES / BLOCKS) } else { stretches.clone() };
     let record = |hold: Hold| TimeRecord {
         sample_time: first.sample_time,
         hold,
         actuators: &options.actuators,
-        stretches: stretches.clone(),
+        stretches: used.clone(),
     };
     let derivatives = machine.map(|machine| machine.derivatives);
     let fault = |source| LogError::Estimate { path: first.path.clone(), source };

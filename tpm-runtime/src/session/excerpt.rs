@@ -83,21 +83,12 @@ impl<'a> Excerpt<'a> {
 
     /// The stretches of a record one behind the other; of a long one, blocks that are evenly spread over them.
     pub(super) fn of_stretches(stretches: &[Stretch<'a>]) -> Self {
-        let samples = |stretch: &Stretch<'_>| stretch.coordinates.first().map_or(0, |signal| signal.len());
         let whole: usize = stretches.iter().map(samples).sum();
         let long = whole > MOST_SAMPLES;
-        let parts: Vec<(usize, std::ops::Range<usize>)> = if long {
-            let length = IN_BLOCKS / BLOCKS;
-            let starts = (0..BLOCKS).map(|block| block * (whole - length) / (BLOCKS - 1));
-            starts.flat_map(|start| within(stretches.iter().map(samples), start..start + length)).collect()
-        } else {
-            stretches.iter().enumerate().map(|(s, stretch)| (s, 0..samples(stretch))).collect()
-        };
+        let parts = if long { blocks(stretches, BLOCKS, IN_BLOCKS / BLOCKS) } else { stretches.to_vec() };
         let channel = |of: &dyn Fn(&Stretch<'a>) -> &'a [f64]| match parts.as_slice() {
-            [(s, part)] => Cow::Borrowed(&of(&stretches[*s])[part.clone()]),
-            parts => Cow::Owned(
-                parts.iter().flat_map(|(s, part)| of(&stretches[*s])[part.clone()].iter()).copied().collect(),
-            ),
+            [part] => Cow::Borrowed(of(part)),
+            parts => Cow::Owned(parts.iter().flat_map(|part| of(part).iter()).copied().collect()),
         };
         let (coordinates, inputs) =
             stretches.first().map_or((0, 0), |first| (first.coordinates.len(), first.inputs.len()));
@@ -105,9 +96,9 @@ impl<'a> Excerpt<'a> {
         let channels = coordinates.chain((0..inputs).map(|i| channel(&|stretch| stretch.inputs[i]))).collect();
         let mut joins = Vec::new();
         let mut end = 0;
-        for (_, part) in &parts {
+        for part in &parts {
             joins.extend((end > 0).then_some(end));
-            end += part.len();
+            end += samples(part);
         }
         let half = 0.5 * whole as f64;
         let blocks = if long { BLOCKS } else { 0 };
@@ -138,6 +129,27 @@ impl<'a> Excerpt<'a> {
             unexplained,
         }
     }
+}
+
+fn samples(stretch: &Stretch<'_>) -> usize {
+    stretch.coordinates.first().map_or(0, |signal| signal.len())
+}
+
+/// So many blocks of a length that are evenly spread over stretches, which together are longer; a block across a gap is two.
+pub(super) fn blocks<'a>(stretches: &[Stretch<'a>], count: usize, length: usize) -> Vec<Stretch<'a>> {
+    let whole: usize = stretches.iter().map(samples).sum();
+    let starts = (0..count).map(|block| block * whole.saturating_sub(length) / (count - 1).max(1));
+    let parts = starts.flat_map(|start| within(stretches.iter().map(samples), start..start + length));
+    let part = |(s, range): (usize, std::ops::Range<usize>)| {
+        let Stretch { coordinates, rates, inputs } = &stretches[s];
+        let cut = |signal: &&'a [f64]| &signal[range.clone()];
+        Stretch {
+            coordinates: coordinates.iter().map(cut).collect(),
+            rates: rates.iter().map(|rate| rate.as_ref().map(cut)).collect(),
+            inputs: inputs.iter().map(cut).collect(),
+        }
+    };
+    parts.map(part).collect()
 }
 
 /// The parts of stretches of these lengths, one behind the other, that lie within a range of all their samples.

@@ -198,8 +198,9 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
                 share if share > 0.0 => format!("; {:.1} % of the equations near rest left out", 100.0 * share),
                 _ => String::new(),
             };
+            let part = if found.samples < samples { format!(", {} of them in blocks", found.samples) } else { String::new() };
             format!(
-                "used in the time domain, motion up to {} Hz, low pass at {} Hz, {} instants{rest}; hold {hold}\n\n",
+                "used in the time domain{part}, motion up to {} Hz, low pass at {} Hz, {} instants{rest}; hold {hold}\n\n",
                 number(highest),
                 number(found.cut_off),
                 found.instants,

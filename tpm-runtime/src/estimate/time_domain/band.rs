@@ -41,6 +41,8 @@ pub struct BandReport {
     pub tried: Vec<f64>,
     /// Highest frequency of every coordinate that stands out of its noise, Hz.
     pub highest: Vec<f64>,
+    /// Samples that were used: all, or blocks of a long record.
+    pub samples: usize,
     /// Instants at which the rows were used.
     pub instants: usize,
     /// Share of the equations left out because the sign of a velocity near rest is not known.
@@ -163,13 +165,19 @@ pub fn estimate_time_domain(
             .iter()
             .map(|tried| &tried.fitted.estimate)
             .filter(|other| other.rank == most && own.std[j].is_finite() && other.std[j] <= COMPARABLE * own.std[j]);
-        others.map(|other| (other.values[j] - own.values[j]).abs()).fold(0.0, f64::max)
+        // Noise alone moves a value by what the variances of two bands differ.
+        let beyond_noise = |other: &Estimate| {
+            let noise = (other.std[j].powi(2) - own.std[j].powi(2)).abs();
+            ((other.values[j] - own.values[j]).powi(2) - noise).max(0.0).sqrt()
+        };
+        others.map(beyond_noise).fold(0.0, f64::max)
     };
     let hertz = |frequency: f64| frequency / (2.0 * PI);
     let report = BandReport {
         cut_off: hertz(best.low_pass.cut_off),
         tried: tried.iter().map(|tried| hertz(tried.low_pass.cut_off)).collect(),
         highest: motion.highest.iter().map(|frequency| hertz(*frequency)).collect(),
+        samples: motion.stretches.iter().map(|stretch| stretch.samples).sum(),
         instants: best.instants,
         at_rest: best.at_rest,
         moved: (0..dims.parameters).map(moved).collect(),
