@@ -25,6 +25,9 @@ const UNSTEADY: f64 = 0.02;
 const CERTAIN: f64 = 9.0;
 /// Largest steps from sample to sample by which the end of a single period may miss its beginning.
 const CLOSED: f64 = 3.0;
+/// Samples at the end of a long log in which it must repeat to be searched for its period, so that one of more than half as many samples
+/// is stated by the user.
+const LONGEST: usize = 1 << 20;
 /// Share of a record that is noise of single samples above which nothing else is looked for in it.
 const DROWNED: f64 = 0.5;
 
@@ -130,6 +133,14 @@ pub(super) fn repeating(
     coordinates: usize,
     options: &LogOptions,
 ) -> Result<Option<(Periodic, Spectra)>, LogError> {
+    if options.from_sample.is_none() && options.period.is_none() && log.len() > 2 * LONGEST {
+        // Nothing repeats before the end of a log that does not repeat at its end.
+        let tail: Vec<Vec<f64>> = log.channels.iter().map(|channel| channel[log.len() - LONGEST..].to_vec()).collect();
+        let repeats = find_periodic(&tail, coordinates, None, None).is_ok_and(|found| 2 * found.steady_from <= LONGEST);
+        if !repeats {
+            return Ok(None);
+        }
+    }
     let periodic = match periodic_part(log, coordinates, options) {
         Ok(periodic) => periodic,
         // Motion that noise drowns shows in no other way either.

@@ -26,6 +26,8 @@ const UNSURE: f64 = 3.0;
 const AT_REST: f64 = 0.02;
 /// Share of the time around an equation for which a sign in it may be unknown: a passage through rest, but no stop.
 const PASSING: f64 = 0.25;
+/// Share of the low pass's reach within which it has most of its weight.
+const HEAVY: f64 = 0.25;
 /// Samples that one task evaluates.
 const TASK: usize = 1024;
 
@@ -160,6 +162,9 @@ impl Band<'_> {
         let coarse = quick((duration * self.rate).ceil() as usize).min(fine);
         let instants = coarse as f64 / duration;
         let kept = (first * instants).ceil() as usize..(last * instants) as usize;
+        if kept.is_empty() {
+            return Ok(());
+        }
         // What a low pass leaves of a row's entries, column by column.
         let passed = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
             let signal: Vec<f64> = (0..fine).map(of).collect();
@@ -182,7 +187,7 @@ impl Band<'_> {
             }
             row.driven |= right.driven[r];
             let counts = kept.clone().map(|k| {
-                let near = 0.5 * self.low_pass.reach() / 2.0;
+                let near = HEAVY * self.low_pass.reach();
                 let middle = k as f64 / instants;
                 let from = (((middle - near) / apart) as usize).min(fine - 1);
                 let to = (((middle + near) / apart) as usize).clamp(from + 1, fine);

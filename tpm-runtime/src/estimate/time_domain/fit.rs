@@ -36,7 +36,7 @@ pub(super) struct Fitted {
     pub(super) felt: Vec<f64>,
 }
 
-/// Estimates the parameters in one band; nothing where no equation counts.
+/// Estimates the parameters in one band; nothing where no equation counts, or none says anything.
 pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Settings) -> Option<Fitted> {
     let parts: Vec<Part> = equations.rows.iter().map(|row| part(row, dims.parameters, free, settings)).collect();
     let mut weights = first_weights(&parts, equations);
@@ -192,6 +192,9 @@ fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>) -> Option<Solved
     let (triangle, scale) = unit_columns(triangle);
     let singular = Singular::new(&triangle, RANK_TOLERANCE);
     let rank = singular.rank();
+    if rank == 0 {
+        return None;
+    }
     // Coordinates in which the normal matrix is the identity: theta = start + D V S^-1 y.
     let mut to_scaled = singular.right.clone();
     for (mut column, value) in to_scaled.column_iter_mut().zip(singular.values.iter()) {

@@ -148,6 +148,16 @@ fn stretches_count_together_and_nothing_is_taken_across_a_gap() {
 }
 
 #[test]
+fn stretches_of_any_length_are_used_or_left_out() {
+    let signals = noisy(&played(20.0, sweep), [1e-4, 0.0, 0.01], 7);
+    for length in (16..600).step_by(7) {
+        let part = |from: usize, to: usize| signals.each_ref().map(|signal| signal[from..to].to_vec());
+        let found = estimate(&[&part(0, length), &part(1_000, 10_000)], false, &Settings::default());
+        assert!(errors(&found).iter().all(|error| error.abs() < 1e-2), "{length}: {:?}", errors(&found));
+    }
+}
+
+#[test]
 fn a_held_parameter_stays() {
     let settings = Settings { frozen: vec![Frozen { parameter: 0, value: 2.2 }], ..Settings::default() };
     let found = estimate(&[&played(20.0, sweep)], false, &settings);
