@@ -1,7 +1,7 @@
 //! A campaign by files: driven by the simulated plant through `next`, `simulate` and `submit` alone, it is the one that
 //! `identify` runs; stopped anywhere, it goes on where it was.
 
-use crate::support::{names, printed_in, root, tpm, tpm_in};
+use crate::support::{names, printed_in, result_alone, root, tpm, tpm_in};
 use std::path::PathBuf;
 use std::process::Output;
 use tempfile::TempDir;
@@ -82,8 +82,8 @@ impl Place {
 
     /// The runs in the folder `c` give what `identify` gives.
     fn gives_the_result_of_identify(&self, sets: &[&str]) {
-        let files = json(&self.tpm(&["campaign", "result", "c", "--json"]));
-        let whole = json(&tpm(&[&["identify", &self.model, "--json"], sets].concat()));
+        let files = result_alone(&self.tpm(&["campaign", "result", "c", "--json"]));
+        let whole = result_alone(&tpm(&[&["identify", &self.model, "--json"], sets].concat()));
         assert_eq!(files, whole);
     }
 }
@@ -101,20 +101,6 @@ fn says(output: &Output, code: i32, said: &str) {
 
 fn plain_json(output: &Output) -> serde_json::Value {
     serde_json::from_slice(&output.stdout).expect("JSON")
-}
-
-/// A result as JSON, without what says where its runs were played and kept. True values belong to that: only a result of runs that
-/// are known to be simulated has them.
-fn json(output: &Output) -> serde_json::Value {
-    let mut result = plain_json(output);
-    let fields = result.as_object_mut().expect("an object");
-    assert!(fields.remove("source").is_some() && fields.remove("provenance").is_some(), "{fields:?}");
-    for list in ["parameters", "physical", "combinations"] {
-        for entry in fields[list].as_array_mut().expect("a list") {
-            entry.as_object_mut().expect("an object").remove("truth");
-        }
-    }
-    result
 }
 
 #[test]
@@ -171,7 +157,7 @@ fn measured_rates_go_by_file_too() {
 #[test]
 fn a_stopped_campaign_goes_on_where_it_was() {
     let place = Place::new();
-    let identify = |runs: &str| json(&place.tpm(&place.identify(runs)));
+    let identify = |runs: &str| result_alone(&place.tpm(&place.identify(runs)));
     let unbroken = identify("a");
     assert_eq!(
         names(&place.at("a")),
@@ -304,7 +290,7 @@ fn a_full_disk_keeps_the_finished_runs() {
     );
     let kept = names(&place.at("c"));
     assert!(kept.contains(&"run-001.json".to_owned()) && !kept.iter().any(|name| name.contains("run-002")), "{kept:?}");
-    assert_eq!(json(&place.tpm(&place.identify("c"))), json(&place.tpm(&place.identify("whole"))));
+    assert_eq!(result_alone(&place.tpm(&place.identify("c"))), result_alone(&place.tpm(&place.identify("whole"))));
 }
 
 /// Every shipped experiment, cut to two runs: a folder says of its runs what the campaign that played them said.
@@ -326,7 +312,7 @@ fn identify_and_campaign_result_say_the_same_of_every_shipped_experiment() {
         let (played, kept) = (tpm_in(at, &played), tpm_in(at, &["campaign", "result", experiment, "--json"]));
         assert_eq!(played.status.code(), kept.status.code(), "{experiment}");
         assert_eq!(String::from_utf8_lossy(&played.stderr), String::from_utf8_lossy(&kept.stderr), "{experiment}");
-        let [played, kept] = [json(&played), json(&kept)];
+        let [played, kept] = [result_alone(&played), result_alone(&kept)];
         assert_eq!(played["runs"].as_array().map(Vec::len), Some(2), "{experiment}");
         for part in ["parameters", "physical", "combinations", "unobservable", "covariance", "warnings", "findings"] {
             assert_eq!(played[part], kept[part], "{experiment}: {part}");

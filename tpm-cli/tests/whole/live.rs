@@ -1,6 +1,6 @@
 //! A campaign on a machine behind a program: it is the one that `identify` runs, wherever machine or campaign are killed.
 
-use crate::support::{names, root, skipped, tpm_in};
+use crate::support::{names, result_alone, root, skipped, tpm_in};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -67,22 +67,8 @@ impl Place {
 
     /// What `identify` says of the simulated machine.
     fn identified(&self, sets: &[&str]) -> Value {
-        numbers(&tpm_in(self.folder.path(), &[&["identify", &self.model, "--json"], sets].concat()))
+        result_alone(&tpm_in(self.folder.path(), &[&["identify", &self.model, "--json"], sets].concat()))
     }
-}
-
-/// A result as JSON, without what says where its runs were played and kept, and without true values, which only a simulation knows.
-fn numbers(output: &Output) -> Value {
-    let said = String::from_utf8_lossy(&output.stderr);
-    let mut result: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
-    let fields = result.as_object_mut().expect("an object");
-    assert!(fields.remove("source").is_some() && fields.remove("provenance").is_some(), "{fields:?}");
-    for list in ["parameters", "physical", "combinations"] {
-        for entry in fields[list].as_array_mut().expect("a list") {
-            entry.as_object_mut().expect("an object").remove("truth");
-        }
-    }
-    result
 }
 
 /// The command broke off with this exit code, and says all of this.
@@ -100,14 +86,14 @@ fn a_whole_campaign_equals_identify() {
     let played = place.play(&machine, &[]);
     let said = String::from_utf8_lossy(&played.stderr);
     assert!(said.contains("run 1: complete; m = "), "{said}");
-    let whole = numbers(&played);
+    let whole = result_alone(&played);
     assert_eq!(whole, place.identified(&[]));
     // A campaign that has ended plays nothing more, and says the same.
     let again = place.play("no_such_program", &[]);
-    assert_eq!(numbers(&again), whole);
+    assert_eq!(result_alone(&again), whole);
     assert!(String::from_utf8_lossy(&again.stderr).contains("remark: going on from "));
     let result = tpm_in(place.folder.path(), &["campaign", "result", "c", "--json"]);
-    assert_eq!(numbers(&result), whole);
+    assert_eq!(result_alone(&result), whole);
 }
 
 /// Several coordinates and inputs, free coordinates, measured rates, bounds that are passed; the loop closed on either side, to the
@@ -127,7 +113,7 @@ fn runs_and_samples_equal_identify_on_every_kind_of_machine() {
         for more in ["--chunk 7000", "--samples"] {
             let place = Place::new(model);
             let played = place.play(&place.machine(&sets, more), &sets);
-            let own = numbers(&played);
+            let own = result_alone(&played);
             assert_eq!(own, place.identified(&sets), "{model} {more}");
             assert_eq!(own["runs"].as_array().map(Vec::len), Some(2), "{model} {more}");
         }
@@ -157,12 +143,12 @@ fn a_machine_killed_at_any_line_leaves_a_campaign_that_goes_on() {
         );
         let kept = names(&place.at("c")).iter().filter(|name| name.starts_with("run-")).count();
         assert_eq!(kept, if after < 5 { 0 } else { 2 }, "after {after} lines");
-        assert_eq!(numbers(&place.play(&good, &SHORT)), unbroken, "after {after} lines");
+        assert_eq!(result_alone(&place.play(&good, &SHORT)), unbroken, "after {after} lines");
         std::fs::remove_dir_all(place.at("c")).expect("removed");
     }
     // One line more than the campaign has: nothing breaks.
     let long = place.machine(&SHORT, &format!("{PARTS} --fault die --after {LINES}"));
-    assert_eq!(numbers(&place.play(&long, &SHORT)), unbroken);
+    assert_eq!(result_alone(&place.play(&long, &SHORT)), unbroken);
 }
 
 #[test]
@@ -177,7 +163,7 @@ fn a_campaign_killed_at_any_line_goes_on() {
         place.wait_for(&marker);
         tool.kill().expect("it runs");
         tool.wait().expect("it ended");
-        assert_eq!(numbers(&place.play(&good, &SHORT)), unbroken, "after {after} lines");
+        assert_eq!(result_alone(&place.play(&good, &SHORT)), unbroken, "after {after} lines");
         std::fs::remove_dir_all(place.at("c")).expect("removed");
     }
 }
@@ -211,7 +197,7 @@ fn every_fault_of_a_machine_is_named_and_loses_one_run_at_most() {
         // A loaded computer may start a program slowly: the wait is short only where it is what is tested.
         let patience = if parts.iter().any(|part| part.contains("said nothing")) { "3" } else { "20" };
         says(&tpm_in(place.folder.path(), &place.arguments(&machine, patience, &SHORT)), 2, parts);
-        assert_eq!(numbers(&place.play(&good, &SHORT)), unbroken, "{fault}");
+        assert_eq!(result_alone(&place.play(&good, &SHORT)), unbroken, "{fault}");
         std::fs::remove_dir_all(place.at("c")).expect("removed");
     }
 }
@@ -241,7 +227,7 @@ for line in sys.stdin:
         "{said}"
     );
     assert_eq!(played.status.code(), Some(1));
-    let result = numbers(&played);
+    let result = result_alone(&played);
     let amplitude = |run: usize| result["runs"][run]["amplitudes"][0][1].as_f64().expect("an amplitude");
     assert!((amplitude(1) / amplitude(0) - 0.5).abs() < 1e-12, "{result}");
 }
@@ -269,7 +255,7 @@ fn ctrl_c_stops_the_machine_and_keeps_the_finished_runs() {
     let deaf = "sh -c 'trap \"\" INT TERM; echo > deaf; exec sleep 50'";
     let waited = interrupt(deaf, "deaf");
     assert!(waited > Duration::from_secs(2) && waited < Duration::from_secs(20), "{waited:?}");
-    assert_eq!(numbers(&place.play(&place.machine(&SHORT, PARTS), &SHORT)), place.identified(&SHORT));
+    assert_eq!(result_alone(&place.play(&place.machine(&SHORT, PARTS), &SHORT)), place.identified(&SHORT));
 }
 
 #[test]
@@ -315,7 +301,7 @@ fn the_example_in_python_is_identified() {
         let machine = format!("python3 '{}' --plays {plays} --mass 2.4 --seed 3", example.display());
         let sets = ["--set", "schedule.max_runs=4", "--set", "schedule.measure_time=4"];
         let played = place.play(&machine, &sets);
-        let result = numbers(&played);
+        let result = result_alone(&played);
         let parameters = result["parameters"].as_array().expect("a list");
         for (parameter, truth) in parameters.iter().zip([2.4, 40.0, 1.5]) {
             let [value, std] = ["value", "std"].map(|field| parameter[field].as_f64().expect("identified"));

@@ -53,3 +53,19 @@ pub(crate) fn names(folder: &Path) -> Vec<String> {
     names.sort();
     names
 }
+
+/// A result as JSON, without what says where its runs were played and kept. True values belong to that: only a result of runs that
+/// are known to be simulated has them.
+pub(crate) fn result_alone(output: &Output) -> serde_json::Value {
+    let said = String::from_utf8_lossy(&output.stderr);
+    let mut result: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
+    let fields = result.as_object_mut().expect("an object");
+    assert!(fields.remove("source").is_some() && fields.remove("provenance").is_some(), "{fields:?}");
+    for list in ["parameters", "physical", "combinations"] {
+        for entry in fields[list].as_array_mut().expect("a list") {
+            entry.as_object_mut().expect("an object").remove("truth");
+        }
+    }
+    result
+}

@@ -209,22 +209,32 @@ impl Scaled<'_> {
 
     /// A direction of the scaled parameters as one of the parameters, its largest component one.
     fn raw(&self, scaled: &[f64]) -> Vec<f64> {
-        let raw: Vec<f64> = scaled.iter().zip(&self.scale).map(|(d, s)| d / s).collect();
-        largest_one(&raw)
+        raw(scaled, &self.scale)
     }
 
     /// Which parameters belong to an unobservable direction.
     pub(super) fn touched(&self, unobservable: &[Vec<f64>]) -> Vec<bool> {
-        let mut touched = vec![false; self.scale.len()];
-        for direction in unobservable {
-            let weighed = || direction.iter().zip(&self.scale).map(|(d, s)| (d * s).abs());
-            let peak = weighed().fold(0.0, f64::max);
-            for (flag, part) in touched.iter_mut().zip(weighed()) {
-                *flag |= part > COMPONENT * peak;
-            }
-        }
-        touched
+        touched(unobservable, &self.scale)
     }
+}
+
+/// A direction of parameters that were multiplied by `scale` as one of the parameters themselves, its largest component one.
+pub(super) fn raw(scaled: &[f64], scale: &[f64]) -> Vec<f64> {
+    let raw: Vec<f64> = scaled.iter().zip(scale).map(|(d, s)| d / s).collect();
+    largest_one(&raw)
+}
+
+/// Which parameters belong to one of some directions, when they are weighed by `scale`.
+pub(super) fn touched(directions: &[Vec<f64>], scale: &[f64]) -> Vec<bool> {
+    let mut touched = vec![false; scale.len()];
+    for direction in directions {
+        let weighed = || direction.iter().zip(scale).map(|(d, s)| (d * s).abs());
+        let peak = weighed().fold(0.0, f64::max);
+        for (flag, part) in touched.iter_mut().zip(weighed()) {
+            *flag |= part > COMPONENT * peak;
+        }
+    }
+    touched
 }
 
 /// Another basis of the space that independent directions of about unit length span, by Gauss-Jordan elimination with full

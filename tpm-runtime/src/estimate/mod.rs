@@ -72,7 +72,6 @@ pub use table::{LineTable, RowLines};
 pub use tabulated::PatternTables;
 pub use time_domain::{
     BandReport, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, predict_in_band,
-    residual_in_band,
 };
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

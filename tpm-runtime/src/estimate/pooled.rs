@@ -112,7 +112,7 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
             free.spread(&largest_one(&raw))
         })
         .collect();
-    let condition = whole.scaled().condition(&[]);
+    let condition = scaled.condition(&[]);
     let contributions = (0..parts.len())
         .map(|i| {
             let others = together(&mut parts.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, part)| part));

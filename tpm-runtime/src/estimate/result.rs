@@ -1,6 +1,7 @@
 //! The result that every estimator gives.
 
-use crate::estimate::verdict::{LARGE_RESIDUAL, Status};
+use crate::estimate::settings::Settings;
+use crate::estimate::verdict::{Evidence, LARGE_RESIDUAL, POOR, Status};
 use crate::numerics::Matrix;
 use std::vec::Vec;
 
@@ -32,6 +33,25 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// The estimate with values and covariance of all parameters that were found in another way. What is hidden, or held by the settings,
+    /// stays as it is; `felt` gives the largest share of a row's force that a change of a parameter makes.
+    pub(super) fn with_values(
+        &self,
+        values: Vec<f64>,
+        covariance: Matrix,
+        settings: &Settings,
+        felt: impl Fn(usize, f64) -> f64,
+    ) -> Self {
+        let (mut std, mut status) = (self.std.clone(), self.status.clone());
+        let held = |j: usize| settings.frozen.iter().any(|frozen| frozen.parameter == j);
+        for j in (0..values.len()).filter(|&j| self.status[j] != Status::Unobservable && !held(j)) {
+            std[j] = covariance[(j, j)].max(0.0).sqrt();
+            let evidence = Evidence::Shown { value: values[j], std: std[j], felt: felt(j, std[j]) };
+            status[j] = Status::of(evidence, POOR);
+        }
+        Estimate { values, std, covariance, status, ..self.clone() }
+    }
+
     /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
     #[must_use]
     pub fn is_explained(&self) -> bool {

@@ -9,7 +9,7 @@
 //! One wrong reading by `s` among right ones gives `d = s (1/6, -2/3, 1, -2/3, 1/6)` from two samples before to two samples after it; no
 //! jump, bend or noise of a motion looks so.
 
-use crate::numerics::differences::MEDIAN_OF_NORMAL;
+use crate::numerics::differences::deviation_of;
 use std::vec::Vec;
 
 /// Weights of the four neighbours, nearest last.
@@ -29,11 +29,9 @@ pub(super) fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     let by_neighbours =
         |k: usize| WEIGHTS[0] * (signal[k - 2] + signal[k + 2]) + WEIGHTS[1] * (signal[k - 1] + signal[k + 1]);
     let apart = |k: usize| signal[k] - by_neighbours(k);
-    let mut sizes: Vec<f64> = (2..signal.len() - 2).map(|k| apart(k).abs()).collect();
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    let usual = deviation_of((2..signal.len() - 2).map(|k| apart(k).abs()));
     let least_step = signal.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0).fold(f64::INFINITY, f64::min);
-    let far = (FAR * *median / MEDIAN_OF_NORMAL).max(if least_step.is_finite() { STEPS * least_step } else { 0.0 });
+    let far = (FAR * usual).max(if least_step.is_finite() { STEPS * least_step } else { 0.0 });
     let alone = |k: usize| {
         let size = apart(k);
         let near = |at: usize, weight: f64| (apart(at) + weight * size).abs() <= ALIKE * far;

@@ -3,7 +3,7 @@
 //! A motion is smooth, and so a reading is nearly what the cubic through its four neighbours says at its time. Readings that were taken
 //! evenly and stamped late lie on that cubic when even times are put in; readings that were taken late lie on it with their stamps.
 
-use crate::numerics::differences::MEDIAN_OF_NORMAL;
+use crate::numerics::differences::deviation_of;
 use serde::Serialize;
 use std::string::String;
 use std::vec::Vec;
@@ -58,13 +58,7 @@ fn residuals<'a>(
 
 /// Robust deviation of the residuals of a signal at given times.
 fn roughness(time: impl Fn(usize) -> f64, signal: &[f64]) -> f64 {
-    let mut sizes: Vec<f64> = residuals(time, signal, 1, 2).map(f64::abs).collect();
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let middle = sizes.len() / 2;
-    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    *median / MEDIAN_OF_NORMAL
+    deviation_of(residuals(time, signal, 1, 2).map(f64::abs))
 }
 
 /// How much rougher a signal is at its stamps than on an even grid, as the logarithm of the ratio; zero where that cannot be told.

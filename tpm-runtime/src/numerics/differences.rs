@@ -10,7 +10,7 @@ pub(crate) const FIVE_POINT: [(f64, f64); 4] = [(-2.0, 1.0), (-1.0, -8.0), (1.0,
 pub(crate) const WHITE_NOISE_SPREAD: f64 = 12.5;
 
 /// Median of the magnitude of a normal variable of unit variance.
-pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_082;
+const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_082;
 
 /// Standard deviation of the white noise on a signal: the median size of its sixth differences, which hold nothing of a motion that is
 /// sampled densely.
@@ -18,13 +18,18 @@ pub(crate) fn white_noise(signal: &[f64]) -> f64 {
     const BINOMIAL: [f64; 7] = [1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0];
     let power: f64 = BINOMIAL.iter().map(|b| b * b).sum();
     let difference = |w: &[f64]| w.iter().zip(&BINOMIAL).map(|(x, b)| x * b).sum::<f64>().abs();
-    let mut sizes: Vec<f64> = signal.windows(BINOMIAL.len()).map(difference).collect();
+    deviation_of(signal.windows(BINOMIAL.len()).map(difference)) / power.sqrt()
+}
+
+/// Standard deviation of a normal variable by the median of its sizes, which a few that are far off do not move; zero without any.
+pub(crate) fn deviation_of(sizes: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = sizes.collect();
     if sizes.is_empty() {
         return 0.0;
     }
     let middle = sizes.len() / 2;
     let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
-    *median / MEDIAN_OF_NORMAL / power.sqrt()
+    *median / MEDIAN_OF_NORMAL
 }
 
 #[cfg(test)]

@@ -1,8 +1,6 @@
 //! A log of any motion, identified in the time domain.
 
-use crate::estimate::{
-    Course, Differentiable, EstimateError, Settings, Stretch, TimeRecord, estimate_time_domain, residual_in_band,
-};
+use crate::estimate::{Course, Differentiable, EstimateError, Settings, Stretch, TimeRecord, estimate_time_domain};
 use crate::log::{Log, LogError, LogOptions};
 use crate::report::Remedy;
 use crate::session::excerpt::{Excerpt, blocks};
@@ -14,7 +12,6 @@ use crate::session::warning::{Data, Warning};
 use std::format;
 use std::string::String;
 use std::vec::Vec;
-use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
 
 /// A measured rate that differs from the rate of the measured position by more than this share is flagged.
@@ -78,19 +75,15 @@ pub(super) fn identify(
         stretches.iter().map(|stretch| stretch.coordinates.first().map_or(0, |signal| signal.len())).sum();
     let used =
         if samples > MOST_SAMPLES { blocks(&stretches, BLOCKS, MOST_SAMPLES / BLOCKS) } else { stretches.clone() };
-    let record = |hold: Hold| TimeRecord {
+    let record = TimeRecord {
         sample_time: first.sample_time,
-        hold,
+        hold: options.hold,
         actuators: &options.actuators,
-        stretches: used.clone(),
+        stretches: used,
     };
     let derivatives = machine.map(|machine| machine.derivatives);
-    let fault = |source| LogError::Estimate { path: first.path.clone(), source };
-    let (constants, own) = (&options.constants, record(options.hold));
-    let found = estimate_time_domain(model, derivatives, constants, &own, settings).map_err(fault)?;
-    // The other hold is judged in the same band, since bands differ in what they leave.
-    let other = record(options.hold.other());
-    let other = residual_in_band(model, derivatives, constants, &other, settings, &found.report).ok();
+    let found = estimate_time_domain(model, derivatives, &options.constants, &record, settings)
+        .map_err(|source| LogError::Estimate { path: first.path.clone(), source })?;
     let report = &found.report;
     let (typical_period, reach, highest) = (found.typical_period, found.reach, report.highest.clone());
     let start = Start {
@@ -113,7 +106,7 @@ pub(super) fn identify(
     Ok(Found {
         harmonics: 0,
         row_residuals: report.row_residuals.clone(),
-        hold_residuals: HoldResiduals::of(options.hold, found.estimate.residual, other),
+        hold_residuals: HoldResiduals::of(options.hold, found.estimate.residual, found.other_hold),
         way: Way::Time(report.clone()),
         estimate: refined.estimate,
         refinement: refined.report,

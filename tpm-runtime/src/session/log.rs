@@ -2,7 +2,6 @@
 
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{Differentiable, Frozen, Weights};
-use crate::interpret::InterpretedDerivatives;
 use crate::log::{Domain, Log, LogError, LogOptions, Recording, Refine};
 use crate::report::displayed;
 use crate::run::Dynamics;
@@ -217,10 +216,7 @@ pub fn from_logs<R: Into<LogRequest>>(
     if let (None, Some(name)) = (&lumped, first.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
-    let derivatives = declared.as_deref().map(|declared| {
-        let prepared = declared.prepared();
-        InterpretedDerivatives::new(&prepared.model, &prepared.form)
-    });
+    let derivatives = declared.as_deref().map(DeclaredModel::derivatives);
     let machine = derivatives.as_ref().map(|derivatives| Differentiable { model: evaluated, derivatives });
     let known = first.options(evaluated, &physical)?;
     let mut parts = Vec::with_capacity(requests.len());

@@ -1,6 +1,6 @@
 //! A model that is read at run time, from its file or from the text that a compiled model carries.
 
-use crate::interpret::Interpreted;
+use crate::interpret::{Interpreted, InterpretedDerivatives};
 use crate::log::fingerprint;
 use std::borrow::Cow;
 use std::path::Path;
@@ -82,6 +82,12 @@ impl DeclaredModel {
             .map_err(|fault| ModelFault::Text { diagnostics: located(&source, &parsed, &fault) })?;
         let evaluated = Interpreted::new(&prepared.model, &prepared.form);
         Ok(Self { source, parsed, prepared, evaluated })
+    }
+
+    /// The derivatives of its rows.
+    pub(super) fn derivatives(&self) -> InterpretedDerivatives {
+        let prepared = self.prepared();
+        InterpretedDerivatives::new(&prepared.model, &prepared.form)
     }
 
     /// The exact form, sorted into the parameters that the model is linear in.

@@ -6,12 +6,11 @@
 //! is named.
 
 use crate::estimate::{MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
-use crate::interpret::InterpretedDerivatives;
 use crate::log::{Domain, Log, LogError, LogOptions, ReadingReport, Recording};
 use crate::session::any_log::stretches;
 use crate::session::error::SessionError;
 use crate::session::log::LogRequest;
-use crate::session::model::Identifiable;
+use crate::session::model::{DeclaredModel, Identifiable};
 use crate::session::periodic_log::{repeating, spectra};
 use serde::Serialize;
 use std::format;
@@ -124,10 +123,7 @@ pub fn validate(
     let recording = Recording::open(&request.path, evaluated, &options)?;
     let segments: Vec<&Log> = recording.segments.iter().collect();
     let declared = model.declaration()?;
-    let derivatives = declared.as_deref().map(|declared| {
-        let prepared = declared.prepared();
-        InterpretedDerivatives::new(&prepared.model, &prepared.form)
-    });
+    let derivatives = declared.as_deref().map(DeclaredModel::derivatives);
     let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
     let found = validate_segments(evaluated, derivatives, &segments, &options, &parameters, &settled.open)?;
     Ok(Validation { reading: recording.report, ..found })

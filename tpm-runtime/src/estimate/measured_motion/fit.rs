@@ -12,7 +12,7 @@ use crate::estimate::measured_motion::model_error::excess;
 use crate::estimate::measured_motion::record::MeasuredMotion;
 use crate::estimate::result::Estimate;
 use crate::estimate::settings::{Settings, Weights};
-use crate::estimate::verdict::{Evidence, POOR, Status, Verdict};
+use crate::estimate::verdict::Verdict;
 use crate::numerics::{DMatrix, Matrix};
 use std::vec;
 use std::vec::Vec;
@@ -302,16 +302,9 @@ impl MeasuredMotion {
     /// An estimate from this record with values and covariance that were found in another way.
     #[must_use]
     pub fn restated(&self, estimate: &Estimate, values: Vec<f64>, covariance: Matrix, settings: &Settings) -> Estimate {
-        let p = self.dims.parameters;
-        let (mut std, mut status) = (estimate.std.clone(), estimate.status.clone());
-        let held = |j: usize| settings.frozen.iter().any(|frozen| frozen.parameter == j);
-        for j in (0..p).filter(|&j| estimate.status[j] != Status::Unobservable && !held(j)) {
-            std[j] = covariance[(j, j)].max(0.0).sqrt();
-            let evidence = Evidence::Shown { value: values[j], std: std[j], felt: self.force_share(j, std[j]) };
-            status[j] = Status::of(evidence, POOR);
-        }
         let (residual, _) = pooled_residual(std::slice::from_ref(self), &values);
-        Estimate { values, std, covariance, status, residual, ..estimate.clone() }
+        let felt = |j: usize, std: f64| self.force_share(j, std);
+        Estimate { residual, ..estimate.with_values(values, covariance, settings, felt) }
     }
 
     /// Largest share of a row's force that a change of one parameter makes.

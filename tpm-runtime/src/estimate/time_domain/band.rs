@@ -11,7 +11,7 @@ use crate::estimate::time_domain::equations::{Equations, Machine};
 use crate::estimate::time_domain::fit::{Fitted, fit};
 use crate::estimate::time_domain::low_pass::LowPass;
 use crate::estimate::time_domain::motion::{Motion, TimeRecord};
-use crate::estimate::verdict::{Evidence, POOR, Status};
+use crate::estimate::verdict::Status;
 use crate::numerics::Matrix;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -72,6 +72,8 @@ pub struct TimeDomain {
     pub reach: usize,
     /// Step of every sensor; zero where its values lie on no grid.
     pub steps: Vec<f64>,
+    /// What the rows leave of the forces in the same band, as a share, when the inputs do the other thing between samples.
+    pub other_hold: Option<f64>,
     /// Largest share of a row's force that one unit of a parameter makes, by parameter.
     felt: Vec<f64>,
 }
@@ -80,15 +82,7 @@ impl TimeDomain {
     /// The estimate with other values and covariance, both of all parameters; `settings` say which are held.
     #[must_use]
     pub fn restated(&self, values: Vec<f64>, covariance: Matrix, settings: &Settings) -> Estimate {
-        let estimate = &self.estimate;
-        let (mut std, mut status) = (estimate.std.clone(), estimate.status.clone());
-        let held = |j: usize| settings.frozen.iter().any(|frozen| frozen.parameter == j);
-        for j in (0..values.len()).filter(|&j| estimate.status[j] != Status::Unobservable && !held(j)) {
-            std[j] = covariance[(j, j)].max(0.0).sqrt();
-            let evidence = Evidence::Shown { value: values[j], std: std[j], felt: self.felt[j] * std[j] };
-            status[j] = Status::of(evidence, POOR);
-        }
-        Estimate { values, std, covariance, status, ..estimate.clone() }
+        self.estimate.with_values(values, covariance, settings, |j, std| self.felt[j] * std)
     }
 }
 
@@ -185,37 +179,20 @@ pub fn estimate_time_domain(
         noise: motion.white.clone(),
         rate_gains: motion.rate_gains.clone(),
     };
+    // The other hold is judged in the same band, since bands differ in what they leave.
+    let other = TimeRecord { hold: record.hold.other(), ..record.clone() };
+    let other = Equations::of(machine, &other, &motion, best.low_pass).ok();
+    let other = other.and_then(|equations| fit(&equations, dims, &free, settings));
     let reach = (POLYNOMIAL / (report.cut_off * record.sample_time)) as usize;
     Ok(TimeDomain {
         estimate: widened(best.fitted.estimate.clone(), &report.moved),
+        other_hold: other.map(|other| other.estimate.residual),
         felt: best.fitted.felt.clone(),
         typical_period: motion.typical_period / record.sample_time,
         reach,
         steps: motion.steps,
         report,
     })
-}
-
-/// What the rows leave of the forces in one band, as a share, for a record that is read otherwise than it was before.
-///
-/// # Errors
-/// Those of [`estimate_time_domain`].
-pub fn residual_in_band(
-    model: &dyn Model<f64>,
-    derivatives: Option<&dyn RowDerivatives<f64>>,
-    constants: &[f64],
-    record: &TimeRecord<'_>,
-    settings: &Settings,
-    band: &BandReport,
-) -> Result<f64, EstimateError> {
-    let dims = model.dims();
-    let free = settings.free(dims.parameters)?;
-    let motion = Motion::new(record)?;
-    let machine = Machine { model, derivatives, constants };
-    let low_pass = LowPass { cut_off: 2.0 * PI * band.cut_off };
-    let equations = Equations::of(machine, record, &motion, low_pass)?;
-    let fitted = fit(&equations, dims, &free, settings).ok_or(EstimateError::NoSignal)?;
-    Ok(fitted.estimate.residual)
 }
 
 /// The estimate with deviations that hold how far the parameters move with the band.

@@ -1,12 +1,12 @@
 //! Least squares over the equations of one band.
 
 use crate::estimate::free::Free;
-use crate::estimate::information::reduced;
+use crate::estimate::information::{raw, reduced, touched};
 use crate::estimate::result::Estimate;
 use crate::estimate::settings::Settings;
 use crate::estimate::time_domain::equations::{Equations, RowEquations};
-use crate::estimate::verdict::{COMPONENT, Verdict};
-use crate::numerics::singular::{Singular, largest_one, unit_columns};
+use crate::estimate::verdict::Verdict;
+use crate::numerics::singular::{Singular, unit_columns};
 use crate::numerics::{DMatrix, DVector, Matrix, root_mean_square};
 use std::vec;
 use std::vec::Vec;
@@ -88,7 +88,7 @@ pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Set
     };
     let felt: Vec<f64> = (0..dims.parameters).map(felt).collect();
     let whole = free.spread_square(&covariance);
-    let touched = solved.touched(free.indices.len());
+    let touched = touched(&solved.hidden, &solved.scale);
     let verdict = Verdict::new(free, &touched, &values, &whole, |j, std| felt[j] * std);
     let estimate = Estimate {
         values,
@@ -157,19 +157,6 @@ struct Solved {
     condition: f64,
 }
 
-impl Solved {
-    /// Which of so many parameters belong to a direction that is not shown.
-    fn touched(&self, parameters: usize) -> Vec<bool> {
-        let mut touched = vec![false; parameters];
-        for direction in &self.hidden {
-            let weighed = || direction.iter().zip(&self.scale).map(|(d, s)| (d * s).abs());
-            let peak = weighed().fold(0.0, f64::max);
-            touched.iter_mut().zip(weighed()).for_each(|(flag, part)| *flag |= part > COMPONENT * peak);
-        }
-        touched
-    }
-}
-
 /// Solves `(A'WA - N'WN) theta = A'W b - N'W n`: the normal equations less what noise of the sensors adds to them.
 fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>) -> Option<Solved> {
     let n = start.len();
@@ -220,10 +207,7 @@ fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>) -> Option<Solved
     let by_noise = lost.iter().map(|&i| (&to_scaled * of_noise.eigenvectors.column(i)).normalize());
     let unseen: Vec<Vec<f64>> = null.column_iter().map(|column| column.iter().copied().collect()).collect();
     let unseen = unseen.into_iter().chain(by_noise.map(|direction| direction.iter().copied().collect())).collect();
-    let raw = |(_, direction): &(usize, Vec<f64>)| -> Vec<f64> {
-        largest_one(&direction.iter().zip(&scale).map(|(d, s)| d / s).collect::<Vec<f64>>())
-    };
-    let hidden = reduced(unseen).iter().map(raw).collect();
+    let hidden = reduced(unseen).iter().map(|(_, direction)| raw(direction, &scale)).collect();
     if values.iter().any(|value| !value.is_finite()) {
         return None;
     }

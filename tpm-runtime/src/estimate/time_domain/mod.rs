@@ -26,6 +26,6 @@ mod predict;
 mod tests;
 mod transform;
 
-pub use band::{BandReport, TimeDomain, estimate_time_domain, residual_in_band};
+pub use band::{BandReport, TimeDomain, estimate_time_domain};
 pub use motion::{Stretch, TimeRecord};
 pub use predict::{Missed, Prediction, predict_in_band};
