@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use tpm_runtime::session::{DeclaredModel, ExperimentRequest, Session};
 
 /// Options that choose and change an experiment.
-#[derive(clap::Args)]
+#[derive(Clone, clap::Args)]
 pub(crate) struct SimulatedArgs {
     /// Experiment on the simulated plant; the file of the model's name ending in .toml when not given.
     #[arg(long, value_name = "FILE")]

@@ -41,7 +41,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, requires = "log")]
     domain: Option<DomainChoice>,
     /// Whether the estimates are refined by simulating the model sample by sample.
-    #[arg(long, value_enum, requires = "log")]
+    #[arg(long, value_enum)]
     refine: Option<RefineChoice>,
     #[command(flatten)]
     bounds: BoundArgs,
@@ -88,13 +88,23 @@ impl From<DomainChoice> for Domain {
     }
 }
 
-/// How the estimates of a log are refined.
+/// How estimates are refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum RefineChoice {
     /// By output error, where the model can be simulated (the default).
     OutputError,
     /// Not at all.
     None,
+}
+
+impl RefineChoice {
+    /// Its name in experiment files.
+    const fn name(self) -> &'static str {
+        match self {
+            RefineChoice::OutputError => "output-error",
+            RefineChoice::None => "none",
+        }
+    }
 }
 
 impl From<RefineChoice> for Refine {
@@ -147,7 +157,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 fn simulated(args: &Args) -> Outcome {
-    let session = args.simulated.bounded(&args.file, &args.bounds)?;
+    let mut chosen = args.simulated.clone();
+    chosen.set.extend(args.refine.map(|refine| ("refine".to_owned(), refine.name().to_owned())));
+    let session = chosen.bounded(&args.file, &args.bounds)?;
     let bar = progress::Bar::new("identifying");
     let most = session.experiment().schedule.max_runs as u64;
     let (mut first, mut last) = (None, None);

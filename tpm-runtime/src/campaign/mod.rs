@@ -7,6 +7,7 @@
 mod modes;
 mod procedure;
 mod settling;
+mod steady;
 mod store;
 #[cfg(test)]
 mod system_a;
@@ -20,5 +21,6 @@ pub use procedure::{
     StageStroke,
 };
 pub use settling::settled_from;
+pub(crate) use steady::SteadyRun;
 pub use store::{LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};
 pub use wire::{WireError, read_trial, trial_samples};

@@ -9,6 +9,7 @@
 
 use crate::campaign::modes::{NearMode, near_mode};
 use crate::campaign::settling::settled_from;
+use crate::campaign::steady::SteadyRun;
 use crate::estimate::{Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
 use crate::machine::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
 use crate::numerics::fourier::analyse;
@@ -382,6 +383,8 @@ pub struct Campaign<'m> {
     reports: Vec<RunReport>,
     /// Index among the reports of every run that the estimator has taken in.
     taken: Vec<usize>,
+    /// The settled part of every run that the estimator has taken in.
+    steady: Vec<SteadyRun>,
     stage: usize,
     updates_in_stage: usize,
     /// Factor on the amplitudes of the present stage.
@@ -444,6 +447,7 @@ impl<'m> Campaign<'m> {
             estimate: None,
             reports: Vec::new(),
             taken: Vec::new(),
+            steady: Vec::new(),
             stage: 0,
             updates_in_stage: 0,
             scale: 1.0,
@@ -515,6 +519,11 @@ impl<'m> Campaign<'m> {
     #[must_use]
     pub fn runs(&self) -> &[RunReport] {
         &self.reports
+    }
+
+    /// The settled parts of the runs that are pooled, in their order.
+    pub(crate) fn steady(&self) -> impl DoubleEndedIterator<Item = &SteadyRun> {
+        self.steady.iter().filter(|steady| self.reports[steady.run].is_pooled())
     }
 
     /// What the campaign started from.
@@ -602,6 +611,8 @@ impl<'m> Campaign<'m> {
             self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
         self.aborts = 0;
         self.taken.push(self.reports.len());
+        let own = &channels[..dims.coordinates + dims.inputs];
+        self.steady.push(SteadyRun::of(self.reports.len(), own, dims.coordinates, samples, &spectra));
         report.settled_after = Some(from);
         report.periods = periods;
         report.tracking_rms = tracking_rms(&trial, record, from * samples);

@@ -52,6 +52,14 @@ impl Estimate {
         Estimate { values, std, covariance, status, ..self.clone() }
     }
 
+    /// The estimate with values and covariance of all parameters that a simulation of the model gave. A parameter whose deviation was
+    /// large beside its value, and which was nearly nothing and known to be, still is where its deviation has not grown.
+    pub(crate) fn refined(&self, values: Vec<f64>, covariance: Matrix, settings: &Settings) -> Self {
+        let nothing = |j: usize| self.status[j] == Status::Identified && self.std[j] > POOR * self.values[j].abs();
+        let felt = |j: usize, std: f64| if nothing(j) && std <= self.std[j] { 0.0 } else { f64::INFINITY };
+        self.with_values(values, covariance, settings, felt)
+    }
+
     /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
     #[must_use]
     pub fn is_explained(&self) -> bool {

@@ -4,6 +4,7 @@
 
 use crate::estimate::{Method, NumericalSettings, Weights};
 use crate::experiment::error::ExperimentError;
+use crate::log::Refine;
 use crate::run::HoldCompensation;
 use crate::run::smoothing::Smoothing;
 use serde::{Deserialize, Serialize};
@@ -27,6 +28,10 @@ pub struct Experiment {
     /// How much every equation counts in measured-motion: noise (default), or equal, for models that leave something out.
     #[serde(default)]
     pub weights: Weights,
+    /// Whether the estimates of measured-motion are refined by simulating the model along the runs, where a force jumps:
+    /// output-error (default), or none.
+    #[serde(default, skip_serializing_if = "Refine::is_default")]
+    pub refine: Refine,
     /// How the estimator numerical uses its matrix.
     #[serde(default)]
     pub numerical: NumericalSettings,

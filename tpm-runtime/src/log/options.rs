@@ -53,7 +53,7 @@ pub enum Domain {
 }
 
 /// Whether estimates are refined.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Refine {
@@ -62,4 +62,12 @@ pub enum Refine {
     OutputError,
     /// Not at all.
     None,
+}
+
+impl Refine {
+    // What serde calls takes a reference.
+    #[allow(clippy::trivially_copy_pass_by_ref)]
+    pub(crate) fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }

@@ -6,7 +6,7 @@ use crate::report::Remedy;
 use crate::session::excerpt::{Excerpt, blocks};
 use crate::session::found::Found;
 use crate::session::log_report::{HoldResiduals, Way};
-use crate::session::refine::{Start, refined};
+use crate::session::refine::{Conditions, Start, refined};
 use crate::session::summary;
 use crate::session::warning::{Data, Warning};
 use std::format;
@@ -89,13 +89,13 @@ pub(super) fn identify(
     let start = Start {
         estimate: &found.estimate,
         excerpt: Excerpt::of_stretches(&stretches),
-        course: Course::Any { typical_period, reach, highest },
+        course: Course::Any { typical_period, reach, highest, copies: 1.0 },
         steps: found.steps.clone(),
         samples,
         sample_time: first.sample_time,
     };
     let restate = |values, covariance| found.restated(values, covariance, settings);
-    let refined = refined(machine, start, options, settings, &restate);
+    let refined = refined(machine, start, Conditions::of_log(options), settings, &restate);
     let mut warnings = summary::doubts(model, &refined.estimate, Data::Log);
     for (c, gain) in report.rate_gains.iter().enumerate() {
         if let Some(gain) = gain.filter(|gain| (gain - 1.0).abs() > RATE_DIFFERS) {

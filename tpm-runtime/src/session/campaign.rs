@@ -12,6 +12,7 @@ use crate::session::identification::{Identification, LogFingerprint, Source};
 use crate::session::machine::Machine;
 use crate::session::model::{DeclaredModel, Identifiable, ModelFault};
 use crate::session::play::{Watch, play_campaign, play_on_simulated, play_simulated};
+use crate::session::refine_campaign::refined_campaign;
 use crate::session::summary::{self, Lumped};
 use crate::session::truth::Truth;
 use std::boxed::Box;
@@ -167,12 +168,12 @@ impl Session {
     /// Plays a campaign of this session as [`identify`](Self::identify) does; the campaign comes with what its loop was found to be.
     pub(super) fn play_simulated(
         &self,
-        stable: (Campaign<'_>, LoopStability),
+        (campaign, stability): (Campaign<'_>, LoopStability),
         store: Option<&Store>,
         watch: &mut Watch<'_>,
     ) -> Result<Identification, SessionError> {
-        let result = play_on_simulated(self.machine.plant(), &self.experiment, stable, store, watch)?;
-        self.complete(result, &self.written, store)
+        let played = play_on_simulated(self.machine.plant(), &self.experiment, campaign, store, watch)?;
+        self.result(&played, stability, Source::SimulatedPlant, store)
     }
 
     /// Plays the campaign on the simulated machine with another seed of its noise.
@@ -181,7 +182,9 @@ impl Session {
     /// [`SessionError`].
     pub fn identify_seeded(&self, seed: u64, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
         let [experiment, written] = [&self.experiment, &self.written].map(|own| Experiment { seed, ..own.clone() });
-        let result = self.machine.identify_watched(&experiment, None, watch)?;
+        let (campaign, stability) = self.machine.campaign(&experiment)?;
+        let played = play_on_simulated(self.machine.plant(), &experiment, campaign, None, watch)?;
+        let result = self.refined(&played, stability, Source::SimulatedPlant, seed);
         self.complete(result, &written, None)
     }
 
@@ -196,8 +199,9 @@ impl Session {
         watch: &mut Watch<'_>,
     ) -> Result<Identification, SessionError> {
         let mut play = |trial: &Trial| bench.play(trial).map_err(SessionError::Bench);
-        let result = play_campaign(self.campaign()?, Source::Machine, self.experiment.seed, store, &mut play, watch)?;
-        self.complete(result, &self.written, store)
+        let (campaign, stability) = self.campaign()?;
+        let played = play_campaign(campaign, None, store, &mut play, watch)?;
+        self.result(&played, stability, Source::Machine, store)
     }
 
     /// What the runs of a folder say, without playing any.
@@ -232,8 +236,19 @@ impl Session {
         source: Source,
         store: Option<&Store>,
     ) -> Result<Identification, SessionError> {
-        let result = summary::of_campaign(campaign, stability, source, self.experiment.seed);
+        let result = self.refined(campaign, stability, source, self.experiment.seed);
         self.complete(result, &self.written, store)
+    }
+
+    /// What the estimator gives, refined by simulating the model along the runs, where a force jumps, and where that is asked for and can be done.
+    fn refined(&self, campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
+        let jumps = self.declared.prepared().model.has_jumps();
+        let refined =
+            jumps.then(|| refined_campaign(campaign, || self.declared.derivatives(), self.experiment.refine)).flatten();
+        match refined {
+            Some(refined) => summary::of_refined(campaign, refined, stability, source, seed),
+            None => summary::of_campaign(campaign, stability, source, seed),
+        }
     }
 
     /// Adds what the estimator does not give: physical parameters behind lumped ones, and provenance. `written` is the experiment

@@ -1,5 +1,6 @@
-//! What is simulated of a log.
+//! What is simulated of a log or a campaign.
 
+use crate::campaign::SteadyRun;
 use crate::estimate::{Course, Signals, Stretch};
 use crate::log::Periodic;
 use crate::numerics::differences::white_noise;
@@ -17,6 +18,8 @@ const MEANS: usize = 4;
 const LAST: usize = 24_000;
 /// Samples of all blocks of a long record that does not repeat.
 const IN_BLOCKS: usize = 32_000;
+/// Samples of all runs of a campaign.
+const IN_RUNS: usize = 16_000;
 /// Blocks of such a record, evenly spread over it.
 const BLOCKS: usize = 8;
 
@@ -103,6 +106,30 @@ impl<'a> Excerpt<'a> {
         let half = 0.5 * whole as f64;
         let blocks = if long { BLOCKS } else { 0 };
         Excerpt { channels, averaged: 1, blocks, joins, middle: half, half, of: whole }
+    }
+
+    /// The ends of the settled parts of runs, one behind the other, all of them of the same length.
+    pub(super) fn of_runs(runs: &[&'a SteadyRun]) -> Self {
+        let each = IN_RUNS / runs.len().max(1);
+        let channels = runs.first().map_or(0, |run| run.channels.len());
+        let channel = |c: usize| runs.iter().flat_map(|run| run.last(c, each)).copied().collect();
+        let mut ends: Vec<usize> = runs.iter().map(|run| run.len().min(each)).collect();
+        (1..ends.len()).for_each(|run| ends[run] += ends[run - 1]);
+        let half = 0.5 * ends.pop().unwrap_or(0) as f64;
+        Excerpt {
+            channels: (0..channels).map(|c| Cow::Owned(channel(c))).collect(),
+            averaged: 1,
+            blocks: 0,
+            joins: ends,
+            middle: half,
+            half,
+            of: runs.iter().map(|run| run.of).sum(),
+        }
+    }
+
+    /// Samples that are simulated.
+    pub(super) fn samples(&self) -> usize {
+        self.channels.first().map_or(0, |channel| channel.len())
     }
 
     /// The signals to be simulated, the first so many of the channels being coordinates; `steps` has the step of every sensor.

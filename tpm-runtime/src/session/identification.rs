@@ -5,6 +5,7 @@ use crate::estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, Param
 use crate::machine::actuator::LimitUse;
 use crate::machine::stability::LoopStability;
 use crate::session::log_report::{LogReport, PoolReport};
+use crate::session::refinement_report::RefinementReport;
 use crate::session::warning::Warning;
 use serde::ser::SerializeSeq as _;
 use serde::{Serialize, Serializer};
@@ -102,13 +103,16 @@ pub struct Identification {
     pub rank: usize,
     /// Condition number of the scaled equations; nothing when nothing is observable.
     pub condition: Option<f64>,
-    /// Root mean square of what is not explained, as a share: of the force; for a log that was refined, of the motion or of the inputs,
-    /// whichever is larger.
+    /// Root mean square of what is not explained, as a share: of the force; where it was refined by a simulation, of the motion or of the
+    /// inputs, whichever is larger.
     pub residual: f64,
     /// The runs of a campaign; none for a log.
     pub runs: Vec<RunReport>,
     /// Poles of the closed loop, and what was found over the stated ranges, before the first run.
     pub stability: Option<LoopStability>,
+    /// What a simulation along the runs of a campaign did to the estimates; nothing for a log, whose own report has it, and where nothing
+    /// was simulated.
+    pub refinement: Option<RefinementReport>,
     /// What was found about the log; nothing for a campaign, or where there are several logs.
     pub log: Option<LogReport>,
     /// What was found about several logs that were used together; nothing for one.
@@ -205,6 +209,8 @@ struct Form<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     stability: Option<&'a LoopStability>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    refinement: Option<&'a RefinementReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     log: Option<&'a LogReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pool: Option<&'a PoolReport>,
@@ -256,6 +262,7 @@ impl Serialize for Identification {
             residual: self.residual,
             runs: &self.runs,
             stability: self.stability.as_ref(),
+            refinement: self.refinement.as_ref(),
             log: self.log.as_ref(),
             pool: self.pool.as_ref(),
             warnings: self.warnings.iter().map(ToString::to_string).collect(),

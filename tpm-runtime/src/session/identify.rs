@@ -136,6 +136,7 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         residual: estimate.residual,
         runs: Vec::new(),
         stability: None,
+        refinement: None,
         log: Some(log_report),
         pool: None,
         warnings: all,

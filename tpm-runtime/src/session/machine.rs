@@ -12,8 +12,9 @@ use crate::interpret::Interpreted;
 use crate::machine::stability::LoopStability;
 use crate::run::trajectory::ReferencePattern;
 use crate::session::error::{MachineError, SessionError};
-use crate::session::identification::Identification;
+use crate::session::identification::{Identification, Source};
 use crate::session::play::{Watch, play_on_simulated};
+use crate::session::summary;
 use std::collections::BTreeMap;
 use std::string::String;
 use std::sync::{Arc, OnceLock};
@@ -154,6 +155,8 @@ impl Machine {
         store: Option<&Store>,
         watch: &mut Watch<'_>,
     ) -> Result<Identification, SessionError> {
-        play_on_simulated(&self.plant, experiment, self.campaign(experiment)?, store, watch)
+        let (campaign, stability) = self.campaign(experiment)?;
+        let played = play_on_simulated(&self.plant, experiment, campaign, store, watch)?;
+        Ok(summary::of_campaign(&played, stability, Source::SimulatedPlant, experiment.seed))
     }
 }

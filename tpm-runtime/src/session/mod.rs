@@ -38,6 +38,7 @@ mod periodic_log;
 mod play;
 mod pooled_logs;
 mod refine;
+mod refine_campaign;
 #[cfg(test)]
 mod refine_tests;
 mod refinement_report;

@@ -9,7 +9,7 @@ use crate::run::{Spectra, correct_actuators};
 use crate::session::excerpt::Excerpt;
 use crate::session::found::Found;
 use crate::session::log_report::{HoldResiduals, PeriodicReport, Way};
-use crate::session::refine::{Start, refined};
+use crate::session::refine::{Conditions, Start, refined};
 use crate::session::summary;
 use crate::session::warning::{Data, Warning};
 use num_complex::Complex;
@@ -73,7 +73,7 @@ pub(super) fn identify(
         sample_time: log.sample_time,
     };
     let restate = |values, covariance| record.restated(&estimate, values, covariance, settings);
-    let refined = refined(machine, start, options, settings, &restate);
+    let refined = refined(machine, start, Conditions::of_log(options), settings, &restate);
     let report = PeriodicReport {
         steady_from_sample: periodic.steady_from,
         from_sample: periodic.from,

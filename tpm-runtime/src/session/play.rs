@@ -3,7 +3,6 @@
 use crate::campaign::{Campaign, RunReport, Store};
 use crate::experiment::{Experiment, ExperimentError};
 use crate::machine::simulated::simulate;
-use crate::machine::stability::LoopStability;
 use crate::run::trajectory::ReferencePattern;
 use crate::run::{Record, RunEnding, Trial};
 use crate::session::error::SessionError;
@@ -30,21 +29,18 @@ pub fn play_simulated(
     Ok(simulate(plant, &experiment.bench_in_run(model, trial.run)?, trial)?)
 }
 
-/// Plays what a campaign asks for until it ends or the watcher stops it, and gives the parameters that its estimator estimates. The
-/// campaign comes with what its loop was found to be. Runs that a store holds are taken from it; new ones are kept there as they
-/// end, those of a simulated machine with `seed`, the seed of their noise.
+/// Plays what a campaign asks for until it ends or the watcher stops it, and gives the campaign back. Runs that a store holds are taken
+/// from it; new ones are kept there as they end, those of a simulated machine with `noise`, the seed of their noise.
 ///
 /// # Errors
 /// What `play` gives, and [`SessionError::Experiment`].
-pub fn play_campaign(
-    (mut campaign, stability): (Campaign<'_>, LoopStability),
-    source: Source,
-    seed: u64,
+pub fn play_campaign<'m>(
+    mut campaign: Campaign<'m>,
+    noise: Option<u64>,
     store: Option<&Store>,
     play: &mut dyn FnMut(&Trial) -> Result<Record, SessionError>,
     watch: &mut Watch<'_>,
-) -> Result<Identification, SessionError> {
-    let noise = (source == Source::SimulatedPlant).then_some(seed);
+) -> Result<Campaign<'m>, SessionError> {
     let finished = store.map_or_else(|| Ok(Vec::new()), |store| store.records(campaign.model()))?;
     let mut finished = finished.into_iter();
     while let Some(trial) = campaign.next().cloned() {
@@ -63,19 +59,19 @@ pub fn play_campaign(
             break;
         }
     }
-    Ok(summary::of_campaign(&campaign, stability, source, seed))
+    Ok(campaign)
 }
 
 /// Plays a campaign as [`play_campaign`] does, on the simulated machine of its experiment.
-pub(super) fn play_on_simulated(
+pub(super) fn play_on_simulated<'m>(
     model: &dyn Model<f64>,
     experiment: &Experiment,
-    stable: (Campaign<'_>, LoopStability),
+    campaign: Campaign<'m>,
     store: Option<&Store>,
     watch: &mut Watch<'_>,
-) -> Result<Identification, SessionError> {
+) -> Result<Campaign<'m>, SessionError> {
     let mut play = |trial: &Trial| Ok(play_simulated(model, experiment, trial)?);
-    play_campaign(stable, Source::SimulatedPlant, experiment.seed, store, &mut play, watch)
+    play_campaign(campaign, Some(experiment.seed), store, &mut play, watch)
 }
 
 /// Runs an experiment's campaign on the simulated machine of a model that was written by hand. `progress` sees every run as it ends
@@ -90,8 +86,9 @@ pub fn identify_simulated(
     progress: &mut dyn FnMut(&RunReport) -> bool,
 ) -> Result<Identification, SessionError> {
     let (setup, stability) = experiment.stable_setup(model, pattern)?;
-    let stable = (Campaign::new(model, setup)?, stability);
-    let mut result = play_on_simulated(model, experiment, stable, None, &mut |_, _, run| progress(run))?;
+    let campaign = Campaign::new(model, setup)?;
+    let played = play_on_simulated(model, experiment, campaign, None, &mut |_, _, run| progress(run))?;
+    let mut result = summary::of_campaign(&played, stability, Source::SimulatedPlant, experiment.seed);
     Truth::stated(experiment).complete(&mut result);
     Ok(result)
 }

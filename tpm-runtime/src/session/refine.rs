@@ -1,4 +1,4 @@
-//! A log's estimates refined by simulating the model sample by sample.
+//! Estimates of a log or a campaign refined by simulating the model sample by sample.
 
 use crate::estimate::{
     Candidate, CandidateKind, Course, Differentiable, Estimate, OutputError, OutputErrorFault, Settings,
@@ -14,6 +14,7 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
+use tpm_core::harmonics::Hold;
 use tpm_core::model::{Label, Model};
 
 /// Share of the force that rounding leaves unexplained; an estimate that leaves no more has nothing that a refinement could use.
@@ -41,28 +42,47 @@ pub(super) struct Start<'a> {
     pub(super) course: Course,
     /// Step of every sensor; zero where its values lie on no grid.
     pub(super) steps: Vec<f64>,
-    /// Samples of the whole log.
+    /// Samples of the whole record.
     pub(super) samples: usize,
     /// Time between samples, s.
     pub(super) sample_time: f64,
 }
 
-/// Refines an estimate by simulating the model, where its derivatives are known, the inputs act as they are recorded, and the log was
-/// not explained but for rounding. `restate` makes an estimate of other values and their covariance.
+/// What holds for a record, and what is asked for.
+#[derive(Clone, Copy)]
+pub(super) struct Conditions<'a> {
+    /// Constants of the model.
+    pub(super) constants: &'a [f64],
+    /// What the inputs do between samples.
+    pub(super) hold: Hold,
+    /// What lies between every recorded input and the machine.
+    pub(super) actuators: &'a [Dynamics],
+    pub(super) refine: Refine,
+}
+
+impl<'a> Conditions<'a> {
+    pub(super) fn of_log(options: &'a LogOptions) -> Self {
+        let LogOptions { constants, hold, actuators, refine, .. } = options;
+        Conditions { constants, hold: *hold, actuators, refine: *refine }
+    }
+}
+
+/// Refines an estimate by simulating the model, where its derivatives are known, the inputs act as they are recorded, and the record
+/// was not explained but for rounding. `restate` makes an estimate of other values and their covariance.
 pub(super) fn refined(
     machine: Option<Differentiable<'_>>,
     start: Start<'_>,
-    options: &LogOptions,
+    conditions: Conditions<'_>,
     settings: &Settings,
     restate: &dyn Fn(Vec<f64>, Matrix) -> Estimate,
 ) -> Refined {
     let estimate = start.estimate;
-    let ideal = options.actuators.iter().all(Dynamics::is_ideal);
-    let wanted = options.refine == Refine::OutputError && ideal && estimate.residual > EXPLAINED;
+    let ideal = conditions.actuators.iter().all(Dynamics::is_ideal);
+    let wanted = conditions.refine == Refine::OutputError && ideal && estimate.residual > EXPLAINED;
     let Some(machine) = machine.filter(|_| wanted) else {
         return Refined { estimate: estimate.clone(), report: None, warnings: Vec::new() };
     };
-    refine(machine, &start, options, settings, restate).unwrap_or_else(|fault| {
+    refine(machine, &start, conditions, settings, restate).unwrap_or_else(|fault| {
         let report = RefinementReport::refused(&estimate.values, &fault);
         let remark = |message| match fault {
             OutputErrorFault::NotConverged { .. } => Warning::Unsettled { message },
@@ -76,7 +96,7 @@ pub(super) fn refined(
 fn refine(
     machine: Differentiable<'_>,
     start: &Start<'_>,
-    options: &LogOptions,
+    conditions: Conditions<'_>,
     settings: &Settings,
     restate: &dyn Fn(Vec<f64>, Matrix) -> Estimate,
 ) -> Result<Refined, OutputErrorFault> {
@@ -84,12 +104,12 @@ fn refine(
     let dims = model.dims();
     let Start { estimate, excerpt, .. } = start;
     let known = (start.course.clone(), start.steps.as_slice());
-    let signals = excerpt.signals(dims.coordinates, start.sample_time, options.hold, known, estimate.residual);
+    let signals = excerpt.signals(dims.coordinates, start.sample_time, conditions.hold, known, estimate.residual);
     let free: Vec<usize> =
         (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
     let hidden: Vec<Vec<f64>> =
         estimate.unobservable.iter().map(|direction| free.iter().map(|&j| direction[j]).collect()).collect();
-    let found = OutputError::fit(machine, &options.constants, &signals, &estimate.values, &free, &hidden)?;
+    let found = OutputError::fit(machine, conditions.constants, &signals, &estimate.values, &free, &hidden)?;
     let misfit = &found.misfit;
     let shift = &misfit.shift;
     // A parameter that drifts has gone on drifting where the log was left out.
@@ -115,6 +135,7 @@ fn refine(
         samples: signals.coordinates.first().map_or(0, |c| c.len()),
         averaged: excerpt.averaged,
         blocks: excerpt.blocks,
+        runs: 0,
         of: excerpt.of,
         steps: found.iterations.unwrap_or(0),
         sensor_noise: found.sensor_noise.clone(),

@@ -1,4 +1,4 @@
-//! What a refinement by output error did with a log.
+//! What a refinement by output error did with a log or a campaign.
 
 use crate::estimate::OutputErrorFault;
 use serde::Serialize;
@@ -6,7 +6,7 @@ use std::format;
 use std::string::String;
 use std::vec::Vec;
 
-/// What the refinement did with a log.
+/// What the refinement did with a log or a campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RefinementReport {
     /// Whether its values are those of the result.
@@ -21,6 +21,9 @@ pub struct RefinementReport {
     /// Blocks of the log that were simulated while the rest was not; zero where all of it, means or its last periods were.
     #[serde(skip_serializing_if = "none")]
     pub blocks: usize,
+    /// Runs of a campaign whose ends were simulated; zero for a log.
+    #[serde(skip_serializing_if = "none")]
+    pub runs: usize,
     /// Samples of the log, or of its whole periods, of which these are the mean or a part.
     pub of: usize,
     /// Gauss-Newton steps.
@@ -73,6 +76,7 @@ impl RefinementReport {
             samples: 0,
             averaged: 1,
             blocks: 0,
+            runs: 0,
             of: 0,
             steps: 0,
             sensor_noise: Vec::new(),

@@ -7,6 +7,7 @@ use crate::estimate::{Estimate, LARGE_RESIDUAL, Status};
 use crate::machine::stability::LoopStability;
 use crate::run::RunEnding;
 use crate::session::identification::{Identification, Provenance, Source};
+use crate::session::refine::Refined;
 use crate::session::warning::{Data, Warning};
 use std::collections::BTreeMap;
 use std::format;
@@ -35,8 +36,34 @@ pub(super) fn options(request: &impl serde::Serialize) -> BTreeMap<String, serde
 /// The result of a campaign so far, in the parameters that its estimator gives; `stability` is what its loop was found to be.
 #[must_use]
 pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
+    of_estimate(campaign, campaign.estimate(), stability, source, seed)
+}
+
+/// The result of a campaign so far whose estimate was refined.
+pub(super) fn of_refined(
+    campaign: &Campaign<'_>,
+    refined: Refined,
+    stability: LoopStability,
+    source: Source,
+    seed: u64,
+) -> Identification {
+    let mut result = of_estimate(campaign, Some(&refined.estimate), stability, source, seed);
+    result.current = refined.estimate.values;
+    result.refinement = refined.report;
+    result.warnings.extend(refined.warnings);
+    distrust(&mut result);
+    result
+}
+
+/// The result of a campaign so far with an estimate that its runs gave.
+fn of_estimate(
+    campaign: &Campaign<'_>,
+    estimate: Option<&Estimate>,
+    stability: LoopStability,
+    source: Source,
+    seed: u64,
+) -> Identification {
     let model = campaign.model();
-    let estimate = campaign.estimate();
     let setup = campaign.setup();
     let own = EstimateReport::new(model, &setup.stated_prior(), estimate);
     // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
@@ -70,6 +97,7 @@ pub fn of_campaign(campaign: &Campaign<'_>, stability: LoopStability, source: So
         residual: found.map_or(0.0, |e| e.residual),
         runs: campaign.runs().to_vec(),
         stability: Some(stability),
+        refinement: None,
         log: None,
         pool: None,
         warnings: campaign_warnings(linear, found, campaign),
@@ -180,7 +208,7 @@ pub(super) fn warn_of_negative_inertias(
         .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
 }
 
-/// Trusts parameters no more of which halves of the log contradict each other, and none where nothing follows the record.
+/// Trusts parameters no more of which halves of the record contradict each other, and none where nothing follows the record.
 pub(super) fn distrust(result: &mut Identification) {
     for warning in &result.warnings {
         let all = matches!(warning, Warning::Unsettled { .. });

@@ -40,13 +40,17 @@ impl Identification {
                 text.push_str(&format!(": {stop}"));
             }
             text.push_str("; ");
+            if let Some(refined) = self.refinement.as_ref().filter(|refined| refined.used) {
+                text.push_str(&format!("refined by a simulation along {}; ", runs(refined.runs)));
+            }
         }
         text.push_str(&format!(
-            "rank {} of {}, condition number {}, residual {} % of the force\n",
+            "rank {} of {}, condition number {}, residual {} % of {}\n",
             self.rank,
             self.parameters.len(),
             or_dash(self.condition, number),
             number(100.0 * self.residual),
+            if self.is_refined() { "the motion or input" } else { "the force" },
         ));
         for direction in &self.unobservable {
             text.push_str(&format!("the data do not show the direction {}\n", combination(direction)));
@@ -67,6 +71,12 @@ impl Identification {
             text.push('\n');
         }
         text
+    }
+
+    /// Whether the estimates are those of a simulation, whose residual is that of motion and inputs.
+    fn is_refined(&self) -> bool {
+        let of_log = self.log.as_ref().and_then(|log| log.refinement.as_ref());
+        self.refinement.as_ref().or(of_log).is_some_and(|refined| refined.used)
     }
 
     /// Whether a true value stands beside any identified one.
@@ -134,6 +144,10 @@ impl Identification {
         }
         table.finish()
     }
+}
+
+fn runs(count: usize) -> String {
+    if count == 1 { "one run".to_owned() } else { format!("{count} runs") }
 }
 
 /// The logs that were used together, each with what it gave and where it differs most from the others.

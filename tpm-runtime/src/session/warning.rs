@@ -385,7 +385,7 @@ impl fmt::Display for Warning {
             ),
             Warning::Halves { parameter, moved, deviation } => write!(
                 f,
-                "the halves of the log contradict each other: {parameter} is {moved:+.3e} larger in the second half, {:.1} deviations: the machine changed, or the recording did",
+                "the halves of the record contradict each other: {parameter} is {moved:+.3e} larger in the second half, {:.1} deviations: the machine changed, or the recording did",
                 moved.abs() / deviation
             ),
             Warning::Limited { term } => write!(

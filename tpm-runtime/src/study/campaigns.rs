@@ -4,7 +4,7 @@
 //! which campaigns end. Campaigns that did not identify a parameter are counted, never replaced.
 
 use crate::campaign::RunReport;
-use crate::estimate::Status;
+use crate::estimate::{ParameterReport, Status};
 use crate::experiment::Experiment;
 use crate::run::trajectory::ReferencePattern;
 use crate::session::{Identification, Session, SessionError, identify_simulated};
@@ -162,9 +162,7 @@ fn summarise(
             let truth = *experiment.plant.parameters.get(label.name)?;
             let pairs: Vec<(f64, f64)> = results
                 .iter()
-                .filter_map(
-                    |result| if result.physical.is_empty() { result.parameters.get(j) } else { result.physical.get(j) },
-                )
+                .filter_map(|result| named(result, label.name))
                 .filter(|parameter| parameter.status == Status::Identified)
                 .filter_map(|parameter| Some((parameter.value?, parameter.std?)))
                 .collect();
@@ -210,6 +208,11 @@ fn summarise(
     }
 }
 
+/// A parameter of the plant in a result: one that the estimator gives, or a physical one behind lumped ones.
+fn named<'r>(result: &'r Identification, name: &str) -> Option<&'r ParameterReport> {
+    result.parameters.iter().chain(&result.physical).find(|parameter| parameter.name == name)
+}
+
 fn one_parameter(name: &str, unit: Option<&str>, truth: f64, pairs: &[(f64, f64)]) -> ParameterStudy {
     let count = pairs.len() as f64;
     let mean_of = |term: &dyn Fn(f64, f64) -> f64| {
@@ -237,10 +240,12 @@ fn one_parameter(name: &str, unit: Option<&str>, truth: f64, pairs: &[(f64, f64)
 
 #[cfg(test)]
 mod tests {
-    use super::{one_parameter, study};
+    use super::{ParameterStudy, one_parameter, study, study_session};
     use crate::experiment::Experiment;
     use crate::run::trajectory::tests::rest_to_rest_3;
+    use crate::session::{DeclaredModel, Session};
     use crate::test_models::MassSpringDrag;
+    use std::collections::BTreeMap;
 
     fn short() -> Experiment {
         let mut experiment = Experiment::parse(include_str!("../../../models/mass_spring_drag.toml"))
@@ -275,6 +280,18 @@ mod tests {
             one.parameters.iter().all(|p| p.values == 6 && (p.bias.expect("six") / p.truth).abs() < 1e-2),
             "{one:?}"
         );
+    }
+
+    #[test]
+    fn parameters_of_a_lumped_model_stand_beside_their_own_truth() {
+        let model = include_str!("../../../models/rotary_pendulum_down.tpm");
+        let experiment = Experiment::parse(include_str!("../../../models/rotary_pendulum_down.toml")).expect("right");
+        let declared = DeclaredModel::parse("rotary_pendulum_down", model).expect("right");
+        let session = Session::new(declared, experiment, None, BTreeMap::new()).expect("a session");
+        let found = study_session(&session, 1, &|_| true).expect("runs");
+        let beside = |p: &ParameterStudy| p.mean.is_none_or(|mean| (mean - p.truth).abs() < 0.2 * p.truth.abs());
+        assert!(found.parameters.iter().any(|p| p.name.contains("_plus_")), "{found:?}");
+        assert!(found.parameters.iter().all(beside), "{found:?}");
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! equation is the list of its source terms, whose sum is zero on every motion (left minus right-hand side), and every
 //! source term carries a [`TermId`] by which whoever read the model finds the place it came from.
 
-use crate::expr::graph::{Coordinate, ExprId, Graph, Names, Node, Symbol};
+use crate::expr::graph::{Coordinate, ExprId, Function, Graph, Names, Node, Symbol};
 use crate::mechanics::pattern::Pattern;
 use crate::mechanics::unit::Unit;
 use crate::number::rational::Rational;
@@ -189,6 +189,13 @@ impl ExactModel {
             })
             .max()
             .unwrap_or(0)
+    }
+
+    /// Whether a sign stands in the equations, so that a force jumps where its argument passes zero.
+    #[must_use]
+    pub fn has_jumps(&self) -> bool {
+        let is_sign = |id| matches!(self.graph.node(id), Node::Function(Function::Sign, _));
+        self.graph.ids().any(is_sign)
     }
 
     /// The name of an equation by its place from 0: the input's name when exactly one input stands in the terms, otherwise `eq1`,

@@ -36,6 +36,8 @@ pub enum Course {
         reach: usize,
         /// Highest frequency of every coordinate's motion, Hz.
         highest: Vec<f64>,
+        /// Times that one and the same motion is recorded; one where nothing repeats.
+        copies: f64,
     },
 }
 
@@ -241,8 +243,11 @@ impl Signals<'_> {
             if let Some(own) = self.beside_counts(c) {
                 let rounded = step * step / 12.0;
                 // The error is a function of the phase of a periodic motion, the same in every period.
-                let period = self.samples_per_period().unwrap_or(samples as f64);
-                let copies = (samples as f64 / period.max(1.0)).max(1.0);
+                let copies = match self.course {
+                    Course::Periodic { samples_per_period, .. } => samples as f64 / samples_per_period.max(1.0),
+                    Course::Any { copies, .. } => copies,
+                };
+                let copies = copies.max(1.0);
                 let motion = self.without_noise(c);
                 let mut first = 0;
                 for length in alike(&motion, step) {

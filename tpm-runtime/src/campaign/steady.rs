@@ -1,0 +1,68 @@
+//! The settled part of a run, sample by sample.
+
+use crate::run::Spectra;
+use std::vec::Vec;
+
+/// Most samples of a run that are kept for a simulation.
+const KEPT: usize = 16_000;
+/// A harmonic belongs to the motion when it is no smaller than this share of the largest.
+const SMALL: f64 = 1e-3;
+/// A harmonic stands out of the noise when its power is this many times that of its noise.
+const CERTAIN: f64 = 9.0;
+
+/// The end of the settled part of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SteadyRun {
+    /// Index of the run among the reports.
+    pub(crate) run: usize,
+    /// Every coordinate, then every input, sample by sample; unit of the coordinate or input.
+    pub(crate) channels: Vec<Vec<f64>>,
+    /// Samples of a period.
+    pub(crate) period: usize,
+    /// Samples of the whole settled part.
+    pub(crate) of: usize,
+    /// Highest frequency of every coordinate's motion, Hz.
+    pub(crate) highest: Vec<f64>,
+    /// Step of every coordinate's sensor; zero for a sensor without steps.
+    pub(crate) steps: Vec<f64>,
+}
+
+impl SteadyRun {
+    /// The end of a settled part, given whole periods of every channel, the first `coordinates` of which are coordinates.
+    pub(super) fn of(run: usize, channels: &[&[f64]], coordinates: usize, period: usize, spectra: &Spectra) -> Self {
+        SteadyRun {
+            run,
+            channels: channels.iter().map(|channel| end(channel, KEPT).to_vec()).collect(),
+            period,
+            of: channels.first().map_or(0, |channel| channel.len()),
+            highest: (0..coordinates).map(|c| highest(spectra, c)).collect(),
+            steps: (0..coordinates).map(|c| spectra.step(c)).collect(),
+        }
+    }
+
+    /// Samples that are kept.
+    pub(crate) fn len(&self) -> usize {
+        self.channels.first().map_or(0, Vec::len)
+    }
+
+    /// The last samples of a channel, as many as there are up to `count`.
+    pub(crate) fn last(&self, channel: usize, count: usize) -> &[f64] {
+        end(&self.channels[channel], count)
+    }
+}
+
+/// Frequency of the highest harmonic of a coordinate that stands out of the noise and is no smaller than a share of the largest, Hz.
+fn highest(spectra: &Spectra, coordinate: usize) -> f64 {
+    let lines = &spectra.lines[coordinate];
+    let peak = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+    let belongs = |k: usize| {
+        let least = (SMALL * peak).powi(2).max(CERTAIN * spectra.variance(coordinate, k));
+        lines[k].norm_sqr() >= least
+    };
+    let harmonic = (1..lines.len()).rev().find(|&k| belongs(k)).unwrap_or(1);
+    harmonic as f64 * spectra.fundamental / (2.0 * std::f64::consts::PI)
+}
+
+fn end(samples: &[f64], count: usize) -> &[f64] {
+    &samples[samples.len().saturating_sub(count)..]
+}
