@@ -38,6 +38,7 @@ mod prior;
 mod result;
 mod run;
 mod select;
+mod sensor;
 mod settings;
 mod stack;
 mod table;
@@ -70,8 +71,13 @@ pub use settings::{Frozen, NumericalSettings, Settings, Weights};
 pub use table::{LineTable, RowLines};
 #[cfg(feature = "interpret")]
 pub use tabulated::PatternTables;
+#[cfg(feature = "interpret")]
+pub(crate) use sensor::Sensor;
 pub use time_domain::{
-    BandReport, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, predict_in_band,
+    BandReport, InputShift, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, input_shift,
+    predict_in_band,
 };
+#[cfg(feature = "interpret")]
+pub(crate) use time_domain::Swiftness;
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

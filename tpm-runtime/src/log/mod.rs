@@ -32,6 +32,7 @@ mod resample;
 mod stamps;
 #[cfg(any(feature = "mat", feature = "mcap"))]
 mod stored;
+mod survey;
 mod table;
 mod unit;
 
@@ -40,8 +41,11 @@ pub use error::{Adjustment, LogError, UnitMismatch};
 pub use fingerprint::fingerprint;
 pub use options::{Domain, LogOptions, Refine};
 pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
+#[cfg(feature = "interpret")]
+pub(crate) use lone::lone_readings;
 pub(crate) use read::rate_column;
 pub use read::{Log, Rates};
 pub use recording::Recording;
-pub use report::{Cut, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
+pub use report::{Cut, Jitter, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
 pub use resample::InterpolationError;
+pub use survey::{Role, Survey, Surveyed, Unread};

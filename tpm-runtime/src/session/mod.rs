@@ -29,6 +29,7 @@ mod folder;
 mod found;
 mod identification;
 mod identify;
+mod inspect;
 mod live;
 mod log;
 mod log_report;
@@ -60,6 +61,10 @@ pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
 pub use identify::identify_log;
+pub use inspect::{
+    ChannelReport, End, Finding, Inspection, Lone, Plateau, Relation, RelationKind, Repeats, Rest, Sampling, inspect,
+    inspect_for,
+};
 pub use log_report::{ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, Way};
 pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
