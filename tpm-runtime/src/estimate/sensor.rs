@@ -24,7 +24,8 @@ impl Sensor {
         let count = signals.iter().map(|signal| signal.len()).sum::<usize>().max(1) as f64;
         let power: f64 = signals.iter().map(|signal| white_noise(signal).powi(2) * signal.len() as f64).sum();
         let size = root_mean_square(signals.iter().flat_map(|signal| signal.iter().copied()));
-        let steps = signals.iter().map(|signal| step(signal));
+        // A record may begin with a state that no sensor read, which lies on no grid.
+        let steps = signals.iter().map(|signal| step(signal).max(step(signal.get(1..).unwrap_or_default())));
         let step = if steps.clone().all(|step| step > 0.0) { steps.fold(f64::INFINITY, f64::min) } else { 0.0 };
         let step = if step.is_finite() { step } else { 0.0 };
         let seen = (power / count).sqrt().max(step / 12.0_f64.sqrt());

@@ -39,10 +39,10 @@ mod unit;
 pub use assumption::{Assumption, Separator};
 pub use error::{Adjustment, LogError, UnitMismatch};
 pub use fingerprint::fingerprint;
-pub use options::{Domain, LogOptions, Refine};
-pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 #[cfg(feature = "interpret")]
 pub(crate) use lone::lone_readings;
+pub use options::{Domain, LogOptions, Refine};
+pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
 pub use read::{Log, Rates};
 pub use recording::Recording;

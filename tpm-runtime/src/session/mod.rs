@@ -14,7 +14,8 @@
 //! Whatever the data are, the result is one [`Identification`]: parameters with standard deviations, the physical parameters
 //! behind lumped ones, what the data do not show, warnings, and what has to be the same for the result to come out the same again.
 //! [`from_log`] takes a log, [`on_simulated_plant`] an experiment with a simulated machine, [`on_machine`] an experiment and whoever
-//! plays its runs; a [`Session`] is for those who want the steps one by one.
+//! plays its runs; a [`Session`] is for those who want the steps one by one. [`inspect`](fn@inspect) and [`inspect_for`] look at a log before
+//! anything is identified from it.
 
 mod agreeing;
 mod any_log;

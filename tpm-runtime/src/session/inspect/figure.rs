@@ -81,7 +81,7 @@ fn by_frequency(shown: &[&ChannelReport]) -> Option<Panel> {
     let floor = strongest * 10.0_f64.powi(-DECADES);
     (strongest > 0.0).then(|| Panel {
         x: Axis::logarithmic("frequency [Hz] (dashed: noise)"),
-        y: Axis::logarithmic("power, as white noise").from_to(floor, 2.0 * strongest),
+        y: Axis::logarithmic("level over deviation").from_to(floor, 2.0 * strongest),
         traces,
     })
 }

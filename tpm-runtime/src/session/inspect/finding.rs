@@ -101,9 +101,9 @@ pub enum Finding {
     SampledSlowly {
         /// The channel.
         channel: String,
-        /// Highest frequency that stands out of the noise, Hz.
-        highest: f64,
-        /// Samples in an oscillation of that frequency.
+        /// Time in which the channel goes to and fro once, on the average, s.
+        period: f64,
+        /// Samples in that time.
         samples: f64,
     },
     /// A channel is cut off at a level.
@@ -172,7 +172,9 @@ pub enum Finding {
         mismatch: f64,
         /// The channels.
         channels: Vec<String>,
-        /// Whether the record has gaps, so that it is used in the time domain.
+        /// How identification uses the record.
+        domain: Domain,
+        /// Whether the record has gaps.
         gaps: bool,
     },
     /// Nothing repeats for long enough.
@@ -202,10 +204,12 @@ pub enum Finding {
         /// Sample time, s.
         sample_time: f64,
     },
-    /// Inputs act later or earlier than they were recorded.
-    InputsShifted {
+    /// When inputs act, against when they were recorded.
+    Inputs {
         /// The inputs.
         inputs: Vec<String>,
+        /// Whether they clearly act at another time.
+        shifted: bool,
         /// How much of the forces is left, and with which shift least is.
         #[serde(flatten)]
         shift: InputShift,
@@ -244,12 +248,12 @@ impl Finding {
             | Finding::Repeated { .. }
             | Finding::Lone { .. }
             | Finding::Drift { .. }
-            | Finding::InputsShifted { .. }
+            | Finding::Inputs { shifted: true, .. }
             | Finding::Identification { .. }
             | Finding::Refused { .. } => true,
             Finding::Constant { role, .. } => *role != Role::Column,
             Finding::Counts { counts, .. } => *counts < FEW_COUNTS,
-            Finding::Noise { share, .. } => *share > NOISY,
+            Finding::Noise { share, role, .. } => *share > NOISY && matches!(role, Role::Coordinate | Role::Rate),
             Finding::Uneven { error, .. } => *error > NOISY,
             Finding::Follows { relation, delay, deviation, sample_time, .. } => {
                 *relation == RelationKind::Rate && late(*delay, *deviation, *sample_time)
@@ -288,10 +292,10 @@ impl Finding {
                 "identification counts the rounding as noise; do not form rates or accelerations by differences".into()
             }
             Finding::Noise { role: Role::Input, .. } => {
-                "noise of a recorded input is averaged; it does not bend parameters, but makes deviations larger".into()
+"what a loop passes on of its sensors' noise was applied and is no error; noise of a measured input makes deviations larger, and does not bend parameters".into()
             }
             Finding::Noise { .. } => {
-                "plain regression would make parameters too small; identification takes what this noise adds off, and deviations are larger: move further, or record longer".into()
+                "noise of a coordinate makes parameters of a plain regression too small: identification takes off what it adds, and deviations are larger; move further, or record longer".into()
             }
             Finding::SampledSlowly { .. } => {
                 "what the inputs do between samples matters, so that it should be stated, and the noise is no more than stated".into()
@@ -318,8 +322,11 @@ impl Finding {
             Finding::Lone { .. } => {
                 "faults of the sensor or of its recording: identification uses what the neighbours of a coordinate's reading say".into()
             }
-            Finding::Repeats { gaps: true, .. } => {
+            Finding::Repeats { domain: Domain::Time, gaps: true, .. } => {
                 "harmonics would average noise over the periods, but a record with gaps is used in the time domain".into()
+            }
+            Finding::Repeats { domain: Domain::Time, .. } => {
+                "not all that counts repeats with it, and every sample is used in the time domain".into()
             }
             Finding::Repeats { periods: 1, .. } => {
                 "one period only: whether the motion has settled cannot be told; record at least four".into()
@@ -341,9 +348,10 @@ impl Finding {
                 }
             }
             Finding::Follows { .. } => {
-                "the same quantity twice, or a reference and what follows it: map one of them; a reference is no measurement".into()
+                "the same quantity twice, parts that move together, or a reference and what follows it; map what was measured: a reference is no measurement".into()
             }
-            Finding::InputsShifted { shift, sample_time, hold, .. } => {
+            Finding::Inputs { shifted: false, .. } => "nothing is to be corrected".into(),
+            Finding::Inputs { shift, sample_time, hold, .. } => {
                 if *hold == Hold::None && (shift.delay / sample_time - 0.5).abs() < HALF {
                     "half a sample is what an input makes that is held until the next sample".into()
                 } else if shift.delay < 0.0 {
@@ -367,15 +375,16 @@ impl Finding {
     #[must_use]
     pub fn remedies(&self) -> Vec<Remedy> {
         match self {
-            Finding::Gaps { domain: None, .. } | Finding::Repeats { gaps: true, .. } => {
+            Finding::Gaps { domain: None, segments, .. } if *segments > 1 => {
                 vec![Remedy::HarmonicsOfOneStretch]
             }
             Finding::Constant { role, channel, .. } if *role != Role::Column => {
                 vec![Remedy::MapColumn { signal: channel.clone() }]
             }
             Finding::NotPeriodic => vec![Remedy::PeriodAndStart],
-            Finding::Repeats { .. } => vec![Remedy::TimeDomain],
-            Finding::InputsShifted { inputs, shift, sample_time, hold } => {
+            Finding::Repeats { domain: Domain::Harmonics, .. } => vec![Remedy::TimeDomain],
+            Finding::Inputs { shifted: false, .. } => Vec::new(),
+            Finding::Inputs { inputs, shift, sample_time, hold, .. } => {
                 if *hold == Hold::None && (shift.delay / sample_time - 0.5).abs() < HALF {
                     vec![Remedy::Hold { hold: Hold::Zoh }]
                 } else if shift.delay > 0.0 {
@@ -461,10 +470,10 @@ impl fmt::Display for Finding {
                 with_unit(*deviation, unit.as_deref()),
                 percent(*share)
             ),
-            Finding::SampledSlowly { channel, highest, samples } => write!(
+            Finding::SampledSlowly { channel, period, samples } => write!(
                 f,
-                "{channel} moves at up to {} Hz, which has {} samples in an oscillation",
-                number(rounded(*highest)),
+                "{channel} goes to and fro within {} s on the average, which has {} samples",
+                number(rounded(*period)),
                 number(rounded(*samples))
             ),
             Finding::Clipped { channel, end, level, unit, share, longest, from_line, .. } => write!(
@@ -527,7 +536,15 @@ impl fmt::Display for Finding {
                     f.write_str(" at the same time")
                 }
             }
-            Finding::InputsShifted { inputs, shift, sample_time, .. } => write!(
+            Finding::Inputs { inputs, shifted: false, shift, sample_time, .. } => write!(
+                f,
+                "{} {} when recorded: any delay is {} +- {} samples",
+                inputs.join(", "),
+                if inputs.len() == 1 { "acts" } else { "act" },
+                number(rounded(shift.delay / sample_time)),
+                number(rounded(shift.deviation / sample_time))
+            ),
+            Finding::Inputs { inputs, shift, sample_time, .. } => write!(
                 f,
                 "{} {} later than recorded by {} s (+- {}), {} samples: that leaves {} % of the forces, no shift leaves {} %",
                 inputs.join(", "),

@@ -9,13 +9,15 @@ use std::string::String;
 use std::vec;
 use std::vec::Vec;
 
-/// Largest difference of two periods that are one, as a share.
-const SAME: f64 = 1e-3;
+/// Largest difference of two periods that are one, as a share: noise moves the period of a channel by itself.
+const SAME: f64 = 0.01;
+/// Share of noise in a channel's deviation up to which its period counts among others.
+const CLEAR: f64 = 0.01;
 /// Fewest periods from which drift is told from noise.
 const DRIFT_PERIODS: usize = 4;
 /// Least multiple of the mean square difference of neighbouring periods that the first and the last period differ by when a channel
 /// drifts: noise makes both alike.
-const DRIFTS: f64 = 2.0;
+const DRIFTS: f64 = 4.0;
 /// Least drift, as a share of the channel's deviation, that is reported.
 const LEAST_DRIFT: f64 = 0.002;
 
@@ -54,12 +56,14 @@ pub(super) struct Found {
 }
 
 /// Looks for what repeats in the longest stretch of a record. The first `coordinates` signals are those whose common period counts; without
-/// any, it is that of all signals that repeat by themselves.
+/// any, it is that of all signals that repeat by themselves, those with little noise where there are such. `noise` is every signal's share
+/// of noise.
 ///
 /// # Errors
 /// [`LogError`] when a setting does not fit the record.
 pub(super) fn find(
     signals: &[Signal<'_>],
+    noise: &[f64],
     coordinates: usize,
     sample_time: f64,
     options: &LogOptions,
@@ -86,7 +90,9 @@ pub(super) fn find(
     let group: Vec<usize> = if coordinates > 0 {
         (0..signals.len()).filter(|&c| signals[c].role != Role::Rate).collect()
     } else {
-        (0..signals.len()).filter(|&c| alone[c].is_some()).collect()
+        let repeat = |most: f64| (0..signals.len()).filter(|&c| alone[c].is_some() && noise[c] <= most).collect();
+        let clear: Vec<usize> = repeat(CLEAR);
+        if clear.is_empty() { repeat(f64::INFINITY) } else { clear }
     };
     let together: Vec<Vec<f64>> = group.iter().filter_map(|&c| values(&signals[c])).collect();
     let periods = alone.iter().map(|own| own.map(|own| own.samples_per_period * sample_time)).collect();
@@ -114,7 +120,10 @@ pub(super) fn find(
         channels: channels.map(|(signal, _)| signal.name.into()).collect(),
         segment,
     };
-    let drifts = signals.iter().map(|signal| drift(signal.part(segment)?.values, &common)).collect();
+    let of = |(signal, own): (&Signal<'_>, &Option<Periodic>)| {
+        own.as_ref().filter(|own| divides(own)).and_then(|_| drift(signal.part(segment)?.values, &common))
+    };
+    let drifts = signals.iter().zip(&alone).map(of).collect();
     Ok(Found { repeats: Some(repeats), periods, drifts })
 }
 

@@ -1,7 +1,7 @@
 //! From a log to what it holds.
 
 use crate::estimate::Differentiable;
-use crate::log::{LogError, LogOptions, Role, Survey};
+use crate::log::{Domain, LogError, LogOptions, Role, Survey};
 use crate::session::error::SessionError;
 use crate::session::inspect::channel::{ChannelReport, measured};
 use crate::session::inspect::finding::Finding;
@@ -23,11 +23,9 @@ use tpm_core::model::Model;
 /// Share of noise in a channel's deviation from which on it is a finding.
 const NOISE: f64 = 0.01;
 /// Share of a record at rest from which on it is a finding.
-const REST: f64 = 0.02;
+const REST: f64 = 0.05;
 /// Largest distance between two counts of a channel, as a share of its range, that is a finding: finer ones are digits of the file.
 const COUNTS: f64 = 1e-5;
-/// Fewest samples in the fastest oscillation of a channel that is sampled densely.
-const DENSE: f64 = 8.0;
 /// A shift of the inputs is a finding when it leaves less than this share of the squares that no shift leaves.
 const CLEARLY: f64 = 0.7;
 /// Least such shift, samples, and in its deviations.
@@ -98,7 +96,9 @@ pub(super) fn measure(survey: &Survey, options: &LogOptions, coordinates: usize)
     let sample_time = recording.segments.first().map_or(0.0, |log| log.sample_time);
     let signals = signals(survey);
     let mut channels: Vec<ChannelReport> = signals.par_iter().map(|signal| measured(signal, sample_time)).collect();
-    let found = period::find(&signals, coordinates, sample_time, options)?;
+    let share = |channel: &ChannelReport| channel.noise.map_or(0.0, |noise| noise / channel.deviation);
+    let noise: Vec<f64> = channels.iter().map(share).collect();
+    let found = period::find(&signals, &noise, coordinates, sample_time, options)?;
     for ((channel, period), drift) in channels.iter_mut().zip(found.periods).zip(found.drifts) {
         channel.period = period;
         channel.drift = drift.filter(|_| !channel.constant);
@@ -178,6 +178,7 @@ fn of_record(inspection: &Inspection, survey: &Survey, signals: &[Signal<'_>], o
             from_line: repeats.from_line,
             mismatch: repeats.mismatch,
             channels: repeats.channels.clone(),
+            domain: options.domain.unwrap_or(if gaps { Domain::Time } else { Domain::Harmonics }),
             gaps,
         },
         None => Finding::NotPeriodic,
@@ -212,9 +213,8 @@ fn of_channel(channel: &ChannelReport, sample_time: f64) -> Vec<Finding> {
         let share = noise / channel.deviation;
         findings.push(Finding::Noise { channel: name(), deviation: noise, unit: unit.clone(), share, role });
     }
-    let dense = |highest: &f64| highest * sample_time * DENSE > 1.0;
-    if let Some(highest) = channel.highest.filter(|highest| dense(highest) && measured) {
-        findings.push(Finding::SampledSlowly { channel: name(), highest, samples: 1.0 / (highest * sample_time) });
+    if let Some(period) = channel.typical_period.filter(|_| channel.noise_at_most && measured) {
+        findings.push(Finding::SampledSlowly { channel: name(), period, samples: period / sample_time });
     }
     findings.extend(channel.plateaus.iter().map(|plateau| Finding::Clipped {
         channel: name(),
@@ -256,17 +256,22 @@ fn take_in(inspection: &mut Inspection, prospect: Prospect, model: &dyn Model<f6
         Some(shift) => {
             let squares = |left: f64| left * left;
             let clearly = squares(shift.left_shifted) < CLEARLY * squares(shift.left);
-            if clearly && shift.delay.abs() > (SHIFTED.0 * h).max(SHIFTED.1 * shift.deviation) {
-                let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_string()).collect();
-                findings.push(Finding::InputsShifted { inputs, shift, sample_time: h, hold: options.hold });
-            }
+            let shifted = clearly && shift.delay.abs() > (SHIFTED.0 * h).max(SHIFTED.1 * shift.deviation);
+            let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_string()).collect();
+            findings.push(Finding::Inputs { inputs, shifted, shift, sample_time: h, hold: options.hold });
         }
         None => findings.push(Finding::DelayUnknown { model: true }),
     }
     match prospect.outcome {
         Ok((log, warnings)) => {
+            let used = if log.periodic().is_some() { Domain::Harmonics } else { Domain::Time };
+            for finding in findings.iter_mut() {
+                if let Finding::Repeats { domain, .. } = finding {
+                    *domain = used;
+                }
+            }
             inspection.identification = Some(log);
-            let of_log = warnings.into_iter().filter(|warning| is_of_log(warning));
+            let of_log = warnings.into_iter().filter(is_of_log);
             findings.extend(of_log.map(|warning| Finding::Identification { warning: Box::new(warning) }));
         }
         Err(error) => {

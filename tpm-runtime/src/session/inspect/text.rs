@@ -8,7 +8,11 @@ use crate::session::inspect::report::Inspection;
 use std::fmt;
 use std::format;
 use std::string::{String, ToString as _};
+use std::vec;
 use std::vec::Vec;
+
+/// Share of the sample time below which an uneven step is the rounding of numbers.
+const ROUNDING: f64 = 1e-6;
 
 impl fmt::Display for Inspection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -33,7 +37,7 @@ impl Inspection {
         if sampling.segments > 1 {
             text.push_str(&format!(" in {} stretches", sampling.segments));
         }
-        if sampling.jitter.rms > 0.0 {
+        if sampling.jitter.rms > ROUNDING {
             let percent = |share: f64| short(100.0 * share);
             let (rms, largest) = (percent(sampling.jitter.rms), percent(sampling.jitter.largest));
             text.push_str(&format!("; steps off by {rms} % (rms), {largest} % at most"));
@@ -50,21 +54,37 @@ impl Inspection {
         let (doubts, notes): (Vec<&Finding>, Vec<&Finding>) =
             self.findings.iter().partition(|finding| finding.is_doubt());
         for (head, findings) in [("what needs attention", doubts), ("what else it means for identification", notes)] {
-            if findings.is_empty() {
-                continue;
-            }
-            text.push_str(&format!("\n{head}\n"));
-            for finding in findings {
-                text.push_str(&format!("- {finding}\n  {}", finding.meaning()));
-                let words: Vec<String> = finding.remedies().iter().filter_map(spell).collect();
-                if !words.is_empty() {
-                    text.push_str(&format!(" ({})", words.join(" ")));
-                }
-                text.push('\n');
+            if !findings.is_empty() {
+                text.push_str(&format!("\n{head}\n{}", explained(&findings, spell)));
             }
         }
         text
     }
+}
+
+/// Findings, those of one meaning together above it.
+fn explained(findings: &[&Finding], spell: &dyn Fn(&Remedy) -> Option<String>) -> String {
+    let words = |finding: &Finding| {
+        let flags: Vec<String> = finding.remedies().iter().filter_map(spell).collect();
+        let meaning = finding.meaning();
+        if flags.is_empty() { meaning } else { format!("{meaning} ({})", flags.join(" ")) }
+    };
+    let mut groups: Vec<(String, Vec<&Finding>)> = Vec::new();
+    for finding in findings {
+        let words = words(finding);
+        match groups.iter_mut().find(|(other, _)| *other == words) {
+            Some((_, group)) => group.push(finding),
+            None => groups.push((words, vec![finding])),
+        }
+    }
+    let mut text = String::new();
+    for (words, group) in groups {
+        for finding in group {
+            text.push_str(&format!("- {finding}\n"));
+        }
+        text.push_str(&format!("  -> {words}\n"));
+    }
+    text
 }
 
 /// A number to four digits.
@@ -78,7 +98,7 @@ fn short(value: f64) -> String {
 
 fn table(channels: &[ChannelReport]) -> String {
     let modelled = channels.iter().any(|channel| channel.role != Role::Column);
-    let mut head = std::vec![("channel", Align::Left)];
+    let mut head = vec![("channel", Align::Left)];
     head.extend(modelled.then_some(("role", Align::Left)));
     head.extend([
         ("unit", Align::Left),
@@ -99,7 +119,7 @@ fn table(channels: &[ChannelReport]) -> String {
             Role::Rate => "rate",
             Role::Column => "",
         };
-        let mut row = std::vec![channel.name.clone()];
+        let mut row = vec![channel.name.clone()];
         row.extend(modelled.then(|| role.to_string()));
         let noise =
             channel.noise.map(|noise| format!("{}{}", if channel.noise_at_most { "< " } else { "" }, short(noise)));
