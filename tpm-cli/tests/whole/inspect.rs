@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 /// The mass with spring and drag of the shipped model along six periods of 1 s; forces are recorded 3 ms before they act, positions are
-/// rounded to .5 mm, and five rows are missing.
+/// rounded to 1 mm, and five rows are missing.
 fn run(folder: &Path) {
     let motion = |t: f64| {
         let w = 2.0 * PI;
@@ -22,7 +22,7 @@ fn run(folder: &Path) {
         let t = 2e-3 * f64::from(k);
         let ([x, ..], [ahead, v, a]) = (motion(t), motion(t + 3e-3));
         let u = 2.0 * a + 40.0 * ahead + 1.5 * v * v;
-        text.push_str(&format!("{},{:.4},run,{u:.6}\n", 2 * k, (x / 5e-4).round() * 5e-4));
+        text.push_str(&format!("{},{:.4},run,{u:.6}\n", 2 * k, (x / 1e-3).round() * 1e-3));
     }
     std::fs::write(folder.join("run.csv"), text).expect("writable");
 }
@@ -40,7 +40,7 @@ fn a_log_is_looked_at_with_and_without_a_model() {
     for part in [
         "2995 samples every 0.002 s (500 Hz), 5.99 s in 2 stretches",
         "column `state` is not read",
-        "x is rounded to counts of 0.0005",
+        "x is rounded to counts of 0.001",
         "with a period of 1 s",
         "gaps split the record into 2 stretches",
         "give one",
