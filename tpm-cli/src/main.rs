@@ -52,6 +52,8 @@ enum Command {
     Identify(Box<verbs::identify::Args>),
     /// Turn a robot description (URDF) into a model, with a prior and an experiment beside it.
     Import(verbs::import::Args),
+    /// Look at a log before identifying: rates, gaps, noise, counts, periods, rests, clipping, delays, and what they mean.
+    Inspect(Box<verbs::inspect::Args>),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
     Linearize(Box<verbs::linearize::Args>),
     /// Design a regulator about an equilibrium: gains, poles, margins, and its code in C or Rust.
@@ -86,6 +88,7 @@ fn main() -> ExitCode {
         Command::Identifiability(args) => verbs::identifiability::run(args),
         Command::Identify(args) => verbs::identify::run(args),
         Command::Import(args) => verbs::import::run(args),
+        Command::Inspect(args) => verbs::inspect::run(args),
         Command::Linearize(args) => verbs::linearize::run(args),
         Command::Regulate(args) => verbs::regulate::run(args),
         Command::Split(args) => verbs::split::run(args),

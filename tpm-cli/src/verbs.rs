@@ -14,6 +14,7 @@ pub(crate) mod generate;
 pub(crate) mod identifiability;
 pub(crate) mod identify;
 pub(crate) mod import;
+pub(crate) mod inspect;
 pub(crate) mod linearize;
 pub(crate) mod path;
 pub(crate) mod regulate;

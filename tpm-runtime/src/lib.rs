@@ -5,13 +5,14 @@
 //! | you have | you call |
 //! |---|---|
 //! | a model file and a log | `session::from_log` (feature `interpret`) |
+//! | a log of which little is known | `session::inspect`, `session::inspect_for` |
 //! | an experiment with a simulated machine | `session::on_simulated_plant` |
 //! | a machine that plays samples | `session::on_machine`, with your `run::Bench` |
 //! | a campaign that goes on by files | `session::CampaignFolder` |
 //! | a controller without an operating system | `model!` (feature `macros`), and [`control`], [`filter`], [`harmonics`] |
 //!
-//! The first four give one `session::Identification`: parameters with standard deviations, physical parameters behind lumped ones, what
-//! the data do not show, and warnings.
+//! All but the second and the last give one `session::Identification`: parameters with standard deviations, physical parameters behind
+//! lumped ones, what the data do not show, and warnings.
 //!
 //! # The problem
 //!

@@ -123,6 +123,25 @@ impl LogArgs {
         Ok(known)
     }
 
+    /// The log at a path with those settings of the command line that need no model.
+    pub(crate) fn request_without_model(&self, path: &Path) -> Result<LogRequest, Failure> {
+        let needing = [
+            ("--delay", !self.delay.is_empty()),
+            ("--low-pass", !self.low_pass.is_empty()),
+            ("--motor", self.motor.is_some()),
+            ("--constant", !self.constants.is_empty()),
+            ("--harmonics", self.harmonics.is_some()),
+        ];
+        if let Some((flag, _)) = needing.iter().find(|(_, given)| *given) {
+            return Err(Failure::Input(format!("{flag} needs a model; give its file behind the log")));
+        }
+        let mut request = self.columns.request(path)?;
+        request.from_sample = self.from_sample;
+        request.period = self.period;
+        request.hold = self.hold.map_or(Hold::None, Hold::from);
+        Ok(request)
+    }
+
     /// The log at a path with all settings of the command line.
     pub(crate) fn request(&self, path: &Path, model: &dyn Model<f64>) -> Result<LogRequest, Failure> {
         let mut request = self.columns.request(path)?;

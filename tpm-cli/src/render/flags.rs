@@ -3,7 +3,7 @@
 use tpm_runtime::experiment::ExperimentError;
 use tpm_runtime::log::{Adjustment, LogError};
 use tpm_runtime::machine::actuator::FileFault;
-use tpm_runtime::report::Remedy;
+use tpm_runtime::report::{Remedy, number};
 use tpm_runtime::session::{SessionError, Setting};
 
 /// The flag for a remedy, as text that stands in brackets behind a message.
@@ -15,6 +15,9 @@ pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
         Remedy::Period => "--period SECONDS".to_owned(),
         Remedy::FromSample => "--from-sample N".to_owned(),
         Remedy::Hold { hold } => format!("--hold {hold}"),
+        Remedy::InputDelay { input, nanoseconds } => format!("--delay {input}={}", number(*nanoseconds as f64 * 1e-9)),
+        Remedy::TimeDomain => "--domain time uses every sample instead".to_owned(),
+        Remedy::HarmonicsOfOneStretch => "--domain harmonics uses the longest stretch that repeats instead".to_owned(),
         Remedy::Harmonics { highest } => format!("--harmonics {highest} takes them in"),
         Remedy::DrivenCoordinate { input } => format!("--motion {input}=COORDINATE"),
         Remedy::Stopped => "--stopped".to_owned(),
@@ -41,7 +44,9 @@ pub(crate) fn log_error(error: &LogError) -> String {
         Adjustment::Offset => "--offset",
     };
     match error {
-        LogError::UnknownName { adjustment, .. } | LogError::Unusable { adjustment, .. } => {
+        LogError::UnknownName { adjustment, .. }
+        | LogError::UnknownColumn { adjustment, .. }
+        | LogError::Unusable { adjustment, .. } => {
             format!("{}: {error}", flag(*adjustment))
         }
         other => with(&other.to_string(), other.remedy()),

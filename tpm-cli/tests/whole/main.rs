@@ -11,6 +11,7 @@ mod functions;
 mod generate;
 mod hidden;
 mod identifiability;
+mod inspect;
 mod linear;
 mod live;
 mod log;

@@ -38,6 +38,7 @@ mod prior;
 mod result;
 mod run;
 mod select;
+mod sensor;
 mod settings;
 mod stack;
 mod table;
@@ -66,12 +67,17 @@ pub use pooled::{Contribution, Pooled, pool};
 pub use result::Estimate;
 pub use run::Run;
 pub(crate) use run::error_lines;
+#[cfg(feature = "interpret")]
+pub(crate) use sensor::Sensor;
 pub use settings::{Frozen, NumericalSettings, Settings, Weights};
 pub use table::{LineTable, RowLines};
 #[cfg(feature = "interpret")]
 pub use tabulated::PatternTables;
+#[cfg(feature = "interpret")]
+pub(crate) use time_domain::Swiftness;
 pub use time_domain::{
-    BandReport, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, predict_in_band,
+    BandReport, InputShift, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, input_shift,
+    predict_in_band,
 };
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

@@ -178,6 +178,16 @@ pub enum LogError {
         /// What the model has.
         available: Vec<String>,
     },
+    /// A setting names a column that the file does not have, or renames one although no model says what it is.
+    #[error("{adjustment} of `{name}`: without a model columns keep their names, and `t_s` is the time; {}", columns(.available))]
+    UnknownColumn {
+        /// The setting that was given.
+        adjustment: Adjustment,
+        /// The name.
+        name: String,
+        /// The columns of the file.
+        available: Vec<String>,
+    },
     /// A scale or an offset is not a usable number.
     #[error("{adjustment} of `{name}` = {value}: the value must be finite{}", if *.adjustment == Adjustment::Scale { " and not zero" } else { "" })]
     Unusable {

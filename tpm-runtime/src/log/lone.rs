@@ -22,7 +22,7 @@ const STEPS: f64 = 4.0;
 const ALIKE: f64 = 1.0 / 3.0;
 
 /// The readings that stand alone, each with the value that its neighbours say.
-pub(super) fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
+pub(crate) fn lone_readings(signal: &[f64]) -> Vec<(usize, f64)> {
     if signal.len() < 9 {
         return Vec::new();
     }

@@ -32,16 +32,20 @@ mod resample;
 mod stamps;
 #[cfg(any(feature = "mat", feature = "mcap"))]
 mod stored;
+mod survey;
 mod table;
 mod unit;
 
 pub use assumption::{Assumption, Separator};
 pub use error::{Adjustment, LogError, UnitMismatch};
 pub use fingerprint::fingerprint;
+#[cfg(feature = "interpret")]
+pub(crate) use lone::lone_readings;
 pub use options::{Domain, LogOptions, Refine};
 pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
 pub use read::{Log, Rates};
 pub use recording::Recording;
-pub use report::{Cut, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
+pub use report::{Cut, Jitter, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
 pub use resample::InterpolationError;
+pub use survey::{Role, Survey, Surveyed, Unread};

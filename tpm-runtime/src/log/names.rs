@@ -138,6 +138,52 @@ impl Names<'_> {
         Ok(Plan { time, places, optional: also, assumptions })
     }
 
+    /// Settles where the time stands, and takes every other column for a signal of the column's own name and unit, but for those that are
+    /// left out. Factors and offsets are by these names; only the time may be said to stand in a column of another name.
+    ///
+    /// # Errors
+    /// [`LogError`] for a time that is missing or ambiguous, or a setting of an unknown name.
+    pub(super) fn settle_all(&self, left_out: &[String]) -> Result<(Plan, Vec<Signal>), LogError> {
+        let names: Vec<String> = self.header.iter().map(|column| column.text.clone()).collect();
+        let unknown = |adjustment: Adjustment, name: &String| LogError::UnknownColumn {
+            adjustment,
+            name: name.clone(),
+            available: names.clone(),
+        };
+        if let Some(name) = self.options.map.keys().find(|name| *name != TIME) {
+            return Err(unknown(Adjustment::Column, name));
+        }
+        for (adjustment, values) in
+            [(Adjustment::Scale, &self.options.scale), (Adjustment::Offset, &self.options.offset)]
+        {
+            for (name, &value) in values {
+                if !(names.contains(name) || name == TIME && adjustment == Adjustment::Scale) {
+                    return Err(unknown(adjustment, name));
+                }
+                check_value(adjustment, name, value)?;
+            }
+        }
+        let mut assumptions = Vec::new();
+        let time = self.time(&mut assumptions)?;
+        let of_time = |index: usize| match &time {
+            Time::One { index: one, .. } => *one == index,
+            Time::Two { seconds, fractions, .. } => [*seconds, *fractions].contains(&index),
+        };
+        let (mut signals, mut optional) = (Vec::new(), Vec::new());
+        for index in (0..names.len()).filter(|index| !of_time(*index) && !left_out.contains(&names[*index])) {
+            let name = &names[index];
+            let (_, in_name, bracketed) = split_unit(name);
+            let beside = self.header[index].unit.as_deref().filter(|unit| !unit.is_empty());
+            let scaled = self.options.scale.contains_key(name);
+            let unit = beside.or(in_name.filter(|unit| bracketed || unit_of(unit).is_some())).filter(|_| !scaled);
+            signals.push(Signal { name: name.clone(), unit: unit.map(str::to_owned) });
+            let factor = self.options.scale.get(name).copied().unwrap_or(1.0);
+            let offset = self.options.offset.get(name).copied().unwrap_or(0.0);
+            optional.push(Some(Place { index, factor, offset }));
+        }
+        Ok((Plan { time, places: Vec::new(), optional, assumptions }, signals))
+    }
+
     /// The column that is looked for as a signal.
     fn wanted<'a>(&'a self, signal: &'a str) -> &'a str {
         self.options.map.get(signal).map_or(signal, String::as_str)
@@ -453,11 +499,16 @@ fn check_names(signals: &[String], options: &LogOptions) -> Result<(), LogError>
             if !(signals.contains(name) || name == TIME && adjustment == Adjustment::Scale) {
                 return Err(unknown(adjustment, name));
             }
-            let backwards = name == TIME && value < 0.0;
-            if !value.is_finite() || (adjustment == Adjustment::Scale && value == 0.0) || backwards {
-                return Err(LogError::Unusable { adjustment, name: name.clone(), value });
-            }
+            check_value(adjustment, name, value)?;
         }
+    }
+    Ok(())
+}
+
+fn check_value(adjustment: Adjustment, name: &str, value: f64) -> Result<(), LogError> {
+    let backwards = name == TIME && value < 0.0;
+    if !value.is_finite() || (adjustment == Adjustment::Scale && value == 0.0) || backwards {
+        return Err(LogError::Unusable { adjustment, name: name.into(), value });
     }
     Ok(())
 }

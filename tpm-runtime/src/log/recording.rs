@@ -10,10 +10,11 @@ use crate::log::format::open_columns;
 use crate::log::names::Signal;
 use crate::log::options::LogOptions;
 use crate::log::read::{LEAST, Log, jitter, open_file, rate_signals, signals};
-use crate::log::report::{Cut, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
+use crate::log::report::{Cut, Jitter, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
 use crate::log::resample::{InterpolationError, interpolation_error, on_grid, readings_before, rougher_at_stamps};
 use crate::log::stamps::{DRIFT, Stamps, Uneven};
 use crate::log::table::{Hole, Table};
+use crate::numerics::root_mean_square;
 use std::format;
 use std::io::Read;
 use std::ops::Range;
@@ -89,7 +90,7 @@ impl Recording {
         let mut columns = open_columns(input, name)?;
         let table = Table::read(&mut *columns, name, signals, rates, options)?;
         drop(columns);
-        Self::of(table, signals, rates)
+        Self::of(table, rates, |table| table.constant(signals).map_or(Ok(()), Err))
     }
 
     /// Number of samples in all segments.
@@ -104,8 +105,12 @@ impl Recording {
         self.len() == 0
     }
 
-    /// Splits a table where readings are missing or time jumps.
-    fn of(mut table: Table, signals: &[Signal], rates: &[Signal]) -> Result<Self, LogError> {
+    /// Splits a table where readings are missing or time jumps; `check` may refuse what it holds.
+    pub(super) fn of(
+        mut table: Table,
+        rates: &[Signal],
+        check: impl FnOnce(&Table) -> Result<(), LogError>,
+    ) -> Result<Self, LogError> {
         let rows = table.time.len() + table.holes.iter().map(|hole| hole.rows).sum::<usize>();
         if table.holes.is_empty() && table.time.len() < LEAST {
             return Err(LogError::TooShort {
@@ -127,9 +132,7 @@ impl Recording {
         if good.is_empty() {
             return Err(no_segment(&table, rows, &pieces));
         }
-        if let Some(constant) = table.constant(signals) {
-            return Err(constant);
-        }
+        check(&table)?;
         let mut report =
             ReadingReport { rows, assumptions: std::mem::take(&mut table.assumptions), ..Default::default() };
         report.left_out = left_out(&table, &pieces);
@@ -139,6 +142,7 @@ impl Recording {
         let grid = Grid::of(&table, &ranges);
         let sample_time = grid.step * table.factor;
         report.uneven = grid.uneven;
+        report.jitter = jitter_of(&table.time, &ranges, grid.step);
         let logs = if grid.resampled { resampled(&table, &ranges, grid.step) } else { stretches(&mut table, &ranges) };
         let segments: Vec<Log> = logs.into_iter().map(|log| Log { sample_time, ..log }).collect();
         for ((log, start), (_, cut)) in segments.iter().zip(starts).zip(&good) {
@@ -279,13 +283,17 @@ impl Grid {
             .sum();
         let resampled = !(near && rougher >= 0.0);
         let step = if resampled { step } else { fitted };
-        let steps = || segments.iter().flat_map(|range| table.time[range.clone()].windows(2).map(|w| w[1] - w[0]));
-        let rms = (steps().map(|own| (own / step - 1.0).powi(2)).sum::<f64>() / intervals as f64).sqrt();
-        let largest = steps().map(|own| (own / step - 1.0).abs()).fold(0.0, f64::max);
+        let Jitter { rms, largest } = jitter_of(&table.time, segments, step);
         let errors = if resampled { errors(table, segments) } else { Vec::new() };
         let uneven = Unevenness { rms, largest, resampled, sample_time: step * table.factor, interpolation: errors };
         Grid { step, uneven: Some(uneven), resampled }
     }
+}
+
+/// By how much the steps of segments are off an even step.
+fn jitter_of(time: &[f64], segments: &[Range<usize>], step: f64) -> Jitter {
+    let off = || segments.iter().flat_map(|range| time[range.clone()].windows(2).map(|w| (w[1] - w[0]) / step - 1.0));
+    Jitter { rms: root_mean_square(off()), largest: off().map(f64::abs).fold(0.0, f64::max) }
 }
 
 /// The step of the grids through the stamps of all segments, by least squares.

@@ -144,6 +144,15 @@ impl fmt::Display for Unevenness {
     }
 }
 
+/// By how much the steps of time stamps are off the sample time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Jitter {
+    /// Root mean square, as a share of the sample time.
+    pub rms: f64,
+    /// Largest, as a share of the sample time.
+    pub largest: f64,
+}
+
 /// What was assumed in reading a record, how it was split, and what was left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -160,6 +169,8 @@ pub struct ReadingReport {
     pub uneven: Option<Unevenness>,
     /// The only segment that was used, from 0; nothing where all were.
     pub used: Option<usize>,
+    /// By how much the steps of all segments are off the sample time. It is no part of the report as it is serialised.
+    pub jitter: Jitter,
 }
 
 impl ReadingReport {

@@ -73,13 +73,18 @@ impl Table {
     ) -> Result<Self, LogError> {
         let names = Names { path, header: columns.header(), line: columns.header_line(), options };
         let plan = names.settle(signals, rates)?;
+        Self::of(columns, path, plan)
+    }
+
+    /// Reads the columns of a plan.
+    fn of(columns: &mut dyn Columns, path: &str, plan: Plan) -> Result<Self, LogError> {
         let mut table = Table {
             path: path.into(),
             header_line: columns.header_line(),
             time: Vec::new(),
             factor: 1.0,
             resolution: Resolution::default(),
-            channels: vec![Vec::new(); signals.len()],
+            channels: vec![Vec::new(); plan.places.len()],
             rates: plan.optional.iter().map(|place| place.as_ref().map(|_| Vec::new())).collect(),
             lines: Vec::new(),
             holes: Vec::new(),
@@ -96,6 +101,63 @@ impl Table {
         table.assumptions.extend(plan.assumptions);
         table.settle_time(&plan.time)?;
         Ok(table)
+    }
+
+    /// Reads every column but those that are left out, and says which signal each channel holds. Columns that are empty in most rows are
+    /// named apart: they are no channels.
+    ///
+    /// # Errors
+    /// [`LogError`] when there is no time, or a row cannot be read.
+    pub(super) fn read_all(
+        columns: &mut dyn Columns,
+        path: &str,
+        left_out: &[String],
+        options: &LogOptions,
+    ) -> Result<(Self, Vec<Signal>, Vec<String>), LogError> {
+        let names = Names { path, header: columns.header(), line: columns.header_line(), options };
+        let (plan, signals) = names.settle_all(left_out)?;
+        let mut table = Self::of(columns, path, plan)?;
+        let rows = table.time.len();
+        let mut kept = Vec::new();
+        let (mut empty, mut places) = (Vec::new(), Vec::new());
+        for (at, (signal, values)) in signals.into_iter().zip(std::mem::take(&mut table.rates)).enumerate() {
+            let values = values.unwrap_or_default();
+            if 2 * values.iter().filter(|value| value.is_finite()).count() > rows {
+                kept.push(signal);
+                table.channels.push(values);
+                places.push(at);
+            } else {
+                empty.push(signal.name);
+            }
+        }
+        let stamps = table.columns.len() - kept.len() - empty.len();
+        let names = places.iter().map(|at| table.columns[stamps + at].clone());
+        table.columns = table.columns[..stamps].iter().cloned().chain(names).collect();
+        table.leave_out_missing(stamps);
+        Ok((table, kept, empty))
+    }
+
+    /// Takes the rows in which a channel has no number out of the table; `stamps` columns are those of the time.
+    fn leave_out_missing(&mut self, stamps: usize) {
+        if self.channels.iter().all(|channel| channel.iter().all(|value| value.is_finite())) {
+            return;
+        }
+        let (time, lines) = (std::mem::take(&mut self.time), std::mem::take(&mut self.lines));
+        let channels: Vec<Vec<f64>> = self.channels.iter_mut().map(std::mem::take).collect();
+        let mut holes = std::mem::take(&mut self.holes).into_iter().peekable();
+        for (row, (t, line)) in time.iter().zip(&lines).enumerate() {
+            while let Some(hole) = holes.next_if(|hole| hole.before <= row) {
+                self.holes.push(Hole { before: self.time.len(), ..hole });
+            }
+            if let Some(missing) = channels.iter().position(|channel| !channel[row].is_finite()) {
+                self.miss(*line, stamps + missing);
+                continue;
+            }
+            self.time.push(*t);
+            self.lines.push(*line);
+            self.channels.iter_mut().zip(&channels).for_each(|(to, from)| to.push(from[row]));
+        }
+        self.holes.extend(holes.map(|hole| Hole { before: self.time.len(), ..hole }));
     }
 
     fn fill(&mut self, columns: &mut dyn Columns, plan: &Plan) -> Result<(), LogError> {

@@ -33,6 +33,17 @@ pub enum Remedy {
         #[serde(serialize_with = "displayed")]
         hold: Hold,
     },
+    /// State that an input's force lags behind its recorded value by this time.
+    InputDelay {
+        /// The input, as the model names it.
+        input: String,
+        /// The time, ns.
+        nanoseconds: u64,
+    },
+    /// Use every sample in the time domain, even of a record that repeats.
+    TimeDomain,
+    /// Use the harmonics of the longest stretch that repeats, even of a record with gaps.
+    HarmonicsOfOneStretch,
     /// Use the harmonics up to this one.
     Harmonics {
         /// The highest harmonic.

@@ -52,7 +52,7 @@ pub(super) fn stretches<'a>(
 }
 
 /// Most samples that are low-passed; of a longer record it is blocks, evenly spread over it.
-const MOST_SAMPLES: usize = 1 << 20;
+pub(super) const MOST_SAMPLES: usize = 1 << 20;
 /// Number of such blocks.
 const BLOCKS: usize = 16;
 

@@ -14,7 +14,8 @@
 //! Whatever the data are, the result is one [`Identification`]: parameters with standard deviations, the physical parameters
 //! behind lumped ones, what the data do not show, warnings, and what has to be the same for the result to come out the same again.
 //! [`from_log`] takes a log, [`on_simulated_plant`] an experiment with a simulated machine, [`on_machine`] an experiment and whoever
-//! plays its runs; a [`Session`] is for those who want the steps one by one.
+//! plays its runs; a [`Session`] is for those who want the steps one by one. [`inspect`](fn@inspect) and [`inspect_for`] look at a log before
+//! anything is identified from it.
 
 mod agreeing;
 mod any_log;
@@ -29,6 +30,7 @@ mod folder;
 mod found;
 mod identification;
 mod identify;
+mod inspect;
 mod live;
 mod log;
 mod log_report;
@@ -61,6 +63,10 @@ pub use excite::{ExcitationRequest, ExciteError, ExcitedRun};
 pub use folder::{CampaignFolder, NextRun, NextStep, Submission};
 pub use identification::{Identification, LogFingerprint, Provenance, READABLE_SCHEMAS, SCHEMA, Source};
 pub use identify::identify_log;
+pub use inspect::{
+    ChannelReport, End, Finding, Inspection, Lone, Plateau, Relation, RelationKind, Repeats, Rest, Sampling, inspect,
+    inspect_for,
+};
 pub use log_report::{ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, Way};
 pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};

@@ -133,6 +133,19 @@ pub(super) fn repeating(
     coordinates: usize,
     options: &LogOptions,
 ) -> Result<Option<(Periodic, Spectra)>, LogError> {
+    let periodic = repeating_part(log, coordinates, options)?;
+    periodic.map(|periodic| spectra_of(periodic, log, coordinates, options)).transpose()
+}
+
+/// The part of a log that repeats; nothing where it is less than half of the log, or a single period that does not close.
+///
+/// # Errors
+/// [`LogError`] when a setting does not fit the log, or noise drowns the motion.
+pub(super) fn repeating_part(
+    log: &Log,
+    coordinates: usize,
+    options: &LogOptions,
+) -> Result<Option<Periodic>, LogError> {
     if options.from_sample.is_none() && options.period.is_none() && log.len() > 2 * LONGEST {
         // Nothing repeats before the end of a log that does not repeat at its end.
         let tail: Vec<Vec<f64>> = log.channels.iter().map(|channel| channel[log.len() - LONGEST..].to_vec()).collect();
@@ -157,7 +170,7 @@ pub(super) fn repeating(
     if rest || periodic.periods == 1 && !closes(log, coordinates, &periodic) {
         return Ok(None);
     }
-    spectra_of(periodic, log, coordinates, options).map(Some)
+    Ok(Some(periodic))
 }
 
 /// Whether a part of a log repeats.

@@ -13,19 +13,24 @@
 //! - Residuals are correlated in time; deviations count that.
 //!
 //! ```text
-//! low_pass, transform -> motion (positions and rates, noise, highest frequency) -> equations (of one band) -> fit -> band (which one); predict
+//! low_pass, transform -> motion (positions and rates, noise, highest frequency) -> equations (of one band) -> fit -> band (which one); predict; shift
 //! ```
 
 mod band;
+mod bands;
 mod equations;
 mod fit;
 mod low_pass;
 mod motion;
 mod predict;
+mod shift;
 #[cfg(test)]
 mod tests;
 mod transform;
 
 pub use band::{BandReport, TimeDomain, estimate_time_domain};
+#[cfg(feature = "interpret")]
+pub(crate) use bands::Swiftness;
 pub use motion::{Stretch, TimeRecord};
 pub use predict::{Missed, Prediction, predict_in_band};
+pub use shift::{InputShift, input_shift};

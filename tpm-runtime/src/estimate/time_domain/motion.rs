@@ -1,10 +1,10 @@
 //! A record by its frequencies: positions and rates in one, the noise of the sensors, and how fast the machine moves.
 
 use crate::estimate::error::EstimateError;
+use crate::estimate::sensor::Sensor;
+use crate::estimate::time_domain::bands::Bands;
 use crate::estimate::time_domain::transform::{Transform, quick};
-use crate::numerics::differences::white_noise;
-use crate::numerics::root_mean_square;
-use crate::run::{Dynamics, step};
+use crate::run::Dynamics;
 use num_complex::Complex;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -14,12 +14,6 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 
-/// Ratio of the ends of a band of frequencies over which power is averaged.
-const BAND: f64 = 1.15;
-/// Power beside that of the noise at which a band of many frequencies holds motion, and what one frequency alone needs more.
-const MOTION: (f64, f64) = (2.0, 8.0);
-/// Least noise of a sensor, as a share of its root mean square: rounding of numbers that a file holds.
-const ROUNDING: f64 = 1e-9;
 /// Seed of the noise by which the information of noise is measured.
 const SEED: u64 = 0x74_706d;
 
@@ -78,66 +72,6 @@ pub(super) struct Motion {
     pub(super) rate_gains: Vec<Option<f64>>,
 }
 
-/// A sensor's noise, and the step of its values.
-fn sensor(signals: &[&[f64]]) -> (f64, f64) {
-    let count = signals.iter().map(|signal| signal.len()).sum::<usize>().max(1) as f64;
-    let power: f64 = signals.iter().map(|signal| white_noise(signal).powi(2) * signal.len() as f64).sum();
-    let size = root_mean_square(signals.iter().flat_map(|signal| signal.iter().copied()));
-    let steps = signals.iter().map(|signal| step(signal));
-    let step = if steps.clone().all(|step| step > 0.0) { steps.fold(f64::INFINITY, f64::min) } else { 0.0 };
-    ((power / count).sqrt().max(step / 12.0_f64.sqrt()).max(ROUNDING * size), step)
-}
-
-/// A spectrum of power over all stretches, in bands.
-struct Bands {
-    /// Upper end (rad/s), power, power that white noise of deviation one would have, and number of frequencies.
-    bands: Vec<(f64, f64, f64, f64)>,
-}
-
-impl Bands {
-    fn of(signals: &[&[f64]], sample_time: f64) -> Self {
-        let longest = signals.iter().map(|signal| signal.len()).max().unwrap_or(2).max(2);
-        let lowest = 2.0 * PI / (longest as f64 * sample_time);
-        let count = ((PI / sample_time / lowest).ln() / BAND.ln()).ceil().max(1.0) as usize + 1;
-        let mut bands: Vec<(f64, f64, f64, f64)> =
-            (1..=count).map(|i| (lowest * BAND.powi(i as i32), 0.0, 0.0, 0.0)).collect();
-        for signal in signals.iter().filter(|signal| signal.len() > 2) {
-            let samples = signal.len();
-            let mean = signal.iter().sum::<f64>() / samples as f64;
-            // Without a window the ends of a motion that does not close would pass for high frequencies.
-            let hann = |k: usize| 0.5 - 0.5 * (2.0 * PI * (k as f64 + 0.5) / samples as f64).cos();
-            let windowed: Vec<f64> = signal.iter().enumerate().map(|(k, x)| (x - mean) * hann(k)).collect();
-            let points = quick(samples);
-            let mut padded = windowed;
-            padded.resize(points, 0.0);
-            let transform = Transform::new(&padded, points, sample_time);
-            let spacing = transform.spacing();
-            for (k, power) in transform.powers().enumerate().skip(1) {
-                let at = ((k as f64 * spacing / lowest).ln() / BAND.ln()).max(0.0) as usize;
-                let band = &mut bands[at.min(count - 1)];
-                band.1 += power;
-                band.2 += 0.375 * samples as f64;
-                band.3 += 1.0;
-            }
-        }
-        Bands { bands }
-    }
-
-    /// Highest frequency at which there is more than white noise of a deviation, rad/s.
-    fn highest(&self, white: f64) -> f64 {
-        let stands_out = |&&(_, power, unit, count): &&(f64, f64, f64, f64)| {
-            count > 0.0 && power > (MOTION.0 + MOTION.1 / count.sqrt()) * white * white * unit
-        };
-        self.bands.iter().rev().find(stands_out).or(self.bands.first()).map_or(0.0, |band| band.0)
-    }
-
-    /// Mean square of the signal and of its rate, but for a factor, up to a frequency.
-    fn moments(&self, highest: f64) -> (f64, f64) {
-        let own = self.bands.iter().filter(|band| band.0 <= highest * BAND);
-        own.fold((0.0, 0.0), |(position, rate), band| (position + band.1, rate + band.1 * band.0 * band.0 / BAND))
-    }
-}
-
 impl Motion {
     /// Transforms a record.
     ///
@@ -150,8 +84,10 @@ impl Motion {
         let rates = |c: usize| -> Option<Vec<&[f64]>> {
             record.stretches.iter().map(|stretch| stretch.rates.get(c).copied().flatten()).collect()
         };
-        let (white, steps): (Vec<f64>, Vec<f64>) = (0..coordinates).map(|c| sensor(&of(c))).unzip();
-        let rate_noise: Vec<Option<f64>> = (0..coordinates).map(|c| rates(c).map(|rates| sensor(&rates).0)).collect();
+        let (white, steps): (Vec<f64>, Vec<f64>) =
+            (0..coordinates).map(|c| Sensor::of(&of(c))).map(|sensor| (sensor.noise, sensor.step)).unzip();
+        let rate_noise: Vec<Option<f64>> =
+            (0..coordinates).map(|c| rates(c).map(|rates| Sensor::of(&rates).noise)).collect();
         let bands: Vec<Bands> = (0..coordinates).map(|c| Bands::of(&of(c), record.sample_time)).collect();
         let highest: Vec<f64> = bands.iter().zip(&white).map(|(bands, white)| bands.highest(*white)).collect();
         let moments = bands.iter().zip(&highest).map(|(bands, highest)| bands.moments(*highest));

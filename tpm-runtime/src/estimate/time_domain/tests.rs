@@ -1,7 +1,7 @@
 //! Records whose truth is known, in the time domain alone.
 
 use crate::estimate::settings::{Frozen, Settings};
-use crate::estimate::time_domain::{Stretch, TimeDomain, TimeRecord, estimate_time_domain};
+use crate::estimate::time_domain::{InputShift, Stretch, TimeDomain, TimeRecord, estimate_time_domain, input_shift};
 use crate::estimate::verdict::Status;
 use crate::numerics::root_mean_square;
 use crate::test_models::MassSpringDrag;
@@ -163,4 +163,28 @@ fn a_held_parameter_stays() {
     let found = estimate(&[&played(20.0, sweep)], false, &settings);
     assert_eq!((found.estimate.values[0], found.estimate.status[0]), (2.2, Status::Frozen));
     assert!(found.estimate.residual > 1e-3);
+}
+
+/// The shift that is found of an input that is recorded so much before it acts.
+fn shift(delay: f64, motion: impl Fn(f64) -> [f64; 3]) -> Option<InputShift> {
+    let [x, v, _] = noisy(&played(20.0, &motion), [1e-3, 0.0, 0.0], 11);
+    let [_, _, early] = noisy(&played(20.0, |t| motion(t + delay)), [0.0, 0.0, 0.05], 12);
+    let signals = [x, v, early];
+    let record = TimeRecord {
+        sample_time: SAMPLE_TIME,
+        hold: Hold::None,
+        actuators: &[],
+        stretches: vec![stretch(&signals, false)],
+    };
+    input_shift(&MassSpringDrag, None, &[], &record, &Settings::default()).expect("a record")
+}
+
+#[test]
+fn the_delay_of_an_input_is_told_to_a_part_of_a_sample() {
+    for delay in [0.0, 0.5 * SAMPLE_TIME, 3.3 * SAMPLE_TIME, -2.0 * SAMPLE_TIME, 0.05] {
+        let found = shift(delay, sweep).expect("told");
+        assert!((found.delay - delay).abs() < 0.2 * SAMPLE_TIME, "{delay}: {found:?}");
+        assert!((found.delay - delay).abs() < 4.0 * found.deviation + 1e-5, "{delay}: {found:?}");
+        assert!(found.deviation < 0.2 * SAMPLE_TIME && found.left_shifted <= found.left, "{found:?}");
+    }
 }

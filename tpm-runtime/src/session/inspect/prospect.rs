@@ -1,0 +1,64 @@
+//! What identification would make of a record.
+
+use crate::estimate::{Differentiable, InputShift, Settings, TimeRecord, input_shift};
+use crate::log::{Log, LogError, LogOptions, Recording};
+use crate::session::any_log::{MOST_SAMPLES, stretches};
+use crate::session::excerpt::blocks;
+use crate::session::identify::identify_segments;
+use crate::session::log_report::LogReport;
+use crate::session::warning::Warning;
+use std::vec::Vec;
+use tpm_core::model::Model;
+
+/// Blocks of a long record in which the shift of the inputs is looked for, and the samples of all of them.
+const BLOCKS: (usize, usize) = (8, MOST_SAMPLES / 8);
+
+/// What identification would make of a record.
+pub(super) struct Prospect {
+    /// How it would use the record and what it would warn of, or why it would refuse it.
+    pub(super) outcome: Result<(LogReport, Vec<Warning>), LogError>,
+    /// The time between inputs and motion; nothing where it is not told.
+    pub(super) shift: Option<InputShift>,
+}
+
+/// Identifies a model from a record, whose single wrong readings are replaced first as identification does.
+pub(super) fn prospect(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    recording: &mut Recording,
+    options: &LogOptions,
+) -> Prospect {
+    let coordinates = model.dims().coordinates;
+    for log in &mut recording.segments {
+        log.mend(coordinates);
+    }
+    let segments: Vec<&Log> = recording.segments.iter().collect();
+    let shift = shift(model, machine, &segments, options);
+    let outcome = identify_segments(model, machine, &segments, options)
+        .and_then(|found| found.log.map(|log| (log, found.warnings)).ok_or_else(nothing));
+    Prospect { outcome, shift }
+}
+
+fn nothing() -> LogError {
+    LogError::Estimate { path: Default::default(), source: crate::estimate::EstimateError::NoSignal }
+}
+
+fn shift(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    options: &LogOptions,
+) -> Option<InputShift> {
+    let stretches = stretches(segments, model.dims().coordinates, options).ok()?;
+    let samples: usize = segments.iter().map(|log| log.len()).sum();
+    let stretches = if samples > BLOCKS.1 { blocks(&stretches, BLOCKS.0, BLOCKS.1 / BLOCKS.0) } else { stretches };
+    let record = TimeRecord {
+        sample_time: segments.first()?.sample_time,
+        hold: options.hold,
+        actuators: &options.actuators,
+        stretches,
+    };
+    let derivatives = machine.map(|machine| machine.derivatives);
+    let settings = Settings { frozen: options.frozen.clone(), ..Settings::default() };
+    input_shift(model, derivatives, &options.constants, &record, &settings).ok().flatten()
+}
