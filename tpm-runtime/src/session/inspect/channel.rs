@@ -74,7 +74,7 @@ pub struct ChannelReport {
     pub drift: Option<f64>,
     /// How long it stands still; nothing where it does not, where noise hides it, and for inputs.
     pub rest: Option<Rest>,
-    /// Share of readings, without those at rest, that repeat the one before; nothing where they are few, or the readings are counts.
+    /// Share of readings, without those at rest, that repeat the one before; nothing where they are few, for counts, and for inputs.
     pub repeated: Option<f64>,
     /// Levels at which it is cut off.
     pub plateaus: Vec<Plateau>,
@@ -157,7 +157,8 @@ fn to_and_fro(signal: &Signal<'_>, mean: f64, deviation: f64) -> f64 {
 /// Share of the readings that repeat the one before although the channel moves: it has changed behind them by more than a rounded channel
 /// does.
 fn repeated(signal: &Signal<'_>, still: &[Vec<Range<usize>>], report: &ChannelReport) -> Option<f64> {
-    if report.step.is_some() {
+    // An input may be held.
+    if report.step.is_some() || report.role == Role::Input {
         return None;
     }
     let changes = signal.parts.iter().flat_map(|part| part.values.windows(2).map(|pair| (pair[1] - pair[0]).abs()));

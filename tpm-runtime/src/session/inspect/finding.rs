@@ -538,9 +538,8 @@ impl fmt::Display for Finding {
             }
             Finding::Inputs { inputs, shifted: false, shift, sample_time, .. } => write!(
                 f,
-                "{} {} when recorded: any delay is {} +- {} samples",
+                "no delay is seen between {} and the motion: a shift of {} +- {} samples leaves least, and hardly less than none",
                 inputs.join(", "),
-                if inputs.len() == 1 { "acts" } else { "act" },
                 number(rounded(shift.delay / sample_time)),
                 number(rounded(shift.deviation / sample_time))
             ),

@@ -14,10 +14,14 @@ const SAME: f64 = 0.01;
 /// Share of noise in a channel's deviation up to which its period counts among others.
 const CLEAR: f64 = 0.01;
 /// Fewest periods from which drift is told from noise.
-const DRIFT_PERIODS: usize = 4;
+const DRIFT_PERIODS: usize = 6;
 /// Least multiple of the mean square difference of neighbouring periods that the first and the last period differ by when a channel
 /// drifts: noise makes both alike.
 const DRIFTS: f64 = 4.0;
+/// The same of the middle and the last period.
+const MIDDLE: f64 = 2.0;
+/// Largest mean square difference of neighbouring periods, as a share of the variance, of a channel that repeats.
+const ALIKE: f64 = 0.02;
 /// Least drift, as a share of the channel's deviation, that is reported.
 const LEAST_DRIFT: f64 = 0.002;
 
@@ -120,30 +124,37 @@ pub(super) fn find(
         channels: channels.map(|(signal, _)| signal.name.into()).collect(),
         segment,
     };
-    let of = |(signal, own): (&Signal<'_>, &Option<Periodic>)| {
-        own.as_ref().filter(|own| divides(own)).and_then(|_| drift(signal.part(segment)?.values, &common))
-    };
-    let drifts = signals.iter().zip(&alone).map(of).collect();
+    let drifts = signals.iter().map(|signal| drift(signal.part(segment)?.values, &common)).collect();
     Ok(Found { repeats: Some(repeats), periods, drifts })
 }
 
-/// How much a signal changes from the first period to the last one beyond what neighbouring periods differ by, as a share of its deviation.
+/// How much a signal changes from the first period of the record to the last one beyond what neighbouring periods differ by, as a share of
+/// its deviation.
+///
+/// Periods are counted back from the end of the part that repeats: a drift keeps the first ones out of that part. A transient at the
+/// beginning is over in the middle of the record.
 fn drift(signal: &[f64], periodic: &Periodic) -> Option<f64> {
-    let (length, count) = (periodic.samples_per_period, periodic.periods);
+    let length = periodic.samples_per_period;
+    let samples = length as usize;
+    let end = periodic.from as f64 + periodic.periods as f64 * length;
+    let count = (end / length + 1e-9) as usize;
     if count < DRIFT_PERIODS {
         return None;
     }
-    let samples = length as usize;
-    let begin = |period: usize| periodic.from + (period as f64 * length).round() as usize;
-    let square = |a: usize, b: usize| -> Option<f64> {
-        let (a, b) = (signal.get(begin(a)..begin(a) + samples)?, signal.get(begin(b)..begin(b) + samples)?);
-        Some(a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / samples as f64)
+    let period = |back: usize| -> Option<&[f64]> {
+        let begin = (end - back as f64 * length).max(0.0).round() as usize;
+        signal.get(begin..begin + samples)
     };
-    let near: Vec<f64> = (1..count).filter_map(|period| square(period - 1, period)).collect();
+    let square = |a: usize, b: usize| -> Option<f64> {
+        let pairs = period(a)?.iter().zip(period(b)?);
+        Some(pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / samples as f64)
+    };
+    let near: Vec<f64> = (2..=count).filter_map(|back| square(back, back - 1)).collect();
     let near = near.iter().sum::<f64>() / near.len().max(1) as f64;
-    let far = square(0, count - 1)?;
+    let (far, middle) = (square(count, 1)?, square(count.div_ceil(2), 1)?);
     let mean = signal.iter().sum::<f64>() / signal.len() as f64;
     let variance = signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / signal.len() as f64;
     let drift = ((far - near).max(0.0) / variance.max(f64::MIN_POSITIVE)).sqrt();
-    (far > DRIFTS * near && drift > LEAST_DRIFT).then_some(drift)
+    let repeats = near <= ALIKE * variance;
+    (repeats && far > DRIFTS * near && middle > MIDDLE * near && drift > LEAST_DRIFT).then_some(drift)
 }

@@ -165,6 +165,18 @@ fn stale_readings_and_lone_ones_are_found() {
 }
 
 #[test]
+fn drift_is_told_from_noise_and_from_a_transient() {
+    let steady = noisy(sampled(8000, motion), 1e-3, 9);
+    let settles = noisy(sampled(8000, |t| motion(t) * (1.0 + 0.2 * (-t / 0.5).exp())), 1e-3, 10);
+    let drifts = noisy(sampled(8000, |t| motion(t) * (1.0 + 0.1 * t / 16.0)), 1e-3, 8);
+    let found = inspected(&[("steady", steady), ("settles", settles), ("drifts", drifts)]);
+    let drift: Vec<Option<f64>> = found.channels.iter().map(|channel| channel.drift).collect();
+    // From the first to the last of ten periods it grows by nine tenths of a tenth.
+    assert!((drift[2].expect("drift") - 0.09).abs() < 0.02, "{drift:?}");
+    assert_eq!(drift[..2], [None, None]);
+}
+
+#[test]
 fn findings_name_what_to_do() {
     let found = inspected(&[("q", sampled(4000, sweep)), ("dead", std::vec![2.0; 4000])]);
     let remedies: Vec<Remedy> = found.findings.iter().flat_map(Finding::remedies).collect();
