@@ -134,8 +134,9 @@ impl Field for Rationals {
     }
 
     fn element(&self, word: u64) -> Rational {
-        let above = i64::try_from(word % 61).unwrap_or_default() + 1;
-        let below = i64::try_from((word >> 16) % 16).unwrap_or_default() + 1;
+        // Numbers grow with those that are drawn: at the end of a long arm by their product over all joints, squared.
+        let above = i64::try_from(word % 13).unwrap_or_default() + 1;
+        let below = i64::try_from((word >> 16) % 7).unwrap_or_default() + 1;
         ratio(if word >> 63 == 1 { -above } else { above }, below)
     }
 }
