@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use tpm_codegen::parse_value;
 use tpm_codegen::source::Source;
 use tpm_symbolic::mechanics::model::ExactModel;
@@ -42,6 +43,76 @@ pub(crate) fn factor_assignment(text: &str) -> Result<(String, f64), String> {
             "`{value}` is no finite number or expression of numbers and pi, such as 0.1, pi/180 or 2*pi/4096"
         )),
     }
+}
+
+/// Prior values as they are given on the command line.
+#[derive(Clone, Debug)]
+pub(crate) enum PriorArg {
+    /// The value of one parameter.
+    Value(String, f64),
+    /// A file with values of several parameters.
+    File(PathBuf),
+}
+
+impl PriorArg {
+    /// Parses NAME=VALUE, or the path of a TOML file.
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
+        if text.contains('=') {
+            return number_assignment(text).map(|(name, value)| Self::Value(name, value));
+        }
+        match Path::new(text).extension() {
+            Some(extension) if extension == "toml" => Ok(Self::File(PathBuf::from(text))),
+            _ => Err(format!("`{text}` is neither NAME=VALUE nor a file ending in .toml")),
+        }
+    }
+
+    /// The prior values by name: those of files, and single ones, which stand above those of files.
+    pub(crate) fn all(given: &[Self]) -> Result<BTreeMap<String, f64>, Failure> {
+        let mut of_files: BTreeMap<String, f64> = BTreeMap::new();
+        let mut single = Vec::new();
+        for prior in given {
+            match prior {
+                Self::Value(name, value) => single.push((name.clone(), *value)),
+                Self::File(path) => {
+                    for (name, value) in prior_file(path)? {
+                        if of_files.insert(name.clone(), value).is_some() {
+                            let place = path.display();
+                            return Err(Failure::Input(format!("{place}: another --prior file gives `{name}` too")));
+                        }
+                    }
+                }
+            }
+        }
+        of_files.extend(once("--prior", &single)?);
+        Ok(of_files)
+    }
+}
+
+/// The values of a prior file: `NAME = VALUE` lines, as `tpm import` writes them, or those of the table `[prior]` of an experiment.
+fn prior_file(path: &Path) -> Result<BTreeMap<String, f64>, Failure> {
+    let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+    let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
+    let whole: toml::Table =
+        text.parse().map_err(|error: toml::de::Error| at(error.to_string().trim_end().to_owned()))?;
+    let table = match whole.get("prior") {
+        Some(toml::Value::Table(prior)) => prior,
+        _ => &whole,
+    };
+    let number = |(name, value): (&String, &toml::Value)| {
+        let number = match value {
+            toml::Value::Float(number) => Some(*number),
+            toml::Value::Integer(number) => Some(*number as f64),
+            _ => None,
+        };
+        match number.filter(|number| number.is_finite()) {
+            Some(number) => Ok((name.clone(), number)),
+            None => Err(at(format!("`{name}` is no finite number: a prior file has lines such as `m_link = 1.5`"))),
+        }
+    };
+    if table.is_empty() {
+        return Err(at("the file has no prior values: lines such as `m_link = 1.5`".to_owned()));
+    }
+    table.iter().map(number).collect()
 }
 
 /// Assignments by name; a repeated name is an error.

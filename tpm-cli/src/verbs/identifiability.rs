@@ -242,7 +242,8 @@ fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Stri
         text.push_str("\nbase parameters\n");
         for one in base {
             let rest = if one.plus.is_empty() { String::new() } else { format!(" + {}", sum(&one.plus)) };
-            let _ = writeln!(text, "  {}{rest}", one.parameter);
+            let band = one.harmonics_up_to.map(|harmonic| format!("   harmonics up to {harmonic}")).unwrap_or_default();
+            let _ = writeln!(text, "  {}{rest}{band}", one.parameter);
         }
     }
     if let Some(physical) =

@@ -1,7 +1,7 @@
 //! `tpm identify`: parameters with standard deviations, from a log or from experiments on a simulated plant.
 
 use crate::failure::{Failure, Outcome};
-use crate::input::assignments::{number_assignment, once};
+use crate::input::assignments::{PriorArg, number_assignment, once};
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::log::LogArgs;
 use crate::interrupt;
@@ -27,9 +27,10 @@ pub(crate) struct Args {
     log: Vec<PathBuf>,
     #[command(flatten)]
     reading: LogArgs,
-    /// Prior value of a parameter: what an unobservable direction keeps; of a physical one: where the search starts.
-    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
-    prior: Vec<(String, f64)>,
+    /// Prior value of a parameter: what an unobservable direction keeps; of a physical one: where the search starts. Or a file of such
+    /// values, as `tpm import` writes beside a model; values given singly stand above those of files.
+    #[arg(long, value_name = "NAME=VALUE|FILE.toml", requires = "log", value_parser = PriorArg::parse)]
+    prior: Vec<PriorArg>,
     /// Hold a parameter, or a physical one, at a value.
     #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
     freeze: Vec<(String, f64)>,
@@ -141,8 +142,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
             let requests: Result<Vec<LogRequest>, Failure> =
                 paths.iter().map(|path| args.reading.request(path, model.evaluated())).collect();
             let mut requests = requests?;
+            let prior = PriorArg::all(&args.prior)?;
             for request in &mut requests {
-                request.prior = once("--prior", &args.prior)?;
+                request.prior = prior.clone();
                 request.frozen = once("--freeze", &args.freeze)?;
                 request.bounds = args.bounds.by_name()?;
                 request.weights = args.weights.map_or_else(Weights::default, Weights::from);

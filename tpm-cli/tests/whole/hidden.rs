@@ -208,8 +208,27 @@ fn gravity_that_was_not_shown_is_no_number() {
     // A prior that was stated is used, and said to be one.
     assert_eq!(tpm_in(at, &[&identify[..], &["--prior", "mgl=16.7"]].concat()).status.code(), Some(1));
     let result = json(at, "r.json");
-    let entry = parameter(&result, "mgl");
+    let entry = parameter(&result, "mgl").clone();
     assert!(entry["value"].is_null() && entry["prior"] == 16.7 && entry["with_prior"] == 16.7, "{entry}");
+    // A file of priors says the same; a value that is given singly stands above it.
+    write(at, "prior.toml", "# of a drawing\nmgl = 16.7\n");
+    for more in [&["--prior", "prior.toml"][..], &["--prior", "mgl=16.7", "--prior", "prior.toml"]] {
+        assert_eq!(tpm_in(at, &[&identify[..], more].concat()).status.code(), Some(1));
+        assert_eq!(*parameter(&json(at, "r.json"), "mgl"), entry);
+    }
+    for (text, named) in [
+        ("mgl = \"heavy\"\n", "`mgl` is no finite number"),
+        ("mgl = 16.7\nmgl = 3\n", "prior.toml"),
+        ("mgl = nan\n", "`mgl` is no finite number"),
+        ("# nothing\n", "no prior values"),
+        ("mlg = 16.7\n", "mlg"),
+    ] {
+        write(at, "prior.toml", text);
+        fails(at, &[&identify[..], &["--prior", "prior.toml"]].concat(), 2, &[named]);
+    }
+    fails(at, &[&identify[..], &["--prior", "mgl"]].concat(), 2, &["NAME=VALUE"]);
+    fails(at, &[&identify[..], &["--prior", "none.toml"]].concat(), 2, &["none.toml"]);
+    assert_eq!(tpm_in(at, &[&identify[..], &["--prior", "mgl=16.7"]].concat()).status.code(), Some(1));
     printed_in(at, &generate, 0);
     let header = std::fs::read_to_string(at.join("tilted.h")).expect("written").replace("\n * ", " ");
     assert!(header.contains("Prior, not identified: `mgl`"), "{header}");

@@ -65,6 +65,20 @@ fn any_motion_shows_the_base_parameters_of_an_arm() {
     let locked = all(&["--rest", "q2=0"]);
     let hidden = locked["unobservable"].as_array().expect("a list");
     assert!(hidden.iter().any(|name| name == "fv_q2") && locked["rank"].as_u64() == Some(8), "{locked}");
+    // Along a pattern the answer is numerical, and says for every base parameter which harmonics determine it.
+    let text = std::fs::read_to_string(root().join(arm)).expect("the shipped model");
+    let end = text.rfind('}').expect("the end of the model");
+    let pattern =
+        "pattern { amplitude A [rad], B [rad]; frequency w [rad/s]; q1 = rest_to_rest(A, w, 3); q2 = B*sin(2*w*t); }";
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("moved.tpm");
+    std::fs::write(&file, format!("{}{pattern}\n}}\n", &text[..end])).expect("written");
+    let moved = printed_in(&root(), &["identifiability", file.to_str().expect("plain"), "--json"], 1);
+    let moved: serde_json::Value = serde_json::from_str(&moved).expect("JSON");
+    assert_eq!((moved["method"].as_str(), moved["rank"].as_u64()), (Some("numerical"), Some(11)), "{moved}");
+    let bands: Vec<Option<u64>> =
+        moved["base"].as_array().expect("a list").iter().map(|one| one["harmonics_up_to"].as_u64()).collect();
+    assert!(bands.len() == 11 && bands.iter().all(|band| band.is_some_and(|band| band < 31)), "{moved}");
     fails(&["identifiability", arm, "--rest", "q3=0"], 2, &["no coordinate `q3`"]);
     fails(&["identifiability", "models/emps.tpm", "--rest", "q=0"], 2, &["--any-motion"]);
 }

@@ -303,3 +303,40 @@ fn faults_of_a_log_name_their_remedy() {
         "{said}"
     );
 }
+
+/// Six joints whose links weigh nothing in an orbit are at rest anywhere, and their mass matrix has no short inverse.
+#[test]
+fn arms_that_are_too_long_for_symbols_are_refused_at_once() {
+    let arm = |joints: usize, inertia: &str| {
+        let list = |of: &dyn Fn(usize) -> String| (1..=joints).map(of).collect::<Vec<_>>().join(", ");
+        let mut text = format!(
+            "model Arm {{ coordinate {}; input {}; mechanism {{ gravity (0, 0, 0);\n",
+            list(&|i| format!("q{i} [rad]")),
+            list(&|i| format!("tau{i} [N*m]"))
+        );
+        for i in 1..=joints {
+            let on = if i > 1 { format!(" on l{}", i - 1) } else { String::new() };
+            let axis = ["z", "y", "x"][i % 3];
+            text += &format!("body l{i}{on} {{ revolute q{i} about {axis} at (0.3, 0, 0.1); inertia {inertia}; }}\n");
+            text += &format!("drive q{i} by tau{i};\n");
+        }
+        text + "} }\n"
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: String| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).expect("a model");
+        path.display().to_string()
+    };
+    let began = std::time::Instant::now();
+    let (six, fourteen) = (write("six.tpm", arm(6, "parameters")), write("fourteen.tpm", arm(14, "parameters")));
+    let said = ["beyond 1e5", "hold joints that need not move", "known inertias"];
+    fails(&["linearize", &six], 2, &said);
+    fails(&["regulate", &six, "--sample-time", "0.001"], 2, &said);
+    fails(&["split", &fourteen], 2, &["up to 1e6", "hold joints that need not move"]);
+    // Known inertias are numbers.
+    let known = "mass 1.5 at (0.1, 0.02, 0) moments (0.02, 0, 0, 0.03, 0, 0.025)";
+    let found = json(&["linearize", &write("known.tpm", arm(6, known)), "--json"]);
+    assert_eq!(found["state"].as_array().map(Vec::len), Some(12), "{found}");
+    assert!(began.elapsed().as_secs() < 60, "{:?}", began.elapsed());
+}

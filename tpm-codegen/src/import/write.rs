@@ -103,7 +103,8 @@ fn placement(origin: &Origin) -> String {
     text
 }
 
-/// `NAME = VALUE` for every parameter of the model.
+/// `NAME = VALUE` for every parameter of the model that the description has a value for. A friction of zero in a description is one
+/// that nobody looked at, and nothing is said of rotors and offsets: they have no prior.
 fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
     let mut text = String::new();
     let mut line = |name: String, value: &Rational| {
@@ -118,13 +119,14 @@ fn prior(robot: &Robot, options: &Options, known: &BTreeSet<String>) -> String {
     }
     for (_, moving) in moving(robot) {
         for loss in losses(moving, options) {
-            let zero = Rational::zero();
             let value = match loss {
                 Loss::Viscous => &moving.damping,
                 Loss::Coulomb => &moving.friction,
-                Loss::Offset | Loss::Rotor => &zero,
+                Loss::Offset | Loss::Rotor => continue,
             };
-            line(parameter_name(loss.symbol(), &moving.coordinate), value);
+            if !value.is_zero() {
+                line(parameter_name(loss.symbol(), &moving.coordinate), value);
+            }
         }
     }
     text

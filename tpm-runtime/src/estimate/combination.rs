@@ -1,6 +1,6 @@
 //! What data show of parameters that they do not show one by one.
 
-use crate::estimate::information::reduced;
+use crate::estimate::information::set_apart;
 use crate::estimate::result::Estimate;
 use crate::estimate::verdict::Status;
 use crate::numerics::DVector;
@@ -21,12 +21,11 @@ pub struct Combination {
 
 impl Estimate {
     /// The base parameters among what the data do not show one by one: the fewest combinations from which all others that the
-    /// data show follow. The parameter with the largest component of an unobservable
-    /// direction leads none of them; it enters those of the others.
+    /// data show follow. The parameter that an unobservable direction has for itself leads none of them; it enters those of the others.
     #[must_use]
     pub fn combinations(&self) -> Vec<Combination> {
         let p = self.values.len();
-        let directions = reduced(self.unobservable.clone());
+        let directions = set_apart(self.unobservable.clone());
         let lead = |j: &usize| self.status[*j] == Status::Unobservable && directions.iter().all(|(own, _)| own != j);
         let of = |lead: usize| {
             let mut weights = DVector::zeros(p);

@@ -163,7 +163,7 @@ impl Scaled<'_> {
         let mut misfit = of.right().into_owned();
         misfit.gemv(-1.0, factor, &total, 1.0);
         let known = if shown.is_some() { hidden } else { &[] };
-        let unobservable = known.iter().cloned().chain(reduced(lost).iter().map(|(_, d)| self.raw(d))).collect();
+        let unobservable = known.iter().cloned().chain(beside_known(known, lost, scale)).collect();
         Solution {
             values: total.iter().zip(scale).map(|(t, s)| t / s).collect(),
             covariance,
@@ -207,11 +207,6 @@ impl Scaled<'_> {
         basis.map_or(Cow::Borrowed(&self.factor), |basis| Cow::Owned(&self.factor * basis))
     }
 
-    /// A direction of the scaled parameters as one of the parameters, its largest component one.
-    fn raw(&self, scaled: &[f64]) -> Vec<f64> {
-        raw(scaled, &self.scale)
-    }
-
     /// Which parameters belong to an unobservable direction.
     pub(super) fn touched(&self, unobservable: &[Vec<f64>]) -> Vec<bool> {
         touched(unobservable, &self.scale)
@@ -240,9 +235,32 @@ pub(super) fn touched(directions: &[Vec<f64>], scale: &[f64]) -> Vec<bool> {
 /// Another basis of the space that independent directions of about unit length span, by Gauss-Jordan elimination with full
 /// pivoting. Every direction has a component of its own, which is one there and zero in the others and is returned beside
 /// it, so that unrelated parameters stand in different directions.
-pub(crate) fn reduced(mut directions: Vec<Vec<f64>>) -> Vec<(usize, Vec<f64>)> {
-    let mut own = Vec::with_capacity(directions.len());
-    for done in 0..directions.len() {
+pub(crate) fn reduced(directions: Vec<Vec<f64>>) -> Vec<(usize, Vec<f64>)> {
+    eliminated(directions, Vec::new())
+}
+
+/// [`reduced`], where a direction that has a component of its own already keeps it: base parameters that are known exactly stay the
+/// combinations that they are.
+pub(crate) fn set_apart(mut directions: Vec<Vec<f64>>) -> Vec<(usize, Vec<f64>)> {
+    let mut own = Vec::new();
+    for index in 0..directions.len() {
+        let is_own = |column: usize| {
+            directions[index][column].abs() == 1.0
+                && directions.iter().enumerate().all(|(other, direction)| other == index || direction[column] == 0.0)
+        };
+        if let Some(column) = (0..directions[index].len()).rev().find(|&column| is_own(column)) {
+            let sign = directions[index][column];
+            directions[index].iter_mut().for_each(|entry| *entry *= sign);
+            directions.swap(own.len(), index);
+            own.push(column);
+        }
+    }
+    eliminated(directions, own)
+}
+
+/// Gauss-Jordan elimination with full pivoting behind the first directions, which have the columns `own` for themselves.
+fn eliminated(mut directions: Vec<Vec<f64>>, mut own: Vec<usize>) -> Vec<(usize, Vec<f64>)> {
+    for done in own.len()..directions.len() {
         let entries = directions.iter().enumerate().skip(done).flat_map(|(row, direction)| {
             direction.iter().enumerate().map(move |(column, entry)| (row, column, entry.abs()))
         });
@@ -278,8 +296,31 @@ fn inverse_of_full_rank(triangle: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     (regular && inverse.norm() * triangle.norm() * RANK_TOLERANCE < 1.0).then_some(inverse)
 }
 
+/// Directions of scaled parameters, which known directions do not span, as directions of the parameters themselves. Where a known
+/// direction has a component for itself they have none, so that known base parameters stay what they are.
+pub(super) fn beside_known(known: &[Vec<f64>], mut lost: Vec<Vec<f64>>, scale: &[f64]) -> Vec<Vec<f64>> {
+    if !lost.is_empty() {
+        for (own, direction) in set_apart(known.to_vec()) {
+            let lead = direction[own] * scale[own];
+            for other in &mut lost {
+                let share = other[own] / lead;
+                for ((entry, by), scale) in other.iter_mut().zip(&direction).zip(scale) {
+                    *entry -= share * by * scale;
+                }
+                other[own] = 0.0;
+            }
+        }
+        // Elimination takes directions of about unit length.
+        for direction in lost.iter_mut().filter(|_| !known.is_empty()) {
+            let length = direction.iter().map(|entry| entry * entry).sum::<f64>().sqrt();
+            direction.iter_mut().for_each(|entry| *entry /= length);
+        }
+    }
+    reduced(lost).iter().map(|(_, direction)| raw(direction, scale)).collect()
+}
+
 /// An orthonormal basis, in scaled parameters, of what is orthogonal to the hidden directions; nothing when there are none.
-fn beside(hidden: &[Vec<f64>], scale: &[f64]) -> Option<DMatrix<f64>> {
+pub(super) fn beside(hidden: &[Vec<f64>], scale: &[f64]) -> Option<DMatrix<f64>> {
     if hidden.is_empty() {
         return None;
     }

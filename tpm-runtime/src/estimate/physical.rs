@@ -348,10 +348,12 @@ impl Fixed {
                 }
             }
         }
+        // Sums of parameters ask for no search, and a bound that is reached along what the data do not show would pass for a value.
+        let sums = map.is_linear();
         let mut bounds = Vec::with_capacity(names.len());
         for &symbol in map.parameters() {
             let unit = prepared.model.quantity(symbol).unit.as_ref().map(Unit::to_string);
-            let natural = if unit.as_deref().is_some_and(is_mass) { 0.0 } else { f64::NEG_INFINITY };
+            let natural = if !sums && unit.as_deref().is_some_and(is_mass) { 0.0 } else { f64::NEG_INFINITY };
             let (low, high) = settings.bounds.get(map.name(symbol)).copied().unwrap_or((natural, f64::INFINITY));
             if !matches!(low.partial_cmp(&high), Some(std::cmp::Ordering::Less)) {
                 return Err(PhysicalError::EmptyBounds { name: map.name(symbol).to_string(), low, high });

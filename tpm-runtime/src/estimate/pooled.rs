@@ -91,7 +91,10 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
     };
     let whole = together(&mut parts.iter());
     let scaled = whole.scaled();
-    let solution = scaled.solve(&start, None, &[]);
+    let stated: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
+    let hidden: Vec<Vec<f64>> =
+        stated.iter().map(|direction| direction.iter().zip(&scale).map(|(d, scale)| d / scale).collect()).collect();
+    let solution = scaled.solve(&start, None, &hidden);
     let touched = scaled.touched(&solution.unobservable);
     let mut values = prior;
     let own: Vec<f64> = solution.values.iter().zip(&scale).map(|(value, scale)| value * scale).collect();
@@ -106,13 +109,18 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
             *status = Status::of(Evidence::Shown { value: values[j], std: verdict.std[j], felt: 0.0 }, POOR);
         }
     }
-    let unobservable: Vec<Vec<f64>> = (solution.unobservable.iter())
-        .map(|direction| {
+    // Known directions stay as they were stated.
+    let found = solution.unobservable.iter().enumerate();
+    let unobservable: Vec<Vec<f64>> = found
+        .map(|(index, direction)| {
+            if let Some(stated) = stated.get(index) {
+                return free.spread(stated);
+            }
             let raw: Vec<f64> = direction.iter().zip(&scale).map(|(d, scale)| d * scale).collect();
             free.spread(&largest_one(&raw))
         })
         .collect();
-    let condition = scaled.condition(&[]);
+    let condition = scaled.condition(&hidden);
     let contributions = (0..parts.len())
         .map(|i| {
             let others = together(&mut parts.iter().enumerate().filter(|(k, _)| *k != i).map(|(_, part)| part));
@@ -120,12 +128,12 @@ pub fn pool(estimates: &[&Estimate], settings: &Settings) -> Result<Pooled, Esti
                 / solution.rank.max(1) as f64;
             let own = parts[i].scaled();
             let rest = others.scaled();
-            let (one, other) = (own.solve(&start, None, &[]), rest.solve(&start, None, &[]));
-            let (hidden, missing) = (own.touched(&one.unobservable), rest.touched(&other.unobservable));
+            let (one, other) = (own.solve(&start, None, &hidden), rest.solve(&start, None, &hidden));
+            let (untold, missing) = (own.touched(&one.unobservable), rest.touched(&other.unobservable));
             let mut deviations = vec![None; parameters];
             for (at, &j) in free.indices.iter().enumerate() {
                 let variance = one.covariance[(at, at)] + other.covariance[(at, at)];
-                let told = estimates.len() > 1 && !hidden[at] && !missing[at] && variance > 0.0;
+                let told = estimates.len() > 1 && !untold[at] && !missing[at] && variance > 0.0;
                 deviations[j] = told.then(|| (one.values[at] - other.values[at]) / variance.sqrt());
             }
             Contribution { share, deviations }

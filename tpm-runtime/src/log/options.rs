@@ -39,6 +39,8 @@ pub struct LogOptions {
     pub prior: Vec<Option<f64>>,
     /// Parameters that are held at a value.
     pub frozen: Vec<Frozen>,
+    /// Directions in parameter space that no motion shows, known beforehand; noise seems to show them.
+    pub hidden: Vec<Vec<f64>>,
 }
 
 /// In which form the samples of a log become equations.

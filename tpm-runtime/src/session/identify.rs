@@ -49,6 +49,7 @@ pub(super) fn identify_segments(
         weights: options.weights,
         prior: options.prior.iter().map(|value| value.unwrap_or(0.0)).collect(),
         frozen: options.frozen.clone(),
+        hidden: options.hidden.clone(),
         ..Settings::default()
     };
     let whole = match segments {

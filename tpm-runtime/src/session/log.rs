@@ -21,6 +21,9 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::Model;
+use tpm_symbolic::number::rational::{Rational, to_f64};
+use tpm_symbolic::regressor::base_parameters::{Motions, base_parameters};
+use tpm_symbolic::regressor::prepare::Prepared;
 
 /// A log to identify from, and what is known about it. Every setting is by the model's names and in its units.
 ///
@@ -218,7 +221,13 @@ pub fn from_logs<R: Into<LogRequest>>(
     }
     let derivatives = declared.as_deref().map(DeclaredModel::derivatives);
     let machine = derivatives.as_ref().map(|derivatives| Differentiable { model: evaluated, derivatives });
-    let known = first.options(evaluated, &physical)?;
+    let mut known = first.options(evaluated, &physical)?;
+    if let Some(lumped) = &lumped {
+        lumped.state(&mut known.prior, &first.prior, &first.constants);
+    }
+    if let Some(declared) = declared.as_deref() {
+        known.hidden = hidden(declared.prepared(), &first.constants, &known.frozen);
+    }
     let mut parts = Vec::with_capacity(requests.len());
     let mut fingerprints: Vec<LogFingerprint> = Vec::with_capacity(requests.len());
     for request in &requests {
@@ -226,6 +235,7 @@ pub fn from_logs<R: Into<LogRequest>>(
             constants: known.constants.clone(),
             prior: known.prior.clone(),
             frozen: known.frozen.clone(),
+            hidden: known.hidden.clone(),
             ..LogRequest { constants: first.constants.clone(), ..request.clone() }.options(evaluated, &physical)?
         };
         let mut recording = Recording::open(&request.path, evaluated, &options)?;
@@ -263,6 +273,22 @@ pub fn from_logs<R: Into<LogRequest>>(
         ..summary::provenance()
     };
     Ok(result)
+}
+
+/// Directions in parameter space that no motion shows while some parameters are held, exact but for one rounding: noise seems to show
+/// them, and the combinations that the data show would be those of the noise. Nothing where they are not known.
+fn hidden(prepared: &Prepared, constants: &BTreeMap<String, f64>, frozen: &[Frozen]) -> Vec<Vec<f64>> {
+    let model = &prepared.model;
+    let value = |symbol| Some((symbol, Rational::from_float(*constants.get(model.quantity(symbol).name.as_str())?)?));
+    let motions = Motions { values: model.run_time_constants().filter_map(value).collect(), ..Motions::default() };
+    let Ok(base) = base_parameters(model, &prepared.form, &motions) else { return Vec::new() };
+    let held: Vec<usize> = frozen.iter().map(|frozen| frozen.parameter).collect();
+    let dense = |direction: Vec<(usize, Rational)>| {
+        let mut whole = vec![0.0; base.parameters.len()];
+        direction.iter().for_each(|(column, factor)| whole[*column] = to_f64(factor));
+        whole
+    };
+    base.hidden(&held).into_iter().map(dense).collect()
 }
 
 /// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.

@@ -37,6 +37,7 @@ pub(super) fn pooled(
     let settings = Settings {
         prior: options.prior.iter().map(|value| value.unwrap_or(0.0)).collect(),
         frozen: options.frozen.clone(),
+        hidden: options.hidden.clone(),
         ..Settings::default()
     };
     let estimates: Vec<&Estimate> = parts.iter().filter_map(|part| part.estimate.as_ref()).collect();

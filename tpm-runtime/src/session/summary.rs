@@ -15,6 +15,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::model::Model;
 use tpm_symbolic::mechanics::model::Kind;
+use tpm_symbolic::regressor::parameter_map::ParameterMap;
 use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Components of a direction below this one are rounding.
@@ -233,6 +234,25 @@ impl<'a> Lumped<'a> {
     pub(super) fn names(&self) -> Vec<String> {
         let quantities = self.0.model.symbols.iter().filter(|quantity| quantity.kind == Kind::Parameter);
         quantities.map(|quantity| quantity.name.to_string()).collect()
+    }
+
+    /// States the priors of columns that are sums of parameters of which every one has a prior in `physical`.
+    pub(super) fn state(
+        &self,
+        prior: &mut Vec<Option<f64>>,
+        physical: &BTreeMap<String, f64>,
+        constants: &BTreeMap<String, f64>,
+    ) {
+        let map = ParameterMap::new(self.0);
+        if physical.is_empty() || !map.is_linear() {
+            return;
+        }
+        let of = |name: &str| physical.get(name).or_else(|| constants.get(name)).copied().unwrap_or(f64::NAN);
+        let columns = map.evaluate(|symbol| of(&self.0.model.quantity(symbol).name));
+        prior.resize(columns.len(), None);
+        for (prior, sum) in prior.iter_mut().zip(columns) {
+            *prior = prior.or(Some(sum).filter(|sum| sum.is_finite()));
+        }
     }
 
     /// Adds the physical parameters that explain a result's lumped ones best, and what there is to say of them. The prior and the

@@ -10,9 +10,9 @@
 //! when it comes out the same at every setting.
 
 use crate::interpret::Interpreted;
-use crate::numerics::DMatrix;
 use crate::numerics::fourier::analyse;
 use crate::numerics::singular::{Singular, unit_columns};
+use crate::numerics::{DMatrix, DVector};
 use crate::report::number;
 use crate::run::trajectory::{PatternError, ReferencePattern, Trajectory};
 use crate::run::{CompletionError, OpenReason, complete};
@@ -479,12 +479,14 @@ impl Setting {
             columns.iter().map(|&column| names[column].clone()).zip(texts).collect::<BTreeMap<String, String>>()
         });
         let free = self.free();
+        let bands = self.bands();
         let base = (0..columns).filter(|column| !free.contains(column)).map(|column| ReportedBase {
             parameter: names[column].clone(),
             plus: (0..free.len())
                 .filter(|&which| has(which, column))
                 .map(|which| (names[free[which]].clone(), coefficient(which, column).negated().text()))
                 .collect(),
+            harmonics_up_to: bands[column],
         });
         let rows = &self.harmonics.rows;
         let observable = determined(&self.scaled.null(|_| true));
@@ -530,6 +532,40 @@ impl Setting {
             base: Some(base.collect()),
             parameters: parameters.collect(),
         }
+    }
+
+    /// By leading column: the least harmonic up to which the harmonics determine its base parameter.
+    fn bands(&self) -> Vec<Option<usize>> {
+        let columns = self.scaled.matrix.ncols();
+        let free = self.free();
+        // The combination in scaled parameters, of length one.
+        let combination = |lead: usize| {
+            let mut weights = DVector::zeros(columns);
+            weights[lead] = 1.0;
+            for (own, direction) in &self.directions {
+                weights[*own] = -direction[lead];
+            }
+            for (weight, scale) in weights.iter_mut().zip(&self.scaled.columns) {
+                *weight /= scale;
+            }
+            weights.normalize()
+        };
+        let leads: Vec<usize> = (0..columns).filter(|column| !free.contains(column)).collect();
+        let combinations: Vec<DVector<f64>> = leads.iter().map(|&lead| combination(lead)).collect();
+        let rows = &self.harmonics.rows;
+        let mut bands = vec![None; columns];
+        for harmonic in 0..=rows.iter().map(|row| row.harmonic).max().unwrap_or(0) {
+            let null = self.scaled.null(|row| rows[row].harmonic <= harmonic);
+            for (&lead, weights) in leads.iter().zip(&combinations) {
+                if bands[lead].is_none() && null.tr_mul(weights).iter().all(|part| part.abs() <= COMPONENT) {
+                    bands[lead] = Some(harmonic);
+                }
+            }
+            if leads.iter().all(|&lead| bands[lead].is_some()) {
+                break;
+            }
+        }
+        bands
     }
 
     /// The values that were drawn.

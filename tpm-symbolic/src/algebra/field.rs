@@ -38,6 +38,12 @@ pub trait Field {
         self.number(&Rational::one()).expect("invariant: one is in every field")
     }
 
+    /// A multiple of a vector by a factor that is not zero, such that sums of products with it are cheap: over the rationals one of
+    /// whole numbers.
+    fn cleared(&self, vector: Vec<Self::Element>) -> Vec<Self::Element> {
+        vector
+    }
+
     /// `base ^ exponent`; `None` for a negative power of zero.
     fn power(&self, base: &Self::Element, exponent: i32) -> Option<Self::Element> {
         let mut square = if exponent < 0 { self.inverse(base)? } else { base.clone() };
@@ -118,9 +124,19 @@ impl Field for Rationals {
         a.is_zero()
     }
 
+    fn cleared(&self, vector: Vec<Rational>) -> Vec<Rational> {
+        let common = vector.iter().fold(BigInt::one(), |common, value| match value.is_integer() {
+            true => common,
+            false => common.lcm(&value.denom()),
+        });
+        let whole = |value: Rational| Rational::from_integer(value.numer() * (&common / value.denom()));
+        vector.into_iter().map(|value| if value.is_zero() { value } else { whole(value) }).collect()
+    }
+
     fn element(&self, word: u64) -> Rational {
-        let above = i64::try_from(word % 61).unwrap_or_default() + 1;
-        let below = i64::try_from((word >> 16) % 16).unwrap_or_default() + 1;
+        // Numbers grow with those that are drawn: at the end of a long arm by their product over all joints, squared.
+        let above = i64::try_from(word % 13).unwrap_or_default() + 1;
+        let below = i64::try_from((word >> 16) % 7).unwrap_or_default() + 1;
         ratio(if word >> 63 == 1 { -above } else { above }, below)
     }
 }

@@ -57,6 +57,9 @@ pub struct ReportedBase {
     pub parameter: String,
     /// What is lumped into it.
     pub plus: BTreeMap<String, String>,
+    /// The least harmonic up to which the combination is determined; of numerical answers only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub harmonics_up_to: Option<usize>,
 }
 
 /// What makes a parameter observable.
@@ -107,6 +110,7 @@ impl Identifiability {
                     .iter()
                     .map(|(column, factor)| (self.parameters[*column].clone(), factor.display(name)))
                     .collect(),
+                harmonics_up_to: None,
             };
             base.iter().map(one).collect()
         });

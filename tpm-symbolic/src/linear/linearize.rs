@@ -16,12 +16,13 @@ use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{Coordinate, ExprId, Node, Symbol};
 use crate::expr::normal_form::NormalForms;
 use crate::expr::singularity::first_singularity;
+use crate::expr::size::Sizes;
 use crate::expr::trigonometric;
 use crate::mechanics::model::{ExactModel, Kind, TermId};
 use crate::mechanics::pattern::Motion;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Zero};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use thiserror::Error;
 
 /// A point at rest.
@@ -77,6 +78,16 @@ pub enum LinearizeError {
         /// Number of coordinates.
         coordinates: usize,
     },
+    /// The linear model is too long to be written in symbols.
+    #[error(
+        "the linear model would have up to {terms:.0e} terms in symbols, beyond {most:.0e}; hold joints that need not move, or state known inertias and other parameters as numbers"
+    )]
+    TooLong {
+        /// An upper bound of the number of terms.
+        terms: u64,
+        /// The most terms that are written down.
+        most: u64,
+    },
     /// The mass matrix is singular.
     #[error(
         "the mass matrix at the point is singular (its determinant is 0), so the accelerations are not determined; a coordinate without inertia must be eliminated first"
@@ -111,10 +122,24 @@ pub struct Linearization {
     pub b: Matrix<ExprId>,
 }
 
+/// The most terms that an equation at the point, and the determinant of the matrices M s^2 + D s + K, may have: of longer ones the
+/// symbolic inverse takes minutes, or all memory.
+const MOST_TERMS: u64 = 100_000;
+
+/// An upper bound of the number of terms of a determinant: every term is a product of one monomial of each row.
+fn size_of_determinant(matrices: [&Vec<Vec<Polynomial<ExprId>>>; 3]) -> f64 {
+    let row = |r: usize| {
+        let entries = matrices.iter().flat_map(|matrix| &matrix[r]).flat_map(Polynomial::terms);
+        let monomials: BTreeSet<&Monomial<ExprId>> = entries.map(|(monomial, _)| monomial).collect();
+        monomials.len().max(1) as f64
+    };
+    (0..matrices[0].len()).map(row).product()
+}
+
 /// Linearises a model about a point at rest.
 ///
 /// # Errors
-/// When the point is no equilibrium or the model is not smooth there, not of second order, or has a singular mass
+/// When the point is no equilibrium or the model is not smooth there, not of second order, too long, or has a singular mass
 /// matrix; the equation is named.
 pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linearization, LinearizeError> {
     let n = model.coordinates.len();
@@ -125,6 +150,7 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
     let replacement = replacements(model, point, &inputs)?;
     let equations = model.equations.clone();
     let mut rows = Vec::with_capacity(n);
+    let mut sizes = Sizes::default();
     for equation in &equations {
         for source in &equation.terms {
             let leaves = model.graph.leaves(source.expr);
@@ -141,6 +167,10 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
         let terms: Vec<ExprId> = equation.terms.iter().map(|term| term.expr).collect();
         let row = model.graph.sum(&terms);
         let value = model.graph.substitute(row, &replacement);
+        let terms = sizes.of(&model.graph, value) as u64;
+        if terms > MOST_TERMS {
+            return Err(LinearizeError::TooLong { terms, most: MOST_TERMS });
+        }
         if !trigonometric::is_zero(&mut model.graph, value) {
             let residual = trigonometric::simplify(&mut model.graph, value);
             let residual = model.display(residual);
@@ -170,6 +200,10 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
     let damping = jacobian(model, &velocities, 1);
     let stiffness = jacobian(model, &positions, 1);
     let input = jacobian(model, &drives, -1);
+    let terms = size_of_determinant([&mass, &damping, &stiffness]) as u64;
+    if terms > MOST_TERMS {
+        return Err(LinearizeError::TooLong { terms, most: MOST_TERMS });
+    }
     state_space(model, inputs, [mass, damping, stiffness, input])
 }
 

@@ -167,7 +167,7 @@ impl Rational {
     #[inline]
     fn plus(&self, other: &Self) -> Self {
         let (Value::Small(a, b), Value::Small(c, d)) = (&self.0, &other.0) else {
-            return (self.big() + other.big()).into();
+            return self.plus_big(other);
         };
         let (b, d) = (b.get(), d.get());
         if b == 1 && d == 1 {
@@ -184,7 +184,7 @@ impl Rational {
     #[inline]
     fn times(&self, other: &Self) -> Self {
         let (Value::Small(a, b), Value::Small(c, d)) = (&self.0, &other.0) else {
-            return (self.big() * other.big()).into();
+            return self.times_big(other);
         };
         let (a, b, c, d) = (*a, b.get(), *c, d.get());
         if b == 1 && d == 1 {
@@ -192,6 +192,29 @@ impl Rational {
         }
         let (left, right) = (a.gcd(&d), c.gcd(&b));
         reduced(i128::from(a / left) * i128::from(c / right), i128::from(b / right) * i128::from(d / left))
+    }
+
+    /// The sum where a word is too short. Whole numbers need no common divisor, which takes most of the time of a sum.
+    #[cold]
+    fn plus_big(&self, other: &Self) -> Self {
+        match (self.is_zero(), other.is_zero()) {
+            (true, _) => other.clone(),
+            (_, true) => self.clone(),
+            _ if self.is_integer() && other.is_integer() => Self::from_integer(self.numer() + other.numer()),
+            _ => (self.big() + other.big()).into(),
+        }
+    }
+
+    /// The product where a word is too short. Whole numbers need no common divisors.
+    #[cold]
+    fn times_big(&self, other: &Self) -> Self {
+        if self.is_zero() || other.is_zero() {
+            return Self::zero();
+        }
+        match (self.is_integer(), other.is_integer()) {
+            (true, true) => Self::from_integer(self.numer() * other.numer()),
+            _ => (self.big() * other.big()).into(),
+        }
     }
 
     fn minus(&self, other: &Self) -> Self {

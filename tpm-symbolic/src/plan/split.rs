@@ -20,6 +20,7 @@ use crate::algebra::characteristic::{self, Matrix};
 use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
 use crate::expr::normal_form::NormalForms;
+use crate::expr::size::Sizes;
 use crate::expr::trigonometric;
 use crate::harmonic::bessel::{BesselError, Wave, numeric_table};
 use crate::mechanics::model::{Equation, ExactModel, Kind, SourceTerm, TermId};
@@ -87,6 +88,16 @@ pub enum SplitError {
         /// The input.
         input: String,
     },
+    /// The equations are too long to be multiplied out.
+    #[error(
+        "the equations have up to {terms:.0e} terms when they are multiplied out, and parts are written down up to {most:.0e}; hold joints that need not move, or state known inertias as numbers"
+    )]
+    TooLong {
+        /// An upper bound of the number of terms.
+        terms: u64,
+        /// The most terms that are written down.
+        most: u64,
+    },
     /// A term has no value when the joint stands still.
     #[error("`{atom}` has no value while `{input}`'s coordinate stands still, so there is no motion-independent part")]
     Singular {
@@ -110,6 +121,9 @@ impl SplitError {
     }
 }
 
+/// The most terms that equations may have, multiplied out, to be split: some seconds of work, and text that nobody reads.
+const MOST_TERMS: u64 = 1_000_000;
+
 /// Splits every input of a model. `motions` names the coordinates that an input drives. For an input that is not
 /// listed, its row belongs to the coordinate whose highest derivative the row determines. Where that coordinate is no
 /// motion (a current, whose highest derivative is the first), the input drives the motions whose derivatives stand in
@@ -118,13 +132,19 @@ impl SplitError {
 /// Inputs that act on more rows than there are inputs are solved for by least squares, as the feed-forward does.
 ///
 /// # Errors
-/// When the model has no input, the equations do not determine the inputs or the coordinate that an input drives, an
+/// When the model has no input, the equations are too long or do not determine the inputs or the coordinate that an input drives, an
 /// input does not enter linearly, or a term has no value when the joint stands still.
 pub fn split(model: &ExactModel, motions: &[(Symbol, Vec<Coordinate>)]) -> Result<Split, SplitError> {
     let mut model = model.clone();
     let inputs: Vec<Symbol> = model.inputs().collect();
     if inputs.is_empty() {
         return Err(SplitError::NoInput);
+    }
+    let mut sizes = Sizes::default();
+    let terms = model.equations.iter().flat_map(|equation| &equation.terms);
+    let terms = terms.map(|term| sizes.of(&model.graph, term.expr)).sum::<f64>() as u64;
+    if terms > MOST_TERMS {
+        return Err(SplitError::TooLong { terms, most: MOST_TERMS });
     }
     let rows = solved_for(&mut model, &inputs)?;
     let pairs = pairing(&model);

@@ -34,7 +34,7 @@ use thiserror::Error;
 const NOTHING_NEW: usize = 24;
 
 /// Points at which null vectors are checked over the rationals, and modulo a prime.
-const CHECKS: u64 = 2;
+const CHECKS: usize = 2;
 
 /// The number of the first point of a check; the points of a rank have smaller numbers.
 const FRESH: u64 = 1 << 32;
@@ -95,6 +95,36 @@ pub struct BaseParameters {
     pub base: Option<Vec<BaseParameter>>,
     /// From what this follows.
     pub certificate: Certificate,
+}
+
+impl BaseParameters {
+    /// Directions along which no equation changes at any motion while the columns `held` keep their values: columns with factors, in each
+    /// direction a factor of one at a column that no other direction has. Nothing where the directions depend on constants without a
+    /// value.
+    #[must_use]
+    pub fn hidden(&self, held: &[usize]) -> Vec<Vec<(usize, Rational)>> {
+        let certified = self.certificate.directions.iter().flatten();
+        let mut directions: Vec<BTreeMap<usize, Rational>> =
+            certified.map(|direction| direction.iter().cloned().collect()).collect();
+        for column in held {
+            let moving = (0..directions.len()).filter(|&index| directions[index].contains_key(column));
+            // The shortest one leaves the fewest terms in the others.
+            let Some(shortest) = moving.min_by_key(|&index| directions[index].len()) else { continue };
+            let pivot = directions.remove(shortest);
+            for direction in &mut directions {
+                let Some(share) = direction.get(column).map(|factor| factor / &pivot[column]) else { continue };
+                for (other, factor) in &pivot {
+                    let left = direction.get(other).cloned().unwrap_or_else(Rational::zero) - &share * factor;
+                    if left.is_zero() {
+                        direction.remove(other)
+                    } else {
+                        direction.insert(*other, left)
+                    };
+                }
+            }
+        }
+        directions.into_iter().map(|direction| direction.into_iter().collect()).collect()
+    }
 }
 
 /// Why there is no rank, or why a certificate does not hold.
@@ -360,9 +390,9 @@ pub fn base_parameters(
     let (first, points) = basis(&rows, &fields[0])?;
     let rank = first.len();
     let mut bases = vec![first];
-    let forward: Vec<usize> = (0..columns).collect();
-    let backward: Vec<usize> = (0..columns).rev().collect();
-    let mut base = None;
+    let forward = declared(model, form);
+    let backward: Vec<usize> = forward.iter().rev().copied().collect();
+    let (mut base, mut fresh) = (None, None);
     for count in 1..=fields.len() {
         if bases.len() < count {
             let (next, _) = basis(&rows, &fields[count - 1])?;
@@ -373,7 +403,13 @@ pub fn base_parameters(
             bases.push(next);
         }
         let lifted = [&forward, &backward].map(|order| lift(&fields, &bases, order, columns));
-        let sound = lifted.into_iter().flatten().filter(|vectors| holds(&rows, vectors, &fields[3]).is_ok());
+        let sound = lifted.into_iter().flatten().filter(|vectors| {
+            let directions: Vec<Vec<(usize, Rational)>> = vectors.iter().map(direction).collect();
+            let (residues, rationals) =
+                fresh.get_or_insert_with(|| (at_fresh(&rows, &fields[3], FRESH), at_fresh(&rows, &Rationals, FRESH)));
+            annihilate(residues, &directions, &fields[3]).is_ok()
+                && annihilate(rationals, &directions, &Rationals).is_ok()
+        });
         base = sound.reduce(|best, next| if terms(&next) < terms(&best) { next } else { best });
         if base.is_some() {
             break;
@@ -394,6 +430,22 @@ pub fn base_parameters(
     let certificate = Certificate { rank, prime: fields[0].prime(), points, directions };
     let parameters = form.columns.iter().map(|column| column.name.to_string()).collect();
     Ok(BaseParameters { parameters, rank, base, certificate })
+}
+
+/// The columns in the order in which their first parameters were declared: a lumped one stands where its parameters do.
+fn declared(model: &ExactModel, form: &RegressorForm) -> Vec<usize> {
+    let first = |column: usize| {
+        let definition = &form.columns[column].definition;
+        let atoms = definition.terms().flat_map(|(monomial, _)| monomial.factors().map(|(&atom, _)| atom));
+        let symbols = model.graph.leaves_of(atoms).into_iter().filter_map(|leaf| match model.graph.node(leaf) {
+            Node::Symbol(symbol) => Some(*symbol),
+            _ => None,
+        });
+        symbols.min()
+    };
+    let mut order: Vec<usize> = (0..form.columns.len()).collect();
+    order.sort_by_cached_key(|&column| (first(column), column));
+    order
 }
 
 /// A null vector by its free column: what moves into the leading columns when the free one is left out.
@@ -451,42 +503,41 @@ fn residue(value: &BigInt, field: &Residues) -> u64 {
     rest.iter_u64_digits().next().unwrap_or(0)
 }
 
-/// Checks null vectors at fresh points, over the rationals and modulo a prime.
-fn holds(rows: &Rows<'_>, vectors: &[Lifted], field: &Residues) -> Result<(), BaseParameterError> {
-    let directions: Vec<Vec<(usize, Rational)>> = vectors.iter().map(direction).collect();
-    annihilate(rows, &directions, field, FRESH)?;
-    annihilate(rows, &directions, &Rationals, FRESH)
+/// The rows at a few points of a field, beginning with the point `first`, each cleared of denominators; fewer where a divisor vanishes
+/// again and again.
+fn at_fresh<F: Field>(rows: &Rows<'_>, field: &F, first: u64) -> Vec<Vec<Vec<F::Element>>> {
+    let matrices = (first..first + CHECKS as u64 + FAILURES).filter_map(|number| rows.at(field, number));
+    let cleared = |matrix: Vec<Vec<F::Element>>| matrix.into_iter().map(|row| field.cleared(row)).collect();
+    matrices.take(CHECKS).map(cleared).collect()
 }
 
-/// Checks that vectors are null vectors of the rows at a few points of a field, beginning with the point `first`.
+/// Checks that vectors are null vectors of the rows at all fresh points.
 fn annihilate<F: Field>(
-    rows: &Rows<'_>,
+    matrices: &[Vec<Vec<F::Element>>],
     directions: &[Vec<(usize, Rational)>],
     field: &F,
-    first: u64,
 ) -> Result<(), BaseParameterError> {
-    let mut checked = 0;
-    for number in first..first + CHECKS + FAILURES {
-        let Some(matrix) = rows.at(field, number) else { continue };
-        for (index, direction) in directions.iter().enumerate() {
-            for row in &matrix {
-                let mut sum = field.zero();
-                for (column, factor) in direction {
-                    let entry = row.get(*column).zip(field.number(factor));
-                    let (entry, factor) = entry.ok_or(BaseParameterError::NoNullVector { direction: index })?;
-                    sum = field.add(&sum, &field.mul(entry, &factor));
-                }
-                if !field.is_zero(&sum) {
-                    return Err(BaseParameterError::NoNullVector { direction: index });
+    if matrices.len() < CHECKS {
+        return Err(BaseParameterError::NoValue);
+    }
+    for (index, direction) in directions.iter().enumerate() {
+        let no_null_vector = BaseParameterError::NoNullVector { direction: index };
+        let factors: Option<Vec<F::Element>> = direction.iter().map(|(_, factor)| field.number(factor)).collect();
+        let Some(factors) = factors.map(|factors| field.cleared(factors)) else { return Err(no_null_vector) };
+        for row in matrices.iter().flatten() {
+            let mut sum = field.zero();
+            for ((column, _), factor) in direction.iter().zip(&factors) {
+                let Some(entry) = row.get(*column) else { return Err(no_null_vector) };
+                if !field.is_zero(entry) {
+                    sum = field.add(&sum, &field.mul(entry, factor));
                 }
             }
-        }
-        checked += 1;
-        if checked == CHECKS {
-            return Ok(());
+            if !field.is_zero(&sum) {
+                return Err(no_null_vector);
+            }
         }
     }
-    Err(BaseParameterError::NoValue)
+    Ok(())
 }
 
 /// Checks a certificate for a model in regressor form under some motions: that the rows at its points have its rank, and that its vectors
@@ -531,7 +582,7 @@ pub fn verify(
     }
     let first = FRESH.wrapping_add(seed % FRESH).wrapping_mul(2);
     for field in Residues::PRIMES.map(Residues::new) {
-        annihilate(&rows, directions, &field, first)?;
+        annihilate(&at_fresh(&rows, &field, first), directions, &field)?;
     }
-    annihilate(&rows, directions, &Rationals, first)
+    annihilate(&at_fresh(&rows, &Rationals, first), directions, &Rationals)
 }

@@ -58,22 +58,28 @@ impl ParameterMap {
             })
             .collect();
         let parameters: Vec<Symbol> = symbols.into_iter().collect();
-        let mut rates: BTreeMap<(ExprId, usize), Polynomial<ExprId>> = BTreeMap::new();
+        let position: BTreeMap<Symbol, usize> = parameters.iter().enumerate().map(|(i, &symbol)| (symbol, i)).collect();
+        // An atom depends on few parameters; of an arm there are hundreds of both.
+        let mut rates: BTreeMap<ExprId, Vec<(usize, Polynomial<ExprId>)>> = BTreeMap::new();
         for &atom in &atoms {
-            for (i, &parameter) in parameters.iter().enumerate() {
-                let leaf = graph.symbol(parameter);
+            let mut of_atom = Vec::new();
+            for leaf in graph.leaves(atom) {
+                let Node::Symbol(symbol) = graph.node(leaf) else { continue };
+                let Some(&i) = position.get(symbol) else { continue };
                 let rate = graph.differentiate(atom, leaf);
-                rates.insert((atom, i), graph.polynomial(rate));
+                of_atom.push((i, graph.polynomial(rate)));
             }
+            rates.insert(atom, of_atom);
         }
         let jacobian = definitions.iter().map(|definition| {
-            let row = (0..parameters.len()).map(|i| {
-                atoms.iter().fold(Polynomial::zero(), |sum, atom| match &rates[&(*atom, i)] {
-                    rate if rate.is_zero() => sum,
-                    rate => sum.add(&definition.derivative(atom).mul(rate)),
-                })
-            });
-            row.collect()
+            let mut row = vec![Polynomial::zero(); parameters.len()];
+            for atom in atoms_of(std::slice::from_ref(definition)) {
+                let outer = definition.derivative(&atom);
+                for (i, rate) in &rates[&atom] {
+                    row[*i] = row[*i].add(&outer.mul(rate));
+                }
+            }
+            row
         });
         let jacobian = jacobian.collect();
         let columns = form.columns.iter().map(|column| column.name.to_string()).collect();
@@ -108,6 +114,18 @@ impl ParameterMap {
     #[must_use]
     pub fn jacobian(&self) -> &[Vec<Polynomial<ExprId>>] {
         &self.jacobian
+    }
+
+    /// Whether every column is a sum of parameters times constants.
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        let depends = |atom: &ExprId| {
+            let leaves = self.graph.leaves(*atom);
+            leaves
+                .iter()
+                .any(|leaf| matches!(self.graph.node(*leaf), Node::Symbol(symbol) if self.parameters.contains(symbol)))
+        };
+        !self.jacobian.iter().any(|row| atoms_of(row).iter().any(depends))
     }
 
     /// The graph of the atoms.

@@ -1,7 +1,7 @@
 //! Least squares over the equations of one band.
 
 use crate::estimate::free::Free;
-use crate::estimate::information::{raw, reduced, touched};
+use crate::estimate::information::{beside, beside_known, touched};
 use crate::estimate::result::Estimate;
 use crate::estimate::settings::Settings;
 use crate::estimate::time_domain::equations::{Equations, RowEquations};
@@ -48,7 +48,8 @@ pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Set
     prior.resize(dims.parameters, 0.0);
     settings.hold(&mut prior);
     let start = DVector::from_vec(free.of(&prior));
-    let mut solved = solve(&parts, &weights, &start)?;
+    let known: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
+    let mut solved = solve(&parts, &weights, &start, &known)?;
     let left = |solved: &Solved, row: usize| -> f64 {
         let part = &parts[row];
         (&part.right - &part.rows * &solved.values).norm_squared() / counted(row).max(1) as f64
@@ -61,7 +62,7 @@ pub(super) fn fit(equations: &Equations, dims: Dims, free: &Free, settings: &Set
                 *weight = 1.0 / (left(&solved, row) + f64::EPSILON * force).max(f64::MIN_POSITIVE);
             }
         }
-        solved = solve(&parts, &weights, &start)?;
+        solved = solve(&parts, &weights, &start, &known)?;
     }
     let covariance = covariance(&parts, &weights, &solved, equations);
     let mut values = prior;
@@ -157,8 +158,9 @@ struct Solved {
     condition: f64,
 }
 
-/// Solves `(A'WA - N'WN) theta = A'W b - N'W n`: the normal equations less what noise of the sensors adds to them.
-fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>) -> Option<Solved> {
+/// Solves `(A'WA - N'WN) theta = A'W b - N'W n`: the normal equations less what noise of the sensors adds to them. Nothing moves along
+/// the directions that are known not to be shown.
+fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>, known: &[Vec<f64>]) -> Option<Solved> {
     let n = start.len();
     let mut factor = DMatrix::zeros(0, n + 1);
     let mut noise = DMatrix::zeros(n, n);
@@ -177,13 +179,23 @@ fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>) -> Option<Solved
     let factor = factor.qr().r();
     let (triangle, right) = (factor.columns(0, n).into_owned(), factor.column(n).into_owned());
     let (triangle, scale) = unit_columns(triangle);
+    let shown_by_some = beside(known, &scale);
+    let known = if shown_by_some.is_some() { known } else { &[] };
+    let triangle = match &shown_by_some {
+        Some(basis) => triangle * basis,
+        None => triangle,
+    };
+    let whole = |directions: DMatrix<f64>| match &shown_by_some {
+        Some(basis) => basis * directions,
+        None => directions,
+    };
     let singular = Singular::new(&triangle, RANK_TOLERANCE);
     let rank = singular.rank();
     if rank == 0 {
         return None;
     }
     // Coordinates in which the normal matrix is the identity: theta = start + D V S^-1 y.
-    let mut to_scaled = singular.right.clone();
+    let mut to_scaled = whole(singular.right.clone());
     for (mut column, value) in to_scaled.column_iter_mut().zip(singular.values.iter()) {
         column /= *value;
     }
@@ -203,11 +215,11 @@ fn solve(parts: &[Part], weights: &[f64], start: &DVector<f64>) -> Option<Solved
         values.axpy(of_noise.eigenvectors.column(i).dot(&right) / left, &direction, 1.0);
         inverse.ger(1.0 / left, &direction, &direction, 1.0);
     }
-    let null = singular.null();
+    let null = whole(singular.null());
     let by_noise = lost.iter().map(|&i| (&to_scaled * of_noise.eigenvectors.column(i)).normalize());
     let unseen: Vec<Vec<f64>> = null.column_iter().map(|column| column.iter().copied().collect()).collect();
     let unseen = unseen.into_iter().chain(by_noise.map(|direction| direction.iter().copied().collect())).collect();
-    let hidden = reduced(unseen).iter().map(|(_, direction)| raw(direction, &scale)).collect();
+    let hidden = known.iter().cloned().chain(beside_known(known, unseen, &scale)).collect();
     if values.iter().any(|value| !value.is_finite()) {
         return None;
     }

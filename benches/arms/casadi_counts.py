@@ -1,0 +1,260 @@
+"""The recursion of a robot description written by hand in CasADi (SX, cse), inertias at run time: its operations beside tpm's.
+
+usage: casadi_counts.py ARMS DESCRIPTIONS MODELS FIXTURES [--time]
+
+FIXTURES is tests/fixtures/robots: the torques are compared with Pinocchio's first. ARMS is the program `arms` (cargo build --release -p tpm-benches --bin arms), DESCRIPTIONS the folder of the URDF files, MODELS that of
+what `tpm import ROBOT.urdf --with none` made of them. Needs the package casadi. Angles are read as `tpm import` reads them, so that
+CasADi has the same exact zeros and ones, and it makes the columns of tpm's base parameters and no others.
+"""
+
+import json
+import math
+import subprocess
+import sys
+import time
+import xml.etree.ElementTree as xml
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+
+ROBOTS = {"ur10": ("ur10_robot", []), "xarm7": ("xarm7", []), "panda": ("panda", ["panda_finger_joint1", "panda_finger_joint2"])}
+NAMES = ["m", "mx", "my", "mz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz"]
+
+
+def exact(value):
+    """Numbers within rounding of an integer are that integer, so that CasADi leaves out what is zero or one."""
+    return round(value) if abs(value - round(value)) < 1e-12 else value
+
+
+def rotation(rpy):
+    def quarter(angle):
+        turns = round(angle / (math.pi / 2))
+        return turns * math.pi / 2 if abs(angle - turns * math.pi / 2) <= 1e-4 else angle
+
+    (cr, sr), (cp, sp), (cy, sy) = ((exact(math.cos(quarter(a))), exact(math.sin(quarter(a)))) for a in rpy)
+    return [[cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr]]
+
+
+def chain(path, locked):
+    """The joints from the base outward, fixed ones put into the next: name of the link, parent, rotation, origin, axis."""
+    root = xml.parse(path).getroot()
+    joints = root.findall("joint")
+    children = {joint.find("child").get("link") for joint in joints}
+    base = next(link.get("name") for link in root.findall("link") if link.get("name") not in children)
+    links, place = [], {base: (None, np.eye(3), np.zeros(3))}
+    pending = [base]
+    while pending:
+        link = pending.pop(0)
+        for joint in joints:
+            if joint.find("parent").get("link") != link:
+                continue
+            origin = joint.find("origin")
+            numbers = lambda key: [float(w) for w in (origin.get(key, "0 0 0") if origin is not None else "0 0 0").split()]
+            parent, turn, at = place[link]
+            at = at + turn @ np.array(numbers("xyz"))
+            turn = turn @ np.array(rotation(numbers("rpy")), float)
+            child = joint.find("child").get("link")
+            moves = joint.get("type") in ("revolute", "continuous") and joint.get("name") not in locked
+            if moves:
+                axis = [float(w) for w in joint.find("axis").get("xyz").split()]
+                clean = lambda rows: [[exact(x) for x in row] for row in rows]
+                links.append((child, parent, clean(turn), [exact(x) for x in at], axis))
+                place[child] = (len(links) - 1, np.eye(3), np.zeros(3))
+            else:
+                place[child] = (parent, turn, at)
+            pending.append(child)
+    return links
+
+
+# Vectors are lists of SX or numbers: CasADi folds numbers that are exactly zero or one.
+def dot(a, b):
+    total = 0
+    for x, y in zip(a, b):
+        if not (is_zero(x) or is_zero(y)):
+            product = y if is_one(x) else x if is_one(y) else x * y
+            total = product if is_zero(total) else total + product
+    return total
+
+
+def is_zero(x):
+    return (isinstance(x, (int, float)) and x == 0) or (isinstance(x, ca.SX) and x.is_zero())
+
+
+def is_one(x):
+    return (isinstance(x, (int, float)) and x == 1) or (isinstance(x, ca.SX) and x.is_one())
+
+
+def add(*vectors):
+    return [dot([1] * len(vectors), parts) for parts in zip(*vectors)]
+
+
+def cross(a, b):
+    return [dot([a[1], neg(a[2])], [b[2], b[1]]), dot([a[2], neg(a[0])], [b[0], b[2]]), dot([a[0], neg(a[1])], [b[1], b[0]])]
+
+
+def neg(x):
+    return 0 if is_zero(x) else -x
+
+
+def times(rows, vector):
+    return [dot(row, vector) for row in rows]
+
+
+def transposed(rows):
+    return [list(column) for column in zip(*rows)]
+
+
+def turned(axis, q):
+    """The rotation by q about an axis x, y or z (or its negative)."""
+    k = max(range(3), key=lambda i: abs(axis[i]))
+    assert abs(axis[k]) == 1 and sum(abs(a) for a in axis) == 1, "an axis of the frame"
+    c, s = ca.cos(q), ca.sin(q)
+    s = s if axis[k] > 0 else -s
+    i, j = (k + 1) % 3, (k + 2) % 3
+    rows = [[0] * 3 for _ in range(3)]
+    rows[k][k], rows[i][i], rows[j][j], rows[i][j], rows[j][i] = 1, c, c, -s, s
+    return rows
+
+
+def motions(links, q, v, a):
+    """w, e, linear acceleration with gravity, and U = [e]x + [w]x[w]x of every link, in its frame, with its rotation."""
+    found = []
+    for i, (_, parent, turn, origin, axis) in enumerate(links):
+        if parent is None:
+            w, e, acc, field = [0] * 3, [0] * 3, [0, 0, 9.81], [[0] * 3 for _ in range(3)]
+        else:
+            w, e, acc, field = found[parent][:4]
+        joint = turned(axis, q[i])
+        inward = lambda x, joint=joint, turn=turn: times(transposed(joint), times(transposed(turn), x))
+        outward = lambda x, joint=joint, turn=turn: times(turn, times(joint, x))
+        acc = inward(add(acc, times(field, origin)))
+        rate = [x * v[i] if x not in (0, 1) else (v[i] if x else 0) for x in axis]
+        second = [x * a[i] if x not in (0, 1) else (a[i] if x else 0) for x in axis]
+        w, e = inward(w), inward(e)
+        e = add(e, second, cross(w, rate))
+        w = add(w, rate)
+        (x, y, z), (ex, ey, ez) = w, e
+        xx, yy, zz, xy, yz, zx = dot([x], [x]), dot([y], [y]), dot([z], [z]), dot([x], [y]), dot([y], [z]), dot([z], [x])
+        minus = lambda s, t: add([s], [neg(t)])[0]
+        field = [[neg(add([yy], [zz])[0]), minus(xy, ez), add([zx], [ey])[0]],
+                 [add([xy], [ez])[0], neg(add([zz], [xx])[0]), minus(yz, ex)],
+                 [minus(zx, ey), add([yz], [ex])[0], neg(add([xx], [yy])[0])]]
+        moments = [[ex, zx, neg(xy)], [neg(field[2][0]), field[2][1], minus(xx, yy)], [field[1][0], minus(zz, xx), neg(field[1][2])],
+                   [neg(yz), ey, xy], [minus(yy, zz), neg(field[0][1]), field[0][2]], [yz, neg(zx), ez]]
+        found.append((w, e, acc, field, moments, outward))
+    return found
+
+
+def torques(links, q, v, a, parameters):
+    moving = motions(links, q, v, a)
+    wrenches = [([0] * 3, [0] * 3) for _ in links]
+    result = [None] * len(links)
+    for i in reversed(range(len(links))):
+        _, parent, _, origin, axis = links[i]
+        _, _, acc, field, moments, outward = moving[i]
+        p = parameters[i]
+        first = p[1:4]
+        force = add(wrenches[i][0], [dot([p[0]], [x]) for x in acc], times(field, first))
+        turning = [dot([column[k] for column in moments], p[4:]) for k in range(3)]
+        moment = add(wrenches[i][1], turning, cross(first, acc))
+        result[i] = dot(axis, moment)
+        if parent is not None:
+            force, moment = outward(force), outward(moment)
+            moment = add(moment, cross(origin, force))
+            wrenches[parent] = (add(wrenches[parent][0], force), add(wrenches[parent][1], moment))
+    return result
+
+
+def regressor(links, q, v, a, kept):
+    """The wrench of one unit of every kept parameter, sent inward; row of joint j sees the links outward of j."""
+    moving = motions(links, q, v, a)
+    entries = []
+    for i in range(len(links)):
+        _, _, acc, field, moments, _ = moving[i]
+        for k in range(10):
+            if (i, k) not in kept:
+                continue
+            if k == 0:
+                force, moment = acc, [0] * 3
+            elif k < 4:
+                unit = [int(k - 1 == j) for j in range(3)]
+                force, moment = [row[k - 1] for row in field], cross(unit, acc)
+            else:
+                force, moment = [0] * 3, moments[k - 4]
+            link = i
+            while link is not None:
+                _, parent, _, origin, axis = links[link]
+                entries.append(dot(axis, moment))
+                if parent is not None:
+                    outward = moving[link][5]
+                    force, moment = outward(force), outward(moment)
+                    moment = add(moment, cross(origin, force))
+                link = parent
+    return [entry for entry in entries if not is_zero(entry)]
+
+
+OPS = {"mul": {ca.OP_MUL, ca.OP_DIV, ca.OP_SQ, ca.OP_TWICE, ca.OP_INV}, "add": {ca.OP_ADD, ca.OP_SUB, ca.OP_NEG}, "call": {ca.OP_SIN, ca.OP_COS}}
+
+
+def counts(name, inputs, outputs):
+    function = ca.Function(name, inputs, [ca.densify(ca.vertcat(*outputs))], {"cse": True})
+    kinds = [function.instruction_id(i) for i in range(function.n_instructions())]
+    return [sum(kind in OPS[key] for kind in kinds) for key in ("mul", "add", "call")], function
+
+
+def check(links, fixture, prior, description):
+    """The torques at Pinocchio's states, with the description's inertias."""
+    values = dict(line.split(" = ") for line in prior.read_text().splitlines() if " = " in line and not line.startswith("#"))
+    joints = {joint.find("child").get("link"): joint.get("name") for joint in xml.parse(description).getroot().findall("joint")}
+    known = json.loads(fixture.read_text())
+    order = [known["joints"].index(joints[link]) for link, *_ in links]
+    parameters = [[float(values.get(f"{name}_{link}", 0)) for name in NAMES] for link, *_ in links]
+    for state in known["states"]:
+        q, v, a, wanted = ([state[key][i] for i in order] for key in ("q", "v", "a", "torque"))
+        numbers = lambda x: [ca.SX(value) for value in x]
+        found = [float(ca.evalf(ca.SX(x))) for x in torques(links, numbers(q), numbers(v), numbers(a), parameters)]
+        scale = max(abs(x) for x in wanted)
+        worst = max(abs(x - y) for x, y in zip(found, wanted)) / scale
+        assert worst < 1e-9, f"{fixture.stem}: {found} beside {wanted}"
+
+
+def main():
+    arms, descriptions, models, fixtures = sys.argv[1], *(Path(word) for word in sys.argv[2:5])
+    work = ["all parameters", "base parameters", "regressor"]
+    print("| arm | base | work | CasADi | tpm | ratio |\n|---|---|---|---|---|---|")
+    for name, (file, locked) in ROBOTS.items():
+        model = models / f"{name}.tpm"
+        leading = set(subprocess.run([arms, "--columns", model], check=True, capture_output=True, text=True).stdout.split())
+        own = subprocess.run([arms, model], check=True, capture_output=True, text=True).stdout.split()
+        links = chain(descriptions / f"{file}.urdf", locked)
+        n = len(links)
+        q, v, a = (ca.SX.sym(letter, n) for letter in "qva")
+        split = lambda x: [x[i] for i in range(n)]
+        theta = ca.SX.sym("theta", n, 10)
+        kept = {(i, k) for i in range(n) for k in range(10) if f"{NAMES[k]}_{links[i][0]}" in leading}
+        everything = [[theta[i, k] for k in range(10)] for i in range(n)]
+        alone = [[theta[i, k] if (i, k) in kept else 0 for k in range(10)] for i in range(n)]
+        state = [split(x) for x in (q, v, a)]
+        check(links, fixtures / f"{name}.json", models / f"{name}.prior.toml", descriptions / f"{file}.urdf")
+        functions = [torques(links, *state, everything), torques(links, *state, alone), regressor(links, *state, kept)]
+        assert len(kept) == int(own[1]), (name, len(kept), own[1])
+        for what, outputs, ours in zip(work, functions, own[2:]):
+            inputs = [q, v, a] + ([theta] if what != "regressor" else [])
+            theirs, function = counts(f"{name}_{work.index(what)}", inputs, outputs)
+            mine = [int(x) for x in ours.split("/")]
+            ratio = sum(mine[:2]) / sum(theirs[:2])
+            line = f"| {name} | {own[1]} | {what} | {'/'.join(map(str, theirs))} | {ours} | {ratio:.2f} |"
+            if "--time" in sys.argv:
+                values = [np.random.rand(*x.shape) for x in inputs]
+                start = time.perf_counter()
+                for _ in range(1000):
+                    function(*values)
+                line += f" {1e3 * (time.perf_counter() - start):.1f} us through Python"
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
