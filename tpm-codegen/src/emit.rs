@@ -16,8 +16,10 @@ mod header;
 pub mod name;
 mod names;
 pub mod number;
+pub mod part;
 #[cfg(feature = "generate")]
 pub mod regulator;
+mod requested;
 pub mod rust;
 pub mod table;
 mod text;

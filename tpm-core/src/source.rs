@@ -3,10 +3,12 @@
 /// Module name and source text of every file of [`support`](crate::support), in alphabetical order.
 ///
 /// Each file takes what it needs from its parent module, which must re-export the names that `support` re-exports.
-pub const SUPPORT: [(&str, &str); 5] = [
+pub const SUPPORT: [(&str, &str); 7] = [
+    ("accelerations", include_str!("support/accelerations.rs")),
     ("error", include_str!("support/error.rs")),
     ("hyperbolic", include_str!("support/hyperbolic.rs")),
     ("label", include_str!("support/label.rs")),
     ("least_squares", include_str!("support/least_squares.rs")),
     ("real", include_str!("support/real.rs")),
+    ("square_root", include_str!("support/square_root.rs")),
 ];

@@ -2,6 +2,7 @@
 
 mod arm;
 mod base_parameters;
+mod arm_estimator;
 // The module that the build script made of a shipped model.
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]
 mod built {

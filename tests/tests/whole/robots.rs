@@ -18,7 +18,7 @@ use tpm_symbolic::mechanics::tree::{Joint, NAMES};
 use tpm_symbolic::number::rational::to_f64;
 
 /// The fixtures, with the description and the joints that are held.
-const ROBOTS: [(&str, &str, &[&str]); 7] = [
+pub(crate) const ROBOTS: [(&str, &str, &[&str]); 7] = [
     ("ur5", "ur5_robot", &[]),
     ("ur10", "ur10_robot", &[]),
     ("so101", "so101", &[]),
@@ -33,7 +33,7 @@ fn folder() -> Option<PathBuf> {
     folder.is_dir().then_some(folder)
 }
 
-fn imported(fixture: &str, file: &str, locked: &[&str]) -> Option<Imported> {
+pub(crate) fn imported(fixture: &str, file: &str, locked: &[&str]) -> Option<Imported> {
     let path = folder()?.join(format!("{file}.urdf"));
     let source = Source::from_bytes(format!("{file}.urdf"), std::fs::read(path).expect("a description"));
     let options = Options {
@@ -45,16 +45,58 @@ fn imported(fixture: &str, file: &str, locked: &[&str]) -> Option<Imported> {
     Some(urdf(&source, &options).unwrap_or_else(|faults| panic!("{}", faults.render(&source))))
 }
 
-fn parsed(imported: &Imported) -> Parsed {
+pub(crate) fn parsed(imported: &Imported) -> Parsed {
     let source = Source::new("imported", imported.model.clone());
     parse_model(&source).unwrap_or_else(|faults| panic!("{}", faults.render(&source)))
 }
 
 /// `NAME = VALUE` lines.
-fn values(text: &str) -> BTreeMap<String, f64> {
+pub(crate) fn values(text: &str) -> BTreeMap<String, f64> {
     let lines = text.lines().filter(|line| !line.starts_with('#'));
     let pairs = lines.filter_map(|line| line.split_once(" = "));
     pairs.map(|(name, value)| (name.to_owned(), value.parse().expect("a number"))).collect()
+}
+
+/// A state of a robot with what Pinocchio says of it, by our coordinates.
+pub(crate) struct State {
+    pub(crate) q: Vec<f64>,
+    pub(crate) v: Vec<f64>,
+    pub(crate) a: Vec<f64>,
+    pub(crate) torque: Vec<f64>,
+    /// The mass matrix, row by row.
+    pub(crate) mass: Vec<f64>,
+}
+
+/// The states of a fixture.
+pub(crate) fn fixture(name: &str, parsed: &Parsed) -> Vec<State> {
+    let fixtures = std::env::var_os("TPM_ROBOTS").map_or_else(|| root().join("tests/fixtures/robots"), PathBuf::from);
+    let text = std::fs::read_to_string(fixtures.join(format!("{name}.json"))).expect("a fixture");
+    let known: Value = serde_json::from_str(&text).expect("JSON");
+    let theirs: Vec<&str> =
+        known["joints"].as_array().expect("joints").iter().map(|name| name.as_str().unwrap_or("")).collect();
+    let place = |wanted: &str| theirs.iter().position(|name| *name == wanted).expect("the same joints");
+    let order: Vec<usize> = parsed.model.coordinates.iter().map(|coordinate| place(&coordinate.name)).collect();
+    let states = known["states"].as_array().expect("states").iter().map(|state| {
+        let ours = |list: &Value| -> Vec<f64> {
+            let list = numbers(list);
+            order.iter().map(|&index| list[index]).collect()
+        };
+        let mass = state["mass"].as_array().expect("rows");
+        State {
+            q: ours(&state["q"]),
+            v: ours(&state["v"]),
+            a: ours(&state["a"]),
+            torque: ours(&state["torque"]),
+            mass: order.iter().flat_map(|&row| ours(&mass[row])).collect(),
+        }
+    });
+    states.collect()
+}
+
+/// The torques at rest by the twin in spatial algebra.
+pub(crate) fn at_rest(imported: &Imported, q: &[f64]) -> Vec<f64> {
+    let still = vec![0.0; q.len()];
+    twin(&Arm::new(imported), [q, &still, &still])
 }
 
 /// Values of all nodes of a graph; `leaf` gives those of the leaves.

@@ -5,7 +5,7 @@ use crate::input::load::Loaded;
 use crate::output::file;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
-use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError};
+use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError, Part as Requested};
 use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
 use tpm_symbolic::number::rational::{self, Rational};
 
@@ -32,9 +32,33 @@ enum Real {
 
 /// A part of the code that is made on request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "snake_case")]
 enum Part {
-    /// The feed-forward in two parts.
+    /// The feed-forward in its motion-independent and its motion-dependent part, also of equations too long to be multiplied out
+    /// (low passes ask for it).
     Split,
+    /// The forces at rest: what holds a machine against gravity and springs.
+    Gravity,
+    /// The mass matrix.
+    MassMatrix,
+    /// The accelerations that inputs give; a singular mass matrix is an error.
+    ForwardDynamics,
+    /// The regressor in base parameters, the combinations that any motion can show.
+    BaseRegressor,
+    /// An estimator of the base parameters that takes in any motion sample by sample (square-root updates).
+    Estimator,
+}
+
+impl Part {
+    /// All of them, in the order of the code.
+    const ALL: [(Self, Requested, &'static str); 6] = [
+        (Self::Split, Requested::Split, "split"),
+        (Self::Gravity, Requested::Gravity, "gravity"),
+        (Self::MassMatrix, Requested::MassMatrix, "mass_matrix"),
+        (Self::ForwardDynamics, Requested::ForwardDynamics, "forward_dynamics"),
+        (Self::BaseRegressor, Requested::BaseRegressor, "base_regressor"),
+        (Self::Estimator, Requested::Estimator, "estimator"),
+    ];
 }
 
 impl Language {
@@ -85,15 +109,15 @@ pub(crate) struct Args {
     /// Time between the samples of the filters, s.
     #[arg(long, value_name = "SECONDS", requires = "low_pass")]
     sample_time: Option<String>,
-    /// Accumulators of harmonics can let earlier periods fade away, for a machine whose parameters change while it runs.
+    /// Accumulators of harmonics, and the estimator of base parameters, can let the past fade away, for a machine whose parameters change
+    /// while it runs.
     #[arg(long)]
     forgetting: bool,
     /// Add a function for single strokes of every pattern, with rest before and after them.
     #[arg(long)]
     strokes: bool,
-    /// Add what is not made of equations too long to be multiplied out, though it is made of all others: `split`, the feed-forward in
-    /// its motion-independent and its motion-dependent part. Low passes need the parts and ask for them.
-    #[arg(long, value_enum, value_name = "PART")]
+    /// Add parts that are not made without being asked for; several are separated by commas.
+    #[arg(long, value_enum, value_name = "PART", value_delimiter = ',')]
     with: Vec<Part>,
     /// Write nothing, and say whether what is there is what this command would write (exit code 1 when it is not).
     #[arg(long, requires = "output")]
@@ -104,8 +128,11 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let mut estimator = loaded.estimator()?;
-    if args.with.contains(&Part::Split) || args.low_pass.is_some() {
-        estimator = estimator.with_split().map_err(|error| loaded.at_whole(&error.to_string()))?;
+    let asked = |part: Part| args.with.contains(&part) || (part == Part::Split && args.low_pass.is_some());
+    let parts: Vec<Requested> =
+        Part::ALL.into_iter().filter(|(part, ..)| asked(*part)).map(|(_, requested, _)| requested).collect();
+    if !parts.is_empty() {
+        estimator = estimator.with(&parts).map_err(|error| loaded.at_whole(&error.to_string()))?;
     }
     let identified = args.params.as_deref().map(identified).transpose()?;
     if args.lang != Language::C && (args.prefix.is_some() || args.real.is_some()) {
@@ -190,8 +217,10 @@ fn command(args: &Args) -> String {
     if args.strokes {
         command.push_str(" --strokes");
     }
-    if args.with.contains(&Part::Split) {
-        command.push_str(" --with split");
+    let with: Vec<&str> =
+        Part::ALL.into_iter().filter(|(part, ..)| args.with.contains(part)).map(|(.., name)| name).collect();
+    if !with.is_empty() {
+        command.push_str(&format!(" --with {}", with.join(",")));
     }
     if let Some(params) = &args.params {
         command.push_str(&format!(" --params {}", name(params)));

@@ -182,3 +182,22 @@ fn refusals_leave_nothing_behind() {
         assert_eq!(names(folder.path()), before, "{given:?} left something behind");
     }
 }
+
+/// Parts come when they are asked for, and the header says with which command.
+#[test]
+fn parts_are_made_on_request() {
+    let arm = "models/robots/planar_arm.tpm";
+    let words = ["fn gravity", "fn mass_matrix", "fn forward_dynamics", "fn base_regressor", "struct BaseEstimator"];
+    let plain = tpm(&["generate", arm, "--lang", "rust"]);
+    assert!(plain.status.success(), "{}", text(&plain.stderr));
+    words.iter().for_each(|word| assert!(!text(&plain.stdout).contains(word), "{word}"));
+    let asked = tpm(&["generate", arm, "--lang", "rust", "--with", "estimator,gravity", "--with", "forward_dynamics"]);
+    let code = text(&asked.stdout);
+    assert!(asked.status.success(), "{}", text(&asked.stderr));
+    assert!(code.contains("planar_arm.tpm --lang rust --with gravity,forward_dynamics,estimator`"), "{code}");
+    let present: Vec<bool> = words.iter().map(|word| code.contains(word)).collect();
+    assert_eq!(present, [true, false, true, true, true]);
+    let unknown = tpm(&["generate", arm, "--lang", "rust", "--with", "mass"]);
+    assert_eq!(unknown.status.code(), Some(2));
+    assert!(text(&unknown.stderr).contains("mass_matrix"), "{}", text(&unknown.stderr));
+}

@@ -12,6 +12,7 @@ mod layout;
 mod pattern;
 /// C99 of a regulator.
 pub mod regulator;
+mod requested;
 mod solve;
 
 use super::estimator::{EmitError, EstimatorSource};
@@ -56,6 +57,7 @@ pub fn files(estimator: &EstimatorSource, options: &Options<'_>) -> Result<Files
         return Err(EmitError::Empty(what));
     }
     dynamics::write(&mut context);
+    requested::write(&mut context);
     filter::write(&mut context);
     pattern::write(&mut context);
     let about = header::header(estimator, options.command, &|role| context.function_name(role));

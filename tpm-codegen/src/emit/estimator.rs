@@ -8,21 +8,24 @@ use tpm_symbolic::expr::graph::Function;
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::harmonic::table::HarmonicTable;
 use tpm_symbolic::mechanics::model::ExactModel;
+use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
 use tpm_symbolic::number::rational::{self, Rational};
-use tpm_symbolic::plan::estimator::{EstimatorPlan, TooLong};
+use tpm_symbolic::plan::estimator::EstimatorPlan;
 use tpm_symbolic::plan::operation::Op;
 use tpm_symbolic::plan::pattern::{PatternGap, PatternPlan};
 use tpm_symbolic::plan::straight_line::Plan;
 use tpm_symbolic::plan::table::TablePlan;
-use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical};
+use tpm_symbolic::regressor::form::{Column, RegressorForm, canonical, structured_form_with};
 use tpm_symbolic::regressor::prepare::{PrepareError, Prepared, prepare};
 
 use super::filter::FilterError;
 use super::formulas::Formulas;
 use super::number::{Rounded, resembles_constant};
+use super::part::Parts;
 use crate::diagnostic::Diagnostic;
 use crate::language::Parsed;
 
+pub use super::part::{Part, PartError};
 pub use crate::identified::{Identified, IdentifiedError, IdentifiedParameter, READABLE_SCHEMAS, SCHEMA};
 
 /// A model, its regressor form and its plans.
@@ -36,6 +39,10 @@ pub struct EstimatorSource {
     pub plan: EstimatorPlan,
     /// What the tables, and only they, replace by Taylor polynomials, in whole sentences.
     pub replaced: Vec<String>,
+    /// The mechanism that the equations come from.
+    pub(super) mechanism: Option<Mechanism>,
+    /// What was asked for beside what every model has.
+    pub(super) parts: Parts,
     /// The entries of the equations as text.
     pub(super) formulas: Formulas,
 }
@@ -66,9 +73,9 @@ pub enum EmitError {
     /// The low passes of the feed-forward do not exist.
     #[error(transparent)]
     Filter(#[from] FilterError),
-    /// The equations are too long for the feed-forward to be parted.
+    /// A part that was asked for does not follow from the equations.
     #[error(transparent)]
-    TooLong(#[from] TooLong),
+    Part(#[from] PartError),
     /// The text could not be laid out.
     #[error("the emitted code is not Rust as the formatter knows it: {0}")]
     Layout(String),
@@ -112,9 +119,12 @@ impl EstimatorSource {
                 patterns.map(|_| Err(gap.clone())).collect()
             }
         };
+        let (model, form) = match &parsed.mechanism {
+            Some(_) => as_written(model, form),
+            None => (model, form),
+        };
         let plan = EstimatorPlan::with_tables(&model, &form, tables);
-        let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs);
-        Self { model, form, plan, replaced, formulas }
+        Self::assembled(model, form, plan, replaced, parsed.mechanism.clone())
             .in_range()
             .map_err(|error| Diagnostic::error(parsed.ast.name.span, error.to_string()))
     }
@@ -125,8 +135,21 @@ impl EstimatorSource {
     /// When a number is beyond double precision.
     pub fn from_form(model: ExactModel, form: RegressorForm) -> Result<Self, EmitError> {
         let plan = EstimatorPlan::new(&model, &form);
-        let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs);
-        Self { model, form, plan, replaced: Vec::new(), formulas }.in_range()
+        Self::assembled(model, form, plan, Vec::new(), None).in_range()
+    }
+
+    fn assembled(
+        model: ExactModel,
+        form: RegressorForm,
+        mut plan: EstimatorPlan,
+        replaced: Vec<String>,
+        mechanism: Option<Mechanism>,
+    ) -> Self {
+        if let Some(mechanism) = &mechanism {
+            plan = plan.with_recursion(&model, &form, mechanism);
+        }
+        let formulas = Formulas::new(&model, &form, &plan.evaluation.inputs, mechanism.as_ref());
+        Self { model, form, plan, replaced, mechanism, parts: Parts::default(), formulas }
     }
 
     fn in_range(self) -> Result<Self, EmitError> {
@@ -137,12 +160,18 @@ impl EstimatorSource {
         }
     }
 
-    /// This source with the feed-forward in its two parts, also where the equations must be multiplied out for that.
+    /// This source with further parts: what every model has is there already.
     ///
     /// # Errors
-    /// [`EmitError::TooLong`] when the equations would have too many terms.
-    pub fn with_split(mut self) -> Result<Self, EmitError> {
-        self.plan.part_feed_forward(&self.model, &self.form)?;
+    /// [`EmitError::Part`] when the equations would have too many terms, the accelerations do not follow from them, or they have no base
+    /// parameters.
+    pub fn with(mut self, parts: &[Part]) -> Result<Self, EmitError> {
+        for part in parts {
+            match part {
+                Part::Split => self.plan.part_feed_forward(&self.model, &self.form).map_err(PartError::from)?,
+                part => self.parts.add(*part, &self.model, &self.form, &self.plan, self.mechanism.as_ref())?,
+            }
+        }
         self.in_range()
     }
 
@@ -174,6 +203,7 @@ impl EstimatorSource {
             .chain(plan.unlumping.iter().flatten().map(|unlumping| &unlumping.plan))
             .chain(references)
             .chain(tables)
+            .chain(self.parts.plans())
     }
 
     pub(super) fn numbers(&self) -> impl Iterator<Item = &Rational> {
@@ -192,6 +222,19 @@ impl EstimatorSource {
     /// Whether a literal of the code would look like a mistyped irrational constant.
     pub(super) fn resembles_constant(&self) -> bool {
         self.numbers().any(|value| resembles_constant(rational::to_f64(value)))
+    }
+}
+
+/// A model and its form with the equations as they were written, where that leaves the columns as they are: the rows of a mechanism
+/// are shorter by their recursion than multiplied out, however few joints it has.
+fn as_written(model: ExactModel, form: RegressorForm) -> (ExactModel, RegressorForm) {
+    if !form.is_expanded(&model.graph) || !model.eliminations.is_empty() {
+        return (model, form);
+    }
+    let mut written = model.clone();
+    match structured_form_with(&mut written, &form.columns) {
+        Ok(structured) if structured.columns == form.columns && structured.is_whole() => (written, structured),
+        _ => (model, form),
     }
 }
 

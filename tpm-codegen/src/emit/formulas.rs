@@ -2,14 +2,22 @@
 
 use std::collections::BTreeMap;
 use tpm_symbolic::algebra::polynomial::Polynomial;
-use tpm_symbolic::expr::graph::{ExprId, Symbol};
+use tpm_symbolic::expr::graph::{Coordinate, ExprId, Symbol};
 use tpm_symbolic::mechanics::model::ExactModel;
+use tpm_symbolic::mechanics::tree::NAMES;
+use tpm_symbolic::mechanics::tree::mechanism::{Mechanism, parameter_name};
 use tpm_symbolic::regressor::form::RegressorForm;
 
 /// The most leaves and operations of a formula above an entry that was not multiplied out.
 const LONGEST_FORMULA: f64 = 40.0;
 
-/// The entries of the equations as the model language writes them; of a long one that was not multiplied out, what it depends on.
+/// What a formula of a recursion means.
+pub(super) const RECURSION: &str = "Entries follow from recursive Newton-Euler. `S(q, b).W(p, b)` is the power of a wrench along a screw, both about the \
+     origin of the frame of the body b: S(q, b) is the velocity of that frame when the joint of q alone moves at a unit rate, W(p, b) \
+     the force and the moment that a unit of the inertia parameter p of b needs under the motion of b, gravity included.";
+
+/// The entries of the equations as the model language writes them; of a long one that was not multiplied out, its formula in the
+/// recursion of the mechanism, or what it depends on.
 #[derive(Clone, Debug)]
 pub(super) struct Formulas {
     /// The regressor, row by row.
@@ -21,7 +29,12 @@ pub(super) struct Formulas {
 }
 
 impl Formulas {
-    pub(super) fn new(model: &ExactModel, form: &RegressorForm, inputs: &[Symbol]) -> Self {
+    pub(super) fn new(
+        model: &ExactModel,
+        form: &RegressorForm,
+        inputs: &[Symbol],
+        mechanism: Option<&Mechanism>,
+    ) -> Self {
         let longest = if form.is_expanded(&model.graph) { f64::INFINITY } else { LONGEST_FORMULA };
         let mut graph = model.graph.clone();
         let mut display = |polynomial: &Polynomial<ExprId>| {
@@ -32,13 +45,20 @@ impl Formulas {
             text
         };
         let mut formulas = Self { entries: Vec::new(), known: Vec::new(), inputs: Vec::new() };
-        for row in &form.rows {
+        let recursion = mechanism.filter(|_| longest.is_finite()).map(|mechanism| Recursion::new(model, mechanism));
+        for (r, row) in form.rows.iter().enumerate() {
             let mut sums: BTreeMap<Option<usize>, Polynomial<ExprId>> = BTreeMap::new();
             for term in &row.terms {
                 sums.entry(term.column).or_default().add_term(term.atoms.clone(), term.coefficient.clone());
             }
             let mut entry = |column: Option<usize>| display(&sums.remove(&column).unwrap_or_default());
-            formulas.entries.push((0..form.columns.len()).map(|column| entry(Some(column))).collect());
+            let of_column = |column: usize| {
+                let text = entry(Some(column));
+                let formula = recursion.as_ref().filter(|_| text.starts_with("f("));
+                let formula = formula.and_then(|recursion| recursion.entry(r, &form.columns[column].definition));
+                formula.unwrap_or(text)
+            };
+            formulas.entries.push((0..form.columns.len()).map(of_column).collect());
             formulas.known.push(entry(None));
             let factor =
                 |input: &Symbol| row.inputs.iter().find(|(symbol, _)| symbol == input).map(|(_, factor)| factor);
@@ -56,5 +76,41 @@ impl Formulas {
     /// The factor of an input in a row.
     pub(super) fn input_factor(&self, row: usize, input: usize) -> &str {
         &self.inputs[row][input]
+    }
+}
+
+/// Names by which an entry of a mechanism's rows is written.
+struct Recursion<'a> {
+    /// The coordinate of every row.
+    coordinates: Vec<&'a str>,
+    /// The inertia parameter and the body of a symbol of the model.
+    inertias: BTreeMap<ExprId, (&'static str, &'a str)>,
+}
+
+impl<'a> Recursion<'a> {
+    fn new(model: &'a ExactModel, mechanism: &'a Mechanism) -> Self {
+        let mut moved: Vec<Coordinate> =
+            mechanism.tree.bodies().iter().filter_map(|body| body.joint.coordinate()).collect();
+        moved.sort_unstable();
+        let coordinates = moved.iter().map(|place| model.coordinates[place.0 as usize].name.as_str()).collect();
+        let mut graph = model.graph.clone();
+        let symbols: BTreeMap<&str, Symbol> =
+            model.parameters().map(|symbol| (model.quantity(symbol).name.as_str(), symbol)).collect();
+        let mut inertias = BTreeMap::new();
+        for label in &mechanism.labels {
+            for name in NAMES {
+                if let Some(&symbol) = symbols.get(parameter_name(name, &label.name).as_str()) {
+                    inertias.insert(graph.symbol(symbol), (name, label.name.as_str()));
+                }
+            }
+        }
+        Self { coordinates, inertias }
+    }
+
+    /// The entry of a row in the column of an inertia parameter.
+    fn entry(&self, row: usize, column: &Polynomial<ExprId>) -> Option<String> {
+        let (coordinate, (monomial, _)) = (self.coordinates.get(row)?, column.terms().next()?);
+        let (name, body) = self.inertias.get(monomial.factors().next()?.0)?;
+        Some(format!("S({coordinate}, {body}).W({name}, {body})"))
     }
 }

@@ -38,6 +38,11 @@ pub(super) enum Role {
     FeedForward,
     FeedForwardIndependent,
     FeedForwardDependent,
+    Gravity,
+    MassMatrix,
+    /// The mass matrix and the forces that remain, before they are solved.
+    ForwardDynamics,
+    BaseRegressor,
     Lump,
     Unlump,
     /// The reference motion of a pattern.
@@ -63,7 +68,7 @@ pub(super) struct Reads {
 }
 
 impl Reads {
-    fn of(estimator: &EstimatorSource, plan: &Plan) -> Self {
+    pub(super) fn of(estimator: &EstimatorSource, plan: &Plan) -> Self {
         let mut reads = Self::default();
         for leaf in &plan.inputs {
             match *leaf {
@@ -118,7 +123,7 @@ pub(super) struct Function {
 }
 
 impl Function {
-    fn values(estimator: &EstimatorSource, plan: &Plan, about: String) -> Self {
+    pub(super) fn values(estimator: &EstimatorSource, plan: &Plan, about: String) -> Self {
         let (statements, values) = Reader::new(plan).outputs();
         Self { about, reads: Reads::of(estimator, plan), body: Body::Values(statements, values) }
     }
@@ -138,6 +143,11 @@ pub(super) fn plans(estimator: &EstimatorSource) -> Vec<(Role, &Plan)> {
         list.push((Role::FeedForwardIndependent, independent));
         list.push((Role::FeedForwardDependent, dependent));
     }
+    let parts = &estimator.parts;
+    list.extend(parts.gravity.iter().map(|plan| (Role::Gravity, plan)));
+    list.extend(parts.mass_matrix.iter().map(|plan| (Role::MassMatrix, plan)));
+    list.extend(parts.forward_dynamics.iter().map(|dynamics| (Role::ForwardDynamics, &dynamics.plan)));
+    list.extend(parts.base.iter().map(|base| (Role::BaseRegressor, &base.regressor)));
     list.extend(plan.lumping.iter().map(|plan| (Role::Lump, plan)));
     list.extend(plan.unlumping.iter().flatten().map(|unlumping| (Role::Unlump, &unlumping.plan)));
     for (index, pattern) in plan.patterns.iter().enumerate() {
@@ -156,7 +166,9 @@ pub(super) fn regressor(estimator: &EstimatorSource) -> Function {
     let mut about = String::from(
         "The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u.\n",
     );
-    for (r, row) in estimator.form.rows.iter().enumerate() {
+    // The entries of what was not multiplied out have their formulas beside them, once.
+    let listed = estimator.form.is_expanded(&estimator.model.graph);
+    for (r, row) in estimator.form.rows.iter().enumerate().filter(|_| listed) {
         about.push_str(&format!("\nEquation `{}`:\n\n```text\n", row.name));
         for (c, column) in estimator.form.columns.iter().enumerate() {
             if row.terms.iter().any(|term| term.column == Some(c)) {
@@ -174,7 +186,7 @@ pub(super) fn regressor(estimator: &EstimatorSource) -> Function {
 }
 
 /// A matrix that is not zero everywhere, entry by entry, each under its formula.
-fn entries(plan: &Plan, columns: usize, formula: impl Fn(usize, usize) -> String) -> Vec<Statement> {
+pub(super) fn entries(plan: &Plan, columns: usize, formula: impl Fn(usize, usize) -> String) -> Vec<Statement> {
     let mut reader = Reader::new(plan);
     let mut statements = Vec::new();
     for output in 0..plan.outputs.len() {

@@ -15,6 +15,7 @@ mod record;
 /// Rust of a regulator.
 #[cfg(feature = "generate")]
 pub mod regulator;
+mod requested;
 #[cfg(feature = "generate")]
 mod support;
 
@@ -132,8 +133,12 @@ pub fn file(estimator: &EstimatorSource, options: &Options<'_>) -> Result<String
         }
     }
     if options.standalone {
-        let solves = estimator.plan.patterns.iter().any(|pattern| pattern.table.is_ok());
-        text.push_str(&support::text(solves, estimator.calls(Function::Tanh)));
+        text.push_str(&support::text(support::Needs {
+            solves: estimator.plan.patterns.iter().any(|pattern| pattern.table.is_ok()),
+            hyperbolic: estimator.calls(Function::Tanh),
+            accelerations: estimator.parts.forward_dynamics.is_some(),
+            square_root: estimator.parts.estimator,
+        }));
     }
     Ok(text)
 }

@@ -72,7 +72,7 @@ pub(super) fn operations(plan: &Plan) -> String {
 }
 
 /// ` in kg`; nothing for what has no unit.
-fn in_unit(unit: Option<&Unit>) -> String {
+pub(super) fn in_unit(unit: Option<&Unit>) -> String {
     match unit {
         Some(unit) if *unit != Unit::one() => format!(" in `{unit}`"),
         _ => String::new(),

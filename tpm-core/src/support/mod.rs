@@ -3,16 +3,20 @@
 //! Invariant: each file here takes what it needs from this module (`super`) and from nowhere else in the crate, and holds no
 //! tests, so that its text may stand, unchanged, inside a generated file.
 
+mod accelerations;
 mod error;
 mod hyperbolic;
 mod label;
 mod least_squares;
 mod real;
+mod square_root;
 #[cfg(test)]
 mod tests;
 
+pub use accelerations::{SingularMass, accelerations};
 pub use error::AccumulatorError;
 pub use hyperbolic::Hyperbolic;
 pub use label::Label;
 pub use least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};
 pub use real::Real;
+pub use square_root::{NotFinite, Shown, SquareRoot};

@@ -1,4 +1,6 @@
-use super::{Label, Real, SolveError, least_squares, weighted_least_squares};
+use super::{
+    Label, NotFinite, Real, SingularMass, SolveError, SquareRoot, accelerations, least_squares, weighted_least_squares,
+};
 
 fn labels<const C: usize>(names: [&'static str; C]) -> [Label<'static>; C] {
     names.map(Label::bare)
@@ -83,4 +85,112 @@ fn powers_and_extremes() {
     assert_eq!(Real::max(f64::NAN, 1.0), 1.0);
     assert_eq!(Real::min(1.0, f64::NAN), 1.0);
     assert_eq!(Real::max(2.0_f32, 1.0), 2.0);
+}
+
+/// A row of some motion: the columns have sizes 1e-6 to 1e3.
+fn row(i: usize) -> [f64; 4] {
+    let t = i as f64 * 0.37;
+    [1e-6 * t.sin(), (2.1 * t).cos(), 30.0 * (0.7 * t).sin(), 1e3 * ((0.7 * t).sin() + 0.05 * (1.3 * t).cos())]
+}
+
+const TRUTH: [f64; 4] = [4e5, -1.5, 0.02, 3e-3];
+
+fn force(row: &[f64; 4], noise: f64) -> f64 {
+    row.iter().zip(TRUTH).map(|(a, b)| a * b).sum::<f64>() + noise
+}
+
+/// Deterministic noise in (-1, 1).
+fn noise(i: usize) -> f64 {
+    ((i * 7919 % 1009) as f64 / 504.5) - 1.0
+}
+
+#[test]
+fn rows_one_by_one_give_least_squares_of_all_rows() {
+    const ROWS: usize = 60;
+    let matrix: [[f64; 4]; ROWS] = core::array::from_fn(row);
+    let right: [f64; ROWS] = core::array::from_fn(|i| force(&row(i), 0.1 * noise(i)));
+    let whole = weighted_least_squares(&matrix, &right, None, &labels(["a", "b", "c", "d"])).expect("full rank");
+    let mut sums = SquareRoot::default();
+    matrix.iter().zip(right).for_each(|(row, right)| sums.push(*row, right).expect("finite"));
+    let found = sums.solution();
+    assert_eq!((found.rank, sums.rows()), (4, ROWS as f64));
+    for c in 0..4 {
+        let (value, deviation) = (found.solution[c].expect("shown"), found.deviations[c].expect("shown"));
+        assert!((value / whole.solution[c] - 1.0).abs() < 1e-11, "{found:?} {whole:?}");
+        assert!((deviation / whole.covariance[c][c].sqrt() - 1.0).abs() < 1e-11, "{found:?} {whole:?}");
+    }
+    assert!(
+        (found.residual / whole.residual - 1.0).abs() < 1e-11 && (found.condition / whole.condition - 1.0).abs() < 1e-9
+    );
+}
+
+#[test]
+fn single_precision_keeps_its_digits_over_many_rows() {
+    let mut sums = SquareRoot::default();
+    for i in 0..20_000 {
+        let row = row(i);
+        sums.push(row.map(|entry| entry as f32), force(&row, 0.0) as f32).expect("finite");
+    }
+    let found = sums.solution();
+    for (value, truth) in found.solution.iter().zip(TRUTH) {
+        let value = f64::from(value.expect("shown"));
+        assert!((value / truth - 1.0).abs() < 3e-3, "{found:?}");
+    }
+}
+
+#[test]
+fn what_the_rows_do_not_show_has_no_value() {
+    // The third column is the second plus twice the first; the last one is zero.
+    let mut sums = SquareRoot::default();
+    assert_eq!(sums.solution().rank, 0);
+    assert_eq!(sums.solution().solution, [None; 5]);
+    for i in 0..5_000 {
+        let [a, b, c, _] = row(i).map(|entry| entry as f32);
+        let row = [a, b, b + 2e6 * a, c, 0.0];
+        sums.push(row, 2.0 * b + 0.5 * c).expect("finite");
+    }
+    assert_eq!(sums.push([1.0, f32::NAN, 0.0, 0.0, 0.0], 0.0), Err(NotFinite));
+    assert_eq!(sums.push([0.0; 5], f32::INFINITY), Err(NotFinite));
+    let found = sums.solution();
+    assert_eq!(found.rank, 3);
+    assert_eq!(found.solution.map(|value| value.is_some()), [false, false, false, true, false]);
+    assert_eq!(found.deviations.map(|value| value.is_some()), [false, false, false, true, false]);
+    assert!((found.solution[3].expect("shown") - 0.5).abs() < 1e-4, "{found:?}");
+}
+
+#[test]
+fn the_past_fades() {
+    let mut sums = SquareRoot::default();
+    for i in 0..400 {
+        let row = row(i);
+        let mut machine = TRUTH;
+        machine[1] = if i < 200 { 7.0 } else { -1.5 };
+        let force: f64 = row.iter().zip(machine).map(|(a, b)| a * b).sum();
+        sums.push(row, force).expect("finite");
+        if i % 20 == 19 {
+            sums.fade(0.1);
+        }
+    }
+    let found = sums.solution();
+    assert!((found.solution[1].expect("shown") + 1.5).abs() < 1e-6, "{found:?}");
+    assert!(sums.rows() < 23.0);
+}
+
+#[test]
+fn accelerations_solve_and_name_what_is_singular() {
+    // a = (1, -2, 3), rows in units 1e12 apart, the second pivot below the first row.
+    let matrix = [[0.0, 2e-9, -1e-9], [2.0, 5.0, 1.0], [3e12, 0.0, 1e12]];
+    let names = labels(["q1", "q2", "q3"]);
+    let found = accelerations(matrix, [-7e-9, -5.0, 6e12], &names).expect("regular");
+    for (found, expected) in found.iter().zip([1.0_f64, -2.0, 3.0]) {
+        assert!((found - expected).abs() < 1e-13, "{found} {expected}");
+    }
+    let double = labels(["q1", "q2"]);
+    let singular = accelerations([[1.0_f64, 2.0], [2.0, 4.0]], [1.0, 2.0], &double);
+    assert_eq!(singular, Err(SingularMass::Undetermined { coordinate: 1, name: "q2" }));
+    let zero = accelerations([[0.0_f32; 2]; 2], [1.0; 2], &double);
+    assert_eq!(zero, Err(SingularMass::Undetermined { coordinate: 0, name: "q1" }));
+    assert_eq!(accelerations([[1.0, f64::NAN], [0.0, 1.0]], [0.0; 2], &double), Err(SingularMass::NotFinite));
+    // A small inertia is not a singular one.
+    assert!(accelerations([[5.4e-6_f64, 0.0], [0.0, 7.0]], [1.0, 1.0], &double).is_ok());
 }

@@ -24,6 +24,7 @@
 //! of bodies times the depth of the tree.
 
 mod bodies;
+mod composite;
 mod inertia;
 mod links;
 pub mod mechanism;

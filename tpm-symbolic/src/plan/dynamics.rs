@@ -14,7 +14,7 @@ use crate::expr::graph::{ExprId, Graph, Node};
 use crate::plan::draft::Draft;
 use crate::plan::entries::Entries;
 use crate::plan::leaf::Leaf;
-use crate::plan::straight_line::Plan;
+use crate::plan::straight_line::{Merger, Plan};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 
@@ -79,12 +79,30 @@ impl Dynamics {
     }
 }
 
+impl Dynamics {
+    /// M alone.
+    #[must_use]
+    pub fn mass_matrix(&self) -> Plan {
+        let mut merger = Merger::default();
+        let mut outputs = merger.append(&self.plan);
+        outputs.truncate(self.rows() * self.rows());
+        merger.finish(outputs)
+    }
+
+    /// The number of rows, and of coordinates.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        // n rows of M and one of the right-hand side.
+        (1..).find(|n| n * n + n >= self.plan.outputs.len()).unwrap_or_default()
+    }
+}
+
 /// Degrees of expressions, as they are written, in some of the leaves; `None` where these stand inside a function or below a
 /// fraction line.
-struct Degrees(Vec<Option<u32>>);
+pub(super) struct Degrees(Vec<Option<u32>>);
 
 impl Degrees {
-    fn new(graph: &Graph, variables: &[ExprId]) -> Self {
+    pub(super) fn new(graph: &Graph, variables: &[ExprId]) -> Self {
         let mut degrees: Vec<Option<u32>> = Vec::with_capacity(graph.len());
         for id in graph.ids() {
             let of = |id: &ExprId| degrees[id.index()];
@@ -103,7 +121,7 @@ impl Degrees {
         Self(degrees)
     }
 
-    fn of(&self, id: ExprId) -> Option<u32> {
+    pub(super) fn of(&self, id: ExprId) -> Option<u32> {
         self.0[id.index()]
     }
 }

@@ -7,7 +7,9 @@ use crate::expr::size::Sizes;
 use crate::harmonic::expand::expand;
 use crate::harmonic::table::HarmonicTable;
 use crate::mechanics::model::ExactModel;
+use crate::mechanics::tree::mechanism::Mechanism;
 use crate::plan::evaluation::Evaluation;
+use crate::plan::forces;
 use crate::plan::leaf::Leaf;
 use crate::plan::lumping::{UnlumpGap, Unlumping, lumping, unlumping};
 use crate::plan::operation::{Op, Slot};
@@ -95,6 +97,21 @@ impl EstimatorPlan {
 }
 
 impl EstimatorPlan {
+    /// Takes the row forces from the recursion of the mechanism that the equations come from, where that is shorter than Phi theta.
+    #[must_use]
+    pub fn with_recursion(mut self, model: &ExactModel, form: &RegressorForm, mechanism: &Mechanism) -> Self {
+        if form.is_expanded(&model.graph) {
+            return self;
+        }
+        let Some(recursion) = forces::by_recursion(model, form, mechanism) else { return self };
+        let Some(shorter) = forces::shorter(Some(self.inverse_dynamics.clone()), Some(recursion)) else { return self };
+        let mut merger = Merger::default();
+        let forces = merger.append(&shorter);
+        self.feed_forward = feed_forward(merger, &forces, &self.evaluation, form);
+        self.inverse_dynamics = shorter;
+        self
+    }
+
     /// Makes [`Self::feed_forward_parts`] known for equations that are as they were written: they are multiplied out, which may take
     /// many times their length. `model` and `form` are those of the plans.
     ///

@@ -2,6 +2,7 @@
 //! constants.
 
 pub mod bank;
+pub mod base;
 mod compile;
 mod constants;
 pub mod derivatives;
@@ -11,6 +12,7 @@ mod entries;
 pub mod estimator;
 pub mod evaluation;
 mod factored;
+pub mod forces;
 pub mod leaf;
 pub mod lumping;
 pub mod operation;

@@ -19,34 +19,65 @@ use std::collections::HashMap;
 /// Phi theta + known, one output per row; `None` where the equations are multiplied out, where a column is no sum of parameters, and
 /// where a row was divided by something that is no number.
 pub(crate) fn forces(model: &ExactModel, form: &RegressorForm) -> Option<Plan> {
-    if form.is_expanded(&model.graph) || !model.eliminations.is_empty() || form.rows.len() != model.equations.len() {
+    if form.is_expanded(&model.graph) {
         return None;
     }
-    let mut draft: Draft = Draft::new(model.graph.clone());
-    let mut values = Values::new(model, &mut draft.graph);
-    let mut replacement: HashMap<ExprId, ExprId> = HashMap::new();
-    let zero = draft.graph.integer(0);
-    for symbol in model.symbols_where(|kind| matches!(kind, Kind::Parameter | Kind::Input)) {
-        replacement.insert(draft.graph.symbol(symbol), zero);
-    }
-    for (index, column) in form.columns.iter().enumerate() {
-        let (parameter, factor) = first_parameter(model, &column.definition)?;
-        let theta = draft.leaf(Leaf::Column(index));
-        let value = draft.graph.scale(theta, factor.recip());
-        replacement.insert(parameter, value);
-    }
+    let mut written = Written::new(model, form, model.graph.clone())?;
     let mut roots = Vec::with_capacity(form.rows.len());
-    for (equation, row) in model.equations.iter().zip(&form.rows) {
-        let scale = scale(&mut draft.graph, equation, row, &mut values)?;
-        let mut terms = Vec::with_capacity(equation.terms.len());
-        for term in &equation.terms {
-            let term = values.put_in(&mut draft.graph, term.expr);
-            terms.push(draft.graph.substitute_beside(term, &mut replacement));
-        }
-        let sum = draft.graph.sum(&terms);
-        roots.push(draft.graph.scale(sum, scale));
+    for (row, equation) in model.equations.iter().enumerate() {
+        let terms: Vec<ExprId> = equation.terms.iter().map(|term| written.put_in(term.expr)).collect();
+        let sum = written.draft.graph.sum(&terms);
+        roots.push(written.scaled(row, sum));
     }
-    Some(draft.plan(&roots))
+    Some(written.draft.plan(&roots))
+}
+
+/// The way from expressions in a model's equations to those in the place of its rows.
+pub(crate) struct Written {
+    pub(crate) draft: Draft,
+    values: Values,
+    replacement: HashMap<ExprId, ExprId>,
+    /// Of every row the number by which its equation was multiplied.
+    scales: Vec<Rational>,
+}
+
+impl Written {
+    /// `graph` holds the model's and further expressions; `None` where a column is no sum of parameters, and where the rows are not the
+    /// equations times numbers.
+    pub(crate) fn new(model: &ExactModel, form: &RegressorForm, graph: Graph) -> Option<Self> {
+        if !model.eliminations.is_empty() || form.rows.len() != model.equations.len() {
+            return None;
+        }
+        let mut draft: Draft = Draft::new(graph);
+        let mut values = Values::new(model, &mut draft.graph);
+        let mut replacement: HashMap<ExprId, ExprId> = HashMap::new();
+        let zero = draft.graph.integer(0);
+        for symbol in model.symbols_where(|kind| matches!(kind, Kind::Parameter | Kind::Input)) {
+            replacement.insert(draft.graph.symbol(symbol), zero);
+        }
+        for (index, column) in form.columns.iter().enumerate() {
+            let (parameter, factor) = first_parameter(model, &column.definition)?;
+            let theta = draft.leaf(Leaf::Column(index));
+            let value = draft.graph.scale(theta, factor.recip());
+            replacement.insert(parameter, value);
+        }
+        let mut scales = Vec::with_capacity(form.rows.len());
+        for (equation, row) in model.equations.iter().zip(&form.rows) {
+            scales.push(scale(&mut draft.graph, equation, row, &mut values)?);
+        }
+        Some(Self { draft, values, replacement, scales })
+    }
+
+    /// An expression with columns for parameters, numbers for constants and zeros for inputs.
+    pub(crate) fn put_in(&mut self, expr: ExprId) -> ExprId {
+        let expr = self.values.put_in(&mut self.draft.graph, expr);
+        self.draft.graph.substitute_beside(expr, &mut self.replacement)
+    }
+
+    /// A part of an equation as it stands in the equation's row.
+    pub(crate) fn scaled(&mut self, row: usize, expr: ExprId) -> ExprId {
+        self.draft.graph.scale(expr, self.scales[row].clone())
+    }
 }
 
 /// The first parameter of a sum of multiples of parameters, with its factor.

@@ -104,6 +104,13 @@ impl RegressorForm {
         self.rows.iter().flat_map(|row| &row.terms).all(|term| term.is_expanded(graph))
     }
 
+    /// Whether every column stands in some row.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        let stands = |column| self.rows.iter().flat_map(|row| &row.terms).any(|term| term.column == Some(column));
+        (0..self.columns.len()).all(stands)
+    }
+
     /// The form with every term multiplied out; `graph` is that of its model. The number of terms may be exponential in the number of
     /// the graph's nodes.
     #[must_use]

@@ -7,7 +7,7 @@ use crate::expr::size::Sizes;
 use crate::mechanics::model::ExactModel;
 use crate::regressor::collect::{Gathered, WrittenTerm, collect_terms, row_of};
 use crate::regressor::gather::Gather;
-use crate::regressor::lump::{assemble, merge_by_traces, merge_proportional};
+use crate::regressor::lump::{assemble, groups_of, merge_by_traces, merge_proportional};
 use crate::regressor::traces::Traces;
 
 pub use crate::regressor::collect::RegressorError;
@@ -48,6 +48,19 @@ pub fn regressor_form(model: &ExactModel) -> Result<RegressorForm, RegressorErro
 /// # Errors
 /// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
 pub fn structured_form(model: &mut ExactModel) -> Result<RegressorForm, RegressorError> {
+    structured(model, None)
+}
+
+/// [`structured_form`] with the columns of another form of the model: multiplied out, equations may have further columns, which are
+/// proportional to others but for an identity such as that of sine and cosine.
+///
+/// # Errors
+/// See [`structured_form`].
+pub fn structured_form_with(model: &mut ExactModel, columns: &[Column]) -> Result<RegressorForm, RegressorError> {
+    structured(model, Some(columns))
+}
+
+fn structured(model: &mut ExactModel, columns: Option<&[Column]>) -> Result<RegressorForm, RegressorError> {
     let equations = model.equations.clone();
     let mut gather = Gather::new(model);
     let gathered: Vec<Gathered> =
@@ -65,7 +78,10 @@ pub fn structured_form(model: &mut ExactModel) -> Result<RegressorForm, Regresso
         let term = equation.terms.first().map(|term| term.id);
         return Err(RegressorError::Empty { name: row.name.to_string(), term });
     }
-    let groups = merge_by_traces(&rows, &traces);
+    let groups = match columns {
+        Some(columns) => groups_of(columns),
+        None => merge_by_traces(&rows, &traces),
+    };
     Ok(assemble(model, rows, groups))
 }
 

@@ -106,6 +106,18 @@ pub(crate) fn merge_by_traces(rows: &[CollectedRow], traces: &Traces<'_>) -> Vec
     groups
 }
 
+/// The groups of the columns of a form.
+pub(crate) fn groups_of(columns: &[Column]) -> Vec<Group> {
+    let group = |column: &Column| {
+        let mut members: SmallVec<[(ParameterMonomial, Rational); 1]> =
+            column.definition.terms().map(|(monomial, ratio)| (monomial.clone(), ratio.clone())).collect();
+        // The column is the regressor of a member that it holds once.
+        members.sort_by_key(|(_, ratio)| !ratio.is_one());
+        Group { members }
+    };
+    columns.iter().map(group).collect()
+}
+
 /// The form with a column for every group of parameter monomials.
 pub(crate) fn assemble(model: &ExactModel, rows: Vec<CollectedRow>, groups: Vec<Group>) -> RegressorForm {
     let single = |group: &Group| match group.members.as_slice() {

@@ -235,6 +235,32 @@ impl Point {
     }
 }
 
+/// Composite rigid bodies give the slopes of the torques in the accelerations, both ways round, and leave out what is zero.
+fn check_masses(
+    model: &mut ExactModel,
+    mechanism: &Mechanism,
+    inertias: &[[ExprId; 10]],
+    torques: &[(Coordinate, ExprId)],
+) {
+    let graph = &mut model.graph;
+    let entries = mechanism.tree.mass_matrix(graph, |body| inertias[body]);
+    let zero = graph.integer(0);
+    for &(row, torque) in torques {
+        for &(column, _) in torques {
+            let acceleration = graph.derivative_of(column, 2);
+            let slope = graph.differentiate(torque, acceleration);
+            let own =
+                entries.iter().find(|entry| (entry.0, entry.1) == (row, column) || (entry.1, entry.0) == (row, column));
+            let entry = own.map_or(zero, |entry| entry.2);
+            for seed in 0..2 {
+                let mut point = Point::new(seed);
+                let expected = point.value(graph, slope);
+                assert_eq!(point.value(graph, entry), expected, "mass of q{}, q{}", row.0, column.0);
+            }
+        }
+    }
+}
+
 /// The recursion gives the equations of Lagrange, and the torques of the recursion over wrenches are those of the regressor.
 fn check(specs: &[Spec], identity: bool) {
     let (mut model, mechanism) = mechanism(specs, false);
@@ -255,6 +281,7 @@ fn check(specs: &[Spec], identity: bool) {
         let terms: Vec<ExprId> = terms.iter().map(|term| term.expr).collect();
         model.graph.sum(&terms)
     };
+    check_masses(&mut model, &mechanism, &inertias, &torques);
     assert_eq!(model.equations.len(), derived.equations.len());
     let equations = model.equations.clone();
     for ((ours, theirs), (coordinate, torque)) in equations.iter().zip(&derived.equations).zip(torques) {

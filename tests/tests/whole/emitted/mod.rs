@@ -7,6 +7,7 @@
 mod dynamics;
 mod feed_forward;
 mod lumping;
+mod parts;
 mod pattern;
 mod precision;
 mod same_code;

@@ -45,7 +45,7 @@ pub(super) fn write(context: &mut Context<'_>) {
         ("input_map", function::input_map(estimator), false, context.names.inputs.len(), "INPUTS"),
     ];
     for (name, function, motion, columns, size) in matrices {
-        matrix(context, name, &function, motion, (columns, size));
+        matrix(context, name, &function, [motion, false], (columns, size));
     }
     forces(context, "known", &function::known(estimator), false);
     forces(context, "inverse_dynamics", &function::inverse_dynamics(estimator), true);
@@ -96,9 +96,14 @@ fn records(context: &mut Context<'_>) {
     let about = "One number per equation: the generalised force that its left-hand side amounts to.";
     context.record("forces", about, &rows);
     if context.estimator.plan.feed_forward.is_some() {
-        let fields = quantities(context, &context.names.inputs);
-        context.record("inputs", "The inputs.", &fields);
+        inputs_record(context);
     }
+}
+
+/// The structure of the inputs.
+pub(super) fn inputs_record(context: &mut Context<'_>) {
+    let fields = quantities(context, &context.names.inputs);
+    context.record("inputs", "The inputs.", &fields);
 }
 
 fn labels(context: &mut Context<'_>) {
@@ -222,12 +227,12 @@ pub(super) fn entry(place: Place) -> String {
     }
 }
 
-/// A function with a row per equation.
-fn matrix(
+/// A function with a row per equation, of the motion or not, of the parameters or not.
+pub(super) fn matrix(
     context: &mut Context<'_>,
     name: &str,
     function: &Function,
-    with_motion: bool,
+    [with_motion, with_parameters]: [bool; 2],
     (columns, size): (usize, &str),
 ) {
     if columns == 0 {
@@ -240,6 +245,10 @@ fn matrix(
     if with_motion {
         let declaration = format!("const {} *motion", context.global("motion"));
         parameters.push(Parameter::read(declaration, "motion", function.reads.motion));
+    }
+    if with_parameters {
+        let declaration = format!("const {} *parameters", context.global("parameters"));
+        parameters.push(Parameter::read(declaration, "parameters", function.reads.parameters));
     }
     push_constants(&mut parameters, context, function.reads);
     let dims = format!("[{}][{}]", context.constant("EQUATIONS"), context.constant(size));
@@ -313,7 +322,7 @@ fn both(context: &mut Context<'_>, function: &Function) {
     context.function(&name, &about, "void", &parameters, &body);
 }
 
-fn forces(context: &mut Context<'_>, name: &str, function: &Function, with_parameters: bool) {
+pub(super) fn forces(context: &mut Context<'_>, name: &str, function: &Function, with_parameters: bool) {
     let fields: Vec<String> = context.names.rows.iter().map(|names| names.field.clone()).collect();
     values(context, name, function, with_parameters, ("forces", &fields));
 }

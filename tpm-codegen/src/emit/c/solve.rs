@@ -145,23 +145,37 @@ static STATUS least_squares(size_t rows, REAL matrix[][COLUMNS], REAL *right, RE
     estimate->condition = SQRT((REAL)COLUMNS * square);
 ";
 
-/// The types of results, and the function that every pattern's solution goes through.
-pub(super) fn write(context: &mut Context<'_>) {
-    let scalar = context.scalar;
+/// How functions end, once.
+pub(super) fn status(context: &mut Context<'_>) {
     let status = context.global("status");
-    let names = ["OK", "TOO_FEW", "UNDETERMINED", "NOT_FINITE"].map(|name| context.constant(name));
-    let about = [
+    let mut names = ["OK", "TOO_FEW", "UNDETERMINED", "NOT_FINITE"].map(|name| context.constant(name)).to_vec();
+    let mut about = vec![
         "As asked for.",
         "There are too few samples for the harmonics.",
         "The data do not determine a parameter: its column is zero, or a combination of others.",
         "An entry of the matrix or of the data is infinite or not a number.",
     ];
+    if context.estimator.parts.forward_dynamics.is_some() {
+        names.push(context.constant("SINGULAR"));
+        about.push("The mass matrix is singular: no equation determines the acceleration of a coordinate.");
+    }
     let entries = names.iter().zip(about).map(|(name, about)| format!("{}    {name},\n", doc(1, about)));
     let entries: String = entries.collect();
     let entries = entries.trim_end().trim_end_matches(',');
     context
         .header
         .push_str(&format!("\n/* How a function ended. */\ntypedef enum {status} {{\n{entries}\n}} {status};\n"));
+}
+
+/// The types of results, and the function that every pattern's solution goes through.
+pub(super) fn write(context: &mut Context<'_>) {
+    let scalar = context.scalar;
+    let parts = &context.estimator.parts;
+    if parts.forward_dynamics.is_none() && !parts.estimator {
+        status(context);
+    }
+    let names = ["OK", "TOO_FEW", "UNDETERMINED", "NOT_FINITE"].map(|name| context.constant(name));
+    let status = context.global("status");
     let (parameters, count) = (context.global("parameters"), context.constant("PARAMETERS"));
     let fields = [
         ("The parameters.", format!("{parameters} parameters")),
@@ -213,7 +227,7 @@ pub(super) fn write(context: &mut Context<'_>) {
 }
 
 /// A text with its words in capitals replaced, each as a whole.
-fn filled(text: &str, words: &[(&str, String)]) -> String {
+pub(super) fn filled(text: &str, words: &[(&str, String)]) -> String {
     let mut out = String::with_capacity(text.len());
     let mut word = String::new();
     for letter in text.chars().chain(['\0']) {

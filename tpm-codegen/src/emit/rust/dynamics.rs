@@ -14,6 +14,7 @@ use super::context::Context;
 use super::expression::{Writer, literal};
 use super::names::{derivative_field, ident};
 use super::record::{Field, count, doc, locals, record};
+use super::requested;
 
 /// What the module takes from the runtime.
 pub(super) fn imports(context: &Context<'_>) -> TokenStream {
@@ -26,6 +27,8 @@ pub(super) fn imports(context: &Context<'_>) -> TokenStream {
         root.push("Hyperbolic");
         root.sort_unstable();
     }
+    root.extend(requested::imports(context));
+    root.sort_unstable_by_key(|name| (!name.starts_with(char::is_uppercase), *name));
     let table_here = context.names.patterns.iter().zip(&context.estimator.plan.patterns);
     let table_here = table_here.filter(|(names, pattern)| names.module.is_none() && pattern.table.is_ok());
     let harmonics = if table_here.count() > 0 {
@@ -71,6 +74,7 @@ pub(super) fn items(context: &Context<'_>) -> TokenStream {
         feed_forward(context),
         feed_forward_with_regressor(context),
         feed_forward_parts(context),
+        requested::items(context),
         implementation(context),
     ];
     parts.into_iter().collect()
@@ -89,7 +93,7 @@ fn model_type(context: &Context<'_>) -> TokenStream {
     }
 }
 
-fn label(runtime_label: &Ident, name: &str, unit: Option<&Unit>) -> TokenStream {
+pub(super) fn label(runtime_label: &Ident, name: &str, unit: Option<&Unit>) -> TokenStream {
     match unit.map(ToString::to_string) {
         Some(unit) => quote!(#runtime_label::new(#name, #unit)),
         None => quote!(#runtime_label::bare(#name)),
@@ -178,7 +182,7 @@ fn identified(context: &Context<'_>) -> TokenStream {
     }
 }
 
-fn quantity_fields(context: &Context<'_>, symbols: &[(Symbol, Ident)]) -> Vec<Field> {
+pub(super) fn quantity_fields(context: &Context<'_>, symbols: &[(Symbol, Ident)]) -> Vec<Field> {
     let field = |(symbol, name): &(Symbol, Ident)| Field {
         ident: name.clone(),
         doc: text::quantity(context.estimator, *symbol),
@@ -348,7 +352,7 @@ fn forces(context: &Context<'_>) -> TokenStream {
 }
 
 /// The parameter list of a function of the motion.
-fn arguments(context: &Context<'_>, reads: Reads, with_parameters: bool) -> TokenStream {
+pub(super) fn arguments(context: &Context<'_>, reads: Reads, with_parameters: bool) -> TokenStream {
     let motion = if reads.motion { ident("motion") } else { ident("_motion") };
     let constants = context.constants_parameter(reads);
     let parameters = match (with_parameters, reads.parameters) {
@@ -372,7 +376,7 @@ fn input_map(context: &Context<'_>) -> TokenStream {
 }
 
 /// A function with a row per equation.
-fn matrix(
+pub(super) fn matrix(
     context: &Context<'_>,
     name: &str,
     function: &Function,
@@ -424,7 +428,7 @@ pub(super) fn stores<L: Fn(&Leaf) -> TokenStream>(
 }
 
 /// A function of the motion with one value per field of a structure.
-fn structure(
+pub(super) fn structure(
     context: &Context<'_>,
     name: &str,
     function: &Function,
@@ -450,7 +454,7 @@ fn structure(
     }
 }
 
-fn force_fields<'a>(context: &'a Context<'_>) -> (&'static str, Vec<&'a Ident>) {
+pub(super) fn force_fields<'a>(context: &'a Context<'_>) -> (&'static str, Vec<&'a Ident>) {
     ("Forces", context.names.rows.iter().map(|row| &row.field).collect())
 }
 

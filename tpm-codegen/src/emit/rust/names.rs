@@ -8,9 +8,13 @@ use super::super::name::{Language, Namer};
 use super::super::names::{self, Style, derivative_name, harmonic_name};
 
 /// Types of emitted modules and what they import: no name of a model may hide them.
-const TYPES: [&str; 28] = [
+const TYPES: [&str; 36] = [
+    "Accelerations",
     "Accumulator",
     "AccumulatorError",
+    "BaseEstimate",
+    "BaseEstimator",
+    "BaseParameters",
     "Buffer",
     "Clone",
     "Constants",
@@ -27,6 +31,7 @@ const TYPES: [&str; 28] = [
     "Label",
     "Model",
     "Motion",
+    "NotFinite",
     "Ok",
     "Option",
     "Parameters",
@@ -35,7 +40,10 @@ const TYPES: [&str; 28] = [
     "Physical",
     "Real",
     "Result",
+    "Shown",
+    "SingularMass",
     "SolveError",
+    "SquareRoot",
     "T",
 ];
 

@@ -4,8 +4,22 @@
 
 use tpm_core::source::SUPPORT;
 
-/// The module `support`; `solves` adds least squares, which a pattern with a table needs, `hyperbolic` the hyperbolic tangent.
-pub(super) fn text(solves: bool, hyperbolic: bool) -> String {
+/// What of the controller's crate the code needs beside scalars and labels.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Needs {
+    /// Least squares of harmonics, which a pattern with a table needs.
+    pub(super) solves: bool,
+    /// The hyperbolic tangent.
+    pub(super) hyperbolic: bool,
+    /// The solution of a mass matrix.
+    pub(super) accelerations: bool,
+    /// Least squares sample by sample.
+    pub(super) square_root: bool,
+}
+
+/// The module `support`.
+pub(super) fn text(needs: Needs) -> String {
+    let Needs { solves, hyperbolic, accelerations, square_root } = needs;
     let mut text = String::from(
         "\n/// What the functions above need beside `core` and the crate `libm`.\n#[allow(dead_code, unused_imports, reason = \"no model needs all of it\")]\npub mod support {\n    pub use self::label::Label;\n    pub use self::real::Real;\n",
     );
@@ -14,6 +28,12 @@ pub(super) fn text(solves: bool, hyperbolic: bool) -> String {
             "    pub use self::error::AccumulatorError;\n    pub use self::least_squares::{LeastSquares, SolveError, least_squares, weighted_least_squares};\n",
         );
     }
+    if accelerations {
+        text.push_str("    pub use self::accelerations::{SingularMass, accelerations};\n");
+    }
+    if square_root {
+        text.push_str("    pub use self::square_root::{NotFinite, Shown, SquareRoot};\n");
+    }
     if hyperbolic {
         text.push_str("    pub use self::hyperbolic::Hyperbolic;\n");
     }
@@ -21,6 +41,8 @@ pub(super) fn text(solves: bool, hyperbolic: bool) -> String {
         let needed = match name {
             "error" | "least_squares" => solves,
             "hyperbolic" => hyperbolic,
+            "accelerations" => accelerations,
+            "square_root" => square_root,
             _ => true,
         };
         if !needed {
@@ -42,14 +64,16 @@ pub(super) fn text(solves: bool, hyperbolic: bool) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::text;
+    use super::{Needs, text};
 
     #[test]
     fn nothing_of_the_runtime_is_left() {
         for (solves, hyperbolic) in [(true, false), (false, true)] {
-            let text = text(solves, hyperbolic);
+            let text = text(Needs { solves, hyperbolic, accelerations: hyperbolic, square_root: solves });
             assert_eq!(text.contains("least_squares"), solves);
             assert_eq!(text.contains("tanh"), hyperbolic);
+            assert_eq!(text.contains("SingularMass"), hyperbolic);
+            assert_eq!(text.contains("SquareRoot"), solves);
             assert!(!text.contains("crate::") && !text.contains("cfg(test)"), "{text}");
             assert!(syn::parse_file(&text).is_ok());
         }

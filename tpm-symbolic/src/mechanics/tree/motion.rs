@@ -83,6 +83,14 @@ impl Step {
         Self { turn }
     }
 
+    /// The ten parameters about the turned frame, about the frame before the joint.
+    pub(super) fn turned_back(&self, graph: &mut Graph, inertia: &[ExprId; 10]) -> [ExprId; 10] {
+        match &self.turn {
+            Some(turn) => turn.inertia_backward(graph, inertia),
+            None => *inertia,
+        }
+    }
+
     /// A vector of the parent's frame in the frame of the link.
     pub(super) fn outward(&self, graph: &mut Graph, link: &Link, vector: &Vector) -> Vector {
         let vector = outward_in(graph, &link.rotation.transposed(), vector);
@@ -100,6 +108,11 @@ impl Step {
         };
         outward_in(graph, &link.rotation, &vector)
     }
+}
+
+/// The steps of all links.
+pub(super) fn steps(graph: &mut Graph, links: &[Link]) -> Vec<Step> {
+    links.iter().map(|link| Step::new(graph, link)).collect()
 }
 
 /// The steps and the motions of all links.

@@ -87,11 +87,60 @@ impl Turn {
         self.turned(graph, vector, self.sine)
     }
 
+    /// The ten parameters about the turned frame, about the frame before the joint: R h and R I R^T.
+    pub(super) fn inertia_backward(&self, graph: &mut Graph, inertia: &[ExprId; 10]) -> [ExprId; 10] {
+        let [mass, x, y, z, xx, xy, xz, yy, yz, zz] = *inertia;
+        let first = self.backward(graph, &[x, y, z]);
+        let moments = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+        let turned = match self.along() {
+            Some(k) => self.moments_about(graph, k, &moments),
+            None => {
+                // R I, whose transpose is turned once more.
+                let columns = moments.map(|column| self.backward(graph, &column));
+                let rows: [Vector; 3] = std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]));
+                rows.map(|row| self.backward(graph, &row))
+            }
+        };
+        let [[xx, xy, xz], [_, yy, yz], [_, _, zz]] = turned;
+        [mass, first[0], first[1], first[2], xx, xy, xz, yy, yz, zz]
+    }
+
+    /// R I R^T for a turn about axis k of the frame. With d = I_ii - I_jj and w = d sin q + 2 I_ij cos q, the turned moments are
+    /// I_ii - w sin q, I_jj + w sin q and w cos q - I_ij.
+    fn moments_about(&self, graph: &mut Graph, k: usize, moments: &[Vector; 3]) -> [Vector; 3] {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let sign = graph.number(self.axis[k].clone());
+        let sine = graph.product_of_wholes(&[sign, self.sine]);
+        let two = graph.integer(2);
+        let other = negated(graph, moments[j][j]);
+        let difference = graph.sum_of_wholes(&[moments[i][i], other]);
+        let twice = graph.product_of_wholes(&[two, moments[i][j]]);
+        let spread = sum_of_products(graph, &[(difference, sine), (twice, self.cosine)]);
+        let shift = graph.product_of_wholes(&[spread, sine]);
+        let (minus_shift, minus_product) = (negated(graph, shift), negated(graph, moments[i][j]));
+        let across = self.backward(graph, &moments[k]);
+        let mut turned = *moments;
+        turned[i][i] = graph.sum_of_wholes(&[moments[i][i], minus_shift]);
+        turned[j][j] = graph.sum_of_wholes(&[moments[j][j], shift]);
+        let cosine_part = graph.product_of_wholes(&[spread, self.cosine]);
+        turned[i][j] = graph.sum_of_wholes(&[cosine_part, minus_product]);
+        turned[j][i] = turned[i][j];
+        for other in [i, j] {
+            turned[k][other] = across[other];
+            turned[other][k] = across[other];
+        }
+        turned
+    }
+
+    /// The axis of the frame that the joint turns about, when there is one.
+    fn along(&self) -> Option<usize> {
+        let k = self.axis.iter().position(|component| !component.is_zero())?;
+        (&self.axis[k] * &self.axis[k]).is_one().then_some(k)
+    }
+
     /// v cos q + (a x v) sin q + a (a.v) (1 - cos q), with a cheap form for the axes of the frame.
     fn turned(&self, graph: &mut Graph, vector: &Vector, sine: ExprId) -> Vector {
-        if let Some(k) = self.axis.iter().position(|component| !component.is_zero())
-            && (&self.axis[k] * &self.axis[k]).is_one()
-        {
+        if let Some(k) = self.along() {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
             let sign = graph.number(self.axis[k].clone());
             let sine = graph.product_of_wholes(&[sign, sine]);

@@ -1,0 +1,630 @@
+//! Functions that are made on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in base parameters.
+//!
+//! Invariant: the methods are those of `tpm_core::support` (`accelerations`, `square_root`), in the caller's memory.
+
+use super::super::function::{Body, Function};
+use super::super::requested;
+use super::super::text;
+use super::context::{Context, Parameter, push_constants};
+use super::dynamics::{forces, inputs_record, matrix, size_macro};
+use super::expression::{Scalar, Writer};
+use super::layout::{doc, statement, string};
+use super::solve::{self, filled};
+
+/// M a = b by elimination with row pivoting.
+const ACCELERATIONS: &str = "
+/* The x with matrix x = right, by elimination with row pivoting; matrix and right are destroyed. */
+static STATUS solve_accelerations(REAL matrix[COUNT][COUNT], REAL right[COUNT], REAL solution[COUNT])
+{
+    const REAL tiny = EPSILON * (REAL)COUNT;
+    REAL sizes[COUNT];
+    size_t i, j, k;
+
+    for (i = 0; i < COUNT; ++i) {
+        REAL largest = ZERO;
+        for (j = 0; j < COUNT; ++j) {
+            const REAL size = FABS(matrix[i][j]);
+            if (!(size <= MAX)) {
+                return NOT_FINITE;
+            }
+            if (size > largest) {
+                largest = size;
+            }
+        }
+        if (!(FABS(right[i]) <= MAX)) {
+            return NOT_FINITE;
+        }
+        if (largest > ZERO) {
+            for (j = 0; j < COUNT; ++j) {
+                matrix[i][j] /= largest;
+            }
+            right[i] /= largest;
+        }
+    }
+    for (j = 0; j < COUNT; ++j) {
+        sizes[j] = ZERO;
+        for (i = 0; i < COUNT; ++i) {
+            if (FABS(matrix[i][j]) > sizes[j]) {
+                sizes[j] = FABS(matrix[i][j]);
+            }
+        }
+    }
+    for (k = 0; k < COUNT; ++k) {
+        size_t best = k;
+        for (i = k + 1; i < COUNT; ++i) {
+            if (FABS(matrix[i][k]) > FABS(matrix[best][k])) {
+                best = i;
+            }
+        }
+        if (!(FABS(matrix[best][k]) > tiny * sizes[k])) {
+            return SINGULAR;
+        }
+        if (best != k) {
+            const REAL other = right[best];
+            right[best] = right[k];
+            right[k] = other;
+            for (j = k; j < COUNT; ++j) {
+                const REAL entry = matrix[best][j];
+                matrix[best][j] = matrix[k][j];
+                matrix[k][j] = entry;
+            }
+        }
+        for (i = k + 1; i < COUNT; ++i) {
+            const REAL factor = matrix[i][k] / matrix[k][k];
+            for (j = k; j < COUNT; ++j) {
+                matrix[i][j] -= factor * matrix[k][j];
+            }
+            right[i] -= factor * right[k];
+        }
+    }
+    for (k = COUNT; k-- > 0;) {
+        solution[k] = right[k];
+        for (j = k + 1; j < COUNT; ++j) {
+            solution[k] -= matrix[k][j] * solution[j];
+        }
+        solution[k] /= matrix[k][k];
+        if (!(FABS(solution[k]) <= MAX)) {
+            return NOT_FINITE;
+        }
+    }
+    return OK;
+}
+";
+
+/// Rotations of rows into a triangular factor, and its solution.
+const SQUARE_ROOT: &str = "
+/* The root of the sum of two squares, which neither overflow nor vanish. */
+static REAL hypotenuse(REAL a, REAL b)
+{
+    const REAL large = FABS(a) > FABS(b) ? FABS(a) : FABS(b);
+    const REAL small = FABS(a) > FABS(b) ? FABS(b) : FABS(a);
+
+    if (large > ZERO) {
+        const REAL ratio = small / large;
+        return large * SQRT(ONE + ratio * ratio);
+    }
+    return large;
+}
+
+/* Rotates a row with its right-hand side into the triangular factor (Givens); the row is destroyed. */
+static void rotate_in(ESTIMATOR *estimator, REAL row[COLUMNS], REAL right)
+{
+    size_t j, k;
+
+    for (k = 0; k < COLUMNS; ++k) {
+        REAL *const kept = estimator->factor[k];
+        if (FABS(row[k]) > ZERO) {
+            const REAL length = hypotenuse(kept[k], row[k]);
+            const REAL cosine = kept[k] / length;
+            const REAL sine = row[k] / length;
+            REAL turned;
+            for (j = k; j < COLUMNS; ++j) {
+                turned = cosine * kept[j] + sine * row[j];
+                row[j] = cosine * row[j] - sine * kept[j];
+                kept[j] = turned;
+            }
+            turned = cosine * estimator->right[k] + sine * right;
+            right = cosine * right - sine * estimator->right[k];
+            estimator->right[k] = turned;
+        }
+    }
+    estimator->residual = hypotenuse(estimator->residual, right);
+    estimator->rows += ONE;
+}
+
+/* Euclidean length of a column, scaled by the largest entry so that squares neither overflow nor vanish. */
+static REAL column_length(const REAL *values, size_t stride)
+{
+    REAL largest = ZERO;
+    REAL sum = ZERO;
+    size_t i;
+
+    for (i = 0; i < COLUMNS; ++i) {
+        if (FABS(values[i * stride]) > largest) {
+            largest = FABS(values[i * stride]);
+        }
+    }
+    if (!(largest > ZERO)) {
+        return ZERO;
+    }
+    for (i = 0; i < COLUMNS; ++i) {
+        const REAL part = values[i * stride] / largest;
+        sum += part * part;
+    }
+    return largest * SQRT(sum);
+}
+
+/* Removes the part along a unit column and returns its size. */
+static REAL remove_part(const REAL *unit, REAL *values, size_t stride)
+{
+    REAL along = ZERO;
+    size_t i;
+
+    for (i = 0; i < COLUMNS; ++i) {
+        along += unit[i * COLUMNS] * values[i * stride];
+    }
+    for (i = 0; i < COLUMNS; ++i) {
+        values[i * stride] -= along * unit[i * COLUMNS];
+    }
+    return along;
+}
+
+/* Solves with the triangle of the first pivots, whose columns are in the order of the pivots, in place. */
+static void back_substitute(WORKSPACE *workspace, size_t rank, REAL *values)
+{
+    size_t j, k;
+
+    for (k = rank; k-- > 0;) {
+        for (j = k + 1; j < rank; ++j) {
+            values[k] -= workspace->triangle[k][workspace->order[j]] * values[j];
+        }
+        values[k] /= workspace->triangle[k][workspace->order[k]];
+    }
+}
+
+STATUS SOLVE(const ESTIMATOR *estimator, WORKSPACE *workspace, ESTIMATE *estimate)
+{
+    const REAL tiny = EPSILON * FOUR * ((REAL)COLUMNS + SQRT(estimator->rows));
+    const REAL leak = SQRT(tiny);
+    REAL *const first = &workspace->matrix[0][0];
+    size_t *const order = workspace->order;
+    REAL all = ZERO;
+    size_t rank = 0;
+    size_t i, j, k;
+
+    for (j = 0; j < COLUMNS; ++j) {
+        const REAL length = column_length(&estimator->factor[0][j], COLUMNS);
+        order[j] = j;
+        workspace->scale[j] = length > ZERO ? length : ONE;
+        workspace->right[j] = estimator->right[j];
+        for (i = 0; i < COLUMNS; ++i) {
+            workspace->matrix[i][j] = estimator->factor[i][j] / workspace->scale[j];
+        }
+    }
+    for (k = 0; k < COLUMNS; ++k) {
+        REAL diagonal = ZERO;
+        size_t best = k;
+        size_t column;
+
+        for (j = k; j < COLUMNS; ++j) {
+            const REAL length = column_length(first + order[j], COLUMNS);
+            if (length > diagonal) {
+                diagonal = length;
+                best = j;
+            }
+        }
+        if (!(diagonal > tiny)) {
+            break;
+        }
+        column = order[best];
+        order[best] = order[k];
+        order[k] = column;
+        for (i = 0; i < COLUMNS; ++i) {
+            workspace->matrix[i][column] /= diagonal;
+        }
+        workspace->triangle[k][column] = diagonal;
+        for (j = k + 1; j < COLUMNS; ++j) {
+            workspace->triangle[k][order[j]] = remove_part(first + column, first + order[j], COLUMNS);
+        }
+        workspace->solution[k] = remove_part(first + column, workspace->right, 1);
+        ++rank;
+    }
+    estimate->rank = (int)rank;
+    estimate->residual = hypotenuse(estimator->residual, column_length(workspace->right, 1));
+    /* What a free column may take from the pivots is not shown. */
+    for (j = 0; j < COLUMNS; ++j) {
+        estimate->shown[order[j]] = j < rank;
+    }
+    for (j = rank; j < COLUMNS; ++j) {
+        for (k = 0; k < rank; ++k) {
+            workspace->column[k] = workspace->triangle[k][order[j]];
+        }
+        back_substitute(workspace, rank, workspace->column);
+        for (k = 0; k < rank; ++k) {
+            if (!(FABS(workspace->column[k]) <= leak)) {
+                estimate->shown[order[k]] = 0;
+            }
+        }
+    }
+    back_substitute(workspace, rank, workspace->solution);
+    /* The squares of the inverse of the triangle, row by row, in the place of what was left of the right-hand side. */
+    for (k = 0; k < COLUMNS; ++k) {
+        workspace->right[k] = ZERO;
+    }
+    for (j = 0; j < rank; ++j) {
+        for (k = 0; k < rank; ++k) {
+            workspace->column[k] = k == j ? ONE : ZERO;
+        }
+        back_substitute(workspace, j + 1, workspace->column);
+        for (k = 0; k <= j; ++k) {
+            workspace->right[k] += workspace->column[k] * workspace->column[k];
+            all += workspace->column[k] * workspace->column[k];
+        }
+    }
+    estimate->condition = SQRT((REAL)rank * all);
+    for (j = 0; j < COLUMNS; ++j) {
+        workspace->column[j] = (REAL)NAN;
+    }
+    for (k = 0; k < rank; ++k) {
+        if (estimate->shown[order[k]]) {
+            workspace->column[order[k]] = workspace->solution[k] / workspace->scale[order[k]];
+        }
+    }
+";
+
+/// The deviations, after the parameters have been taken out of the column.
+const DEVIATIONS: &str = "    for (k = 0; k < rank; ++k) {
+        if (estimate->shown[order[k]]) {
+            workspace->column[order[k]] = SQRT(workspace->right[k]) / workspace->scale[order[k]];
+        }
+    }
+";
+
+/// Writes the functions of all parts that were asked for.
+pub(super) fn write(context: &mut Context<'_>) {
+    let parts = &context.estimator.parts;
+    if parts.forward_dynamics.is_some() || parts.estimator {
+        solve::status(context);
+    }
+    if let Some(function) = requested::gravity(context.estimator) {
+        forces(context, "gravity", &function, true);
+    }
+    if let Some(function) = requested::mass_matrix(context.estimator) {
+        matrix(context, "mass_matrix", &function, [true, true], (context.names.coordinates.len(), "COORDINATES"));
+    }
+    forward_dynamics(context);
+    base(context);
+    estimator(context);
+}
+
+fn words(context: &Context<'_>) -> Vec<(&'static str, String)> {
+    let scalar = context.scalar;
+    let max = match scalar {
+        Scalar::Float => "FLT_MAX",
+        Scalar::Double => "DBL_MAX",
+    };
+    let mut words = vec![
+        ("REAL", scalar.name().to_owned()),
+        ("STATUS", context.global("status")),
+        ("COUNT", context.constant("COORDINATES")),
+        ("COLUMNS", context.constant("BASE_PARAMETERS")),
+        ("ESTIMATOR", context.global("base_estimator")),
+        ("WORKSPACE", context.global("base_workspace")),
+        ("ESTIMATE", context.global("base_estimate")),
+        ("SOLVE", context.global("base_solve")),
+        ("EPSILON", scalar.epsilon().to_owned()),
+        ("MAX", max.to_owned()),
+        ("ZERO", scalar.literal(0.0)),
+        ("ONE", scalar.literal(1.0)),
+        ("FOUR", scalar.literal(4.0)),
+        ("FABS", scalar.function("fabs")),
+        ("SQRT", scalar.function("sqrt")),
+    ];
+    words.extend(["OK", "NOT_FINITE", "SINGULAR", "UNDETERMINED"].map(|name| (name, context.constant(name))));
+    words
+}
+
+fn forward_dynamics(context: &mut Context<'_>) {
+    let Some(Function { about, reads, body: Body::Values(statements, values) }) =
+        requested::forward_dynamics(context.estimator)
+    else {
+        return;
+    };
+    let fields: Vec<(String, String)> = context
+        .names
+        .coordinates
+        .iter()
+        .map(|names| (names.field.clone(), text::derivative(context.estimator, names.coordinate, names.order)))
+        .collect();
+    context.record("accelerations", "The highest time derivative of every coordinate.", &fields);
+    if context.estimator.plan.feed_forward.is_none() {
+        inputs_record(context);
+    }
+    let solver = filled(ACCELERATIONS, &words(context));
+    context.source.push_str(&solver);
+    let pointer = |name: &str| format!("const {} *{name}", context.global(name));
+    let mut parameters = vec![
+        Parameter::read(pointer("motion"), "motion", reads.motion),
+        Parameter::read(pointer("inputs"), "inputs", reads.own),
+        Parameter::read(pointer("parameters"), "parameters", reads.parameters),
+    ];
+    push_constants(&mut parameters, context, reads);
+    parameters.push(Parameter::new(format!("{} *accelerations", context.global("accelerations"))));
+    let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "inputs->", &context.names.inputs, "motion->"));
+    let (real, size) = (context.scalar.name(), context.constant("COORDINATES"));
+    let mut body = format!(
+        "    {real} matrix[{size}][{size}];\n    {real} right[{size}];\n    {real} solution[{size}];\n    {} status;\n",
+        context.global("status")
+    );
+    body.push_str(&context.statements(&statements, &writer, |_| String::new()));
+    let count = fields.len();
+    let (rows, right) = values.split_at(count * count);
+    for (place, value) in rows.iter().enumerate() {
+        let (row, column) = (place / count, place % count);
+        body.push_str(&statement(1, &format!("matrix[{row}][{column}] = {};", writer.expression(value))));
+    }
+    for (row, value) in right.iter().enumerate() {
+        body.push_str(&statement(1, &format!("right[{row}] = {};", writer.expression(value))));
+    }
+    let ok = context.constant("OK");
+    body.push_str(&format!("    status = solve_accelerations(matrix, right, solution);\n    if (status == {ok}) {{\n"));
+    for (index, (field, _)) in fields.iter().enumerate() {
+        body.push_str(&statement(2, &format!("accelerations->{field} = solution[{index}];")));
+    }
+    body.push_str("    }\n    return status;\n");
+    let about = format!(
+        "{about}\n\nGives `{}` when the mass matrix is singular with these parameters, and `{}` when a number is not finite.",
+        context.constant("SINGULAR"),
+        context.constant("NOT_FINITE")
+    );
+    let (name, about) = (context.global("forward_dynamics"), context.linked(&about, None));
+    context.function(&name, &about, &context.global("status"), &parameters, &body);
+}
+
+/// Names of the base parameters' fields.
+fn base_fields(context: &Context<'_>) -> Vec<String> {
+    let base = context.estimator.parts.base.iter().flat_map(|base| &base.parameters);
+    base.map(|base| context.names.columns[base.column].clone()).collect()
+}
+
+fn base(context: &mut Context<'_>) {
+    let estimator = context.estimator;
+    let (Some(function), Some(Function { about, body: Body::Values(statements, values), .. })) =
+        (requested::base_regressor(estimator), requested::base(estimator))
+    else {
+        return;
+    };
+    let names = base_fields(context);
+    let size = size_macro(context, "BASE_PARAMETERS", names.len(), "Base parameters.");
+    context.header.push_str(&format!("\n{size}"));
+    let fields: Vec<(String, String)> = names
+        .iter()
+        .enumerate()
+        .map(|(index, name)| (name.clone(), requested::base_parameter(estimator, index)))
+        .collect();
+    let structure = "The base parameters: the combinations of parameters on which the forces of all motions depend, each named by the\n\
+                     parameter that leads it.";
+    context.record("base_parameters", structure, &fields);
+    let columns = estimator.parts.base.iter().flat_map(|base| &base.parameters).map(|base| base.column);
+    let declaration = format!(
+        "const {} {}[{}]",
+        context.global("label"),
+        context.global("base_parameter_labels"),
+        context.constant("BASE_PARAMETERS")
+    );
+    let labels = doc(0, "The base parameters as combinations, with their units.");
+    context.header.push_str(&format!("\n{labels}extern {declaration};\n"));
+    context.source.push_str(&format!("\n{declaration} = {{\n"));
+    for (index, column) in columns.enumerate() {
+        let unit = estimator.form.columns[column].unit.as_ref().map_or_else(String::new, ToString::to_string);
+        let name = requested::combination(estimator, index);
+        context.source.push_str(&format!("    {{{}, {}}},\n", string(&name), string(&unit)));
+    }
+    context.source.push_str("};\n");
+    matrix(context, "base_regressor", &function, [true, false], (names.len(), "BASE_PARAMETERS"));
+
+    let writer = Writer::new(context.scalar, |leaf| context.leaf(leaf, "", &[], ""));
+    let mut body = context.statements(&statements, &writer, |_| String::new());
+    for (name, value) in names.iter().zip(&values) {
+        body.push_str(&statement(1, &format!("base->{name} = {};", writer.expression(value))));
+    }
+    let parameters = pointers(context, ["parameters", "base_parameters"], ["parameters", "base"]);
+    context.function(&context.global("base"), &context.linked(&about, None), "void", &parameters, &body);
+    let parameters = pointers(context, ["base_parameters", "parameters"], ["base", "parameters"]);
+    let zero = context.zero();
+    let given = requested::leading(estimator).into_iter().zip(&context.names.columns).map(|(place, name)| {
+        let value = place.map_or_else(|| zero.clone(), |_| format!("base->{name}"));
+        statement(1, &format!("parameters->{name} = {value};"))
+    });
+    let body: String = given.collect();
+    context.function(&context.global("representative"), requested::REPRESENTATIVE, "void", &parameters, &body);
+}
+
+/// Pointers to a structure that is read and to one that is written.
+fn pointers(context: &Context<'_>, [from, to]: [&str; 2], [source, target]: [&str; 2]) -> [Parameter; 2] {
+    [
+        Parameter::new(format!("const {} *{source}", context.global(from))),
+        Parameter::new(format!("{} *{target}", context.global(to))),
+    ]
+}
+
+fn estimator(context: &mut Context<'_>) {
+    if !context.estimator.parts.estimator {
+        return;
+    }
+    let names = base_fields(context);
+    let (real, size) = (context.scalar.name(), context.constant("BASE_PARAMETERS"));
+    let field = |about: &str, declaration: String| format!("{}    {declaration};\n", doc(1, about));
+    let fields = [
+        field(
+            "The triangular factor of all equations so far; zeros below its diagonal.",
+            format!("{real} factor[{size}][{size}]"),
+        ),
+        field("The forces, rotated with the factor, as far as it reaches.", format!("{real} right[{size}]")),
+        field("Euclidean length of what it does not reach.", format!("{real} residual")),
+        field("The number of equations so far; past ones count less after a fading.", format!("{real} rows")),
+    ]
+    .concat();
+    context.structure("base_estimator", requested::ESTIMATOR, &fields);
+    let fields = format!(
+        "    {real} matrix[{size}][{size}];\n    {real} triangle[{size}][{size}];\n    {real} right[{size}];\n    {real} scale[{size}];\n    \
+         {real} solution[{size}];\n    {real} column[{size}];\n    size_t order[{size}];\n"
+    );
+    let about = "The memory of a solution: the caller's, so that nothing here is static.";
+    context.structure("base_workspace", about, &fields);
+    let base = context.global("base_parameters");
+    let fields = [
+        field("The base parameters; not a number where the samples do not show them.", format!("{base} parameters")),
+        field(
+            "Their standard deviations, when the errors of the equations are independent and have the deviations that were given; \
+             where none were given, residual / sqrt(rows - rank) times these.",
+            format!("{base} deviations"),
+        ),
+        field("For each base parameter 1 when the samples show it, otherwise 0.", format!("int shown[{size}]")),
+        field("The number of directions that the samples show.", "int rank".to_owned()),
+        field("Euclidean length of what is left of the forces, in deviations.", format!("{real} residual")),
+        field(
+            "Of what is shown, the Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the \
+             condition number, and at most the rank times that.",
+            format!("{real} condition"),
+        ),
+    ]
+    .concat();
+    context.structure("base_estimate", "What samples show of the base parameters.", &fields);
+
+    let pointer = Parameter::new(format!("{} *estimator", context.global("base_estimator")));
+    let zero = context.zero();
+    let body = format!(
+        "    size_t i, j;
+
+    for (i = 0; i < {size}; ++i) {{
+        for (j = 0; j < {size}; ++j) {{
+            estimator->factor[i][j] = {zero};
+        }}
+        estimator->right[i] = {zero};
+    }}
+    estimator->residual = {zero};
+    estimator->rows = {zero};
+"
+    );
+    context.function(&context.global("base_estimator_clear"), "No sample yet.", "void", &[pointer.clone()], &body);
+    if context.forgetting {
+        let body = format!(
+            "    const {real} root = {}(share);
+    size_t i, j;
+
+    for (i = 0; i < {size}; ++i) {{
+        for (j = i; j < {size}; ++j) {{
+            estimator->factor[i][j] *= root;
+        }}
+        estimator->right[i] *= root;
+    }}
+    estimator->residual *= root;
+    estimator->rows *= share;
+",
+            context.scalar.function("sqrt")
+        );
+        let parameters = [pointer.clone(), Parameter::new(format!("{real} share"))];
+        context.function(&context.global("base_estimator_fade"), requested::FADE, "void", &parameters, &body);
+    }
+    let words = words(context);
+    let mut solver = filled(SQUARE_ROOT, &words);
+    let at = solver.rfind(&format!("\n{} {}(", context.global("status"), context.global("base_solve")));
+    let solution = solver.split_off(at.unwrap_or(solver.len()));
+    context.source.push_str(&solver);
+    accumulate(context, pointer);
+
+    // The declaration stands in the header, the definition in the text.
+    let about = format!(
+        "What the samples so far show; `{}` when they do not show every base parameter. Modified Gram-Schmidt with column pivoting on\n\
+         the factor, its columns scaled to unit length; a direction counts as not shown when what is left of its column is within the\n\
+         rounding errors of all equations.",
+        context.constant("UNDETERMINED")
+    );
+    let parameters = [
+        Parameter::new(format!("const {} *estimator", context.global("base_estimator"))),
+        Parameter::new(format!("{} *workspace", context.global("base_workspace"))),
+        Parameter::new(format!("{} *estimate", context.global("base_estimate"))),
+    ];
+    let mut body = solution.split_once("\n{\n").map_or("", |(_, body)| body).to_owned();
+    for (index, name) in names.iter().enumerate() {
+        body.push_str(&statement(1, &format!("estimate->parameters.{name} = workspace->column[{index}];")));
+    }
+    body.push_str(&filled(DEVIATIONS, &words));
+    for (index, name) in names.iter().enumerate() {
+        body.push_str(&statement(1, &format!("estimate->deviations.{name} = workspace->column[{index}];")));
+    }
+    body.push_str(&statement(
+        1,
+        &format!("return rank == {size} ? {} : {};", context.constant("OK"), context.constant("UNDETERMINED")),
+    ));
+    context.function(&context.global("base_solve"), &about, &context.global("status"), &parameters, &body);
+}
+
+/// The function that takes in a sample.
+fn accumulate(context: &mut Context<'_>, pointer: Parameter) {
+    let (real, scalar) = (context.scalar.name(), context.scalar);
+    let (rows, size) = (context.constant("EQUATIONS"), context.constant("BASE_PARAMETERS"));
+    let forces = context.global("forces");
+    let max = match scalar {
+        Scalar::Float => "FLT_MAX",
+        Scalar::Double => "DBL_MAX",
+    };
+    let argument = context.constants_argument();
+    let known = requested::has_known(context.estimator);
+    let mut body = format!("    {real} matrix[{rows}][{size}];\n    {real} right[{rows}];\n");
+    if known {
+        body.push_str(&format!("    {forces} known;\n"));
+    }
+    body.push_str("    size_t i, j;\n\n");
+    body.push_str(&statement(1, &format!("{}(motion{argument}, matrix);", context.global("base_regressor"))));
+    if known {
+        body.push_str(&statement(1, &format!("{}(motion{argument}, &known);", context.global("known"))));
+    }
+    for (row, names) in context.names.rows.iter().enumerate() {
+        let field = &names.field;
+        let minus = if known { format!(" - known.{field}") } else { String::new() };
+        body.push_str(&statement(1, &format!("right[{row}] = applied->{field}{minus};")));
+    }
+    body.push_str("    if (deviations != NULL) {\n");
+    let list: Vec<String> = context.names.rows.iter().map(|names| format!("deviations->{}", names.field)).collect();
+    body.push_str(&statement(2, &format!("const {real} deviation[{rows}] = {{{}}};", list.join(", "))));
+    let fabs = scalar.function("fabs");
+    body.push_str(&format!(
+        "        for (i = 0; i < {rows}; ++i) {{
+            right[i] /= deviation[i];
+            for (j = 0; j < {size}; ++j) {{
+                matrix[i][j] /= deviation[i];
+            }}
+        }}
+    }}
+    for (i = 0; i < {rows}; ++i) {{
+        if (!({fabs}(right[i]) <= {max})) {{
+            return {not_finite};
+        }}
+        for (j = 0; j < {size}; ++j) {{
+            if (!({fabs}(matrix[i][j]) <= {max})) {{
+                return {not_finite};
+            }}
+        }}
+    }}
+    for (i = 0; i < {rows}; ++i) {{
+        rotate_in(estimator, matrix[i], right[i]);
+    }}
+    return {ok};
+",
+        not_finite = context.constant("NOT_FINITE"),
+        ok = context.constant("OK"),
+    ));
+    let mut parameters = vec![pointer, Parameter::new(format!("const {} *motion", context.global("motion")))];
+    parameters.extend(context.constants_parameter(true));
+    parameters.push(Parameter::new(format!("const {forces} *applied")));
+    parameters.push(Parameter::new(format!("const {forces} *deviations")));
+    let about = format!(
+        "Takes in the motion and the applied forces B u of one instant, every equation with the standard deviation of its error, or all\n\
+         alike when `deviations` is null. `{}` when a number is not finite or a deviation is zero; the sample is left out then.",
+        context.constant("NOT_FINITE")
+    );
+    let (name, status) = (context.global("base_accumulate"), context.global("status"));
+    context.function(&name, &about, &status, &parameters, &body);
+}

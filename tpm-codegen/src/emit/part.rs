@@ -1,0 +1,90 @@
+//! Parts of the code that are made on request, and their plans.
+
+use thiserror::Error;
+use tpm_symbolic::mechanics::model::ExactModel;
+use tpm_symbolic::mechanics::tree::mechanism::Mechanism;
+use tpm_symbolic::plan::base::{BasePlan, BasePlanError};
+use tpm_symbolic::plan::dynamics::Dynamics;
+use tpm_symbolic::plan::estimator::{EstimatorPlan, TooLong};
+use tpm_symbolic::plan::forces;
+use tpm_symbolic::plan::straight_line::Plan;
+use tpm_symbolic::regressor::form::RegressorForm;
+
+/// A part of the code that is made on request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Part {
+    /// The feed-forward in its motion-independent and its motion-dependent part, also where the equations must be multiplied out for
+    /// that.
+    Split,
+    /// The forces at rest.
+    Gravity,
+    /// What the highest derivatives of the coordinates are multiplied by.
+    MassMatrix,
+    /// The highest derivatives of the coordinates from the inputs.
+    ForwardDynamics,
+    /// The regressor in base parameters, and the base parameters from the estimated ones.
+    BaseRegressor,
+    /// An estimator of the base parameters, sample by sample; with it comes [`Self::BaseRegressor`].
+    Estimator,
+}
+
+/// Why a part does not follow from the equations.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum PartError {
+    /// The equations are too long for the feed-forward to be parted.
+    #[error(transparent)]
+    TooLong(#[from] TooLong),
+    /// The equations do not determine the accelerations.
+    #[error(
+        "there is no mass matrix: the equations must be as many as the coordinates in them, and affine in the highest derivatives"
+    )]
+    NoDynamics,
+    /// There are no base parameters.
+    #[error(transparent)]
+    Base(#[from] BasePlanError),
+}
+
+/// The plans of the parts that were asked for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Parts {
+    pub(super) gravity: Option<Plan>,
+    pub(super) mass_matrix: Option<Plan>,
+    pub(super) forward_dynamics: Option<Dynamics>,
+    pub(super) base: Option<BasePlan>,
+    pub(super) estimator: bool,
+}
+
+impl Parts {
+    /// Makes the plans of a part other than [`Part::Split`], which belongs to the plans that every model has.
+    pub(super) fn add(
+        &mut self,
+        part: Part,
+        model: &ExactModel,
+        form: &RegressorForm,
+        plan: &EstimatorPlan,
+        mechanism: Option<&Mechanism>,
+    ) -> Result<(), PartError> {
+        let dynamics = || forces::dynamics(model, form, mechanism).ok_or(PartError::NoDynamics);
+        match part {
+            Part::Split => {}
+            Part::Gravity => self.gravity = Some(forces::at_rest(model, form, mechanism)),
+            Part::MassMatrix => self.mass_matrix = Some(dynamics()?.mass_matrix()),
+            Part::ForwardDynamics => self.forward_dynamics = Some(dynamics()?),
+            Part::BaseRegressor | Part::Estimator => {
+                if self.base.is_none() {
+                    self.base = Some(BasePlan::new(model, form, &plan.evaluation)?);
+                }
+                self.estimator |= part == Part::Estimator;
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn plans(&self) -> impl Iterator<Item = &Plan> {
+        let dynamics = self.forward_dynamics.iter().map(|dynamics| &dynamics.plan);
+        let base = self.base.iter().flat_map(|base| [&base.regressor, &base.lumping]);
+        self.gravity.iter().chain(&self.mass_matrix).chain(dynamics).chain(base)
+    }
+}

@@ -1,0 +1,142 @@
+//! What the functions that are made on request compute, read and are documented with.
+
+use num_traits::{One, Signed, Zero};
+use tpm_symbolic::number::rational;
+use tpm_symbolic::plan::operation::Op;
+
+use super::estimator::EstimatorSource;
+use super::function::{Body, Function, Reads, entries};
+use super::names::derivative_text;
+use super::text;
+
+/// The documentation of the estimator that takes in samples.
+pub(super) const ESTIMATOR: &str = "Least squares for the base parameters, sample by sample: every equation of a sample is rotated into a triangular factor\n\
+     (Givens), so that no normal equations square the condition number and single precision keeps its digits. The memory does\n\
+     not grow with the samples. What moves little shows little: before the solution names a value, its rank and deviations say\n\
+     what the samples have shown.";
+
+/// The documentation of the function that lets the past of the estimator fade.
+pub(super) const FADE: &str = "Lets all samples so far count `share` times, from 0 to 1. Called at regular times, it makes the past fade away, so that the\n\
+     base parameters follow a machine that changes.";
+
+/// The forces at rest.
+pub(super) fn gravity(estimator: &EstimatorSource) -> Option<Function> {
+    let plan = estimator.parts.gravity.as_ref()?;
+    let about = format!(
+        "Phi theta + known at rest, where all time derivatives are zero: the generalised force of every equation that holds the machine\n\
+         against gravity, springs and offsets. Only positions are read.{}",
+        text::operations(plan)
+    );
+    Some(Function::values(estimator, plan, about))
+}
+
+/// The name of the highest derivative of a coordinate of the equations.
+pub(super) fn acceleration(estimator: &EstimatorSource, index: usize) -> String {
+    let (coordinate, order) = estimator.plan.evaluation.coordinates[index];
+    derivative_text(&estimator.model.coordinates[coordinate.0 as usize].name, order)
+}
+
+/// M, rows times coordinates.
+pub(super) fn mass_matrix(estimator: &EstimatorSource) -> Option<Function> {
+    let plan = estimator.parts.mass_matrix.as_ref()?;
+    let by = match estimator.mechanism {
+        Some(_) => {
+            "\n\nM = sum over the links of S^T I S, by composite rigid bodies: column j holds what a unit acceleration of joint j, \
+                    which moves all links outward of it as one body, asks of every joint; rotors are added."
+        }
+        None => "",
+    };
+    let about = format!(
+        "The mass matrix M, one row per equation and one column per coordinate: what the highest derivatives are multiplied by in\n\
+         [`inverse_dynamics`].{by}{}",
+        text::operations(plan)
+    );
+    let statements = entries(plan, estimator.plan.evaluation.coordinates.len(), |row, column| {
+        format!("{}, {}", estimator.form.rows[row].name, acceleration(estimator, column))
+    });
+    Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
+}
+
+/// M and what it must be solved for, all rows of M first. What it reads of its own are the inputs.
+pub(super) fn forward_dynamics(estimator: &EstimatorSource) -> Option<Function> {
+    let plan = &estimator.parts.forward_dynamics.as_ref()?.plan;
+    let about = format!(
+        "Forward dynamics: the highest derivatives that the inputs give, from M a = B u - h with the forces h at zero accelerations.\n\
+         The highest derivatives of the motion are not read. M is solved by elimination with row pivoting.{}",
+        text::operations(plan)
+    );
+    Some(Function::values(estimator, plan, about))
+}
+
+/// The leading columns of Phi.
+pub(super) fn base_regressor(estimator: &EstimatorSource) -> Option<Function> {
+    let base = estimator.parts.base.as_ref()?;
+    let plan = &base.regressor;
+    let about = format!(
+        "The regressor in base parameters, one row per equation: its columns are those of [`regressor`] that lead a base parameter, so\n\
+         that Phi theta is this matrix times the base parameters.{}",
+        text::operations(plan)
+    );
+    let statements = entries(plan, base.parameters.len(), |row, column| {
+        let column = base.parameters[column].column;
+        let name = &estimator.form.columns[column].name;
+        format!("{}, {name}: {}", estimator.form.rows[row].name, text::entry(estimator, row, Some(column)))
+    });
+    Some(Function { about, reads: Reads::of(estimator, plan), body: Body::Stores(statements) })
+}
+
+/// The base parameters from the columns' parameters.
+pub(super) fn base(estimator: &EstimatorSource) -> Option<Function> {
+    let base = estimator.parts.base.as_ref()?;
+    let about = format!(
+        "The base parameters that belong to these parameters: the combinations on which the forces of all motions depend.{}",
+        text::operations(&base.lumping)
+    );
+    Some(Function::values(estimator, &base.lumping, about))
+}
+
+/// The documentation of the function that goes back from base parameters to parameters of equal forces.
+pub(super) const REPRESENTATIVE: &str = "Parameters that need the forces of these base parameters at every motion, for functions that take parameters. What is lumped\n\
+     into a base parameter is left out of them (it counts as zero there): they say nothing of the machine one by one.";
+
+/// The place of every column among the base parameters, where it leads one.
+pub(super) fn leading(estimator: &EstimatorSource) -> Vec<Option<usize>> {
+    let base = estimator.parts.base.iter().flat_map(|base| &base.parameters);
+    let mut places = vec![None; estimator.form.columns.len()];
+    base.enumerate().for_each(|(place, base)| places[base.column] = Some(place));
+    places
+}
+
+/// A base parameter as a combination: `Izz_a + 2*m_b`.
+pub(super) fn combination(estimator: &EstimatorSource, index: usize) -> String {
+    terms(estimator, index, "")
+}
+
+/// The description of a base parameter.
+pub(super) fn base_parameter(estimator: &EstimatorSource, index: usize) -> String {
+    let base = estimator.parts.base.as_ref().and_then(|base| base.parameters.get(index));
+    let unit = base.and_then(|base| estimator.form.columns[base.column].unit.as_ref());
+    format!("{}{}.", terms(estimator, index, "`"), text::in_unit(unit))
+}
+
+/// The terms of a base parameter, each between quotes, so that lines are broken between terms.
+fn terms(estimator: &EstimatorSource, index: usize, quote: &str) -> String {
+    let Some(base) = estimator.parts.base.as_ref().and_then(|base| base.parameters.get(index)) else {
+        return String::new();
+    };
+    let name = |column: usize| &estimator.form.columns[column].name;
+    let mut sum = format!("{quote}{}{quote}", name(base.column));
+    for (column, factor) in &base.others {
+        let size = rational::abs(factor);
+        let sign = if factor.is_negative() { '-' } else { '+' };
+        let factor = if size.is_one() { String::new() } else { format!("{}*", rational::display(&size)) };
+        sum.push_str(&format!(" {sign} {quote}{factor}{}{quote}", name(*column)));
+    }
+    sum
+}
+
+/// Whether any equation has a term without an unknown parameter.
+pub(super) fn has_known(estimator: &EstimatorSource) -> bool {
+    let plan = &estimator.plan.evaluation.known;
+    plan.outputs.iter().any(|slot| !matches!(&plan.ops[slot.index()], Op::Constant(value) if value.is_zero()))
+}

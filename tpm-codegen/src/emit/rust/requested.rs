@@ -1,0 +1,295 @@
+//! Functions that are made on request: forces at rest, mass matrix, forward dynamics, regressor and estimator in base parameters.
+
+use proc_macro2::{Ident, TokenStream};
+use quote::quote;
+
+use super::super::function::{Body, Function};
+use super::super::requested;
+use super::super::text;
+use super::context::Context;
+use super::dynamics::{arguments, force_fields, label, matrix, quantity_fields, structure};
+use super::expression::Writer;
+use super::names::ident;
+use super::record::{Field, count, doc, record};
+
+/// What the module takes from the runtime for these functions.
+pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {
+    let parts = &context.estimator.parts;
+    let mut names = Vec::new();
+    if parts.forward_dynamics.is_some() {
+        names.extend(["SingularMass", "accelerations"]);
+    }
+    if parts.estimator {
+        names.extend(["NotFinite", "SquareRoot"]);
+    }
+    names
+}
+
+/// All items of the parts that were asked for.
+pub(super) fn items(context: &Context<'_>) -> TokenStream {
+    let parts = [gravity(context), mass_matrix(context), forward_dynamics(context), base(context), estimator(context)];
+    parts.into_iter().collect()
+}
+
+fn gravity(context: &Context<'_>) -> TokenStream {
+    let Some(function) = requested::gravity(context.estimator) else { return TokenStream::new() };
+    structure(context, "gravity", &function, true, force_fields(context))
+}
+
+fn mass_matrix(context: &Context<'_>) -> TokenStream {
+    let Some(function) = requested::mass_matrix(context.estimator) else { return TokenStream::new() };
+    let arguments = arguments(context, function.reads, true);
+    matrix(context, "mass_matrix", &function, arguments, context.names.coordinates.len())
+}
+
+fn forward_dynamics(context: &Context<'_>) -> TokenStream {
+    let Some(Function { about, reads, body: Body::Values(statements, values) }) =
+        requested::forward_dynamics(context.estimator)
+    else {
+        return TokenStream::new();
+    };
+    let names = &context.names;
+    let fields: Vec<Field> = names
+        .coordinates
+        .iter()
+        .map(|names| Field {
+            ident: names.field.clone(),
+            doc: text::derivative(context.estimator, names.coordinate, names.order),
+        })
+        .collect();
+    let accelerations = record(&ident("Accelerations"), "The highest time derivative of every coordinate.", &fields);
+    // Where an input follows from no single equation there is no feed-forward, which has this structure otherwise.
+    let inputs = match context.estimator.plan.feed_forward {
+        Some(_) => TokenStream::new(),
+        None => record(&ident("Inputs"), "The inputs.", &quantity_fields(context, &names.inputs)),
+    };
+    let owner = ident("inputs");
+    let writer = Writer::new(|leaf| context.leaf(leaf, &owner, &names.inputs));
+    let statements = writer.statements(context, &statements, |_, _| TokenStream::new());
+    let values: Vec<TokenStream> = values.iter().map(|value| writer.expression(value)).collect();
+    let size = names.coordinates.len();
+    let (rows, right) = values.split_at(size * size);
+    let rows = rows.chunks(size).map(|row| quote!([#(#row),*]));
+    let about = doc(&format!(
+        "{about}\n\n# Errors\n[`SingularMass`] when the mass matrix is singular with these parameters, or a number is not finite."
+    ));
+    let used = |name: &str, read: bool| if read { ident(name) } else { ident(&format!("_{name}")) };
+    let (motion, inputs_name) = (used("motion", reads.motion), used("inputs", reads.own));
+    let parameters = used("parameters", reads.parameters);
+    let constants = context.constants_parameter(reads);
+    quote! {
+        #accelerations
+        #inputs
+
+        #about
+        pub fn forward_dynamics<T: Real>(
+            #motion: &Motion<T>,
+            #inputs_name: &Inputs<T>,
+            #parameters: &Parameters<T>,
+            #constants
+        ) -> Result<Accelerations<T>, SingularMass> {
+            #statements
+            let matrix = [#(#rows),*];
+            let right = [#(#right),*];
+            accelerations(matrix, right, &COORDINATES).map(Accelerations::from_array)
+        }
+    }
+}
+
+/// Names of the base parameters' fields.
+fn base_fields<'a>(context: &'a Context<'_>) -> Vec<&'a Ident> {
+    let base = context.estimator.parts.base.iter().flat_map(|base| &base.parameters);
+    base.map(|base| &context.names.columns[base.column]).collect()
+}
+
+fn base(context: &Context<'_>) -> TokenStream {
+    let estimator = context.estimator;
+    let (Some(function), Some(Function { about, body: Body::Values(statements, values), .. })) =
+        (requested::base_regressor(estimator), requested::base(estimator))
+    else {
+        return TokenStream::new();
+    };
+    let names = base_fields(context);
+    let fields: Vec<Field> = names
+        .iter()
+        .enumerate()
+        .map(|(index, &name)| Field { ident: name.clone(), doc: requested::base_parameter(estimator, index) })
+        .collect();
+    let parameters = record(
+        &ident("BaseParameters"),
+        "The base parameters: the combinations of parameters on which the forces of all motions depend, each named by the\n\
+         parameter that leads it.",
+        &fields,
+    );
+    let label_type = ident("Label");
+    let columns = estimator.parts.base.iter().flat_map(|base| &base.parameters).map(|base| base.column);
+    let labels: Vec<TokenStream> = columns
+        .enumerate()
+        .map(|(index, column)| {
+            label(&label_type, &requested::combination(estimator, index), estimator.form.columns[column].unit.as_ref())
+        })
+        .collect();
+    let length = count(labels.len());
+    let arguments = arguments(context, function.reads, false);
+    let regressor = matrix(context, "base_regressor", &function, arguments, names.len());
+    let owner = ident("self");
+    let writer = Writer::new(|leaf| match *leaf {
+        tpm_symbolic::plan::leaf::Leaf::Column(index) => {
+            let column = &context.names.columns[index];
+            quote!(self.#column)
+        }
+        _ => context.leaf(leaf, &owner, &[]),
+    });
+    let statements = writer.statements(context, &statements, |_, _| TokenStream::new());
+    let values = values.iter().map(|value| writer.expression(value));
+    let (about, representative) = (doc(&about), doc(requested::REPRESENTATIVE));
+    let all = &context.names.columns;
+    let given = requested::leading(estimator).into_iter().zip(all).map(|(place, column)| match place {
+        Some(_) => quote!(self.#column),
+        None => quote!(T::ZERO),
+    });
+    quote! {
+        #parameters
+
+        /// The base parameters as combinations, with their units.
+        pub const BASE_PARAMETERS: [Label<'static>; #length] = [#(#labels),*];
+
+        impl<T: Real> Parameters<T> {
+            #about
+            #[must_use]
+            pub fn base(&self) -> BaseParameters<T> {
+                #statements
+                BaseParameters { #(#names: #values),* }
+            }
+        }
+
+        impl<T: Real> BaseParameters<T> {
+            #representative
+            #[must_use]
+            pub fn representative(&self) -> Parameters<T> {
+                Parameters { #(#all: #given),* }
+            }
+        }
+
+        #regressor
+    }
+}
+
+fn estimator(context: &Context<'_>) -> TokenStream {
+    if !context.estimator.parts.estimator {
+        return TokenStream::new();
+    }
+    let names = base_fields(context);
+    let (columns, rows) = (count(names.len()), count(context.names.rows.len()));
+    let about = doc(requested::ESTIMATOR);
+    let constants = context.constants_handed_on();
+    let argument = context.constants_argument();
+    let known = match requested::has_known(context.estimator) {
+        true => quote!(known(motion, #argument).into_array()),
+        false => quote!([T::ZERO; #rows]),
+    };
+    let fade = context.options.forgetting.then(|| {
+        let about = doc(requested::FADE);
+        quote! {
+            #about
+            pub fn fade(&mut self, share: T) {
+                self.rows.fade(share);
+            }
+        }
+    });
+    quote! {
+        #about
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct BaseEstimator<T> {
+            rows: SquareRoot<T, #columns>,
+        }
+
+        impl<T: Real> Default for BaseEstimator<T> {
+            fn default() -> Self {
+                Self::new()
+            }
+        }
+
+        impl<T: Real> BaseEstimator<T> {
+            /// No sample yet.
+            #[must_use]
+            pub fn new() -> Self {
+                Self { rows: SquareRoot::default() }
+            }
+
+            /// Takes in the motion and the applied forces B u of one instant, every equation with the standard deviation of its
+            /// error, or all alike when `deviations` is nothing.
+            ///
+            /// # Errors
+            /// [`NotFinite`] when a number is not finite or a deviation is zero; the sample is left out then.
+            pub fn push(
+                &mut self,
+                motion: &Motion<T>,
+                forces: &Forces<T>,
+                deviations: Option<&Forces<T>>,
+                #constants
+            ) -> Result<(), NotFinite> {
+                let mut matrix = base_regressor(motion, #argument);
+                let mut right = forces.into_array();
+                let known = #known;
+                let deviations = deviations.map_or([T::ONE; #rows], |deviations| deviations.into_array());
+                for (((row, right), known), deviation) in
+                    matrix.iter_mut().zip(&mut right).zip(known).zip(deviations)
+                {
+                    *right = (*right - known) / deviation;
+                    row.iter_mut().for_each(|entry| *entry /= deviation);
+                }
+                if !matrix.as_flattened().iter().chain(&right).all(|value| value.is_finite()) {
+                    return Err(NotFinite);
+                }
+                for (row, right) in matrix.into_iter().zip(right) {
+                    self.rows.push(row, right)?;
+                }
+                Ok(())
+            }
+
+            #fade
+
+            /// What the samples so far show.
+            #[must_use]
+            pub fn estimate(&self) -> BaseEstimate<T> {
+                let shown = self.rows.solution();
+                BaseEstimate {
+                    parameters: BaseParameters::from_array(shown.solution),
+                    deviations: BaseParameters::from_array(shown.deviations),
+                    rank: shown.rank,
+                    residual: shown.residual,
+                    condition: shown.condition,
+                    rows: self.rows.rows(),
+                }
+            }
+        }
+
+        /// What samples show of the base parameters.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct BaseEstimate<T> {
+            /// The base parameters; nothing for those that the samples do not show yet.
+            pub parameters: BaseParameters<Option<T>>,
+            /// Their standard deviations, when the errors of the equations are independent and have the deviations that were given.
+            /// Where none were given, `residual / sqrt(rows - rank)` times these.
+            pub deviations: BaseParameters<Option<T>>,
+            /// The number of directions that the samples show.
+            pub rank: usize,
+            /// Euclidean length of what is left of the forces, in deviations.
+            pub residual: T,
+            /// Of what is shown, the Frobenius norm of the matrix with columns of length 1, times that of its inverse: at least the
+            /// condition number, and at most the rank times that.
+            pub condition: T,
+            /// The number of equations so far; past ones count less after a fading.
+            pub rows: T,
+        }
+
+        impl<T: Real> BaseEstimate<T> {
+            /// All base parameters; nothing while the samples do not show one of them.
+            #[must_use]
+            pub fn whole(&self) -> Option<BaseParameters<T>> {
+                Some(BaseParameters { #(#names: self.parameters.#names?),* })
+            }
+        }
+    }
+}
