@@ -60,7 +60,8 @@ pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
 pub use output_error::{
-    Candidate, CandidateKind, Course, Differentiable, Misfit, OutputError, OutputErrorFault, Signals,
+    Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Signals,
+    Simulated,
 };
 pub use pooled::{Contribution, Pooled, pool};
 pub use result::Estimate;
@@ -71,7 +72,7 @@ pub use table::{LineTable, RowLines};
 #[cfg(feature = "interpret")]
 pub use tabulated::PatternTables;
 pub use time_domain::{
-    BandReport, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, predict_in_band,
+    BandReport, Missed, Pace, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, predict_in_band,
 };
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

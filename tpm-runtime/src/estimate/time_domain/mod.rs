@@ -28,4 +28,4 @@ mod transform;
 
 pub use band::{BandReport, TimeDomain, estimate_time_domain};
 pub use motion::{Stretch, TimeRecord};
-pub use predict::{Missed, Prediction, predict_in_band};
+pub use predict::{Missed, Pace, Prediction, predict_in_band};
