@@ -2,6 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::assignments::{PriorArg, number_assignment, once};
+use crate::input::domain::DomainChoice;
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::log::LogArgs;
 use crate::interrupt;
@@ -69,24 +70,6 @@ enum WeightsChoice {
     Noise,
     /// Alike, rows by the size of their force: the nearest model over the period, whatever the noise.
     Equal,
-}
-
-/// How the samples of a log become equations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum DomainChoice {
-    /// By the harmonics of the part that repeats.
-    Harmonics,
-    /// Sample by sample, whatever the motion is.
-    Time,
-}
-
-impl From<DomainChoice> for Domain {
-    fn from(choice: DomainChoice) -> Self {
-        match choice {
-            DomainChoice::Harmonics => Domain::Harmonics,
-            DomainChoice::Time => Domain::Time,
-        }
-    }
 }
 
 /// How estimates are refined.

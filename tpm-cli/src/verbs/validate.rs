@@ -1,13 +1,15 @@
 //! `tpm validate`: how well identified parameters predict another log.
 
 use crate::failure::{Failure, Outcome};
+use crate::input::domain::DomainChoice;
 use crate::input::experiment::model;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;
-use crate::output::file;
-use std::path::PathBuf;
+use crate::output::{file, picture};
+use std::path::{Path, PathBuf};
+use tpm_runtime::log::Domain;
 use tpm_runtime::report::{Align, TextTable, number};
-use tpm_runtime::session::{Identifiable as _, Validation, validate};
+use tpm_runtime::session::{CorrelationTest, Fit, Identifiable as _, LAGS, Simulation, Validation, validate};
 
 /// Options of `tpm validate`.
 #[derive(clap::Args)]
@@ -22,6 +24,13 @@ pub(crate) struct Args {
     log: PathBuf,
     #[command(flatten)]
     reading: LogArgs,
+    /// How the inputs that the motion asks for are compared: harmonics of the part that repeats, or every sample behind a low pass; a log
+    /// that repeats by its harmonics when not given. The motion is simulated sample by sample either way.
+    #[arg(long, value_enum)]
+    domain: Option<DomainChoice>,
+    /// Write figures of measured and simulated motion into this folder.
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
     /// Print JSON (tpm.validation/1).
     #[arg(long)]
     json: bool,
@@ -35,10 +44,22 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let model = model(&args.file)?;
     let text = std::fs::read_to_string(&args.params).map_err(|error| Failure::read(&args.params, error))?;
     let known = identification(&args.params, &text)?;
-    let request = args.reading.request(&args.log, model.evaluated())?;
+    let mut request = args.reading.request(&args.log, model.evaluated())?;
+    request.domain = args.domain.map(Domain::from);
     let result = validate(&model, request, &known)?;
     file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })?;
+    if let (Some(folder), Some(simulation)) = (&args.report, &result.simulation) {
+        draw(folder, &result, simulation)?;
+    }
     result.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing)))
+}
+
+fn draw(folder: &Path, result: &Validation, simulation: &Simulation) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder)
+        .map_err(|error| Failure::Input(format!("cannot make the folder {}: {error}", folder.display())))?;
+    let name = Path::new(&result.log).file_name().map_or_else(|| result.log.clone(), |name| name.display().to_string());
+    let figure = simulation.figure(&format!("{} on {name}", result.model));
+    ["svg", "png"].into_iter().try_for_each(|kind| picture::draw(&folder.join(format!("motion.{kind}")), &figure))
 }
 
 fn describe(result: &Validation) -> String {
@@ -83,5 +104,109 @@ fn describe(result: &Validation) -> String {
             row.name, row.direction
         ));
     }
+    match (&result.simulation, &result.not_simulated) {
+        (Some(simulation), _) => text.push_str(&simulated(simulation)),
+        (None, Some(why)) => text.push_str(&format!("\nthe motion is not simulated: {why}\n")),
+        (None, None) => {}
+    }
     text
+}
+
+fn simulated(simulation: &Simulation) -> String {
+    let stretches = match simulation.stretches {
+        1 => "one stretch".to_owned(),
+        count => format!("{count} stretches"),
+    };
+    let mut text = format!(
+        "\nmotion simulated from the recorded inputs: {} of {} samples in {stretches}, each from its smoothed state\n\n",
+        simulation.samples, simulation.of
+    );
+    let mut table = TextTable::new(&[
+        ("coordinate", Align::Left),
+        ("unit", Align::Left),
+        ("one step, rms", Align::Right),
+        ("fit", Align::Right),
+        ("free run, rms", Align::Right),
+        ("fit", Align::Right),
+    ]);
+    let percent = |fit: &Fit| fit.fit.map_or_else(|| "-".to_owned(), |fit| format!("{fit:.2} %"));
+    for channel in &simulation.channels {
+        let (rms, fit) = channel.free_run.as_ref().map_or_else(
+            || ("diverges".to_owned(), "-".to_owned()),
+            |free_run| (number(free_run.rms), percent(free_run)),
+        );
+        table.row(&[
+            channel.name.clone(),
+            channel.unit.as_deref().unwrap_or("-").to_owned(),
+            number(channel.one_step.rms),
+            percent(&channel.one_step),
+            rms,
+            fit,
+        ]);
+    }
+    text.push_str(&table.finish());
+    if let Some(leaving) = &simulation.diverges {
+        let place =
+            if simulation.stretches > 1 { format!(" of stretch {}", leaving.stretch + 1) } else { String::new() };
+        text.push_str(&format!("the free run diverges at t = {} s{place}: {}\n", number(leaving.time), if leaving.unstable {
+            "the motion is unstable without its loop, and the smallest error of the starting state grows to the size of the motion"
+        } else {
+            "the simulated motion leaves the measured one"
+        }));
+    }
+    let noisy: Vec<String> = (simulation.channels.iter())
+        .map(|channel| (&channel.name, &channel.unit, channel.noise))
+        .chain(simulation.inputs.iter().map(|input| (&input.name, &input.unit, input.noise)))
+        .map(|(name, unit, noise)| {
+            format!("{name} {}", [number(noise), unit.clone().unwrap_or_default()].join(" ").trim())
+        })
+        .collect();
+    text.push_str(&format!("noise found on this log, standard deviations: {}\n", noisy.join(", ")));
+    text.push_str(&tests(simulation));
+    text
+}
+
+fn tests(simulation: &Simulation) -> String {
+    let mut table = TextTable::new(&[
+        ("one-step errors", Align::Left),
+        ("largest correlation", Align::Right),
+        ("at lag", Align::Right),
+        ("band", Align::Right),
+        ("beyond", Align::Right),
+        ("chance", Align::Right),
+        ("", Align::Left),
+    ]);
+    let mut row = |what: String, test: &CorrelationTest| {
+        let (largest, lag) = test.largest();
+        let verdict = if test.passed { "passed" } else { "failed" };
+        table.row(&[
+            what,
+            format!("{largest:.4}"),
+            lag.to_string(),
+            format!("{:.4}", test.band),
+            format!("{} of {LAGS}", test.outside()),
+            number(test.chance),
+            verdict.to_owned(),
+        ]);
+    };
+    let mut none = true;
+    for channel in &simulation.channels {
+        if let Some(white) = &channel.whiteness {
+            none = false;
+            row(format!("{}: white", channel.name), white);
+        }
+        for independence in &channel.independence {
+            row(format!("{}: independent of {}", channel.name, independence.input), &independence.test);
+        }
+    }
+    if none {
+        return String::new();
+    }
+    let rate = 100.0 * simulation.false_alarm;
+    format!(
+        "\n{}tested: {} samples, none around stops with dry friction; a right model fails each test with a chance of {rate} %, and a long log \
+         shows the smallest misfit\n",
+        table.finish(),
+        simulation.tested
+    )
 }

@@ -61,7 +61,8 @@ pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
 pub use output_error::{
-    Candidate, CandidateKind, Course, Differentiable, Misfit, OutputError, OutputErrorFault, Signals,
+    Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Signals,
+    Simulated,
 };
 pub use pooled::{Contribution, Pooled, pool};
 pub use result::Estimate;
@@ -76,7 +77,7 @@ pub use tabulated::PatternTables;
 #[cfg(feature = "interpret")]
 pub(crate) use time_domain::Swiftness;
 pub use time_domain::{
-    BandReport, InputShift, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, input_shift,
+    BandReport, InputShift, Missed, Pace, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, input_shift,
     predict_in_band,
 };
 pub(crate) use verdict::no_result;

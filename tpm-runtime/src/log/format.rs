@@ -4,7 +4,7 @@ use crate::log::columns::Columns;
 use crate::log::csv::{Csv, HEAD, Lines};
 use crate::log::error::LogError;
 use std::boxed::Box;
-#[cfg(not(all(feature = "mat", feature = "mcap", feature = "parquet")))]
+#[cfg(not(all(feature = "mat73", feature = "mcap", feature = "parquet")))]
 use std::format;
 use std::io::Read;
 
@@ -27,6 +27,12 @@ enum Format {
 const SAVE: &str = "save the table as UTF-8 text in columns (CSV)";
 const RECORD: &str = "convert it with `ros2 bag convert` to MCAP";
 const UNPACK: &str = "unpack it first";
+
+/// What to do where a format is not built in.
+#[cfg(not(all(feature = "mat", feature = "mcap", feature = "parquet")))]
+const SAVE_CSV: &str = "save the table as CSV";
+#[cfg(not(feature = "mat73"))]
+const RESAVE: &str = "save it with `save -v7` in MATLAB, or the table as CSV";
 
 /// First bytes, and what begins with them.
 const MAGIC: [(&[u8], Format); 16] = [
@@ -76,32 +82,30 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
         #[cfg(feature = "mat")]
         Format::Mat => Ok(Box::new(crate::log::mat::read(lines.into_rest(), path)?)),
         #[cfg(not(feature = "mat"))]
-        Format::Mat => Err(without(path, "a MAT-file", "mat")),
+        Format::Mat => Err(without(path, "a MAT-file", "mat", SAVE_CSV)),
         #[cfg(feature = "mcap")]
         Format::Mcap => Ok(Box::new(crate::log::mcap::read(lines.into_rest(), path)?)),
         #[cfg(not(feature = "mcap"))]
-        Format::Mcap => Err(without(path, "MCAP", "mcap")),
+        Format::Mcap => Err(without(path, "MCAP", "mcap", SAVE_CSV)),
         #[cfg(feature = "parquet")]
         Format::Parquet => Ok(Box::new(crate::log::parquet::Parquet::new(lines.into_rest(), path)?)),
         #[cfg(not(feature = "parquet"))]
-        Format::Parquet => Err(without(path, "Parquet", "parquet")),
-        Format::Hdf5 => Err(fault(
-            "the file is HDF5, such as a MAT-file of MATLAB 7.3, which is not read",
-            "save it with `save -v7` in MATLAB, or the table as CSV",
-        )),
+        Format::Parquet => Err(without(path, "Parquet", "parquet", SAVE_CSV)),
+        #[cfg(feature = "mat73")]
+        Format::Hdf5 => Ok(Box::new(crate::log::mat73::read(lines.into_rest(), path)?)),
+        #[cfg(not(feature = "mat73"))]
+        Format::Hdf5 => Err(without(path, "HDF5, such as a MAT-file of MATLAB 7.3", "mat73", RESAVE)),
         Format::Other(what, remedy) => Err(fault(what, remedy)),
     }
 }
 
 /// The fault of a format that this build does not read.
-#[cfg(not(all(feature = "mat", feature = "mcap", feature = "parquet")))]
-fn without(path: &str, what: &str, feature: &str) -> LogError {
+#[cfg(not(all(feature = "mat73", feature = "mcap", feature = "parquet")))]
+fn without(path: &str, what: &str, feature: &str, otherwise: &str) -> LogError {
     LogError::Format {
         path: path.into(),
         what: format!("the file is {what}, which is read with the feature `{feature}` only"),
-        remedy: format!(
-            "build with it (`cargo build --release -p tpm-cli --features {feature}`), or save the table as CSV"
-        ),
+        remedy: format!("build with it (`cargo build --release -p tpm-cli --features {feature}`), or {otherwise}"),
     }
 }
 

@@ -118,14 +118,17 @@ fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
     if rows.checked_mul(columns)? != values.len() {
         return None;
     }
+    Some(Variable::Columns(columns_of(&name, &values, rows, columns)))
+}
+
+/// The columns of a matrix whose numbers stand column by column; its longer side is time. A single number is a setting, no signal.
+pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<StoredColumn> {
     let (length, width) = (rows.max(columns), rows.min(columns));
-    // A single number is a setting, not a signal.
     if length < 2 || width == 0 || width > WIDEST {
-        return Some(Variable::Columns(Vec::new()));
+        return Vec::new();
     }
     let column = |k: usize| StoredColumn {
-        name: ColumnName::new(if width == 1 { name.clone() } else { format!("{name}[{}]", k + 1) }),
-        // Numbers stand column by column.
+        name: ColumnName::new(if width == 1 { name.to_string() } else { format!("{name}[{}]", k + 1) }),
         values: if rows >= columns {
             values[k * rows..(k + 1) * rows].to_vec()
         } else {
@@ -133,7 +136,7 @@ fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
         },
         stamp: false,
     };
-    Some(Variable::Columns((0..width).map(column).collect()))
+    (0..width).map(column).collect()
 }
 
 /// Reads the numeric variables of a MAT-file; messages call it `path`.

@@ -16,6 +16,8 @@ mod format;
 mod lone;
 #[cfg(feature = "mat")]
 mod mat;
+#[cfg(feature = "mat73")]
+mod mat73;
 #[cfg(feature = "mcap")]
 mod mcap;
 mod names;

@@ -445,6 +445,15 @@ fn mat_files_hold_the_numbers_of_the_text() {
     assert!(error.to_string().contains("no column `note`"), "{error}");
 }
 
+#[cfg(feature = "mat73")]
+#[test]
+fn hdf5_files_hold_the_numbers_of_the_text() {
+    holds_the_numbers_of_the_text("matlab73.mat", &LogOptions::default());
+    holds_the_numbers_of_the_text("matlab73.mat", &mapped(&[("x", "both[1]"), ("u", "both[2]")]));
+    holds_the_numbers_of_the_text("slider.h5", &LogOptions::default());
+    holds_the_numbers_of_the_text("slider.h5", &mapped(&[("x", "both[1]"), ("u", "both[2]")]));
+}
+
 #[cfg(feature = "mcap")]
 #[test]
 fn mcap_files_hold_the_numbers_of_the_text() {
@@ -465,6 +474,8 @@ fn parquet_files_hold_the_numbers_of_the_text() {
 fn formats_that_are_not_built_in_name_their_feature() {
     for (name, feature, built_in) in [
         ("matlab5.mat", "mat", cfg!(feature = "mat")),
+        ("matlab73.mat", "mat73", cfg!(feature = "mat73")),
+        ("slider.h5", "mat73", cfg!(feature = "mat73")),
         ("joint_states.mcap", "mcap", cfg!(feature = "mcap")),
         ("slider.parquet", "parquet", cfg!(feature = "parquet")),
     ] {

@@ -87,25 +87,32 @@ impl<'a> Excerpt<'a> {
     /// The stretches of a record one behind the other; of a long one, blocks that are evenly spread over them.
     pub(super) fn of_stretches(stretches: &[Stretch<'a>]) -> Self {
         let whole: usize = stretches.iter().map(samples).sum();
-        let long = whole > MOST_SAMPLES;
-        let parts = if long { blocks(stretches, BLOCKS, IN_BLOCKS / BLOCKS) } else { stretches.to_vec() };
-        let channel = |of: &dyn Fn(&Stretch<'a>) -> &'a [f64]| match parts.as_slice() {
+        if whole <= MOST_SAMPLES {
+            return Self::joined(stretches);
+        }
+        let half = 0.5 * whole as f64;
+        let parts = blocks(stretches, BLOCKS, IN_BLOCKS / BLOCKS);
+        Excerpt { blocks: BLOCKS, middle: half, half, of: whole, ..Self::joined(&parts) }
+    }
+
+    /// Stretches one behind the other, however long they are together.
+    pub(super) fn joined(parts: &[Stretch<'a>]) -> Self {
+        let whole: usize = parts.iter().map(samples).sum();
+        let channel = |of: &dyn Fn(&Stretch<'a>) -> &'a [f64]| match parts {
             [part] => Cow::Borrowed(of(part)),
             parts => Cow::Owned(parts.iter().flat_map(|part| of(part).iter()).copied().collect()),
         };
-        let (coordinates, inputs) =
-            stretches.first().map_or((0, 0), |first| (first.coordinates.len(), first.inputs.len()));
+        let (coordinates, inputs) = parts.first().map_or((0, 0), |first| (first.coordinates.len(), first.inputs.len()));
         let coordinates = (0..coordinates).map(|c| channel(&|stretch| stretch.coordinates[c]));
         let channels = coordinates.chain((0..inputs).map(|i| channel(&|stretch| stretch.inputs[i]))).collect();
         let mut joins = Vec::new();
         let mut end = 0;
-        for part in &parts {
+        for part in parts {
             joins.extend((end > 0).then_some(end));
             end += samples(part);
         }
         let half = 0.5 * whole as f64;
-        let blocks = if long { BLOCKS } else { 0 };
-        Excerpt { channels, averaged: 1, blocks, joins, middle: half, half, of: whole }
+        Excerpt { channels, averaged: 1, blocks: 0, joins, middle: half, half, of: whole }
     }
 
     /// The ends of the settled parts of runs, one behind the other, all of them of the same length.
@@ -158,7 +165,8 @@ impl<'a> Excerpt<'a> {
     }
 }
 
-fn samples(stretch: &Stretch<'_>) -> usize {
+/// Samples of a stretch.
+pub(super) fn samples(stretch: &Stretch<'_>) -> usize {
     stretch.coordinates.first().map_or(0, |signal| signal.len())
 }
 

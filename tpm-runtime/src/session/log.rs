@@ -292,7 +292,7 @@ fn hidden(prepared: &Prepared, constants: &BTreeMap<String, f64>, frozen: &[Froz
 }
 
 /// A recording of one segment alone: the longest one that repeats or, where none does, the longest one.
-fn alone(mut recording: Recording, coordinates: usize, options: &LogOptions) -> Recording {
+pub(super) fn alone(mut recording: Recording, coordinates: usize, options: &LogOptions) -> Recording {
     let segments = &recording.segments;
     let mut longest_first: Vec<usize> = (0..segments.len()).collect();
     longest_first.sort_by_key(|&i| std::cmp::Reverse(segments[i].len()));

@@ -44,6 +44,9 @@ mod refine_campaign;
 #[cfg(test)]
 mod refine_tests;
 mod refinement_report;
+mod simulation;
+#[cfg(feature = "plot")]
+mod simulation_figure;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;
@@ -51,6 +54,7 @@ mod text;
 mod truth;
 mod validate;
 mod warning;
+mod whiteness;
 
 pub use self::log::{LogRequest, from_log, from_logs};
 pub use agreeing::{Agreeing, AgreeingError, OpenDirection, agreeing};
@@ -72,6 +76,8 @@ pub use machine::Machine;
 pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use refinement_report::{MissingTerm, RefinementReport};
+pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
 pub use summary::of_campaign;
 pub use validate::{RowPrediction, RowUnpredicted, Validation, validate, validate_log};
 pub use warning::{Data, Warning};
+pub use whiteness::{CorrelationTest, FALSE_ALARM, LAGS};

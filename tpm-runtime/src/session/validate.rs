@@ -1,17 +1,18 @@
-//! Prediction of another log by identified parameters.
+//! Prediction of another log by identified parameters: the inputs from the motion, and the motion from the inputs.
 //!
-//! Invariant: nothing is fitted. The rows are evaluated on the log's own measured motion with the given parameters. The
+//! Invariant: no parameter is fitted. The rows are evaluated on the log's own measured motion with the given parameters. The
 //! inputs that they predict are compared with the recorded inputs: harmonic by harmonic, over the harmonics that stand
 //! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a direction of the parameters that is open is not predicted: it
 //! is named.
 
-use crate::estimate::{MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
+use crate::estimate::{Differentiable, MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
 use crate::log::{Domain, Log, LogError, LogOptions, ReadingReport, Recording};
 use crate::session::any_log::stretches;
 use crate::session::error::SessionError;
-use crate::session::log::LogRequest;
+use crate::session::log::{LogRequest, alone};
 use crate::session::model::{DeclaredModel, Identifiable};
 use crate::session::periodic_log::{repeating, spectra};
+use crate::session::simulation::{Simulation, simulate};
 use serde::Serialize;
 use std::format;
 use std::string::{String, ToString};
@@ -81,6 +82,12 @@ pub struct Validation {
     pub unpredicted: Vec<RowUnpredicted>,
     /// Largest share of any row that is predicted; nothing when none is.
     pub prediction_error: Option<f64>,
+    /// The motion simulated from the inputs; nothing where the model cannot be simulated with what is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulation: Option<Simulation>,
+    /// Why the motion is not simulated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_simulated: Option<String>,
 }
 
 impl Validation {
@@ -97,7 +104,8 @@ impl Validation {
     }
 }
 
-/// Predicts the inputs of a log from its motion with what an identification knows of the parameters in which the model is linear.
+/// Predicts the inputs of a log from its motion, and simulates its motion from the inputs, with what an identification knows of the
+/// parameters in which the model is linear.
 ///
 /// # Errors
 /// [`SessionError::NotIdentified`] where nothing is known of a parameter; another [`SessionError`] when the log cannot be read
@@ -120,17 +128,26 @@ pub fn validate(
     };
     let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
     let options = request.options(evaluated, &[])?;
-    let recording = Recording::open(&request.path, evaluated, &options)?;
+    let mut recording = Recording::open(&request.path, evaluated, &options)?;
+    if options.domain == Some(Domain::Harmonics) {
+        recording = alone(recording, evaluated.dims().coordinates, &options);
+    }
     let segments: Vec<&Log> = recording.segments.iter().collect();
     let declared = model.declaration()?;
     let derivatives = declared.as_deref().map(DeclaredModel::derivatives);
     let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
     let found = validate_segments(evaluated, derivatives, &segments, &options, &parameters, &settled.open)?;
-    Ok(Validation { reading: recording.report, ..found })
+    let machine = derivatives.map(|derivatives| Differentiable { model: evaluated, derivatives });
+    let (simulation, not_simulated) = match simulate(machine, &segments, &options, &parameters, &settled.open)? {
+        Ok(simulation) => (Some(simulation), None),
+        Err(why) => (None, Some(why)),
+    };
+    Ok(Validation { reading: recording.report, simulation, not_simulated, ..found })
 }
 
 /// Predicts the inputs of a log from its motion with given parameters, one value per parameter of the model. Rows that change along
-/// one of the `open` directions are left out. Harmonic by harmonic where the log repeats, otherwise in the time domain.
+/// one of the `open` directions are left out. Harmonic by harmonic where the log repeats, otherwise in the time domain. The motion is
+/// not simulated: [`validate`] does that with a declared model.
 ///
 /// # Errors
 /// [`LogError`] when the log is too short, or the rows cannot be evaluated on its motion.
@@ -180,6 +197,8 @@ fn validate_segments(
         rows: Vec::new(),
         unpredicted: Vec::new(),
         prediction_error: None,
+        simulation: None,
+        not_simulated: None,
     };
     let rows: Vec<Missed> = match (&periodic, segments.first()) {
         (Some((periodic, spectra)), Some(log)) => {

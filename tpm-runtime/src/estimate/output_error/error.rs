@@ -17,6 +17,9 @@ pub enum OutputErrorFault {
     /// The record does not show all parameters.
     #[error("the parameters do not show one by one when the record is simulated")]
     Singular,
+    /// The simulated motion leaves all bounds from one sample to the next.
+    #[error("the simulated motion leaves all bounds from one sample to the next")]
+    Unbounded,
     /// Gauss-Newton steps did not become small.
     #[error("the simulation did not settle on parameters in {steps} steps")]
     NotConverged {

@@ -14,8 +14,6 @@ use crate::numerics::{DMatrix, root_mean_square};
 use std::vec;
 use std::vec::Vec;
 
-/// Shortest time between two stops of a machine, as a share of the period.
-const SHORTEST_PASSAGE: f64 = 0.02;
 /// A limit of an input is told from none when it is so many times its deviation.
 const TOLD: f64 = 5.0;
 /// Limits of an input that are weighed on either side of the most likely one.
@@ -70,36 +68,10 @@ impl OutputError {
         free: &[usize],
         hidden: &[Vec<f64>],
     ) -> Result<Self, OutputErrorFault> {
-        let states = Problem::states(machine.model).ok_or(OutputErrorFault::NotSimulable)?;
-        let samples = signals.coordinates.first().map_or(0, |c| c.len());
         let outputs = signals.coordinates.len();
         let noise = signals.noise();
-        let mut problem = Problem {
-            machine,
-            constants,
-            hold: signals.hold,
-            sample_time: signals.sample_time,
-            coordinates: signals.coordinates.clone(),
-            inputs: signals.inputs.clone(),
-            free: free.to_vec(),
-            states,
-            breaks: (1..samples).map(|k| signals.joins.contains(&k)).collect(),
-            steps: 1,
-            shortest_passage: (signals.typical_period() * SHORTEST_PASSAGE) as usize,
-            scale: (0..outputs).map(|c| noise.typical(c, outputs)).collect(),
-            hidden: hidden.to_vec(),
-        };
-        let begun = State {
-            trajectory: Trajectory {
-                states: signals.motion(&problem.states),
-                disturbed: vec![0.0; samples * signals.inputs.len()],
-                applied: None,
-            },
-            theta: start.to_vec(),
-            terms: Vec::new(),
-            noise,
-            limit: None,
-        };
+        let mut problem = Problem::new(machine, constants, signals, &noise, free, hidden)?;
+        let begun = State::begun(&problem, signals, noise, start);
         problem.steps = problem.needed_steps(&begun.trajectory, &begun.theta)?;
         let whole = fitted(&problem, signals, begun.clone());
         let exact = whole.as_ref().is_ok_and(|fitted| fitted.iterations.is_some() && fitted.state.noise.is_plain());

@@ -9,6 +9,7 @@
 //! ```text
 //! signals, problem (record, model) -> chain (linearised) -> smoother, solution (one step) -> tuning (noise) -> state (iteration)
 //!   -> explanation (which terms are missing), residuals -> misfit (what is left) -> fit
+//! state (given parameters) -> predictor (one step ahead) -> simulated (free run)
 //! ```
 
 mod candidates;
@@ -22,12 +23,16 @@ mod fit_tests;
 mod local;
 mod misfit;
 mod noise;
+mod predictor;
 mod problem;
 #[cfg(all(test, feature = "interpret"))]
 mod problem_tests;
 mod reflect;
 mod residuals;
 mod signals;
+mod simulated;
+#[cfg(all(test, feature = "interpret"))]
+mod simulated_tests;
 mod smoother;
 #[cfg(test)]
 mod smoother_tests;
@@ -41,3 +46,4 @@ pub use fit::OutputError;
 pub use misfit::Misfit;
 pub use problem::Differentiable;
 pub use signals::{Course, Signals};
+pub use simulated::{Divergence, Simulated};

@@ -1,6 +1,9 @@
 //! A record in the time domain, and its linearisation about a motion.
 
 use crate::estimate::output_error::chain::Chain;
+use crate::estimate::output_error::error::OutputErrorFault;
+use crate::estimate::output_error::noise::Noise;
+use crate::estimate::output_error::signals::Signals;
 use crate::numerics::root_mean_square;
 use rayon::prelude::*;
 use std::vec;
@@ -17,6 +20,8 @@ const AT_REST: f64 = 0.02;
 const TURNING: f64 = 0.05;
 /// How much larger than friction's impulse the unknown force of a machine at rest may be.
 const FREE: f64 = 5.0;
+/// Shortest time between two stops of a machine, as a share of the period.
+const SHORTEST_PASSAGE: f64 = 0.02;
 /// Most steps of integration from one sample to the next.
 const MOST_STEPS: usize = 16;
 /// Largest error of the integration, as a share of what a state changes in the whole record's typical sample.
@@ -125,6 +130,43 @@ struct Scratch {
 }
 
 impl<'a> Problem<'a> {
+    /// The problem of a record, with one step of integration per sample; `free` are the parameters that are estimated, `hidden` the
+    /// directions of them that the data do not show.
+    ///
+    /// # Errors
+    /// [`OutputErrorFault::NotSimulable`] when the rows do not determine the motion.
+    pub(super) fn new(
+        machine: Differentiable<'a>,
+        constants: &'a [f64],
+        signals: &Signals<'a>,
+        noise: &Noise,
+        free: &[usize],
+        hidden: &[Vec<f64>],
+    ) -> Result<Self, OutputErrorFault> {
+        let states = Problem::states(machine.model).ok_or(OutputErrorFault::NotSimulable)?;
+        let samples = signals.coordinates.first().map_or(0, |c| c.len());
+        let outputs = signals.coordinates.len();
+        let mut breaks = vec![false; samples.saturating_sub(1)];
+        for &join in signals.joins.iter().filter(|join| (1..samples).contains(*join)) {
+            breaks[join - 1] = true;
+        }
+        Ok(Problem {
+            machine,
+            constants,
+            hold: signals.hold,
+            sample_time: signals.sample_time,
+            coordinates: signals.coordinates.clone(),
+            inputs: signals.inputs.clone(),
+            free: free.to_vec(),
+            states,
+            breaks,
+            steps: 1,
+            shortest_passage: (signals.typical_period() * SHORTEST_PASSAGE) as usize,
+            scale: (0..outputs).map(|c| noise.typical(c, outputs)).collect(),
+            hidden: hidden.to_vec(),
+        })
+    }
+
     pub(super) fn samples(&self) -> usize {
         self.coordinates.first().map_or(0, |c| c.len())
     }
@@ -165,7 +207,8 @@ impl<'a> Problem<'a> {
         }
     }
 
-    fn place(&self, (coordinate, derivative): (usize, usize)) -> usize {
+    /// Place of a state in a motion.
+    pub(super) fn place(&self, (coordinate, derivative): (usize, usize)) -> usize {
         derivative * self.machine.model.dims().coordinates + coordinate
     }
 
@@ -185,16 +228,20 @@ impl<'a> Problem<'a> {
                 Some((at, applied)) if *at == i => applied.as_slice(),
                 _ => self.inputs[i],
             };
-            *value = disturbed
-                + match self.hold {
-                    Hold::Zoh => input[k],
-                    Hold::None => between(input, k, share),
-                };
+            *value = disturbed + self.between_samples(input, k, share);
         }
         for (&of, &value) in self.states.iter().zip(state) {
             now.motion[self.place(of)] = value;
         }
         self.machine.model.forward_dynamics(&mut now.motion, theta, self.constants, &now.inputs, &mut now.forward)
+    }
+
+    /// A recorded input at a share of the time after sample k.
+    pub(super) fn between_samples(&self, input: &[f64], k: usize, share: f64) -> f64 {
+        match self.hold {
+            Hold::Zoh => input[k],
+            Hold::None => between(input, k, share),
+        }
     }
 
     /// The states of a trajectory at sample k.

@@ -45,6 +45,21 @@ pub(super) struct State {
 }
 
 impl State {
+    /// The motion that a record shows beforehand, with given parameters and noise.
+    pub(super) fn begun(problem: &Problem<'_>, signals: &Signals<'_>, noise: Noise, theta: &[f64]) -> Self {
+        State {
+            trajectory: Trajectory {
+                states: signals.motion(&problem.states),
+                disturbed: vec![0.0; problem.samples() * signals.inputs.len()],
+                applied: None,
+            },
+            theta: theta.to_vec(),
+            terms: Vec::new(),
+            noise,
+            limit: None,
+        }
+    }
+
     /// Makes Gauss-Newton steps until they are small; with `tuned`, the noise is found on the way. Returns how many.
     pub(super) fn settle(
         &mut self,

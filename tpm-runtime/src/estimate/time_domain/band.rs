@@ -102,6 +102,11 @@ impl Tried {
     }
 }
 
+/// Samples on either side of a sample over which a polynomial follows a motion below a cut-off, Hz.
+pub(super) fn reach(cut_off: f64, sample_time: f64) -> usize {
+    (POLYNOMIAL / (cut_off * sample_time)) as usize
+}
+
 /// The cut-offs that are tried for a motion, rad/s, ascending; none where all stretches are too short.
 pub(super) fn cut_offs(motion: &Motion, sample_time: f64) -> Vec<f64> {
     let fastest = motion.fastest();
@@ -183,7 +188,7 @@ pub fn estimate_time_domain(
     let other = TimeRecord { hold: record.hold.other(), ..record.clone() };
     let other = Equations::of(machine, &other, &motion, best.low_pass).ok();
     let other = other.and_then(|equations| fit(&equations, dims, &free, settings));
-    let reach = (POLYNOMIAL / (report.cut_off * record.sample_time)) as usize;
+    let reach = reach(report.cut_off, record.sample_time);
     Ok(TimeDomain {
         estimate: widened(best.fitted.estimate.clone(), &report.moved),
         other_hold: other.map(|other| other.estimate.residual),

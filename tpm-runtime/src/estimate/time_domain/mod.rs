@@ -32,5 +32,5 @@ pub use band::{BandReport, TimeDomain, estimate_time_domain};
 #[cfg(feature = "interpret")]
 pub(crate) use bands::Swiftness;
 pub use motion::{Stretch, TimeRecord};
-pub use predict::{Missed, Prediction, predict_in_band};
+pub use predict::{Missed, Pace, Prediction, predict_in_band};
 pub use shift::{InputShift, input_shift};

@@ -1,7 +1,7 @@
 //! What given parameters miss of the forces of a record, in the time domain.
 
 use crate::estimate::error::EstimateError;
-use crate::estimate::time_domain::band::cut_offs;
+use crate::estimate::time_domain::band::{cut_offs, reach};
 use crate::estimate::time_domain::equations::{Equations, Machine, RowEquations};
 use crate::estimate::time_domain::low_pass::LowPass;
 use crate::estimate::time_domain::motion::{Motion, TimeRecord};
@@ -28,6 +28,37 @@ pub struct Prediction {
     pub cut_off: f64,
     /// The rows.
     pub rows: Vec<Missed>,
+}
+
+/// How fast the motion of a record is, from which its simulation begins.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pace {
+    /// Samples in which the motion goes to and fro once, on the average.
+    pub typical_period: f64,
+    /// Samples on either side of a sample over which a polynomial follows the motion.
+    pub reach: usize,
+    /// Highest frequency of every coordinate that stands out of its noise, Hz.
+    pub highest: Vec<f64>,
+    /// Step of every sensor; zero where its values lie on no grid.
+    pub steps: Vec<f64>,
+}
+
+impl Pace {
+    /// The pace of a record.
+    ///
+    /// # Errors
+    /// [`EstimateError::NoSignal`] when there are no samples.
+    pub fn of(record: &TimeRecord<'_>) -> Result<Self, EstimateError> {
+        let motion = Motion::new(record)?;
+        let cut_offs = cut_offs(&motion, record.sample_time);
+        let cut_off = cut_offs.get(cut_offs.len() / 2).copied().unwrap_or_else(|| motion.fastest()) / (2.0 * PI);
+        Ok(Pace {
+            typical_period: motion.typical_period / record.sample_time,
+            reach: reach(cut_off.max(f64::MIN_POSITIVE), record.sample_time),
+            highest: motion.highest.iter().map(|frequency| frequency / (2.0 * PI)).collect(),
+            steps: motion.steps,
+        })
+    }
 }
 
 /// Predicts the forces of a record from its motion, with one value per parameter of the model; `directions` are those along which each

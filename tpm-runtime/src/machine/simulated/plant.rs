@@ -69,6 +69,8 @@ pub struct Plant<'m> {
     friction: Friction,
     /// Inputs at an instant within a step.
     inputs: Vec<f64>,
+    /// Inputs at the start, the middle and the end of a step.
+    given: [Vec<f64>; 3],
     time: f64,
 }
 
@@ -113,6 +115,7 @@ impl<'m> Plant<'m> {
             workspace: vec![0.0; model.forward_workspace_len()],
             friction: Friction::new(model, parameters, constants)?,
             inputs: vec![0.0; dims.inputs],
+            given: std::array::from_fn(|_| vec![0.0; dims.inputs]),
             time: 0.0,
         })
     }
@@ -149,6 +152,30 @@ impl<'m> Plant<'m> {
     /// [`PlantError`]; the motion is then the one at fault.
     pub fn advance(&mut self, inputs: &[f64], duration: f64, steps: usize) -> Result<(), PlantError> {
         self.advance_by(duration, steps, &mut |plant, step| plant.step([inputs; 3], step))
+    }
+
+    /// Advances by `steps` steps of `duration / steps` seconds under inputs that change on the way: `at` writes those at a share of the
+    /// duration, from 0 to 1.
+    ///
+    /// # Errors
+    /// [`PlantError`]; the motion is then the one at fault.
+    pub fn advance_under(
+        &mut self,
+        duration: f64,
+        steps: usize,
+        at: &mut dyn FnMut(f64, &mut [f64]),
+    ) -> Result<(), PlantError> {
+        let mut given = std::mem::take(&mut self.given);
+        let mut done = 0.0;
+        let advanced = self.advance_by(duration, steps, &mut |plant, step| {
+            for (inputs, half) in given.iter_mut().zip([0.0, 0.5, 1.0]) {
+                at((done + half) / steps.max(1) as f64, inputs);
+            }
+            done += 1.0;
+            plant.step(given.each_ref().map(Vec::as_slice), step)
+        });
+        self.given = given;
+        advanced
     }
 
     /// Advances by `steps` calls of `one` with the length of a step; the caller knows the inputs.
