@@ -71,7 +71,7 @@ pub use table::{LineTable, RowLines};
 #[cfg(feature = "interpret")]
 pub use tabulated::PatternTables;
 pub use time_domain::{
-    BandReport, Missed, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, predict_in_band,
+    BandReport, Missed, OneBand, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain, predict_in_band,
 };
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

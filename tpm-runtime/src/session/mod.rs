@@ -41,6 +41,9 @@ mod refine;
 #[cfg(test)]
 mod refine_tests;
 mod refinement_report;
+mod separable;
+#[cfg(test)]
+mod separable_tests;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;

@@ -21,6 +21,7 @@ mod equations;
 mod fit;
 mod low_pass;
 mod motion;
+mod one_band;
 mod predict;
 #[cfg(test)]
 mod tests;
@@ -28,4 +29,5 @@ mod transform;
 
 pub use band::{BandReport, TimeDomain, estimate_time_domain};
 pub use motion::{Stretch, TimeRecord};
+pub use one_band::OneBand;
 pub use predict::{Missed, Prediction, predict_in_band};
