@@ -50,6 +50,7 @@
 //! | `coordinate x [m], y [m];` | generalised coordinates |
 //! | `input u [N];` | actuating forces, torques, voltages |
 //! | `parameter m [kg], k [N/m];` | to be identified |
+//! | `nonlinear parameter vs [m/s] from 0.01 to 0.5;` | to be identified from logs; may stand inside functions, within this interval, see [below](#nonlinear-parameters) |
 //! | `constant g = 9.8 [m/s^2], th10 [rad];` | known exactly, or at run time only |
 //! | `let s = x - x0;` | a name for an expression; uses only what is defined above it |
 //! | `left = right;` | an equation of motion; both sides are expressions |
@@ -85,6 +86,15 @@
 //! have rational cosines and sines, such as `pi` and `pi/2`, or `2*atan2(p, q)` with rational p and q. There is such a phase next to
 //! every angle, and it is named where another one is refused. Harmonics that cannot meet the conditions are refused too, with the
 //! condition and the least harmonics that can. What the conditions leave free goes to the least mean square of the acceleration.
+//!
+//! # Nonlinear parameters
+//!
+//! A parameter enters the equations linearly, in products with other parameters and functions of the motion. One that stands inside a
+//! function of the motion, such as the velocity `vs` in `exp(-(dot(q)/vs)^2)` or the offset `q0` in `sin(q - q0)`, is declared
+//! `nonlinear`, with the interval in which it is looked for: two expressions of constants, in the parameter's own unit. The interval
+//! must keep away from values at which the equations have none, such as zero where the parameter is divided by. A nonlinear parameter
+//! stands neither inside `sign` nor beside an input. Logs identify it together with the other parameters. Tables, generated code and
+//! experiments take it as a constant that is known at run time, and a result gives it its value there.
 //!
 //! # Mechanisms
 //!

@@ -198,6 +198,11 @@ pub trait Model<T: Real>: Send + Sync {
     fn input(&self, index: usize) -> Label<'_>;
     /// Name and unit of a parameter in which the rows are linear (a lumped one has its canonical name).
     fn parameter(&self, index: usize) -> Label<'_>;
+    /// Least and largest value of a parameter in which the rows are linear about a point only; nothing for every other parameter.
+    fn parameter_interval(&self, index: usize) -> Option<[T; 2]> {
+        let _ = index;
+        None
+    }
     /// Name and unit of a constant that is known at run time.
     fn constant(&self, index: usize) -> Label<'_>;
     /// Name and unit of a row: the input's name when its right-hand side contains exactly one, else eq1, eq2, ...
@@ -232,6 +237,23 @@ pub trait Model<T: Real>: Send + Sync {
     /// # Errors
     /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
     fn input_map(&self, motion: &[T], constants: &[T], workspace: &mut [T], out: &mut [T]) -> Result<(), EvalError>;
+
+    /// How the rows change with the parameters at given values of them: the regressor, where the rows are linear in all of them.
+    /// Rows x parameters, row-major, into `out`; the workspace is as long as that of [`regressor`](Model::regressor).
+    ///
+    /// # Errors
+    /// [`EvalError::Length`] when a slice has another length than [`Dims`] says, or the workspace is too short.
+    fn sensitivity(
+        &self,
+        motion: &[T],
+        parameters: &[T],
+        constants: &[T],
+        workspace: &mut [T],
+        out: &mut [T],
+    ) -> Result<(), EvalError> {
+        require_len(Buffer::Parameters, parameters.len(), self.dims().parameters)?;
+        self.regressor(motion, constants, workspace, out)
+    }
 
     /// Entries of workspace that [`inverse_dynamics`](Model::inverse_dynamics) needs.
     fn inverse_workspace_len(&self) -> usize {

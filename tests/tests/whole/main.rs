@@ -1,8 +1,8 @@
 //! Tests of the whole, in one program: properties that no single crate can show.
 
 mod arm;
-mod base_parameters;
 mod arm_estimator;
+mod base_parameters;
 // The module that the build script made of a shipped model.
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]
 mod built {

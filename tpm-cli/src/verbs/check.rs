@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
 use tpm_symbolic::mechanics::model::ExactModel;
+use tpm_symbolic::number::rational;
 use tpm_symbolic::regressor::form::{RegressorForm, canonical};
 
 /// Options of `tpm check`.
@@ -66,7 +67,11 @@ fn describe(model: &ExactModel, form: &RegressorForm) -> String {
     let _ = writeln!(text, "coordinates: {}", list(coordinates.collect()));
     let _ = writeln!(text, "inputs: {}", list(model.inputs().map(quantity).collect()));
     let _ = writeln!(text, "physical parameters: {}", list(model.parameters().map(quantity).collect()));
-    let _ = writeln!(text, "constants known at run time: {}", list(model.run_time_constants().map(quantity).collect()));
+    let _ = writeln!(text, "constants known at run time: {}", list(model.known_constants().map(quantity).collect()));
+    for own in &model.nonlinear {
+        let [from, to] = [&own.from, &own.to].map(rational::display);
+        let _ = writeln!(text, "nonlinear parameter: {}, from {from} to {to}", quantity(own.symbol));
+    }
     let _ = writeln!(text, "equations: {}", list(form.rows.iter().map(|row| row.name.to_string()).collect()));
     let _ = writeln!(text, "linear in {} parameters:", form.columns.len());
     for column in &form.columns {

@@ -28,6 +28,8 @@ pub struct ModelDeclaration {
 pub enum Item {
     /// `coordinate x [m], y [m];` and its like.
     Declaration(Declaration),
+    /// `nonlinear parameter vs [m/s] from 0.01 to 0.5;`
+    Nonlinear(Vec<NonlinearParameter>),
     /// `series f(q) about c order n as a, b, c;`
     Series(SeriesDeclaration),
     /// `let name = expr;`
@@ -110,6 +112,19 @@ pub struct Quantity {
     pub value: Option<Expr>,
     /// Its unit; a quantity without one is not checked.
     pub unit: Option<UnitExpr>,
+}
+
+/// One declared parameter in which the equations are not linear.
+#[derive(Clone, PartialEq, Eq, Debug)]
+pub struct NonlinearParameter {
+    /// Its name.
+    pub name: Ident,
+    /// Its unit; a parameter without one is not checked.
+    pub unit: Option<UnitExpr>,
+    /// Least value that it can have, an expression of constants.
+    pub from: Expr,
+    /// Largest value that it can have, an expression of constants.
+    pub to: Expr,
 }
 
 /// `[kg*m/s^2]`: a product of powers of named units; no factors is the unit 1.
@@ -281,6 +296,7 @@ impl Item {
     fn forget_spans(&mut self) {
         match self {
             Self::Declaration(declaration) => declaration.forget_spans(),
+            Self::Nonlinear(parameters) => parameters.iter_mut().for_each(NonlinearParameter::forget_spans),
             Self::Series(series) => {
                 forget(&mut series.function);
                 forget(&mut series.coordinate);
@@ -341,6 +357,15 @@ impl Declaration {
             quantity.value.iter_mut().for_each(Expr::forget_spans);
             quantity.unit.iter_mut().for_each(UnitExpr::forget_spans);
         }
+    }
+}
+
+impl NonlinearParameter {
+    fn forget_spans(&mut self) {
+        forget(&mut self.name);
+        self.unit.iter_mut().for_each(UnitExpr::forget_spans);
+        self.from.forget_spans();
+        self.to.forget_spans();
     }
 }
 

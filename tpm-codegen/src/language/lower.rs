@@ -9,6 +9,7 @@ mod dynamics;
 mod expression;
 mod mechanism;
 mod motion;
+mod nonlinear;
 
 pub use expression::HIGHEST_ORDER;
 
@@ -91,6 +92,7 @@ pub(crate) fn lower(model: &ast::ModelDeclaration, checked: &Checked<'_>, diagno
     lowering.statements(model);
     lowering.dynamics(model);
     lowering.refuse_too_long();
+    lowering.check_nonlinear(model);
     lowering.patterns(model);
     let Lowering { model, terms, taylor, harmonics, mechanism, .. } = lowering;
     Lowered { model, terms, taylor, harmonics, mechanism }
@@ -153,6 +155,7 @@ impl<'a> Lowering<'a, '_, '_> {
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => self.declare(declaration),
+                Item::Nonlinear(parameters) => parameters.iter().for_each(|own| self.declare_nonlinear(own)),
                 Item::Series(series) if series.definition.is_none() => self.declare_coefficients(series),
                 _ => {}
             }
@@ -249,6 +252,7 @@ impl<'a> Lowering<'a, '_, '_> {
                     }
                 }
                 Item::Declaration(_)
+                | Item::Nonlinear(_)
                 | Item::Equation(_)
                 | Item::Energy(_)
                 | Item::Force(_)
@@ -342,7 +346,7 @@ impl<'a> Lowering<'a, '_, '_> {
 
     fn pattern(&mut self, pattern: &'a ast::PatternDeclaration) {
         let mut scope = motion::Scope { symbols: HashMap::new(), values: self.values.clone(), frequency: None };
-        for constant in self.model.symbols_where(|kind| *kind == Kind::Constant { value: None }) {
+        for constant in self.model.known_constants().collect::<Vec<_>>() {
             scope.symbols.insert(self.model.quantity(constant).name.to_string(), constant);
         }
         let (mut amplitudes, mut frequency, mut harmonics) = (Vec::new(), None, None);

@@ -12,7 +12,8 @@ use std::collections::HashSet;
 use crate::diagnostic::{Diagnostic, Diagnostics};
 use crate::language::ast::{
     Count, Declaration, Definition, Eliminate, Energy, EnergyKind, Equation, Expr, Force, Ident, Item,
-    ModelDeclaration, Motion, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration, Taylor, UnitExpr,
+    ModelDeclaration, Motion, NonlinearParameter, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration,
+    Taylor, UnitExpr,
 };
 use crate::language::lex::{lex, shorten};
 use crate::language::suggest::nearest;
@@ -251,6 +252,7 @@ impl<'a, 'd> Parser<'a, 'd> {
         (statements.contains(&word)
             && (next == TokenKind::Ident || next == TokenKind::Number || next == TokenKind::OpenBrace))
             || (word == "mechanism" && next == TokenKind::OpenBrace)
+            || (word == "nonlinear" && next == TokenKind::Ident)
     }
 
     fn mention(&mut self, index: usize) {
@@ -342,6 +344,7 @@ impl<'a, 'd> Parser<'a, 'd> {
             ("dissipation", TokenKind::Equals) if !self.declared.contains(word) => self.energy(EnergyKind::Dissipation),
             ("pattern", TokenKind::OpenBrace | TokenKind::Ident) => self.pattern(),
             ("mechanism", TokenKind::OpenBrace) => self.mechanism(),
+            ("nonlinear", TokenKind::Ident) => self.nonlinear(),
             // Two names in a row are no expression, so a word before a name is a keyword whatever the names are.
             (_, TokenKind::Ident) if STATEMENTS.contains(&word) || !self.declared.contains(word) => {
                 self.statement(word, first.span)
@@ -437,6 +440,36 @@ impl<'a, 'd> Parser<'a, 'd> {
         }
         self.end_of_statement()?;
         Ok(Declaration { role, quantities })
+    }
+
+    /// `nonlinear parameter vs [m/s] from 0.01 to 0.5, q0 [rad] from -0.2 to 0.2;`
+    fn nonlinear(&mut self) -> Parse<Item> {
+        self.bump();
+        self.word("parameter")?;
+        let mut parameters = Vec::new();
+        loop {
+            let name = self.name("a name")?;
+            let token = self.tokens[self.at - 1];
+            self.declared.insert(self.text(token));
+            let unit = self.unit()?;
+            if !self.is_word(0, "from") {
+                let error = Diagnostic::error(name.span, format!("`{}` has no interval", name.name)).note(self.found());
+                return Err(self.report(error.help(format!(
+                    "say where it is looked for, in its own unit: `nonlinear parameter {} from 0.01 to 0.5;`",
+                    name.name
+                ))));
+            }
+            self.bump();
+            let from = self.expr()?;
+            self.word("to")?;
+            let to = self.expr()?;
+            parameters.push(NonlinearParameter { name, unit, from, to });
+            if !self.eat(TokenKind::Comma) {
+                break;
+            }
+        }
+        self.end_of_statement()?;
+        Ok(Item::Nonlinear(parameters))
     }
 
     fn series(&mut self) -> Parse<Item> {

@@ -13,7 +13,8 @@ use tpm_symbolic::number::rational::Rational;
 
 use crate::language::ast::{
     Declaration, Definition, Eliminate, Energy, Equation, Expr, ExprKind, Force, Item, ModelDeclaration, Motion,
-    Operation, PatternDeclaration, PatternItem, Quantity, SeriesDeclaration, Sign, Taylor, UnitExpr,
+    NonlinearParameter, Operation, PatternDeclaration, PatternItem, Quantity, SeriesDeclaration, Sign, Taylor,
+    UnitExpr,
 };
 
 /// How tightly an expression binds; one that binds less tightly than its place wants is put in parentheses.
@@ -163,6 +164,16 @@ impl Display for Declaration {
     }
 }
 
+impl Display for NonlinearParameter {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name.name)?;
+        if let Some(unit) = &self.unit {
+            write!(f, " {unit}")?;
+        }
+        write!(f, " from {} to {}", self.from, self.to)
+    }
+}
+
 impl Display for SeriesDeclaration {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "series {}({})", self.function.name, self.coordinate.name)?;
@@ -185,6 +196,11 @@ impl Display for Item {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::Declaration(declaration) => declaration.fmt(f),
+            Self::Nonlinear(parameters) => {
+                f.write_str("nonlinear parameter ")?;
+                join(f, parameters, ", ")?;
+                f.write_char(';')
+            }
             Self::Series(series) => series.fmt(f),
             Self::Let(Definition { name, value }) => write!(f, "let {} = {value};", name.name),
             Self::Lump(Definition { name, value }) => write!(f, "lump {} = {value};", name.name),

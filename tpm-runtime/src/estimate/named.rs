@@ -20,6 +20,9 @@ pub struct ParameterReport {
     pub name: String,
     /// Unit of the parameter in the model.
     pub unit: Option<String>,
+    /// Interval in which a nonlinear parameter was looked for, in that unit; nothing for a parameter in which the model is linear.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interval: Option<[f64; 2]>,
     /// Value that was stated before the identification, in that unit; nothing where none was stated.
     pub prior: Option<f64>,
     /// Identified value; nothing when unobservable.
@@ -81,6 +84,7 @@ impl EstimateReport {
             .map(|j| ParameterReport {
                 name: model.parameter(j).name.into(),
                 unit: model.parameter(j).unit.map(String::from),
+                interval: model.parameter_interval(j),
                 prior: stated(j),
                 value: seen(j).map(|e| e.values[j]),
                 std: seen(j).map(|e| e.std[j]),

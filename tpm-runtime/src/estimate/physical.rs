@@ -555,6 +555,7 @@ impl Fixed {
                 ParameterReport {
                     name: name.to_string(),
                     unit: units[i].clone(),
+                    interval: None,
                     prior: self.prior[i].or(self.frozen[i]),
                     value: seen.then_some(value),
                     std: (seen && !solution.held[i]).then_some(std[i]),

@@ -60,6 +60,21 @@ impl Estimate {
         self.with_values(values, covariance, settings, felt)
     }
 
+    /// The estimate of the first parameters alone, whatever the others are.
+    pub(crate) fn of_first(&self, count: usize) -> Self {
+        let first = |values: &[f64]| values.iter().take(count).copied().collect::<Vec<f64>>();
+        let rows: Vec<Vec<f64>> = self.covariance.to_rows().iter().take(count).map(|row| first(row)).collect();
+        let shown = |direction: &Vec<f64>| direction.iter().any(|component| component.abs() > 0.0);
+        Estimate {
+            values: first(&self.values),
+            std: first(&self.std),
+            covariance: Matrix::from_rows(&rows).unwrap_or_else(|| self.covariance.clone()),
+            status: self.status.iter().take(count).copied().collect(),
+            unobservable: self.unobservable.iter().map(|direction| first(direction)).filter(shown).collect(),
+            ..self.clone()
+        }
+    }
+
     /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
     #[must_use]
     pub fn is_explained(&self) -> bool {

@@ -6,6 +6,7 @@ use std::vec::Vec;
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::{Buffer, Dims, EvalError, require_len, split_workspace};
 use tpm_symbolic::mechanics::model::ExactModel as Declared;
+use tpm_symbolic::plan::derivatives::Derivatives;
 use tpm_symbolic::plan::evaluation::Evaluation;
 use tpm_symbolic::regressor::form::RegressorForm;
 
@@ -26,6 +27,19 @@ impl InterpretedDerivatives {
     pub fn new(model: &Declared, form: &RegressorForm) -> Self {
         let (evaluation, derivatives) = Evaluation::with_derivatives(model, form);
         let leaves = Leaves::new(&evaluation, form);
+        Self::of(&evaluation, &derivatives, &leaves)
+    }
+
+    /// Makes the derivatives of a model runnable whose nonlinear parameters stand behind those in which it is linear, as in
+    /// [`Separable`](crate::interpret::Separable).
+    #[must_use]
+    pub fn separable(model: &Declared, form: &RegressorForm) -> Self {
+        let (evaluation, derivatives) = Evaluation::with_derivatives(model, form);
+        let leaves = Leaves::separable(model, &evaluation, form);
+        Self::of(&evaluation, &derivatives, &leaves)
+    }
+
+    fn of(evaluation: &Evaluation, derivatives: &Derivatives, leaves: &Leaves) -> Self {
         let n = evaluation.coordinates.len();
         let position = |q| evaluation.coordinates.iter().position(|(present, _)| *present == q);
         let place = |&(q, order): &(_, u32)| {

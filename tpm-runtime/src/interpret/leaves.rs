@@ -2,6 +2,8 @@
 
 use std::vec::Vec;
 use tpm_core::model::{Buffer, Dims, EvalError, require_len};
+use tpm_symbolic::expr::graph::Symbol;
+use tpm_symbolic::mechanics::model::ExactModel as Declared;
 use tpm_symbolic::plan::evaluation::Evaluation;
 use tpm_symbolic::plan::leaf::Leaf;
 use tpm_symbolic::regressor::form::RegressorForm;
@@ -31,6 +33,25 @@ impl Leaves {
         list.extend(evaluation.constants.iter().map(|&constant| Leaf::Symbol(constant)));
         list.extend((0..form.columns.len()).map(Leaf::Column));
         list.extend(evaluation.inputs.iter().map(|&input| Leaf::Symbol(input)));
+        Self { dims, list }
+    }
+
+    /// The leaves of `form` where the nonlinear parameters of `model` stand behind the columns, and no more among the constants.
+    pub(super) fn separable(model: &Declared, evaluation: &Evaluation, form: &RegressorForm) -> Self {
+        let constants: Vec<Symbol> = model.known_constants().collect();
+        let motion = (0..=evaluation.order())
+            .flat_map(|order| evaluation.coordinates.iter().map(move |(q, _)| Leaf::Motion(*q, order)));
+        let list: Vec<Leaf> = motion
+            .chain(constants.iter().map(|&constant| Leaf::Symbol(constant)))
+            .chain((0..form.columns.len()).map(Leaf::Column))
+            .chain(model.nonlinear.iter().map(|own| Leaf::Symbol(own.symbol)))
+            .chain(evaluation.inputs.iter().map(|&input| Leaf::Symbol(input)))
+            .collect();
+        let dims = Dims {
+            parameters: form.columns.len() + model.nonlinear.len(),
+            constants: constants.len(),
+            ..Self::new(evaluation, form).dims
+        };
         Self { dims, list }
     }
 

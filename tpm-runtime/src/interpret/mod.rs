@@ -10,7 +10,11 @@ mod inverse;
 mod leaves;
 mod model;
 mod program;
+mod separable;
+#[cfg(test)]
+mod separable_tests;
 
 pub use derivatives::InterpretedDerivatives;
 pub use inverse::InterpretedInverse;
 pub use model::Interpreted;
+pub use separable::Separable;

@@ -54,7 +54,7 @@ pub(super) fn stretches<'a>(
 /// Most samples that are low-passed; of a longer record it is blocks, evenly spread over it.
 pub(super) const MOST_SAMPLES: usize = 1 << 20;
 /// Number of such blocks.
-const BLOCKS: usize = 16;
+pub(super) const BLOCKS: usize = 16;
 
 /// Identifies a model from all samples of the segments of a record, whatever the motion is.
 ///

@@ -15,6 +15,7 @@ use crate::session::play::{Watch, play_campaign, play_on_simulated, play_simulat
 use crate::session::refine_campaign::refined_campaign;
 use crate::session::summary::{self, Lumped};
 use crate::session::truth::Truth;
+use crate::session::warning::Warning;
 use std::boxed::Box;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -259,6 +260,12 @@ impl Session {
         written: &Experiment,
         store: Option<&Store>,
     ) -> Result<Identification, SessionError> {
+        let model = &self.declared.prepared().model;
+        for own in &model.nonlinear {
+            let name = &model.quantity(own.symbol).name;
+            let value = self.written.constants.get(name.as_str()).copied().unwrap_or(f64::NAN);
+            result.warnings.push(Warning::TakenAsKnown { parameter: name.to_string(), value });
+        }
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
                 Some(lumped) => lumped.complete(&mut result, self.physical_settings())?,

@@ -36,7 +36,20 @@ pub(super) fn identify_segments(
     segments: &[&Log],
     options: &LogOptions,
 ) -> Result<Identification, LogError> {
+    identify_from(model, machine, segments, options, &[])
+}
+
+/// [`identify_segments`] with what directions that the data do not show keep where no prior was stated, one value per parameter; zeros
+/// when `start` is empty.
+pub(super) fn identify_from(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    options: &LogOptions,
+    start: &[f64],
+) -> Result<Identification, LogError> {
     let dims = model.dims();
+    let begun = |j: usize| start.get(j).copied().unwrap_or(0.0);
     if options.constants.len() != dims.constants {
         return Err(LogError::Constants {
             needed: dims.constants,
@@ -47,7 +60,11 @@ pub(super) fn identify_segments(
     let settings = Settings {
         harmonics: options.harmonics,
         weights: options.weights,
-        prior: options.prior.iter().map(|value| value.unwrap_or(0.0)).collect(),
+        prior: if options.prior.is_empty() {
+            start.to_vec()
+        } else {
+            options.prior.iter().enumerate().map(|(j, value)| value.unwrap_or(begun(j))).collect()
+        },
         frozen: options.frozen.clone(),
         hidden: options.hidden.clone(),
         ..Settings::default()

@@ -11,6 +11,7 @@ use crate::session::identify::identify_segments;
 use crate::session::model::{DeclaredModel, Identifiable};
 use crate::session::periodic_log::repeats;
 use crate::session::pooled_logs::pooled;
+use crate::session::separable;
 use crate::session::summary::{self, Lumped};
 use crate::session::warning::Warning;
 use std::borrow::Cow;
@@ -212,14 +213,21 @@ pub fn from_logs<R: Into<LogRequest>>(
     let requests: Vec<LogRequest> = logs.into_iter().map(Into::into).collect();
     let Some(first) = requests.first() else { return Err(SessionError::NoLog) };
     let declared = model.declaration()?;
-    let evaluated = model.evaluated();
+    let separable = declared.as_deref().and_then(DeclaredModel::separable);
+    let evaluated = match &separable {
+        Some(separable) => separable as &dyn Model<f64>,
+        None => model.evaluated(),
+    };
     let coordinates = evaluated.dims().coordinates;
     let lumped = declared.as_deref().and_then(|declared| Lumped::of(declared.prepared()));
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
     if let (None, Some(name)) = (&lumped, first.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
-    let derivatives = declared.as_deref().map(DeclaredModel::derivatives);
+    let derivatives = declared.as_deref().map(|declared| match &separable {
+        Some(_) => declared.separable_derivatives(),
+        None => declared.derivatives(),
+    });
     let machine = derivatives.as_ref().map(|derivatives| Differentiable { model: evaluated, derivatives });
     let mut known = first.options(evaluated, &physical)?;
     if let Some(lumped) = &lumped {
@@ -254,7 +262,10 @@ pub fn from_logs<R: Into<LogRequest>>(
             lone.extend(lone_readings(evaluated, log, &mended));
         }
         let segments: Vec<&Log> = recording.segments.iter().collect();
-        let mut part = identify_segments(evaluated, machine, &segments, &options)?;
+        let mut part = match (&separable, &derivatives) {
+            (Some(separable), Some(derivatives)) => separable::identify(separable, derivatives, &segments, &options)?,
+            _ => identify_segments(evaluated, machine, &segments, &options)?,
+        };
         part.warnings.extend(lone);
         if let Some(report) = &mut part.log {
             report.reading = recording.report;

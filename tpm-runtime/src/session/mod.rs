@@ -44,6 +44,9 @@ mod refine_campaign;
 #[cfg(test)]
 mod refine_tests;
 mod refinement_report;
+mod separable;
+#[cfg(test)]
+mod separable_tests;
 mod simulation;
 #[cfg(feature = "plot")]
 mod simulation_figure;

@@ -1,6 +1,6 @@
 //! A model that is read at run time, from its file or from the text that a compiled model carries.
 
-use crate::interpret::{Interpreted, InterpretedDerivatives};
+use crate::interpret::{Interpreted, InterpretedDerivatives, Separable};
 use crate::log::fingerprint;
 use std::borrow::Cow;
 use std::path::Path;
@@ -88,6 +88,16 @@ impl DeclaredModel {
     pub(super) fn derivatives(&self) -> InterpretedDerivatives {
         let prepared = self.prepared();
         InterpretedDerivatives::new(&prepared.model, &prepared.form)
+    }
+
+    /// The model with its nonlinear parameters behind the others; nothing for a model without any.
+    pub(super) fn separable(&self) -> Option<Separable> {
+        Separable::new(&self.prepared.model, &self.prepared.form)
+    }
+
+    /// The derivatives of its rows, with its nonlinear parameters behind the others.
+    pub(super) fn separable_derivatives(&self) -> InterpretedDerivatives {
+        InterpretedDerivatives::separable(&self.prepared.model, &self.prepared.form)
     }
 
     /// The exact form, sorted into the parameters that the model is linear in.

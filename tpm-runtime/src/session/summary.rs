@@ -212,7 +212,7 @@ pub(super) fn warn_of_negative_inertias(
 /// Trusts parameters no more of which halves of the record contradict each other, and none where nothing follows the record.
 pub(super) fn distrust(result: &mut Identification) {
     for warning in &result.warnings {
-        let all = matches!(warning, Warning::Unsettled { .. });
+        let all = matches!(warning, Warning::Unsettled { .. } | Warning::EndOfInterval { .. });
         for parameter in &mut result.parameters {
             if all || matches!(warning, Warning::Halves { parameter: name, .. } if *name == parameter.name) {
                 parameter.status = parameter.status.in_result(false);
@@ -267,6 +267,7 @@ impl<'a> Lumped<'a> {
         for values in [&mut settings.prior, &mut settings.frozen] {
             values.retain(|name, _| names.contains(name));
         }
+        let estimate = &estimate.of_first(self.0.form.columns.len());
         let found = physical(self.0, estimate, &settings)?;
         // A value at a bound has no deviation, and so no covariance.
         let known = |i: usize| found.parameters[i].std.is_some();

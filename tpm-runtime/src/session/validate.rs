@@ -116,7 +116,12 @@ pub fn validate(
     known: impl Into<Identified>,
 ) -> Result<Validation, SessionError> {
     let (request, known) = (log.into(), known.into());
-    let evaluated = model.evaluated();
+    let declared = model.declaration()?;
+    let separable = declared.as_deref().and_then(DeclaredModel::separable);
+    let evaluated = match &separable {
+        Some(separable) => separable as &dyn Model<f64>,
+        None => model.evaluated(),
+    };
     let unknown = |name: &str| SessionError::NotIdentified { name: name.to_string() };
     let settled = known.settled().map_err(|error| match error {
         IdentifiedError::Missing(name) => unknown(&name),
@@ -133,8 +138,18 @@ pub fn validate(
         recording = alone(recording, evaluated.dims().coordinates, &options);
     }
     let segments: Vec<&Log> = recording.segments.iter().collect();
-    let declared = model.declaration()?;
-    let derivatives = declared.as_deref().map(DeclaredModel::derivatives);
+    // Rows that are linear about the parameters are exact at them.
+    let about = separable.as_ref().map(|separable| separable.at(parameters.clone())).transpose();
+    let about =
+        about.map_err(|error| LogError::Estimate { path: request.path.display().to_string(), source: error.into() })?;
+    let evaluated = match &about {
+        Some(separable) => separable as &dyn Model<f64>,
+        None => evaluated,
+    };
+    let derivatives = declared.as_deref().map(|declared| match &separable {
+        Some(_) => declared.separable_derivatives(),
+        None => declared.derivatives(),
+    });
     let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
     let found = validate_segments(evaluated, derivatives, &segments, &options, &parameters, &settled.open)?;
     let machine = derivatives.map(|derivatives| Differentiable { model: evaluated, derivatives });

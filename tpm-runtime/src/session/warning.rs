@@ -230,6 +230,33 @@ pub enum Warning {
         /// The frequency, Hz.
         frequency: f64,
     },
+    /// The data ask for a value of a nonlinear parameter beyond an end of its interval, at which it is held.
+    EndOfInterval {
+        /// The parameter.
+        parameter: String,
+        /// That end, in its unit.
+        end: f64,
+        /// Its interval.
+        interval: [f64; 2],
+    },
+    /// Several values of the nonlinear parameters explain the data nearly alike.
+    SeveralMinima {
+        /// A parameter in which they differ.
+        parameter: String,
+        /// The value that explains the data best, in its unit.
+        value: f64,
+        /// Another value, in its unit.
+        other: f64,
+        /// What the other value leaves unexplained, in units of what the best one does.
+        left: f64,
+    },
+    /// Runs do not identify a nonlinear parameter: its value is that of the experiment.
+    TakenAsKnown {
+        /// The parameter.
+        parameter: String,
+        /// Its value, in its unit.
+        value: f64,
+    },
     /// What an estimator says of its own equations.
     Estimator {
         /// The estimator's words.
@@ -250,6 +277,7 @@ impl Warning {
             Warning::NegativeInertia { .. }
             | Warning::Halves { .. }
             | Warning::Unsettled { .. }
+            | Warning::EndOfInterval { .. }
             | Warning::LogsDisagree { .. } => true,
             Warning::InLog { warning, .. } => warning.is_distrust(),
             _ => false,
@@ -405,6 +433,18 @@ impl fmt::Display for Warning {
             Warning::Unsettled { message } => write!(
                 f,
                 "{message}; no values of the parameters make the model follow the log: it lacks something large, or a channel is not what it is taken for"
+            ),
+            Warning::EndOfInterval { parameter, end, interval: [from, to] } => write!(
+                f,
+                "{parameter} is held at {end:.4e}, an end of its interval from {from:.4e} to {to:.4e}, beyond which the data ask for it: no value is to be trusted; declare a wider interval, or look for what the model lacks"
+            ),
+            Warning::TakenAsKnown { parameter, value } => write!(
+                f,
+                "{parameter} was taken as known, {value:.4e}: runs identify only parameters in which the model is linear; deviations do not contain that of {parameter}; identify it from a log"
+            ),
+            Warning::SeveralMinima { parameter, value, other, left } => write!(
+                f,
+                "{parameter} = {other:.4e} explains the data nearly as well as {value:.4e}, it leaves {left:.3} times as much: declare a narrower interval if one of them is impossible, or record a motion that tells them apart"
             ),
             Warning::Estimator { message } | Warning::Physical { message } => f.write_str(message),
         }

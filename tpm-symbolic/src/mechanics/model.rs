@@ -44,6 +44,17 @@ pub struct Quantity {
     pub kind: Kind,
 }
 
+/// A parameter in which the equations are not linear: a run-time constant that is to be identified.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Nonlinear {
+    /// Its symbol, a run-time constant.
+    pub symbol: Symbol,
+    /// Least value that it can have.
+    pub from: Rational,
+    /// Largest value that it can have.
+    pub to: Rational,
+}
+
 /// A generalised coordinate.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CoordinateInfo {
@@ -110,6 +121,9 @@ pub struct ExactModel {
     pub equations: Vec<Equation>,
     /// Names given to lumped parameters.
     pub lumps: Vec<Lump>,
+    /// Parameters in which the equations are not linear, in order of declaration.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub nonlinear: Vec<Nonlinear>,
     /// Coordinates to eliminate before expansion.
     pub eliminations: Vec<Elimination>,
     /// The trajectory patterns; the first is the default.
@@ -165,6 +179,11 @@ impl ExactModel {
     /// The constants that are known at run time only, in order of declaration.
     pub fn run_time_constants(&self) -> impl Iterator<Item = Symbol> {
         self.symbols_where(|kind| *kind == Kind::Constant { value: None })
+    }
+
+    /// The run-time constants that are not to be identified, in order of declaration.
+    pub fn known_constants(&self) -> impl Iterator<Item = Symbol> {
+        self.run_time_constants().filter(|symbol| self.nonlinear.iter().all(|own| own.symbol != *symbol))
     }
 
     /// The pattern of a name, or the first when no name is given.

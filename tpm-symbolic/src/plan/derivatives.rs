@@ -36,24 +36,24 @@ impl Derivatives {
         Self::of_entries(Entries::new(model, form), form.columns.len())
     }
 
-    pub(crate) fn of_entries(entries: Entries, columns: usize) -> Self {
-        let Entries { graph, coordinates, inputs, regressor, known, input_map } = entries;
-        let mut draft = Draft::new(graph);
-        let theta: Vec<ExprId> = (0..columns).map(|column| draft.leaf(Leaf::Column(column))).collect();
-        let graph = &mut draft.graph;
-        let mut forces = Vec::with_capacity(known.len());
-        for (row, &constant) in known.iter().enumerate() {
-            let entries = &regressor[row * columns..(row + 1) * columns];
-            let mut terms: Vec<ExprId> =
-                entries.iter().zip(&theta).map(|(&entry, &value)| graph.mul(value, entry)).collect();
-            terms.push(constant);
-            for (&factor, &input) in input_map[row * inputs.len()..].iter().zip(&inputs) {
-                let input = graph.symbol(input);
-                let applied = graph.mul(factor, input);
-                terms.push(graph.neg(applied));
+    /// The plan of `dr/dz`, rows times nonlinear parameters z, row-major; its leaves are those of a model's derivatives.
+    #[must_use]
+    pub fn by_nonlinear(model: &ExactModel, form: &RegressorForm) -> Plan {
+        let (mut draft, forces) = forces(&Entries::new(model, form), form.columns.len());
+        let mut slopes = Vec::with_capacity(forces.len() * model.nonlinear.len());
+        for &force in &forces {
+            for own in &model.nonlinear {
+                let leaf = draft.graph.symbol(own.symbol);
+                slopes.push(draft.graph.differentiate(force, leaf));
             }
-            forces.push(graph.sum(&terms));
         }
+        draft.plan(&slopes)
+    }
+
+    pub(crate) fn of_entries(entries: Entries, columns: usize) -> Self {
+        let (mut draft, forces) = forces(&entries, columns);
+        let coordinates = entries.coordinates;
+        let graph = &mut draft.graph;
         let slots: Vec<(Coordinate, u32)> =
             coordinates.iter().flat_map(|&(q, highest)| (0..=highest).map(move |order| (q, order))).collect();
         let leaves: Vec<ExprId> = slots.iter().map(|&(q, order)| graph.derivative_of(q, order)).collect();
@@ -88,4 +88,26 @@ impl Derivatives {
         }
         Self { rows: draft.plan(&rows), switching: draft.plan(&switching), switches: signs.len(), slots }
     }
+}
+
+/// The rows `Phi theta + known - B u` in a draft of their own, with theta as [`Leaf::Column`].
+fn forces(entries: &Entries, columns: usize) -> (Draft, Vec<ExprId>) {
+    let Entries { graph, inputs, regressor, known, input_map, .. } = entries;
+    let mut draft = Draft::new(graph.clone());
+    let theta: Vec<ExprId> = (0..columns).map(|column| draft.leaf(Leaf::Column(column))).collect();
+    let graph = &mut draft.graph;
+    let mut forces = Vec::with_capacity(known.len());
+    for (row, &constant) in known.iter().enumerate() {
+        let entries = &regressor[row * columns..(row + 1) * columns];
+        let mut terms: Vec<ExprId> =
+            entries.iter().zip(&theta).map(|(&entry, &value)| graph.mul(value, entry)).collect();
+        terms.push(constant);
+        for (&factor, &input) in input_map[row * inputs.len()..].iter().zip(inputs) {
+            let input = graph.symbol(input);
+            let applied = graph.mul(factor, input);
+            terms.push(graph.neg(applied));
+        }
+        forces.push(graph.sum(&terms));
+    }
+    (draft, forces)
 }

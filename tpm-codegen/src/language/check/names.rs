@@ -39,11 +39,11 @@ enum Place<'a> {
 impl Place<'_> {
     fn admits(self, kind: SymbolKind, name: &str) -> bool {
         use Role::{Amplitude, Constant, Coordinate, Frequency, Input, Parameter};
-        use SymbolKind::{Coefficient, Function, Let, Quantity};
+        use SymbolKind::{Coefficient, Function, Let, Nonlinear, Quantity};
         match self {
             Self::Dynamics => matches!(
                 kind,
-                Quantity(Coordinate | Input | Parameter | Constant) | Function(_) | Coefficient(..) | Let
+                Quantity(Coordinate | Input | Parameter | Constant) | Nonlinear | Function(_) | Coefficient(..) | Let
             ),
             Self::Value | Self::Point | Self::Geometry => kind == Quantity(Constant),
             Self::Series(coordinate) => {
@@ -109,6 +109,13 @@ impl<'a> Names<'a, '_, '_> {
         for item in &model.items {
             match item {
                 Item::Declaration(declaration) => self.values(declaration),
+                Item::Nonlinear(parameters) => {
+                    for parameter in parameters {
+                        for end in [&parameter.from, &parameter.to] {
+                            self.visit(end, Place::Value, User::Name(&parameter.name.name));
+                        }
+                    }
+                }
                 Item::Series(series) => {
                     let user = User::Name(&series.function.name);
                     self.visit(&series.point, Place::Point, user);
@@ -381,6 +388,7 @@ impl<'a> Names<'a, '_, '_> {
                     Some(SymbolKind::Quantity(Role::Input)) => input = Some((part.span, name)),
                     Some(
                         SymbolKind::Quantity(Role::Parameter | Role::Constant)
+                        | SymbolKind::Nonlinear
                         | SymbolKind::Coefficient(..)
                         | SymbolKind::Lump,
                     ) => {}
@@ -490,6 +498,13 @@ impl<'a> Names<'a, '_, '_> {
                                 declaration.role.keyword(),
                                 declaration.role == Role::Constant,
                             );
+                        }
+                    }
+                }
+                Item::Nonlinear(parameters) => {
+                    for name in parameters.iter().map(|parameter| &parameter.name) {
+                        if defines(&self.symbols.model, name) && !used.contains(name.name.as_str()) {
+                            self.unused_name(&name.name, name.span, "nonlinear parameter", false);
                         }
                     }
                 }

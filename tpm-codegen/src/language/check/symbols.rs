@@ -21,6 +21,8 @@ use crate::source::Span;
 pub(crate) enum SymbolKind {
     /// A declared quantity.
     Quantity(Role),
+    /// A parameter in which the equations are not linear.
+    Nonlinear,
     /// The function of a series statement, by the order of the statements.
     Function(usize),
     /// A coefficient of a series, with its power.
@@ -41,6 +43,7 @@ impl SymbolKind {
             Self::Quantity(Role::Constant) => "a constant",
             Self::Quantity(Role::Amplitude) => "an amplitude",
             Self::Quantity(Role::Frequency) => "a frequency",
+            Self::Nonlinear => "a nonlinear parameter",
             Self::Function(_) => "a series",
             Self::Coefficient(..) => "a coefficient of a series",
             Self::Let => "a `let`",
@@ -74,6 +77,12 @@ pub(super) fn collect<'a>(model: &'a ModelDeclaration, diagnostics: &mut Diagnos
     for item in &model.items {
         match item {
             Item::Declaration(declaration) => declare(declaration, &mut symbols.model, None, diagnostics),
+            Item::Nonlinear(parameters) => {
+                for parameter in parameters {
+                    let unit = parameter.unit.as_ref().and_then(|unit| resolve(unit, diagnostics));
+                    define(&parameter.name, SymbolKind::Nonlinear, unit, &mut symbols.model, None, diagnostics);
+                }
+            }
             Item::Series(series) => {
                 let unit = series.unit.as_ref().and_then(|unit| resolve(unit, diagnostics));
                 define(

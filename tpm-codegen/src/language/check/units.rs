@@ -151,6 +151,12 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
                         self.dimension(value);
                     }
                 }
+                Item::Nonlinear(parameters) => {
+                    // Ends are numbers in the parameter's own unit, as the values of constants are.
+                    for end in parameters.iter().flat_map(|parameter| [&parameter.from, &parameter.to]) {
+                        self.dimension(end);
+                    }
+                }
                 Item::Series(series) => {
                     self.expect(
                         &series.point,
@@ -408,7 +414,7 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
             _ => {}
         }
         match self.symbol(name).map(|symbol| (symbol.kind, &symbol.unit)) {
-            Some((SymbolKind::Quantity(_), Some(unit))) => Dimension::of(unit.clone()),
+            Some((SymbolKind::Quantity(_) | SymbolKind::Nonlinear, Some(unit))) => Dimension::of(unit.clone()),
             Some((SymbolKind::Function(index), _)) => self.series(index),
             Some((SymbolKind::Coefficient(index, power), _)) => {
                 let argument = self.arguments.get(index).map_or(Dimension::Unknown, |name| self.named(name));

@@ -421,7 +421,7 @@ impl<'a> Problem<'a> {
         self.at((k, 0.5), middle, trajectory, theta, &mut scratch.now)?;
         let Instant { motion, inputs, .. } = &scratch.now;
         derivatives.rows(motion, theta, self.constants, inputs, &mut scratch.rows, &mut scratch.jacobian)?;
-        model.regressor(motion, self.constants, &mut scratch.model, &mut scratch.phi)?;
+        model.sensitivity(motion, theta, self.constants, &mut scratch.model, &mut scratch.phi)?;
         model.input_map(motion, self.constants, &mut scratch.model, &mut scratch.map)?;
         if switches > 0 {
             self.switching(theta, scratch)?;
@@ -541,7 +541,7 @@ impl<'a> Problem<'a> {
         let width = dims.regressor_len() + dims.input_map_len();
         self.at_every_sample(trajectory, theta, width, |scratch, values| {
             let (regressor, map) = values.split_at_mut(dims.regressor_len());
-            model.regressor(&scratch.now.motion, self.constants, &mut scratch.model, regressor)?;
+            model.sensitivity(&scratch.now.motion, theta, self.constants, &mut scratch.model, regressor)?;
             model.input_map(&scratch.now.motion, self.constants, &mut scratch.model, map)
         })
     }

@@ -60,7 +60,7 @@ fn signals<'a>(position: &'a [f64], force: &'a [f64], joins: &[usize], highest: 
         hold: Hold::Zoh,
         coordinates: vec![position],
         inputs: vec![force],
-        course: Course::Any { typical_period: 120.0, reach: 6, highest: vec![highest] },
+        course: Course::Any { typical_period: 120.0, reach: 6, highest: vec![highest], copies: 1.0 },
         joins: joins.to_vec(),
         white: vec![white_noise(position)],
         steps: vec![0.0],

@@ -22,6 +22,7 @@ mod equations;
 mod fit;
 mod low_pass;
 mod motion;
+mod one_band;
 mod predict;
 mod shift;
 #[cfg(test)]
@@ -32,5 +33,6 @@ pub use band::{BandReport, TimeDomain, estimate_time_domain};
 #[cfg(feature = "interpret")]
 pub(crate) use bands::Swiftness;
 pub use motion::{Stretch, TimeRecord};
+pub use one_band::OneBand;
 pub use predict::{Missed, Pace, Prediction, predict_in_band};
 pub use shift::{InputShift, input_shift};

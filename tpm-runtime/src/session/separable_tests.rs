@@ -1,0 +1,105 @@
+//! Logs of machines with nonlinear parameters.
+
+use crate::estimate::Status;
+use crate::log::{Domain, Refine};
+use crate::session::{DeclaredModel, Identification, LogRequest, Warning, from_log, validate};
+use std::f64::consts::PI;
+use std::fmt::Write as _;
+use std::format;
+use std::string::String;
+use std::vec::Vec;
+use tpm_codegen::identified::Identified;
+
+/// Samples of a period of 4 s, and periods.
+const SAMPLES: usize = 800;
+const PERIODS: usize = 3;
+
+/// A log of the motion `sin(wt)/2 + sin(3wt + 1)/10 + 1/10` without noise.
+fn log(force: impl Fn([f64; 3]) -> f64) -> tempfile::NamedTempFile {
+    let mut text = String::from("t_s,q,u\n");
+    for i in 0..SAMPLES * PERIODS {
+        let (t, w) = (4.0 * i as f64 / SAMPLES as f64, PI / 2.0);
+        let [(s, c), (s3, c3)] = [(w * t).sin_cos(), (3.0 * w * t + 1.0).sin_cos()];
+        let q = 0.5 * s + 0.1 * s3 + 0.1;
+        let v = w * (0.5 * c + 0.3 * c3);
+        let a = -w * w * (0.5 * s + 0.9 * s3);
+        writeln!(text, "{t:.6},{q:.15e},{:.15e}", force([q, v, a])).expect("a string takes everything");
+    }
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), text).expect("written");
+    file
+}
+
+fn model(declarations: &str, row: &str) -> DeclaredModel {
+    let text = format!("model M {{ coordinate q; input u; {declarations} J*ddot(q) + {row} = u; }}");
+    DeclaredModel::parse("M", &text).expect("a model")
+}
+
+fn identify(model: &DeclaredModel, domain: Option<Domain>, force: impl Fn([f64; 3]) -> f64) -> Identification {
+    let file = log(force);
+    let mut request = LogRequest::new(file.path());
+    request.refine = Refine::None;
+    request.domain = domain;
+    from_log(model, request).expect("identifies")
+}
+
+fn values(result: &Identification) -> Vec<f64> {
+    result.parameters.iter().map(|parameter| parameter.value.unwrap_or(f64::NAN)).collect()
+}
+
+#[test]
+fn exact_logs_give_exact_values() {
+    let offset = model("parameter J, d, mgl; nonlinear parameter q0 from -0.5 to 0.5;", "d*dot(q) + mgl*sin(q - q0)");
+    let smooth = model("parameter J, d, fc; nonlinear parameter vs from 0.05 to 5;", "d*dot(q) + fc*tanh(dot(q)/vs)");
+    let soft = model(
+        "parameter J, d, k; nonlinear parameter b from 0.1 to 3, q0 from -0.3 to 0.3;",
+        "d*dot(q) + k*(q - q0)/(b + (q - q0)^2)",
+    );
+    let cases: [(&DeclaredModel, &dyn Fn([f64; 3]) -> f64, &[f64]); 3] = [
+        (&offset, &|[q, v, a]| 0.1 * a + 0.05 * v + 0.8 * (q - 0.07_f64).sin(), &[0.1, 0.05, 0.8, 0.07]),
+        (&smooth, &|[_, v, a]| 0.1 * a + 0.05 * v + 0.3 * (v / 0.6).tanh(), &[0.1, 0.05, 0.3, 0.6]),
+        (
+            &soft,
+            &|[q, v, a]| 0.1 * a + 0.05 * v + 0.4 * (q + 0.1) / (0.7 + (q + 0.1) * (q + 0.1)),
+            &[0.1, 0.05, 0.4, 0.7, -0.1],
+        ),
+    ];
+    for (model, force, truth) in cases {
+        let result = identify(model, Some(Domain::Harmonics), force);
+        for (found, truth) in values(&result).iter().zip(truth) {
+            assert!((found - truth).abs() < 1e-6 * truth.abs(), "{found} {truth}: {result}");
+        }
+        assert!(result.is_complete(), "{result}");
+        let file = log(force);
+        let json = serde_json::to_string(&result).expect("serialises");
+        assert!(json.contains("\"interval\""), "{json}");
+        let known = Identified::from_json(&json).expect("reads back");
+        let validation = validate(model, file.path(), known).expect("validates");
+        assert!(validation.prediction_error.is_some_and(|error| error < 1e-4), "{validation:?}");
+    }
+}
+
+#[test]
+fn an_interval_without_the_truth_is_said() {
+    let model = model("parameter J, mgl; nonlinear parameter q0 from 0.1 to 0.5;", "mgl*sin(q - q0)");
+    let result = identify(&model, None, |[q, _, a]| 0.1 * a + 0.8 * (q - 0.05).sin());
+    let ended = |warning: &Warning| matches!(warning, Warning::EndOfInterval { end, .. } if (end - 0.1).abs() < 1e-12);
+    assert!(result.warnings.iter().any(ended), "{result}");
+    assert!(!result.is_complete() && result.parameters.iter().all(|own| own.status != Status::Identified), "{result}");
+}
+
+#[test]
+fn what_a_log_does_not_show_has_no_value() {
+    // An offset of the position and one of the force are the same.
+    let offsets = model("parameter J, k, c; nonlinear parameter q0 from -0.5 to 0.5;", "k*(q - q0) + c");
+    let result = identify(&offsets, None, |[q, _, a]| 0.1 * a + 0.8 * (q - 0.05) + 0.3);
+    let status = |j: usize| result.parameters[j].status;
+    assert_eq!([2, 3].map(status), [Status::Unobservable; 2], "{result}");
+    assert_eq!([0, 1].map(status), [Status::Identified; 2], "{result}");
+    // Without friction nothing depends on the velocity over which it rises.
+    let smooth = model("parameter J, k, fc; nonlinear parameter vs from 0.05 to 2;", "k*q + fc*tanh(dot(q)/vs)");
+    let rough = |q: f64| 1e-3 * (1e5 * q).sin();
+    let result = identify(&smooth, None, |[q, v, a]| 0.1 * a + 0.8 * q + rough(q + v));
+    assert_eq!(result.parameters[3].status, Status::Unobservable, "{result}");
+    assert_eq!(result.parameters[3].value, None);
+}
