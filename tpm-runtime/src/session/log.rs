@@ -233,7 +233,7 @@ pub fn from_logs<R: Into<LogRequest>>(
     if let Some(lumped) = &lumped {
         lumped.state(&mut known.prior, &first.prior, &first.constants);
     }
-    if let Some(declared) = declared.as_deref() {
+    if let Some(declared) = declared.as_deref().filter(|declared| declared.parsed().mechanism.is_some()) {
         known.hidden = hidden(declared.prepared(), &first.constants, &known.frozen);
     }
     let mut parts = Vec::with_capacity(requests.len());
