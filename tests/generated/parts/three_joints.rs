@@ -2,70 +2,33 @@
 //! `tpm generate three_joints.tpm --lang rust --forgetting --with gravity,mass_matrix,forward_dynamics,estimator`;
 //! to change it, change the model.
 //!
-//! ```text
-//! Izz_column*ddot(q1)
-//!     + mx_upper*(-2*dot(q1)^2*cos(q2)/25 + 2*dot(q1)^2*cos(q2)*sin(q2)^2/25 + 2*dot(q1)^2*cos(q2)^3/25 + 2*cos(q2)*dot(q2)^2/25 + 2*sin(q2)*ddot(q2)/25)
-//!     + mz_upper*(-2*dot(q1)^2*sin(q2)/25 + 2*dot(q1)^2*sin(q2)*cos(q2)^2/25 + 2*dot(q1)^2*sin(q2)^3/25 - 2*cos(q2)*ddot(q2)/25 + 2*sin(q2)*dot(q2)^2/25)
-//!     + Ixx_upper*(ddot(q1)*sin(q2)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2))
-//!     + Ixy_upper*(-cos(q2)*dot(q2)^2 - sin(q2)*ddot(q2))
-//!     + Ixz_upper*(-2*dot(q1)*dot(q2)*cos(q2)^2 + 2*dot(q1)*dot(q2)*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2))
-//!     + Iyz_upper*(cos(q2)*ddot(q2) - sin(q2)*dot(q2)^2)
-//!     + Izz_upper*(ddot(q1)*cos(q2)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2))
-//!     + m_fore*(-7*dot(q1)^2*cos(q2)/250 - 49*dot(q1)*cos(q2)*sin(q2)*dot(q2)/200 + 21*dot(q1)^2*cos(q2)*sin(q2)^2/2000 + 7*dot(q1)^2*cos(q2)*sin(q2)^2*cos(q3)^2/400 + 7*dot(q1)^2*cos(q2)*sin(q2)^2*sin(q3)^2/400 + 21*dot(q1)^2*cos(q2)^3/2000 + 7*dot(q1)^2*cos(q3)^2*cos(q2)^3/400 + 7*dot(q1)^2*sin(q3)^2*cos(q2)^3/400 + 49*ddot(q1)*cos(q2)^2/400 + ddot(q1)*cos(q3)^2*cos(q2)^2/400 + ddot(q1)*sin(q3)^2*cos(q2)^2/400 + ddot(q1)*sin(q2)^2*cos(q3)^2/400 + ddot(q1)*sin(q2)^2*sin(q3)^2/400 + 7*cos(q2)*dot(q2)^2*cos(q3)^2/400 + 7*cos(q2)*dot(q2)^2*sin(q3)^2/400 + 7*sin(q2)*ddot(q2)*cos(q3)^2/400 + 7*sin(q2)*ddot(q2)*sin(q3)^2/400)
-//!     + mx_fore*(-7*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)/5 - 7*dot(q1)*cos(q2)*sin(q2)*cos(q3)*dot(q3)/10 - 7*dot(q1)*dot(q2)*sin(q3)*cos(q2)^2/10 - 7*dot(q1)*sin(q3)*dot(q3)*cos(q2)^2/10 + 7*dot(q1)*dot(q2)*sin(q3)*sin(q2)^2/10 + 3*dot(q1)^2*cos(q2)*cos(q3)*sin(q2)^2/100 + dot(q1)^2*cos(q2)*cos(q3)*sin(q2)^2*sin(q3)^2/20 + dot(q1)^2*cos(q2)*sin(q2)^2*cos(q3)^3/20 - 2*dot(q1)^2*cos(q2)*cos(q3)/25 - dot(q1)^2*sin(q2)*sin(q3)*cos(q2)^2*cos(q3)^2/20 - 3*dot(q1)^2*sin(q2)*sin(q3)*cos(q2)^2/100 - dot(q1)^2*sin(q2)*cos(q2)^2*sin(q3)^3/20 + 3*dot(q1)^2*cos(q3)*cos(q2)^3/100 + dot(q1)^2*cos(q3)*sin(q3)^2*cos(q2)^3/20 + dot(q1)^2*cos(q3)^3*cos(q2)^3/20 + 2*dot(q1)^2*sin(q2)*sin(q3)/25 - dot(q1)^2*sin(q3)*cos(q3)^2*sin(q2)^3/20 - 3*dot(q1)^2*sin(q3)*sin(q2)^3/100 - dot(q1)^2*sin(q3)^3*sin(q2)^3/20 - 7*ddot(q1)*cos(q2)*sin(q2)*sin(q3)/10 + 7*ddot(q1)*cos(q3)*cos(q2)^2/10 + cos(q2)*dot(q2)*cos(q3)*dot(q3)/10 + cos(q2)*dot(q2)^2*cos(q3)/20 + cos(q2)*ddot(q2)*sin(q3)/20 + cos(q2)*cos(q3)*dot(q3)^2/20 + cos(q2)*sin(q3)*ddot(q3)/20 - sin(q2)*dot(q2)*sin(q3)*dot(q3)/10 - sin(q2)*dot(q2)^2*sin(q3)/20 + sin(q2)*ddot(q2)*cos(q3)/20 + sin(q2)*cos(q3)*ddot(q3)/20 - sin(q2)*sin(q3)*dot(q3)^2/20)
-//!     + my_fore*(ddot(q1)*cos(q2)^2*cos(q3)^2/10 + ddot(q1)*cos(q2)^2*sin(q3)^2/10 + ddot(q1)*cos(q3)^2*sin(q2)^2/10 + ddot(q1)*sin(q3)^2*sin(q2)^2/10 + 7*cos(q2)*dot(q2)^2*cos(q3)^2/20 + 7*cos(q2)*dot(q2)^2*sin(q3)^2/20 + 7*sin(q2)*ddot(q2)*cos(q3)^2/20 + 7*sin(q2)*ddot(q2)*sin(q3)^2/20)
-//!     + mz_fore*(-7*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)/5 - 7*dot(q1)*cos(q2)*sin(q2)*sin(q3)*dot(q3)/10 + 7*dot(q1)*dot(q2)*cos(q3)*cos(q2)^2/10 + 7*dot(q1)*cos(q3)*dot(q3)*cos(q2)^2/10 - 7*dot(q1)*dot(q2)*cos(q3)*sin(q2)^2/10 + dot(q1)^2*cos(q2)*sin(q3)*sin(q2)^2*cos(q3)^2/20 + 3*dot(q1)^2*cos(q2)*sin(q3)*sin(q2)^2/100 + dot(q1)^2*cos(q2)*sin(q2)^2*sin(q3)^3/20 - 2*dot(q1)^2*cos(q2)*sin(q3)/25 + 3*dot(q1)^2*sin(q2)*cos(q3)*cos(q2)^2/100 + dot(q1)^2*sin(q2)*cos(q3)*cos(q2)^2*sin(q3)^2/20 + dot(q1)^2*sin(q2)*cos(q2)^2*cos(q3)^3/20 + dot(q1)^2*sin(q3)*cos(q3)^2*cos(q2)^3/20 + 3*dot(q1)^2*sin(q3)*cos(q2)^3/100 + dot(q1)^2*sin(q3)^3*cos(q2)^3/20 - 2*dot(q1)^2*sin(q2)*cos(q3)/25 + 3*dot(q1)^2*cos(q3)*sin(q2)^3/100 + dot(q1)^2*cos(q3)*sin(q3)^2*sin(q2)^3/20 + dot(q1)^2*cos(q3)^3*sin(q2)^3/20 + 7*ddot(q1)*cos(q2)*sin(q2)*cos(q3)/10 + 7*ddot(q1)*sin(q3)*cos(q2)^2/10 + cos(q2)*dot(q2)*sin(q3)*dot(q3)/10 + cos(q2)*dot(q2)^2*sin(q3)/20 - cos(q2)*ddot(q2)*cos(q3)/20 - cos(q2)*cos(q3)*ddot(q3)/20 + cos(q2)*sin(q3)*dot(q3)^2/20 + sin(q2)*dot(q2)*cos(q3)*dot(q3)/10 + sin(q2)*dot(q2)^2*cos(q3)/20 + sin(q2)*ddot(q2)*sin(q3)/20 + sin(q2)*cos(q3)*dot(q3)^2/20 + sin(q2)*sin(q3)*ddot(q3)/20)
-//!     + Ixx_fore*(ddot(q1)*sin(q3)^2*cos(q2)^2 + ddot(q1)*cos(q3)^2*sin(q2)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*cos(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*sin(q3)^2 + 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*cos(q2)^2 + 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*cos(q2)^2 - 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*sin(q2)^2 - 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*sin(q2)^2 + 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3))
-//!     + Ixy_fore*(sin(q2)*dot(q2)^2*sin(q3) + sin(q2)*sin(q3)*dot(q3)^2 - 2*cos(q2)*dot(q2)*cos(q3)*dot(q3) - cos(q2)*dot(q2)^2*cos(q3) - cos(q2)*ddot(q2)*sin(q3) - cos(q2)*cos(q3)*dot(q3)^2 - cos(q2)*sin(q3)*ddot(q3) + 2*sin(q2)*dot(q2)*sin(q3)*dot(q3) - sin(q2)*ddot(q2)*cos(q3) - sin(q2)*cos(q3)*ddot(q3))
-//!     + Ixz_fore*(8*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)*sin(q3) + 8*dot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)*dot(q3) - 2*dot(q1)*dot(q2)*cos(q2)^2*cos(q3)^2 + 2*dot(q1)*dot(q2)*cos(q2)^2*sin(q3)^2 - 2*dot(q1)*dot(q3)*cos(q2)^2*cos(q3)^2 + 2*dot(q1)*dot(q3)*cos(q2)^2*sin(q3)^2 + 2*dot(q1)*dot(q2)*cos(q3)^2*sin(q2)^2 - 2*dot(q1)*dot(q2)*sin(q3)^2*sin(q2)^2 + 2*dot(q1)*dot(q3)*cos(q3)^2*sin(q2)^2 - 2*dot(q1)*dot(q3)*sin(q3)^2*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)^2 + 2*ddot(q1)*cos(q2)*sin(q2)*sin(q3)^2 - 2*ddot(q1)*cos(q3)*sin(q3)*cos(q2)^2 + 2*ddot(q1)*cos(q3)*sin(q3)*sin(q2)^2)
-//!     + Iyz_fore*(cos(q2)*ddot(q2)*cos(q3) + cos(q2)*cos(q3)*ddot(q3) - 2*cos(q2)*dot(q2)*sin(q3)*dot(q3) - cos(q2)*dot(q2)^2*sin(q3) - cos(q2)*sin(q3)*dot(q3)^2 - 2*sin(q2)*dot(q2)*cos(q3)*dot(q3) - sin(q2)*dot(q2)^2*cos(q3) - sin(q2)*ddot(q2)*sin(q3) - sin(q2)*cos(q3)*dot(q3)^2 - sin(q2)*sin(q3)*ddot(q3))
-//!     + Izz_fore*(ddot(q1)*cos(q3)^2*cos(q2)^2 + ddot(q1)*sin(q3)^2*sin(q2)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*cos(q3)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*sin(q3)^2 - 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*cos(q2)^2 - 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*cos(q2)^2 + 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*sin(q2)^2 + 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3))
-//!     + fv_q1*dot(q1) + fc_q1*sign(dot(q1))
-//!     + m_upper_plus_25_my_upper*(4*ddot(q1)*cos(q2)^2/625 + 4*ddot(q1)*sin(q2)^2/625) = tau1
-//! mx_upper*(-981*cos(q2)/100 + 2*ddot(q1)*sin(q2)/25)
-//!     + mz_upper*(-981*sin(q2)/100 - 2*ddot(q1)*cos(q2)/25) - Ixx_upper*dot(q1)^2*cos(q2)*sin(q2)
-//!     - Ixy_upper*ddot(q1)*sin(q2) + Ixz_upper*(dot(q1)^2*cos(q2)^2 - dot(q1)^2*sin(q2)^2)
-//!     + Iyy_upper*ddot(q2) + Iyz_upper*ddot(q1)*cos(q2) + Izz_upper*dot(q1)^2*cos(q2)*sin(q2)
-//!     + m_fore*(49*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2/400 + 49*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2/400 + 7*ddot(q1)*sin(q2)*cos(q3)^2/400 + 7*ddot(q1)*sin(q2)*sin(q3)^2/400 - 6867*cos(q2)*cos(q3)^2/2000 - 6867*cos(q2)*sin(q3)^2/2000 + 49*ddot(q2)*cos(q3)^2/400 + 49*ddot(q2)*sin(q3)^2/400)
-//!     + mx_fore*(-981*cos(q2)*cos(q3)/100 + 981*sin(q2)*sin(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3)^2/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^3/20 + 7*dot(q1)^2*sin(q3)*cos(q2)^2/20 - 7*dot(q1)^2*sin(q3)*sin(q2)^2*cos(q3)^2/20 - 7*dot(q1)^2*sin(q2)^2*sin(q3)^3/20 + ddot(q1)*cos(q2)*sin(q3)/20 + ddot(q1)*sin(q2)*cos(q3)/20 - 7*dot(q2)*sin(q3)*dot(q3)/10 + 7*ddot(q2)*cos(q3)/10 + 7*cos(q3)*ddot(q3)/20 - 7*sin(q3)*dot(q3)^2/20)
-//!     + my_fore*(7*ddot(q1)*sin(q2)*cos(q3)^2/20 + 7*ddot(q1)*sin(q2)*sin(q3)^2/20)
-//!     + mz_fore*(-981*cos(q2)*sin(q3)/100 - 981*sin(q2)*cos(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)*cos(q3)^2/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^3/20 - 7*dot(q1)^2*cos(q3)*cos(q2)^2/20 + 7*dot(q1)^2*cos(q3)*sin(q2)^2*sin(q3)^2/20 + 7*dot(q1)^2*sin(q2)^2*cos(q3)^3/20 - ddot(q1)*cos(q2)*cos(q3)/20 + ddot(q1)*sin(q2)*sin(q3)/20 + 7*dot(q2)*cos(q3)*dot(q3)/10 + 7*ddot(q2)*sin(q3)/10 + 7*cos(q3)*dot(q3)^2/20 + 7*sin(q3)*ddot(q3)/20)
-//!     + Ixx_fore*(dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2 - dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2)
-//!     + Ixy_fore*(-ddot(q1)*cos(q2)*sin(q3) - ddot(q1)*sin(q2)*cos(q3))
-//!     + Ixz_fore*(dot(q1)^2*cos(q2)^2*cos(q3)^2 + dot(q1)^2*sin(q3)^2*sin(q2)^2 - 4*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3) - dot(q1)^2*cos(q2)^2*sin(q3)^2 - dot(q1)^2*cos(q3)^2*sin(q2)^2)
-//!     + Iyy_fore*(ddot(q2) + ddot(q3))
-//!     + Iyz_fore*(ddot(q1)*cos(q2)*cos(q3) - ddot(q1)*sin(q2)*sin(q3))
-//!     + Izz_fore*(dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2 - dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2)
-//!     + fv_q2*dot(q2) + fc_q2*sign(dot(q2)) = tau2
-//! mx_fore*(-981*cos(q2)*cos(q3)/100 + 981*sin(q2)*sin(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)/20 + 7*dot(q1)^2*sin(q3)*cos(q2)^2/20 + ddot(q1)*cos(q2)*sin(q3)/20 + ddot(q1)*sin(q2)*cos(q3)/20 + 7*dot(q2)^2*sin(q3)/20 + 7*ddot(q2)*cos(q3)/20)
-//!     + mz_fore*(-981*cos(q2)*sin(q3)/100 - 981*sin(q2)*cos(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)/20 - 7*dot(q1)^2*cos(q3)*cos(q2)^2/20 - ddot(q1)*cos(q2)*cos(q3)/20 + ddot(q1)*sin(q2)*sin(q3)/20 - 7*dot(q2)^2*cos(q3)/20 + 7*ddot(q2)*sin(q3)/20)
-//!     + Ixx_fore*(dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2 - dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2)
-//!     + Ixy_fore*(-ddot(q1)*cos(q2)*sin(q3) - ddot(q1)*sin(q2)*cos(q3))
-//!     + Ixz_fore*(dot(q1)^2*cos(q2)^2*cos(q3)^2 + dot(q1)^2*sin(q3)^2*sin(q2)^2 - 4*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3) - dot(q1)^2*cos(q2)^2*sin(q3)^2 - dot(q1)^2*cos(q3)^2*sin(q2)^2)
-//!     + Iyy_fore*(ddot(q2) + ddot(q3))
-//!     + Iyz_fore*(ddot(q1)*cos(q2)*cos(q3) - ddot(q1)*sin(q2)*sin(q3))
-//!     + Izz_fore*(dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2 - dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2)
-//!     + fv_q3*dot(q3) + fc_q3*sign(dot(q3)) = tau3
-//! ```
+//! The equations are Phi theta + known = B u. They are not multiplied out: the entries of Phi have formulas
+//! beside them, or what they depend on.
+//!
+//! Entries follow from recursive Newton-Euler. `S(q, b).W(p, b)` is the power of a wrench along a screw, both
+//! about the origin of the frame of the body b: S(q, b) is the velocity of that frame when the joint of q alone
+//! moves at a unit rate, W(p, b) the force and the moment that a unit of the inertia parameter p of b needs under
+//! the motion of b, gravity included.
 //!
 //! The model declares no pattern, so that there is no reference motion, estimator matrix or harmonic here.
+//!
+//! The feed-forward is not parted into what holds the driven coordinates still and what moves them: that
+//! multiplies the equations out, which was not asked for.
 //!
 //! There is no way back from the estimated parameters to the physical ones in closed form: the estimated
 //! parameters do not determine `m_upper`, `my_upper`.
 //!
 //! | function | additions | multiplications | divisions | function calls |
 //! |---|---|---|---|---|
-//! | `regressor` | 139 | 216 | 0 | 7 |
+//! | `regressor` | 98 | 121 | 0 | 7 |
 //! | `known` | 0 | 0 | 0 | 0 |
 //! | `input_map` | 0 | 0 | 0 | 0 |
-//! | `inverse_dynamics` | 184 | 260 | 0 | 7 |
-//! | `feed_forward` | 184 | 260 | 0 | 7 |
-//! | `feed_forward_independent` | 124 | 195 | 0 | 4 |
-//! | `feed_forward_dependent` | 111 | 214 | 0 | 7 |
-//! | `gravity` | 10 | 19 | 0 | 4 |
+//! | `inverse_dynamics` | 126 | 134 | 0 | 7 |
+//! | `feed_forward` | 126 | 134 | 0 | 7 |
+//! | `gravity` | 18 | 29 | 0 | 4 |
 //! | `mass_matrix` | 54 | 47 | 0 | 4 |
 //! | `forward_dynamics` | 167 | 176 | 0 | 7 |
-//! | `base_regressor` | 104 | 155 | 0 | 7 |
+//! | `base_regressor` | 84 | 95 | 0 | 7 |
 //! | `Physical::lump` | 1 | 1 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
@@ -129,7 +92,7 @@ pub const EQUATIONS: [Label<'static>; 3] = [
 ];
 
 /// A number that changes with the model, for logs and results to say what they belong to.
-pub const MODEL_HASH: u64 = 16882008142469599717;
+pub const MODEL_HASH: u64 = 7042922976527440026;
 
 /// The parameters that are estimated; every equation is linear in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -623,376 +586,189 @@ impl<T> Inputs<T> {
     }
 }
 
-/// The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u.
-///
-/// Equation `tau1`:
-///
-/// ```text
-/// Izz_column: ddot(q1)
-/// mx_upper: -2*dot(q1)^2*cos(q2)/25 + 2*dot(q1)^2*cos(q2)*sin(q2)^2/25 + 2*dot(q1)^2*cos(q2)^3/25 + 2*cos(q2)*dot(q2)^2/25 + 2*sin(q2)*ddot(q2)/25
-/// mz_upper: -2*dot(q1)^2*sin(q2)/25 + 2*dot(q1)^2*sin(q2)*cos(q2)^2/25 + 2*dot(q1)^2*sin(q2)^3/25 - 2*cos(q2)*ddot(q2)/25 + 2*sin(q2)*dot(q2)^2/25
-/// Ixx_upper: ddot(q1)*sin(q2)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)
-/// Ixy_upper: -cos(q2)*dot(q2)^2 - sin(q2)*ddot(q2)
-/// Ixz_upper: -2*dot(q1)*dot(q2)*cos(q2)^2 + 2*dot(q1)*dot(q2)*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)
-/// Iyz_upper: cos(q2)*ddot(q2) - sin(q2)*dot(q2)^2
-/// Izz_upper: ddot(q1)*cos(q2)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)
-/// m_fore: -7*dot(q1)^2*cos(q2)/250 - 49*dot(q1)*cos(q2)*sin(q2)*dot(q2)/200 + 21*dot(q1)^2*cos(q2)*sin(q2)^2/2000 + 7*dot(q1)^2*cos(q2)*sin(q2)^2*cos(q3)^2/400 + 7*dot(q1)^2*cos(q2)*sin(q2)^2*sin(q3)^2/400 + 21*dot(q1)^2*cos(q2)^3/2000 + 7*dot(q1)^2*cos(q3)^2*cos(q2)^3/400 + 7*dot(q1)^2*sin(q3)^2*cos(q2)^3/400 + 49*ddot(q1)*cos(q2)^2/400 + ddot(q1)*cos(q3)^2*cos(q2)^2/400 + ddot(q1)*sin(q3)^2*cos(q2)^2/400 + ddot(q1)*sin(q2)^2*cos(q3)^2/400 + ddot(q1)*sin(q2)^2*sin(q3)^2/400 + 7*cos(q2)*dot(q2)^2*cos(q3)^2/400 + 7*cos(q2)*dot(q2)^2*sin(q3)^2/400 + 7*sin(q2)*ddot(q2)*cos(q3)^2/400 + 7*sin(q2)*ddot(q2)*sin(q3)^2/400
-/// mx_fore: -7*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)/5 - 7*dot(q1)*cos(q2)*sin(q2)*cos(q3)*dot(q3)/10 - 7*dot(q1)*dot(q2)*sin(q3)*cos(q2)^2/10 - 7*dot(q1)*sin(q3)*dot(q3)*cos(q2)^2/10 + 7*dot(q1)*dot(q2)*sin(q3)*sin(q2)^2/10 + 3*dot(q1)^2*cos(q2)*cos(q3)*sin(q2)^2/100 + dot(q1)^2*cos(q2)*cos(q3)*sin(q2)^2*sin(q3)^2/20 + dot(q1)^2*cos(q2)*sin(q2)^2*cos(q3)^3/20 - 2*dot(q1)^2*cos(q2)*cos(q3)/25 - dot(q1)^2*sin(q2)*sin(q3)*cos(q2)^2*cos(q3)^2/20 - 3*dot(q1)^2*sin(q2)*sin(q3)*cos(q2)^2/100 - dot(q1)^2*sin(q2)*cos(q2)^2*sin(q3)^3/20 + 3*dot(q1)^2*cos(q3)*cos(q2)^3/100 + dot(q1)^2*cos(q3)*sin(q3)^2*cos(q2)^3/20 + dot(q1)^2*cos(q3)^3*cos(q2)^3/20 + 2*dot(q1)^2*sin(q2)*sin(q3)/25 - dot(q1)^2*sin(q3)*cos(q3)^2*sin(q2)^3/20 - 3*dot(q1)^2*sin(q3)*sin(q2)^3/100 - dot(q1)^2*sin(q3)^3*sin(q2)^3/20 - 7*ddot(q1)*cos(q2)*sin(q2)*sin(q3)/10 + 7*ddot(q1)*cos(q3)*cos(q2)^2/10 + cos(q2)*dot(q2)*cos(q3)*dot(q3)/10 + cos(q2)*dot(q2)^2*cos(q3)/20 + cos(q2)*ddot(q2)*sin(q3)/20 + cos(q2)*cos(q3)*dot(q3)^2/20 + cos(q2)*sin(q3)*ddot(q3)/20 - sin(q2)*dot(q2)*sin(q3)*dot(q3)/10 - sin(q2)*dot(q2)^2*sin(q3)/20 + sin(q2)*ddot(q2)*cos(q3)/20 + sin(q2)*cos(q3)*ddot(q3)/20 - sin(q2)*sin(q3)*dot(q3)^2/20
-/// my_fore: ddot(q1)*cos(q2)^2*cos(q3)^2/10 + ddot(q1)*cos(q2)^2*sin(q3)^2/10 + ddot(q1)*cos(q3)^2*sin(q2)^2/10 + ddot(q1)*sin(q3)^2*sin(q2)^2/10 + 7*cos(q2)*dot(q2)^2*cos(q3)^2/20 + 7*cos(q2)*dot(q2)^2*sin(q3)^2/20 + 7*sin(q2)*ddot(q2)*cos(q3)^2/20 + 7*sin(q2)*ddot(q2)*sin(q3)^2/20
-/// mz_fore: -7*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)/5 - 7*dot(q1)*cos(q2)*sin(q2)*sin(q3)*dot(q3)/10 + 7*dot(q1)*dot(q2)*cos(q3)*cos(q2)^2/10 + 7*dot(q1)*cos(q3)*dot(q3)*cos(q2)^2/10 - 7*dot(q1)*dot(q2)*cos(q3)*sin(q2)^2/10 + dot(q1)^2*cos(q2)*sin(q3)*sin(q2)^2*cos(q3)^2/20 + 3*dot(q1)^2*cos(q2)*sin(q3)*sin(q2)^2/100 + dot(q1)^2*cos(q2)*sin(q2)^2*sin(q3)^3/20 - 2*dot(q1)^2*cos(q2)*sin(q3)/25 + 3*dot(q1)^2*sin(q2)*cos(q3)*cos(q2)^2/100 + dot(q1)^2*sin(q2)*cos(q3)*cos(q2)^2*sin(q3)^2/20 + dot(q1)^2*sin(q2)*cos(q2)^2*cos(q3)^3/20 + dot(q1)^2*sin(q3)*cos(q3)^2*cos(q2)^3/20 + 3*dot(q1)^2*sin(q3)*cos(q2)^3/100 + dot(q1)^2*sin(q3)^3*cos(q2)^3/20 - 2*dot(q1)^2*sin(q2)*cos(q3)/25 + 3*dot(q1)^2*cos(q3)*sin(q2)^3/100 + dot(q1)^2*cos(q3)*sin(q3)^2*sin(q2)^3/20 + dot(q1)^2*cos(q3)^3*sin(q2)^3/20 + 7*ddot(q1)*cos(q2)*sin(q2)*cos(q3)/10 + 7*ddot(q1)*sin(q3)*cos(q2)^2/10 + cos(q2)*dot(q2)*sin(q3)*dot(q3)/10 + cos(q2)*dot(q2)^2*sin(q3)/20 - cos(q2)*ddot(q2)*cos(q3)/20 - cos(q2)*cos(q3)*ddot(q3)/20 + cos(q2)*sin(q3)*dot(q3)^2/20 + sin(q2)*dot(q2)*cos(q3)*dot(q3)/10 + sin(q2)*dot(q2)^2*cos(q3)/20 + sin(q2)*ddot(q2)*sin(q3)/20 + sin(q2)*cos(q3)*dot(q3)^2/20 + sin(q2)*sin(q3)*ddot(q3)/20
-/// Ixx_fore: ddot(q1)*sin(q3)^2*cos(q2)^2 + ddot(q1)*cos(q3)^2*sin(q2)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*cos(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*sin(q3)^2 + 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*cos(q2)^2 + 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*cos(q2)^2 - 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*sin(q2)^2 - 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*sin(q2)^2 + 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)
-/// Ixy_fore: sin(q2)*dot(q2)^2*sin(q3) + sin(q2)*sin(q3)*dot(q3)^2 - 2*cos(q2)*dot(q2)*cos(q3)*dot(q3) - cos(q2)*dot(q2)^2*cos(q3) - cos(q2)*ddot(q2)*sin(q3) - cos(q2)*cos(q3)*dot(q3)^2 - cos(q2)*sin(q3)*ddot(q3) + 2*sin(q2)*dot(q2)*sin(q3)*dot(q3) - sin(q2)*ddot(q2)*cos(q3) - sin(q2)*cos(q3)*ddot(q3)
-/// Ixz_fore: 8*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)*sin(q3) + 8*dot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)*dot(q3) - 2*dot(q1)*dot(q2)*cos(q2)^2*cos(q3)^2 + 2*dot(q1)*dot(q2)*cos(q2)^2*sin(q3)^2 - 2*dot(q1)*dot(q3)*cos(q2)^2*cos(q3)^2 + 2*dot(q1)*dot(q3)*cos(q2)^2*sin(q3)^2 + 2*dot(q1)*dot(q2)*cos(q3)^2*sin(q2)^2 - 2*dot(q1)*dot(q2)*sin(q3)^2*sin(q2)^2 + 2*dot(q1)*dot(q3)*cos(q3)^2*sin(q2)^2 - 2*dot(q1)*dot(q3)*sin(q3)^2*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)^2 + 2*ddot(q1)*cos(q2)*sin(q2)*sin(q3)^2 - 2*ddot(q1)*cos(q3)*sin(q3)*cos(q2)^2 + 2*ddot(q1)*cos(q3)*sin(q3)*sin(q2)^2
-/// Iyz_fore: cos(q2)*ddot(q2)*cos(q3) + cos(q2)*cos(q3)*ddot(q3) - 2*cos(q2)*dot(q2)*sin(q3)*dot(q3) - cos(q2)*dot(q2)^2*sin(q3) - cos(q2)*sin(q3)*dot(q3)^2 - 2*sin(q2)*dot(q2)*cos(q3)*dot(q3) - sin(q2)*dot(q2)^2*cos(q3) - sin(q2)*ddot(q2)*sin(q3) - sin(q2)*cos(q3)*dot(q3)^2 - sin(q2)*sin(q3)*ddot(q3)
-/// Izz_fore: ddot(q1)*cos(q3)^2*cos(q2)^2 + ddot(q1)*sin(q3)^2*sin(q2)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*cos(q3)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*sin(q3)^2 - 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*cos(q2)^2 - 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*cos(q2)^2 + 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*sin(q2)^2 + 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)
-/// fv_q1: dot(q1)
-/// fc_q1: sign(dot(q1))
-/// m_upper_plus_25_my_upper: 4*ddot(q1)*cos(q2)^2/625 + 4*ddot(q1)*sin(q2)^2/625
-/// ```
-///
-/// Equation `tau2`:
-///
-/// ```text
-/// mx_upper: -981*cos(q2)/100 + 2*ddot(q1)*sin(q2)/25
-/// mz_upper: -981*sin(q2)/100 - 2*ddot(q1)*cos(q2)/25
-/// Ixx_upper: -dot(q1)^2*cos(q2)*sin(q2)
-/// Ixy_upper: -ddot(q1)*sin(q2)
-/// Ixz_upper: dot(q1)^2*cos(q2)^2 - dot(q1)^2*sin(q2)^2
-/// Iyy_upper: ddot(q2)
-/// Iyz_upper: ddot(q1)*cos(q2)
-/// Izz_upper: dot(q1)^2*cos(q2)*sin(q2)
-/// m_fore: 49*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2/400 + 49*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2/400 + 7*ddot(q1)*sin(q2)*cos(q3)^2/400 + 7*ddot(q1)*sin(q2)*sin(q3)^2/400 - 6867*cos(q2)*cos(q3)^2/2000 - 6867*cos(q2)*sin(q3)^2/2000 + 49*ddot(q2)*cos(q3)^2/400 + 49*ddot(q2)*sin(q3)^2/400
-/// mx_fore: -981*cos(q2)*cos(q3)/100 + 981*sin(q2)*sin(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3)^2/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^3/20 + 7*dot(q1)^2*sin(q3)*cos(q2)^2/20 - 7*dot(q1)^2*sin(q3)*sin(q2)^2*cos(q3)^2/20 - 7*dot(q1)^2*sin(q2)^2*sin(q3)^3/20 + ddot(q1)*cos(q2)*sin(q3)/20 + ddot(q1)*sin(q2)*cos(q3)/20 - 7*dot(q2)*sin(q3)*dot(q3)/10 + 7*ddot(q2)*cos(q3)/10 + 7*cos(q3)*ddot(q3)/20 - 7*sin(q3)*dot(q3)^2/20
-/// my_fore: 7*ddot(q1)*sin(q2)*cos(q3)^2/20 + 7*ddot(q1)*sin(q2)*sin(q3)^2/20
-/// mz_fore: -981*cos(q2)*sin(q3)/100 - 981*sin(q2)*cos(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)*cos(q3)^2/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^3/20 - 7*dot(q1)^2*cos(q3)*cos(q2)^2/20 + 7*dot(q1)^2*cos(q3)*sin(q2)^2*sin(q3)^2/20 + 7*dot(q1)^2*sin(q2)^2*cos(q3)^3/20 - ddot(q1)*cos(q2)*cos(q3)/20 + ddot(q1)*sin(q2)*sin(q3)/20 + 7*dot(q2)*cos(q3)*dot(q3)/10 + 7*ddot(q2)*sin(q3)/10 + 7*cos(q3)*dot(q3)^2/20 + 7*sin(q3)*ddot(q3)/20
-/// Ixx_fore: dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2 - dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2
-/// Ixy_fore: -ddot(q1)*cos(q2)*sin(q3) - ddot(q1)*sin(q2)*cos(q3)
-/// Ixz_fore: dot(q1)^2*cos(q2)^2*cos(q3)^2 + dot(q1)^2*sin(q3)^2*sin(q2)^2 - 4*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3) - dot(q1)^2*cos(q2)^2*sin(q3)^2 - dot(q1)^2*cos(q3)^2*sin(q2)^2
-/// Iyy_fore: ddot(q2) + ddot(q3)
-/// Iyz_fore: ddot(q1)*cos(q2)*cos(q3) - ddot(q1)*sin(q2)*sin(q3)
-/// Izz_fore: dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2 - dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2
-/// fv_q2: dot(q2)
-/// fc_q2: sign(dot(q2))
-/// ```
-///
-/// Equation `tau3`:
-///
-/// ```text
-/// mx_fore: -981*cos(q2)*cos(q3)/100 + 981*sin(q2)*sin(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)/20 + 7*dot(q1)^2*sin(q3)*cos(q2)^2/20 + ddot(q1)*cos(q2)*sin(q3)/20 + ddot(q1)*sin(q2)*cos(q3)/20 + 7*dot(q2)^2*sin(q3)/20 + 7*ddot(q2)*cos(q3)/20
-/// mz_fore: -981*cos(q2)*sin(q3)/100 - 981*sin(q2)*cos(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)/20 - 7*dot(q1)^2*cos(q3)*cos(q2)^2/20 - ddot(q1)*cos(q2)*cos(q3)/20 + ddot(q1)*sin(q2)*sin(q3)/20 - 7*dot(q2)^2*cos(q3)/20 + 7*ddot(q2)*sin(q3)/20
-/// Ixx_fore: dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2 - dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2
-/// Ixy_fore: -ddot(q1)*cos(q2)*sin(q3) - ddot(q1)*sin(q2)*cos(q3)
-/// Ixz_fore: dot(q1)^2*cos(q2)^2*cos(q3)^2 + dot(q1)^2*sin(q3)^2*sin(q2)^2 - 4*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3) - dot(q1)^2*cos(q2)^2*sin(q3)^2 - dot(q1)^2*cos(q3)^2*sin(q2)^2
-/// Iyy_fore: ddot(q2) + ddot(q3)
-/// Iyz_fore: ddot(q1)*cos(q2)*cos(q3) - ddot(q1)*sin(q2)*sin(q3)
-/// Izz_fore: dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2 - dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2
-/// fv_q3: dot(q3)
-/// fc_q3: sign(dot(q3))
-/// ```
-/// Operations: 139 additions, 216 multiplications, 7 function calls.
+/// The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u. Operations: 98
+/// additions, 121 multiplications, 7 function calls.
 #[must_use]
 pub fn regressor<T: Real>(motion: &Motion<T>) -> [[T; 26]; 3] {
     let mut matrix = [[T::ZERO; 26]; 3];
     // tau1, Izz_column: ddot(q1)
     matrix[0][0] = motion.q1.ddot;
-    // tau1, mx_upper: -2*dot(q1)^2*cos(q2)/25 + 2*dot(q1)^2*cos(q2)*sin(q2)^2/25 + 2*dot(q1)^2*cos(q2)^3/25 +
-    // 2*cos(q2)*dot(q2)^2/25 + 2*sin(q2)*ddot(q2)/25
+    // tau1, mx_upper: -2*dot(q1)^2*cos(q2)/25 - 2*sin(q2)*(-ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
+    // 2*cos(q2)*(dot(q2)^2 + dot(q1)^2*cos(q2)^2)/25
     let t0 = motion.q1.dot * motion.q1.dot;
     let t1 = motion.q2.value.cos();
     let t2 = t0 * t1;
-    let t3 = motion.q2.dot * motion.q2.dot;
+    let t3 = motion.q2.value.sin();
     let t4 = motion.q1.dot * t1;
-    let t5 = t4 * t4;
-    let t6 = motion.q2.value.sin();
-    let t7 = motion.q1.dot * t6;
-    let t8 = t4 * t7;
-    matrix[0][1] = T::from_f64(0.08) * (t1 * (t3 + t5)) - T::from_f64(0.08) * t2
-        - T::from_f64(0.08) * (t6 * (-motion.q2.ddot - t8));
-    // tau1, mz_upper: -2*dot(q1)^2*sin(q2)/25 + 2*dot(q1)^2*sin(q2)*cos(q2)^2/25 + 2*dot(q1)^2*sin(q2)^3/25 -
-    // 2*cos(q2)*ddot(q2)/25 + 2*sin(q2)*dot(q2)^2/25
-    let t9 = t7 * t7;
-    matrix[0][2] = T::from_f64(0.08) * (t6 * (t9 + t3)) - T::from_f64(0.08) * (t0 * t6)
-        - T::from_f64(0.08) * (t1 * (motion.q2.ddot - t8));
-    // tau1, Ixx_upper: ddot(q1)*sin(q2)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)
-    let t10 = t6 * t6;
-    let t11 = motion.q1.ddot * t10;
-    let t12 = motion.q1.dot * motion.q2.dot;
-    let t13 = t12 + t12;
-    let t14 = t1 * t6;
-    let t15 = t13 * t14;
-    matrix[0][3] = t11 + t15;
-    // tau1, Ixy_upper: -cos(q2)*dot(q2)^2 - sin(q2)*ddot(q2)
-    let t16 = t1 * t3;
-    let t17 = t6 * motion.q2.ddot;
-    matrix[0][4] = -t16 - t17;
-    // tau1, Ixz_upper: -2*dot(q1)*dot(q2)*cos(q2)^2 + 2*dot(q1)*dot(q2)*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)
-    let t18 = t1 * t1;
-    let t19 = motion.q1.ddot * t6;
-    matrix[0][5] = t13 * t10 - t13 * t18 - T::from_f64(2.0) * t19 * t1;
-    // tau1, Iyz_upper: cos(q2)*ddot(q2) - sin(q2)*dot(q2)^2
-    matrix[0][7] = t1 * motion.q2.ddot - t6 * t3;
-    // tau1, Izz_upper: ddot(q1)*cos(q2)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)
-    let t20 = motion.q1.ddot * t18;
-    matrix[0][8] = t20 - t15;
-    // tau1, m_fore: -7*dot(q1)^2*cos(q2)/250 - 49*dot(q1)*cos(q2)*sin(q2)*dot(q2)/200 +
-    // 21*dot(q1)^2*cos(q2)*sin(q2)^2/2000 + 7*dot(q1)^2*cos(q2)*sin(q2)^2*cos(q3)^2/400 +
-    // 7*dot(q1)^2*cos(q2)*sin(q2)^2*sin(q3)^2/400 + 21*dot(q1)^2*cos(q2)^3/2000 +
-    // 7*dot(q1)^2*cos(q3)^2*cos(q2)^3/400 + 7*dot(q1)^2*sin(q3)^2*cos(q2)^3/400 + 49*ddot(q1)*cos(q2)^2/400 +
-    // ddot(q1)*cos(q3)^2*cos(q2)^2/400 + ddot(q1)*sin(q3)^2*cos(q2)^2/400 + ddot(q1)*sin(q2)^2*cos(q3)^2/400 +
-    // ddot(q1)*sin(q2)^2*sin(q3)^2/400 + 7*cos(q2)*dot(q2)^2*cos(q3)^2/400 + 7*cos(q2)*dot(q2)^2*sin(q3)^2/400 +
-    // 7*sin(q2)*ddot(q2)*cos(q3)^2/400 + 7*sin(q2)*ddot(q2)*sin(q3)^2/400
-    let t21 = t2 * t18;
-    let t22 = motion.q3.value.cos();
-    let t23 = t22 * t22;
-    let t24 = t10 * t23;
-    let t25 = motion.q3.value.sin();
-    let t26 = t25 * t25;
-    let t27 = t10 * t26;
-    let t28 = t20 * t23;
-    let t29 = t20 * t26;
-    let t30 = motion.q1.ddot * t24;
-    let t31 = motion.q1.ddot * t27;
-    let t32 = t16 * t23;
-    let t33 = t16 * t26;
-    let t34 = t17 * t23;
-    let t35 = t17 * t26;
-    let t36 = T::from_f64(0.0105) * (t2 * t10) + T::from_f64(0.0105) * t21
-        + T::from_f64(0.1225) * t20 + T::from_f64(0.0175) * (t2 * t24)
-        + T::from_f64(0.0175) * (t2 * t27) + T::from_f64(0.0175) * (t21 * t23);
-    let t37 = t36 + T::from_f64(0.0175) * (t21 * t26) + T::from_f64(0.0025) * t28
-        + T::from_f64(0.0025) * t29 + T::from_f64(0.0025) * t30
-        + T::from_f64(0.0025) * t31 + T::from_f64(0.0175) * t32
-        + T::from_f64(0.0175) * t33;
-    matrix[0][9] = t37 + T::from_f64(0.0175) * t34 + T::from_f64(0.0175) * t35
-        - T::from_f64(0.028) * t2 - T::from_f64(0.245) * (t12 * t14);
-    // tau1, mx_fore: -7*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)/5 - 7*dot(q1)*cos(q2)*sin(q2)*cos(q3)*dot(q3)/10 -
-    // 7*dot(q1)*dot(q2)*sin(q3)*cos(q2)^2/10 - 7*dot(q1)*sin(q3)*dot(q3)*cos(q2)^2/10 +
-    // 7*dot(q1)*dot(q2)*sin(q3)*sin(q2)^2/10 + 3*dot(q1)^2*cos(q2)*cos(q3)*sin(q2)^2/100 +
-    // dot(q1)^2*cos(q2)*cos(q3)*sin(q2)^2*sin(q3)^2/20 + dot(q1)^2*cos(q2)*sin(q2)^2*cos(q3)^3/20 -
-    // 2*dot(q1)^2*cos(q2)*cos(q3)/25 - dot(q1)^2*sin(q2)*sin(q3)*cos(q2)^2*cos(q3)^2/20 -
-    // 3*dot(q1)^2*sin(q2)*sin(q3)*cos(q2)^2/100 - dot(q1)^2*sin(q2)*cos(q2)^2*sin(q3)^3/20 +
-    // 3*dot(q1)^2*cos(q3)*cos(q2)^3/100 + dot(q1)^2*cos(q3)*sin(q3)^2*cos(q2)^3/20 +
-    // dot(q1)^2*cos(q3)^3*cos(q2)^3/20 + 2*dot(q1)^2*sin(q2)*sin(q3)/25 - dot(q1)^2*sin(q3)*cos(q3)^2*sin(q2)^3/20 -
-    // 3*dot(q1)^2*sin(q3)*sin(q2)^3/100 - dot(q1)^2*sin(q3)^3*sin(q2)^3/20 - 7*ddot(q1)*cos(q2)*sin(q2)*sin(q3)/10 +
-    // 7*ddot(q1)*cos(q3)*cos(q2)^2/10 + cos(q2)*dot(q2)*cos(q3)*dot(q3)/10 + cos(q2)*dot(q2)^2*cos(q3)/20 +
-    // cos(q2)*ddot(q2)*sin(q3)/20 + cos(q2)*cos(q3)*dot(q3)^2/20 + cos(q2)*sin(q3)*ddot(q3)/20 -
-    // sin(q2)*dot(q2)*sin(q3)*dot(q3)/10 - sin(q2)*dot(q2)^2*sin(q3)/20 + sin(q2)*ddot(q2)*cos(q3)/20 +
-    // sin(q2)*cos(q3)*ddot(q3)/20 - sin(q2)*sin(q3)*dot(q3)^2/20
-    let t38 = t7 * motion.q2.dot;
-    let t39 = motion.q1.ddot * t1;
-    let t40 = t39 - t38;
-    let t41 = T::from_f64(0.35) * (t40 - t38) + T::from_f64(0.03) * (t9 + t5)
+    let t5 = motion.q1.dot * t3;
+    let t6 = t4 * t5;
+    let t7 = -motion.q2.ddot - t6;
+    let t8 = t3 * t7;
+    let t9 = motion.q2.dot * motion.q2.dot;
+    let t10 = t2 * t1;
+    let t11 = t9 + t10;
+    matrix[0][1] = T::from_f64(0.08) * (t1 * t11) - T::from_f64(0.08) * t8
+        - T::from_f64(0.08) * t2;
+    // tau1, mz_upper: -2*dot(q1)^2*sin(q2)/25 - 2*cos(q2)*(ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
+    // 2*sin(q2)*(dot(q2)^2 + dot(q1)^2*sin(q2)^2)/25
+    let t12 = t0 * t3;
+    let t13 = t1 * (motion.q2.ddot - t6);
+    let t14 = t12 * t3;
+    matrix[0][2] = T::from_f64(0.08) * (t3 * (t9 + t14)) - T::from_f64(0.08) * t13
+        - T::from_f64(0.08) * t12;
+    // tau1, Ixx_upper: cos(q2)*dot(q1)*sin(q2)*dot(q2) - sin(q2)*(-ddot(q1)*sin(q2) - dot(q1)*cos(q2)*dot(q2))
+    let t15 = t5 * motion.q2.dot;
+    let t16 = motion.q1.ddot * t3;
+    let t17 = t4 * motion.q2.dot;
+    let t18 = -t16 - t17;
+    matrix[0][3] = t1 * t15 - t3 * t18;
+    // tau1, Ixy_upper: sin(q2)*(-ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2)) + cos(q2)*(-dot(q2)^2 +
+    // dot(q1)^2*sin(q2)^2)
+    matrix[0][4] = t8 + t1 * (t14 - t9);
+    // tau1, Ixz_upper: S(q1, upper).W(Ixz, upper)
+    let t19 = motion.q1.ddot * t1;
+    let t20 = t19 - t15;
+    let t21 = t20 - t15;
+    matrix[0][5] = -(t3 * t21) - t1 * (t17 - t18);
+    // tau1, Iyz_upper: cos(q2)*(ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2)) - sin(q2)*(dot(q2)^2 -
+    // dot(q1)^2*cos(q2)^2)
+    matrix[0][7] = t13 - t3 * (t9 - t10);
+    // tau1, Izz_upper: -sin(q2)*dot(q1)*cos(q2)*dot(q2) + cos(q2)*(ddot(q1)*cos(q2) - dot(q1)*sin(q2)*dot(q2))
+    matrix[0][8] = t1 * t20 - t3 * t17;
+    // tau1, m_fore: S(q1, fore).W(m, fore)
+    let t22 = motion.q3.value.sin();
+    let t23 = t1 * t22;
+    let t24 = motion.q3.value.cos();
+    let t25 = t3 * t24;
+    let t26 = -(T::from_f64(0.05) * t23) - T::from_f64(0.05) * t25;
+    let t27 = T::from_f64(9.81) * t1 - T::from_f64(0.08) * t16;
+    let t28 = t17 + t18;
+    let t29 = t27 + (T::from_f64(0.35) * t7 - T::from_f64(0.03) * t28);
+    let t30 = -(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t19;
+    let t31 = -t15 - t20;
+    let t32 = t30 + (-(T::from_f64(0.03) * t31) - T::from_f64(0.35) * t11);
+    let t33 = t24 * t29 + t22 * t32;
+    let t34 = t1 * t24;
+    let t35 = t3 * t22;
+    let t36 = T::from_f64(0.05) * t35 - T::from_f64(0.05) * t34;
+    let t37 = t24 * t32 - t22 * t29;
+    let t38 = T::from_f64(0.35) * t21 + T::from_f64(0.03) * (t10 + t14)
         - T::from_f64(0.08) * t0;
-    let t42 = t1 * t22;
-    let t43 = t6 * t25;
-    let t44 = t42 - t43;
-    let t45 = motion.q2.ddot + motion.q3.ddot;
-    let t46 = t4 * t22 - t7 * t25;
-    let t47 = -(t4 * t25) - t7 * t22;
-    let t48 = t46 * t47;
-    let t49 = t48 - t45;
-    let t50 = t1 * t25;
-    let t51 = t6 * t22;
-    let t52 = -(T::from_f64(0.05) * t50) - T::from_f64(0.05) * t51;
-    let t53 = motion.q2.dot + motion.q3.dot;
-    let t54 = t53 * t53;
-    let t55 = t46 * t46;
-    let t56 = T::from_f64(0.05) * t43 - T::from_f64(0.05) * t42;
-    let t57 = -t19;
-    let t58 = t57 - t4 * motion.q2.dot;
-    let t59 = t40 * t22 + t58 * t25 + t47 * motion.q3.dot;
-    let t60 = t47 * t53;
-    let t61 = t59 + t60;
-    matrix[0][10] = t41 * t44 + t49 * t52 + T::from_f64(0.35) * (t1 * t61)
-        - (t54 + t55) * t56;
-    // tau1, my_fore: ddot(q1)*cos(q2)^2*cos(q3)^2/10 + ddot(q1)*cos(q2)^2*sin(q3)^2/10 +
-    // ddot(q1)*cos(q3)^2*sin(q2)^2/10 + ddot(q1)*sin(q3)^2*sin(q2)^2/10 + 7*cos(q2)*dot(q2)^2*cos(q3)^2/20 +
-    // 7*cos(q2)*dot(q2)^2*sin(q3)^2/20 + 7*sin(q2)*ddot(q2)*cos(q3)^2/20 + 7*sin(q2)*ddot(q2)*sin(q3)^2/20
-    let t62 = T::from_f64(0.1) * t28 + T::from_f64(0.1) * t29 + T::from_f64(0.1) * t30
-        + T::from_f64(0.1) * t31 + T::from_f64(0.35) * t32 + T::from_f64(0.35) * t33
-        + T::from_f64(0.35) * t34 + T::from_f64(0.35) * t35;
-    matrix[0][11] = t62;
-    // tau1, mz_fore: -7*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)/5 - 7*dot(q1)*cos(q2)*sin(q2)*sin(q3)*dot(q3)/10 +
-    // 7*dot(q1)*dot(q2)*cos(q3)*cos(q2)^2/10 + 7*dot(q1)*cos(q3)*dot(q3)*cos(q2)^2/10 -
-    // 7*dot(q1)*dot(q2)*cos(q3)*sin(q2)^2/10 + dot(q1)^2*cos(q2)*sin(q3)*sin(q2)^2*cos(q3)^2/20 +
-    // 3*dot(q1)^2*cos(q2)*sin(q3)*sin(q2)^2/100 + dot(q1)^2*cos(q2)*sin(q2)^2*sin(q3)^3/20 -
-    // 2*dot(q1)^2*cos(q2)*sin(q3)/25 + 3*dot(q1)^2*sin(q2)*cos(q3)*cos(q2)^2/100 +
-    // dot(q1)^2*sin(q2)*cos(q3)*cos(q2)^2*sin(q3)^2/20 + dot(q1)^2*sin(q2)*cos(q2)^2*cos(q3)^3/20 +
-    // dot(q1)^2*sin(q3)*cos(q3)^2*cos(q2)^3/20 + 3*dot(q1)^2*sin(q3)*cos(q2)^3/100 +
-    // dot(q1)^2*sin(q3)^3*cos(q2)^3/20 - 2*dot(q1)^2*sin(q2)*cos(q3)/25 + 3*dot(q1)^2*cos(q3)*sin(q2)^3/100 +
-    // dot(q1)^2*cos(q3)*sin(q3)^2*sin(q2)^3/20 + dot(q1)^2*cos(q3)^3*sin(q2)^3/20 +
-    // 7*ddot(q1)*cos(q2)*sin(q2)*cos(q3)/10 + 7*ddot(q1)*sin(q3)*cos(q2)^2/10 + cos(q2)*dot(q2)*sin(q3)*dot(q3)/10 +
-    // cos(q2)*dot(q2)^2*sin(q3)/20 - cos(q2)*ddot(q2)*cos(q3)/20 - cos(q2)*cos(q3)*ddot(q3)/20 +
-    // cos(q2)*sin(q3)*dot(q3)^2/20 + sin(q2)*dot(q2)*cos(q3)*dot(q3)/10 + sin(q2)*dot(q2)^2*cos(q3)/20 +
-    // sin(q2)*ddot(q2)*sin(q3)/20 + sin(q2)*cos(q3)*dot(q3)^2/20 + sin(q2)*sin(q3)*ddot(q3)/20
-    let t63 = -t50 - t51;
-    let t64 = t45 + t48;
-    let t65 = t58 * t22 - t40 * t25 - t46 * motion.q3.dot;
-    let t66 = t46 * t53;
-    let t67 = t66 - t65;
-    let t68 = t47 * t47;
-    matrix[0][12] = t64 * t56 + T::from_f64(0.35) * (t1 * t67) - t41 * t63
-        - (t68 + t54) * t52;
-    // tau1, Ixx_fore: ddot(q1)*sin(q3)^2*cos(q2)^2 + ddot(q1)*cos(q3)^2*sin(q2)^2 +
-    // 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)^2 +
-    // 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*cos(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*sin(q3)^2 +
-    // 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*cos(q2)^2 + 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*cos(q2)^2 -
-    // 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*sin(q2)^2 - 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*sin(q2)^2 +
-    // 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)
-    matrix[0][13] = t65 * t63 - t60 * t44;
-    // tau1, Ixy_fore: sin(q2)*dot(q2)^2*sin(q3) + sin(q2)*sin(q3)*dot(q3)^2 - 2*cos(q2)*dot(q2)*cos(q3)*dot(q3) -
-    // cos(q2)*dot(q2)^2*cos(q3) - cos(q2)*ddot(q2)*sin(q3) - cos(q2)*cos(q3)*dot(q3)^2 - cos(q2)*sin(q3)*ddot(q3) +
-    // 2*sin(q2)*dot(q2)*sin(q3)*dot(q3) - sin(q2)*ddot(q2)*cos(q3) - sin(q2)*cos(q3)*ddot(q3)
-    matrix[0][14] = t44 * (t68 - t54) - t49 * t63;
-    // tau1, Ixz_fore: 8*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)*sin(q3) +
-    // 8*dot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)*dot(q3) - 2*dot(q1)*dot(q2)*cos(q2)^2*cos(q3)^2 +
-    // 2*dot(q1)*dot(q2)*cos(q2)^2*sin(q3)^2 - 2*dot(q1)*dot(q3)*cos(q2)^2*cos(q3)^2 +
-    // 2*dot(q1)*dot(q3)*cos(q2)^2*sin(q3)^2 + 2*dot(q1)*dot(q2)*cos(q3)^2*sin(q2)^2 -
-    // 2*dot(q1)*dot(q2)*sin(q3)^2*sin(q2)^2 + 2*dot(q1)*dot(q3)*cos(q3)^2*sin(q2)^2 -
-    // 2*dot(q1)*dot(q3)*sin(q3)^2*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)^2 +
-    // 2*ddot(q1)*cos(q2)*sin(q2)*sin(q3)^2 - 2*ddot(q1)*cos(q3)*sin(q3)*cos(q2)^2 +
-    // 2*ddot(q1)*cos(q3)*sin(q3)*sin(q2)^2
-    matrix[0][15] = t61 * t63 - t67 * t44;
-    // tau1, Iyz_fore: cos(q2)*ddot(q2)*cos(q3) + cos(q2)*cos(q3)*ddot(q3) - 2*cos(q2)*dot(q2)*sin(q3)*dot(q3) -
-    // cos(q2)*dot(q2)^2*sin(q3) - cos(q2)*sin(q3)*dot(q3)^2 - 2*sin(q2)*dot(q2)*cos(q3)*dot(q3) -
-    // sin(q2)*dot(q2)^2*cos(q3) - sin(q2)*ddot(q2)*sin(q3) - sin(q2)*cos(q3)*dot(q3)^2 - sin(q2)*sin(q3)*ddot(q3)
-    matrix[0][17] = t63 * (t54 - t55) + t64 * t44;
-    // tau1, Izz_fore: ddot(q1)*cos(q3)^2*cos(q2)^2 + ddot(q1)*sin(q3)^2*sin(q2)^2 -
-    // 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)^2 -
-    // 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*cos(q3)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*sin(q3)^2 -
-    // 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*cos(q2)^2 - 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*cos(q2)^2 +
-    // 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*sin(q2)^2 + 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*sin(q2)^2 -
-    // 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)
-    matrix[0][18] = t66 * t63 + t59 * t44;
+    matrix[0][9] = t26 * t33 + t36 * t37 + T::from_f64(0.35) * (t1 * t38);
+    // tau1, mx_fore: S(q1, fore).W(mx, fore)
+    let t39 = motion.q2.ddot + motion.q3.ddot;
+    let t40 = t4 * t24 - t5 * t22;
+    let t41 = -(t4 * t22) - t5 * t24;
+    let t42 = t40 * t41;
+    let t43 = t42 - t39;
+    let t44 = motion.q2.dot + motion.q3.dot;
+    let t45 = t44 * t44;
+    let t46 = t40 * t40;
+    let t47 = t45 + t46;
+    let t48 = t20 * t24 + t18 * t22 + t41 * motion.q3.dot;
+    let t49 = t41 * t44;
+    let t50 = t48 + t49;
+    let t51 = t34 - t35;
+    matrix[0][10] = t43 * t26 + T::from_f64(0.35) * (t1 * t50) - t47 * t36 + t51 * t38;
+    // tau1, my_fore: S(q1, fore).W(my, fore)
+    let t52 = t49 - t48;
+    let t53 = t18 * t24 - t20 * t22 - t40 * motion.q3.dot;
+    let t54 = t40 * t44;
+    let t55 = t53 + t54;
+    let t56 = t41 * t41;
+    let t57 = -t23 - t25;
+    matrix[0][11] = t52 * t36 + t55 * t26 - T::from_f64(0.35) * (t1 * (t56 + t46))
+        + (t57 * t33 - t51 * t37);
+    // tau1, mz_fore: S(q1, fore).W(mz, fore)
+    let t58 = t39 + t42;
+    let t59 = t54 - t53;
+    let t60 = t56 + t45;
+    matrix[0][12] = t58 * t36 + T::from_f64(0.35) * (t1 * t59) - t60 * t26 - t57 * t38;
+    // tau1, Ixx_fore: S(q1, fore).W(Ixx, fore)
+    matrix[0][13] = t53 * t57 - t49 * t51;
+    // tau1, Ixy_fore: S(q1, fore).W(Ixy, fore)
+    matrix[0][14] = t51 * (t56 - t45) - t43 * t57;
+    // tau1, Ixz_fore: S(q1, fore).W(Ixz, fore)
+    matrix[0][15] = t50 * t57 - t59 * t51;
+    // tau1, Iyz_fore: S(q1, fore).W(Iyz, fore)
+    matrix[0][17] = t57 * (t45 - t46) + t58 * t51;
+    // tau1, Izz_fore: S(q1, fore).W(Izz, fore)
+    matrix[0][18] = t54 * t57 + t48 * t51;
     // tau1, fv_q1: dot(q1)
     matrix[0][19] = motion.q1.dot;
     // tau1, fc_q1: sign(dot(q1))
     matrix[0][20] = motion.q1.dot.sign();
-    // tau1, m_upper_plus_25_my_upper: 4*ddot(q1)*cos(q2)^2/625 + 4*ddot(q1)*sin(q2)^2/625
-    matrix[0][25] = T::from_f64(0.0064) * t11 + T::from_f64(0.0064) * t20;
-    // tau2, mx_upper: -981*cos(q2)/100 + 2*ddot(q1)*sin(q2)/25
-    matrix[1][1] = T::from_f64(0.08) * t19 - T::from_f64(9.81) * t1;
+    // tau1, m_upper_plus_25_my_upper: -2*cos(q2)*(-981*sin(q2)/100 - 2*ddot(q1)*cos(q2)/25)/25 -
+    // 2*sin(q2)*(981*cos(q2)/100 - 2*ddot(q1)*sin(q2)/25)/25
+    matrix[0][25] = -(T::from_f64(0.08) * (t1 * t30)) - T::from_f64(0.08) * (t3 * t27);
+    // tau2, mx_upper: -(981*cos(q2)/100 - 2*ddot(q1)*sin(q2)/25)
+    matrix[1][1] = -t27;
     // tau2, mz_upper: -981*sin(q2)/100 - 2*ddot(q1)*cos(q2)/25
-    matrix[1][2] = -(T::from_f64(9.81) * t6) - T::from_f64(0.08) * t39;
+    matrix[1][2] = t30;
     // tau2, Ixx_upper: -dot(q1)^2*cos(q2)*sin(q2)
-    let t69 = t2 * t6;
-    matrix[1][3] = -t69;
-    // tau2, Ixy_upper: -ddot(q1)*sin(q2)
-    matrix[1][4] = t57;
+    let t61 = t2 * t3;
+    matrix[1][3] = -t61;
+    // tau2, Ixy_upper: dot(q1)*cos(q2)*dot(q2) - ddot(q1)*sin(q2) - dot(q1)*cos(q2)*dot(q2)
+    matrix[1][4] = t28;
     // tau2, Ixz_upper: dot(q1)^2*cos(q2)^2 - dot(q1)^2*sin(q2)^2
-    matrix[1][5] = t5 - t9;
+    matrix[1][5] = t10 - t14;
     // tau2, Iyy_upper: ddot(q2)
     matrix[1][6] = motion.q2.ddot;
-    // tau2, Iyz_upper: ddot(q1)*cos(q2)
-    matrix[1][7] = t39;
+    // tau2, Iyz_upper: -(-dot(q1)*sin(q2)*dot(q2) - (ddot(q1)*cos(q2) - dot(q1)*sin(q2)*dot(q2)))
+    matrix[1][7] = -t31;
     // tau2, Izz_upper: dot(q1)^2*cos(q2)*sin(q2)
-    matrix[1][8] = t69;
-    // tau2, m_fore: 49*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2/400 + 49*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2/400 +
-    // 7*ddot(q1)*sin(q2)*cos(q3)^2/400 + 7*ddot(q1)*sin(q2)*sin(q3)^2/400 - 6867*cos(q2)*cos(q3)^2/2000 -
-    // 6867*cos(q2)*sin(q3)^2/2000 + 49*ddot(q2)*cos(q3)^2/400 + 49*ddot(q2)*sin(q3)^2/400
-    let t70 = t69 * t23;
-    let t71 = t69 * t26;
-    let t72 = t19 * t23;
-    let t73 = t19 * t26;
-    let t74 = T::from_f64(0.1225) * t70 + T::from_f64(0.1225) * t71
-        + T::from_f64(0.0175) * t72 + T::from_f64(0.0175) * t73
-        + T::from_f64(0.1225) * (motion.q2.ddot * t23)
-        + T::from_f64(0.1225) * (motion.q2.ddot * t26)
-        - T::from_f64(3.4335) * (t1 * t23);
-    matrix[1][9] = t74 - T::from_f64(3.4335) * (t1 * t26);
-    // tau2, mx_fore: -981*cos(q2)*cos(q3)/100 + 981*sin(q2)*sin(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)/20 +
-    // 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3)^2/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^3/20 +
-    // 7*dot(q1)^2*sin(q3)*cos(q2)^2/20 - 7*dot(q1)^2*sin(q3)*sin(q2)^2*cos(q3)^2/20 -
-    // 7*dot(q1)^2*sin(q2)^2*sin(q3)^3/20 + ddot(q1)*cos(q2)*sin(q3)/20 + ddot(q1)*sin(q2)*cos(q3)/20 -
-    // 7*dot(q2)*sin(q3)*dot(q3)/10 + 7*ddot(q2)*cos(q3)/10 + 7*cos(q3)*ddot(q3)/20 - 7*sin(q3)*dot(q3)^2/20
-    let t75 = T::from_f64(9.81) * t42;
-    let t76 = T::from_f64(0.35) * (t2 * t50);
-    let t77 = t0 * t25;
-    let t78 = t39 * t25;
-    let t79 = T::from_f64(0.05) * t78;
-    let t80 = t19 * t22;
-    let t81 = T::from_f64(0.05) * t80;
-    let t82 = motion.q2.dot * motion.q3.dot;
-    let t83 = motion.q2.ddot * t22;
-    let t84 = motion.q3.dot * motion.q3.dot;
-    let t85 = T::from_f64(9.81) * t43 + T::from_f64(0.35) * (t69 * t22);
-    let t86 = t85 + T::from_f64(0.35) * (t71 * t22) + T::from_f64(0.35) * (t70 * t22)
-        + t76 + t79 + t81 + T::from_f64(0.7) * t83
-        + T::from_f64(0.35) * (t22 * motion.q3.ddot);
-    matrix[1][10] = t86 - t75 - T::from_f64(0.35) * (t77 * t24)
-        - T::from_f64(0.35) * (t77 * t27) - T::from_f64(0.7) * (t82 * t25)
-        - T::from_f64(0.35) * (t25 * t84);
-    // tau2, my_fore: 7*ddot(q1)*sin(q2)*cos(q3)^2/20 + 7*ddot(q1)*sin(q2)*sin(q3)^2/20
-    matrix[1][11] = T::from_f64(0.35) * t72 + T::from_f64(0.35) * t73;
-    // tau2, mz_fore: -981*cos(q2)*sin(q3)/100 - 981*sin(q2)*cos(q3)/100 +
-    // 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)*cos(q3)^2/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)/20 +
-    // 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^3/20 - 7*dot(q1)^2*cos(q3)*cos(q2)^2/20 +
-    // 7*dot(q1)^2*cos(q3)*sin(q2)^2*sin(q3)^2/20 + 7*dot(q1)^2*sin(q2)^2*cos(q3)^3/20 - ddot(q1)*cos(q2)*cos(q3)/20
-    // + ddot(q1)*sin(q2)*sin(q3)/20 + 7*dot(q2)*cos(q3)*dot(q3)/10 + 7*ddot(q2)*sin(q3)/10 + 7*cos(q3)*dot(q3)^2/20
-    // + 7*sin(q3)*ddot(q3)/20
-    let t87 = T::from_f64(9.81) * t50;
-    let t88 = T::from_f64(9.81) * t51;
-    let t89 = T::from_f64(0.35) * (t69 * t25);
-    let t90 = T::from_f64(0.35) * (t2 * t42);
-    let t91 = t0 * t22;
-    let t92 = t39 * t22;
-    let t93 = T::from_f64(0.05) * t92;
-    let t94 = t19 * t25;
-    let t95 = T::from_f64(0.05) * t94;
-    let t96 = motion.q2.ddot * t25;
-    let t97 = T::from_f64(0.35) * (t70 * t25) + t89 + T::from_f64(0.35) * (t71 * t25)
-        + T::from_f64(0.35) * (t91 * t27) + T::from_f64(0.35) * (t91 * t24) + t95
-        + T::from_f64(0.7) * (t82 * t22);
-    matrix[1][12] = t97 + T::from_f64(0.7) * t96 + T::from_f64(0.35) * (t22 * t84)
-        + T::from_f64(0.35) * (t25 * motion.q3.ddot) - t87 - t88 - t90 - t93;
-    // tau2, Ixx_fore: dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2 -
-    // dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2
-    matrix[1][13] = t48;
-    // tau2, Ixy_fore: -ddot(q1)*cos(q2)*sin(q3) - ddot(q1)*sin(q2)*cos(q3)
-    let t98 = -t78 - t80;
-    matrix[1][14] = t98;
-    // tau2, Ixz_fore: dot(q1)^2*cos(q2)^2*cos(q3)^2 + dot(q1)^2*sin(q3)^2*sin(q2)^2 -
-    // 4*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3) - dot(q1)^2*cos(q2)^2*sin(q3)^2 - dot(q1)^2*cos(q3)^2*sin(q2)^2
-    let t99 = t55 - t68;
-    matrix[1][15] = t99;
+    matrix[1][8] = t61;
+    // tau2, m_fore: S(q2, fore).W(m, fore)
+    matrix[1][9] = T::from_f64(0.35) * (t22 * t37) - T::from_f64(0.35) * (t24 * t33);
+    // tau2, mx_fore: S(q2, fore).W(mx, fore)
+    matrix[1][10] = -(T::from_f64(0.35) * (t22 * t47)) - T::from_f64(0.35) * (t24 * t43)
+        - t33;
+    // tau2, my_fore: S(q2, fore).W(my, fore)
+    matrix[1][11] = T::from_f64(0.35) * (t22 * t52) - T::from_f64(0.35) * (t24 * t55);
+    // tau2, mz_fore: S(q2, fore).W(mz, fore)
+    matrix[1][12] = T::from_f64(0.35) * (t22 * t58) + T::from_f64(0.35) * (t24 * t60)
+        + t37;
+    // tau2, Ixx_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    // dot(q1)*sin(q2)*cos(q3))
+    matrix[1][13] = t42;
+    // tau2, Ixy_fore: S(q2, fore).W(Ixy, fore)
+    matrix[1][14] = t55;
+    // tau2, Ixz_fore: -(-dot(q1)*cos(q2)*sin(q3) - dot(q1)*sin(q2)*cos(q3))^2 + (dot(q1)*cos(q2)*cos(q3) -
+    // dot(q1)*sin(q2)*sin(q3))^2
+    let t62 = t46 - t56;
+    matrix[1][15] = t62;
     // tau2, Iyy_fore: ddot(q2) + ddot(q3)
-    matrix[1][16] = t45;
-    // tau2, Iyz_fore: ddot(q1)*cos(q2)*cos(q3) - ddot(q1)*sin(q2)*sin(q3)
-    let t100 = t92 - t94;
-    matrix[1][17] = t100;
-    // tau2, Izz_fore: dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2 -
-    // dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2
-    let t101 = -t48;
-    matrix[1][18] = t101;
+    matrix[1][16] = t39;
+    // tau2, Iyz_fore: S(q2, fore).W(Iyz, fore)
+    let t63 = -t52;
+    matrix[1][17] = t63;
+    // tau2, Izz_fore: -(dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    // dot(q1)*sin(q2)*cos(q3))
+    let t64 = -t42;
+    matrix[1][18] = t64;
     // tau2, fv_q2: dot(q2)
     matrix[1][21] = motion.q2.dot;
     // tau2, fc_q2: sign(dot(q2))
     matrix[1][22] = motion.q2.dot.sign();
-    // tau3, mx_fore: -981*cos(q2)*cos(q3)/100 + 981*sin(q2)*sin(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)/20 +
-    // 7*dot(q1)^2*sin(q3)*cos(q2)^2/20 + ddot(q1)*cos(q2)*sin(q3)/20 + ddot(q1)*sin(q2)*cos(q3)/20 +
-    // 7*dot(q2)^2*sin(q3)/20 + 7*ddot(q2)*cos(q3)/20
-    matrix[2][10] = t85 + t76 + t79 + t81 + T::from_f64(0.35) * t83
-        + T::from_f64(0.35) * (t3 * t25) - t75;
-    // tau3, mz_fore: -981*cos(q2)*sin(q3)/100 - 981*sin(q2)*cos(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)/20 -
-    // 7*dot(q1)^2*cos(q3)*cos(q2)^2/20 - ddot(q1)*cos(q2)*cos(q3)/20 + ddot(q1)*sin(q2)*sin(q3)/20 -
-    // 7*dot(q2)^2*cos(q3)/20 + 7*ddot(q2)*sin(q3)/20
-    matrix[2][12] = t89 + t95 + T::from_f64(0.35) * t96 - t87 - t88 - t90 - t93
-        - T::from_f64(0.35) * (t3 * t22);
-    // tau3, Ixx_fore: dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2 -
-    // dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2
-    matrix[2][13] = t48;
-    // tau3, Ixy_fore: -ddot(q1)*cos(q2)*sin(q3) - ddot(q1)*sin(q2)*cos(q3)
-    matrix[2][14] = t98;
-    // tau3, Ixz_fore: dot(q1)^2*cos(q2)^2*cos(q3)^2 + dot(q1)^2*sin(q3)^2*sin(q2)^2 -
-    // 4*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3) - dot(q1)^2*cos(q2)^2*sin(q3)^2 - dot(q1)^2*cos(q3)^2*sin(q2)^2
-    matrix[2][15] = t99;
+    // tau3, mx_fore: S(q3, fore).W(mx, fore)
+    matrix[2][10] = -t33;
+    // tau3, mz_fore: S(q3, fore).W(mz, fore)
+    matrix[2][12] = t37;
+    // tau3, Ixx_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    // dot(q1)*sin(q2)*cos(q3))
+    matrix[2][13] = t42;
+    // tau3, Ixy_fore: S(q3, fore).W(Ixy, fore)
+    matrix[2][14] = t55;
+    // tau3, Ixz_fore: -(-dot(q1)*cos(q2)*sin(q3) - dot(q1)*sin(q2)*cos(q3))^2 + (dot(q1)*cos(q2)*cos(q3) -
+    // dot(q1)*sin(q2)*sin(q3))^2
+    matrix[2][15] = t62;
     // tau3, Iyy_fore: ddot(q2) + ddot(q3)
-    matrix[2][16] = t45;
-    // tau3, Iyz_fore: ddot(q1)*cos(q2)*cos(q3) - ddot(q1)*sin(q2)*sin(q3)
-    matrix[2][17] = t100;
-    // tau3, Izz_fore: dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2 -
-    // dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2
-    matrix[2][18] = t101;
+    matrix[2][16] = t39;
+    // tau3, Iyz_fore: S(q3, fore).W(Iyz, fore)
+    matrix[2][17] = t63;
+    // tau3, Izz_fore: -(dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    // dot(q1)*sin(q2)*cos(q3))
+    matrix[2][18] = t64;
     // tau3, fv_q3: dot(q3)
     matrix[2][23] = motion.q3.dot;
     // tau3, fc_q3: sign(dot(q3))
@@ -1029,369 +805,235 @@ pub fn input_map<T: Real>() -> [[T; 3]; 3] {
 
 /// Phi theta + known: the generalised force of every equation that the motion needs.
 ///
-/// Operations: 184 additions, 260 multiplications, 7 function calls.
+/// Operations: 126 additions, 134 multiplications, 7 function calls.
 #[must_use]
 pub fn inverse_dynamics<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> Forces<T> {
-    let t0 = motion.q1.dot * motion.q1.dot;
-    let t1 = motion.q2.value.cos();
-    let t2 = t0 * t1;
-    let t3 = motion.q2.dot * motion.q2.dot;
-    let t4 = motion.q1.dot * t1;
-    let t5 = t4 * t4;
-    let t6 = motion.q2.value.sin();
-    let t7 = motion.q1.dot * t6;
-    let t8 = t4 * t7;
-    let t9 = t7 * t7;
-    let t10 = t6 * t6;
-    let t11 = motion.q1.ddot * t10;
-    let t12 = motion.q1.dot * motion.q2.dot;
-    let t13 = t12 + t12;
-    let t14 = t1 * t6;
-    let t15 = t13 * t14;
-    let t16 = t1 * t3;
-    let t17 = t6 * motion.q2.ddot;
-    let t18 = t1 * t1;
-    let t19 = motion.q1.ddot * t6;
-    let t20 = motion.q1.ddot * t18;
-    let t21 = t2 * t18;
-    let t22 = motion.q3.value.cos();
-    let t23 = t22 * t22;
-    let t24 = t10 * t23;
-    let t25 = motion.q3.value.sin();
-    let t26 = t25 * t25;
-    let t27 = t10 * t26;
-    let t28 = t20 * t23;
-    let t29 = t20 * t26;
-    let t30 = motion.q1.ddot * t24;
-    let t31 = motion.q1.ddot * t27;
-    let t32 = t16 * t23;
-    let t33 = t16 * t26;
-    let t34 = t17 * t23;
-    let t35 = t17 * t26;
-    let t36 = T::from_f64(0.0105) * (t2 * t10) + T::from_f64(0.0105) * t21
-        + T::from_f64(0.1225) * t20 + T::from_f64(0.0175) * (t2 * t24)
-        + T::from_f64(0.0175) * (t2 * t27) + T::from_f64(0.0175) * (t21 * t23);
-    let t37 = t36 + T::from_f64(0.0175) * (t21 * t26) + T::from_f64(0.0025) * t28
-        + T::from_f64(0.0025) * t29 + T::from_f64(0.0025) * t30
-        + T::from_f64(0.0025) * t31 + T::from_f64(0.0175) * t32
-        + T::from_f64(0.0175) * t33;
-    let t38 = t7 * motion.q2.dot;
-    let t39 = motion.q1.ddot * t1;
-    let t40 = t39 - t38;
-    let t41 = T::from_f64(0.35) * (t40 - t38) + T::from_f64(0.03) * (t9 + t5)
-        - T::from_f64(0.08) * t0;
-    let t42 = t1 * t22;
-    let t43 = t6 * t25;
-    let t44 = t42 - t43;
-    let t45 = motion.q2.ddot + motion.q3.ddot;
-    let t46 = t4 * t22 - t7 * t25;
-    let t47 = -(t4 * t25) - t7 * t22;
-    let t48 = t46 * t47;
-    let t49 = t48 - t45;
-    let t50 = t1 * t25;
-    let t51 = t6 * t22;
-    let t52 = -(T::from_f64(0.05) * t50) - T::from_f64(0.05) * t51;
-    let t53 = motion.q2.dot + motion.q3.dot;
-    let t54 = t53 * t53;
-    let t55 = t46 * t46;
-    let t56 = T::from_f64(0.05) * t43 - T::from_f64(0.05) * t42;
-    let t57 = -t19 - t4 * motion.q2.dot;
-    let t58 = t40 * t22 + t57 * t25 + t47 * motion.q3.dot;
-    let t59 = t47 * t53;
-    let t60 = t58 + t59;
-    let t61 = T::from_f64(0.1) * t28 + T::from_f64(0.1) * t29 + T::from_f64(0.1) * t30
-        + T::from_f64(0.1) * t31 + T::from_f64(0.35) * t32 + T::from_f64(0.35) * t33
-        + T::from_f64(0.35) * t34 + T::from_f64(0.35) * t35;
-    let t62 = -t50 - t51;
-    let t63 = t45 + t48;
-    let t64 = t57 * t22 - t40 * t25 - t46 * motion.q3.dot;
-    let t65 = t46 * t53;
-    let t66 = t65 - t64;
-    let t67 = t47 * t47;
-    let t68 = t2 * t6;
-    let t69 = t68 * t23;
-    let t70 = t68 * t26;
-    let t71 = t19 * t23;
-    let t72 = t19 * t26;
-    let t73 = T::from_f64(0.1225) * t69 + T::from_f64(0.1225) * t70
-        + T::from_f64(0.0175) * t71 + T::from_f64(0.0175) * t72
-        + T::from_f64(0.1225) * (motion.q2.ddot * t23)
-        + T::from_f64(0.1225) * (motion.q2.ddot * t26)
-        - T::from_f64(3.4335) * (t1 * t23);
-    let t74 = T::from_f64(9.81) * t42;
-    let t75 = T::from_f64(0.35) * (t2 * t50);
-    let t76 = t0 * t25;
-    let t77 = t39 * t25;
-    let t78 = T::from_f64(0.05) * t77;
-    let t79 = t19 * t22;
-    let t80 = T::from_f64(0.05) * t79;
-    let t81 = motion.q2.dot * motion.q3.dot;
-    let t82 = motion.q2.ddot * t22;
-    let t83 = motion.q3.dot * motion.q3.dot;
-    let t84 = T::from_f64(9.81) * t43 + T::from_f64(0.35) * (t68 * t22);
-    let t85 = t84 + T::from_f64(0.35) * (t70 * t22) + T::from_f64(0.35) * (t69 * t22)
-        + t75 + t78 + t80 + T::from_f64(0.7) * t82
-        + T::from_f64(0.35) * (t22 * motion.q3.ddot);
-    let t86 = T::from_f64(9.81) * t50;
-    let t87 = T::from_f64(9.81) * t51;
-    let t88 = T::from_f64(0.35) * (t68 * t25);
-    let t89 = T::from_f64(0.35) * (t2 * t42);
-    let t90 = t0 * t22;
-    let t91 = t39 * t22;
-    let t92 = T::from_f64(0.05) * t91;
-    let t93 = t19 * t25;
-    let t94 = T::from_f64(0.05) * t93;
-    let t95 = motion.q2.ddot * t25;
-    let t96 = T::from_f64(0.35) * (t69 * t25) + t88 + T::from_f64(0.35) * (t70 * t25)
-        + T::from_f64(0.35) * (t90 * t27) + T::from_f64(0.35) * (t90 * t24) + t94
-        + T::from_f64(0.7) * (t81 * t22);
-    let t97 = motion.q1.ddot * parameters.Izz_column
-        + (T::from_f64(0.08) * (t1 * (t3 + t5)) - T::from_f64(0.08) * t2
-            - T::from_f64(0.08) * (t6 * (-motion.q2.ddot - t8))) * parameters.mx_upper
-        + (T::from_f64(0.08) * (t6 * (t9 + t3)) - T::from_f64(0.08) * (t0 * t6)
-            - T::from_f64(0.08) * (t1 * (motion.q2.ddot - t8))) * parameters.mz_upper;
-    let t98 = t97 + (t11 + t15) * parameters.Ixx_upper
-        + (-t16 - t17) * parameters.Ixy_upper
-        + (t13 * t10 - t13 * t18 - T::from_f64(2.0) * t19 * t1) * parameters.Ixz_upper;
-    let t99 = t98 + (t1 * motion.q2.ddot - t6 * t3) * parameters.Iyz_upper
-        + (t20 - t15) * parameters.Izz_upper
-        + (t37 + T::from_f64(0.0175) * t34 + T::from_f64(0.0175) * t35
-            - T::from_f64(0.028) * t2 - T::from_f64(0.245) * (t12 * t14))
-            * parameters.m_fore;
-    let t100 = t99
-        + (t41 * t44 + t49 * t52 + T::from_f64(0.35) * (t1 * t60) - (t54 + t55) * t56)
-            * parameters.mx_fore + t61 * parameters.my_fore
-        + (t63 * t56 + T::from_f64(0.35) * (t1 * t66) - t41 * t62 - (t67 + t54) * t52)
-            * parameters.mz_fore;
-    let t101 = t100 + (t64 * t62 - t59 * t44) * parameters.Ixx_fore
-        + (t44 * (t67 - t54) - t49 * t62) * parameters.Ixy_fore
-        + (t60 * t62 - t66 * t44) * parameters.Ixz_fore;
-    let t102 = t101 + (t62 * (t54 - t55) + t63 * t44) * parameters.Iyz_fore
-        + (t65 * t62 + t58 * t44) * parameters.Izz_fore
-        + motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1;
-    let t103 = (T::from_f64(0.08) * t19 - T::from_f64(9.81) * t1) * parameters.mx_upper
-        + (-(T::from_f64(9.81) * t6) - T::from_f64(0.08) * t39) * parameters.mz_upper
-        - t68 * parameters.Ixx_upper - t19 * parameters.Ixy_upper
-        + (t5 - t9) * parameters.Ixz_upper;
-    let t104 = (t85 - t74 - T::from_f64(0.35) * (t76 * t24)
-        - T::from_f64(0.35) * (t76 * t27) - T::from_f64(0.7) * (t81 * t25)
-        - T::from_f64(0.35) * (t25 * t83)) * parameters.mx_fore;
-    let t105 = t103 + motion.q2.ddot * parameters.Iyy_upper + t39 * parameters.Iyz_upper
-        + t68 * parameters.Izz_upper
-        + (t73 - T::from_f64(3.4335) * (t1 * t26)) * parameters.m_fore + t104
-        + (T::from_f64(0.35) * t71 + T::from_f64(0.35) * t72) * parameters.my_fore;
-    let t106 = t105
-        + (t96 + T::from_f64(0.7) * t95 + T::from_f64(0.35) * (t22 * t83)
-            + T::from_f64(0.35) * (t25 * motion.q3.ddot) - t86 - t87 - t89 - t92)
-            * parameters.mz_fore;
-    let t107 = t48 * parameters.Ixx_fore;
-    let t108 = (-t77 - t79) * parameters.Ixy_fore;
-    let t109 = (t55 - t67) * parameters.Ixz_fore;
-    let t110 = t45 * parameters.Iyy_fore;
-    let t111 = (t91 - t93) * parameters.Iyz_fore;
-    let t112 = t48 * parameters.Izz_fore;
-    let t113 = (t84 + t75 + t78 + t80 + T::from_f64(0.35) * t82
-        + T::from_f64(0.35) * (t3 * t25) - t74) * parameters.mx_fore
-        + (t88 + t94 + T::from_f64(0.35) * t95 - t86 - t87 - t89 - t92
-            - T::from_f64(0.35) * (t3 * t22)) * parameters.mz_fore;
+    let t0 = motion.q2.value.cos();
+    let t1 = motion.q1.dot * motion.q1.dot;
+    let t2 = motion.q1.ddot * t0;
+    let t3 = motion.q2.value.sin();
+    let t4 = motion.q1.dot * t3;
+    let t5 = t4 * motion.q2.dot;
+    let t6 = t2 - t5;
+    let t7 = motion.q1.dot * t0;
+    let t8 = t7 * t4;
+    let t9 = motion.q2.ddot - t8;
+    let t10 = motion.q2.dot * motion.q2.dot;
+    let t11 = t1 * (t3 * t3);
+    let t12 = t7 * motion.q2.dot;
+    let t13 = motion.q1.ddot * t3;
+    let t14 = -t13 - t12;
+    let t15 = t6 * parameters.Izz_upper + t9 * parameters.Iyz_upper
+        + (t11 - t10) * parameters.Ixy_upper + t5 * parameters.Ixx_upper
+        - (t12 - t14) * parameters.Ixz_upper - t5 * parameters.Iyy_upper
+        - T::from_f64(0.08) * (t1 * parameters.mx_upper);
+    let t16 = motion.q3.value.cos();
+    let t17 = motion.q2.ddot + motion.q3.ddot;
+    let t18 = motion.q3.value.sin();
+    let t19 = t7 * t16 - t4 * t18;
+    let t20 = -(t7 * t18) - t4 * t16;
+    let t21 = t19 * t20;
+    let t22 = t17 + t21;
+    let t23 = t6 * t16 + t14 * t18 + t20 * motion.q3.dot;
+    let t24 = motion.q2.dot + motion.q3.dot;
+    let t25 = t20 * t24;
+    let t26 = t25 - t23;
+    let t27 = t24 * t24;
+    let t28 = t19 * t19;
+    let t29 = T::from_f64(9.81) * t0 - T::from_f64(0.08) * t13;
+    let t30 = t12 + t14;
+    let t31 = -motion.q2.ddot - t8;
+    let t32 = t29 + (T::from_f64(0.35) * t31 - T::from_f64(0.03) * t30);
+    let t33 = -(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t2;
+    let t34 = -t5 - t6;
+    let t35 = t1 * (t0 * t0);
+    let t36 = t10 + t35;
+    let t37 = t33 + (-(T::from_f64(0.03) * t34) - T::from_f64(0.35) * t36);
+    let t38 = t16 * t37 - t18 * t32;
+    let t39 = t22 * parameters.mz_fore + t26 * parameters.my_fore
+        - (t27 + t28) * parameters.mx_fore + t38 * parameters.m_fore;
+    let t40 = t14 * t16 - t6 * t18 - t19 * motion.q3.dot;
+    let t41 = t19 * t24;
+    let t42 = t40 + t41;
+    let t43 = t21 - t17;
+    let t44 = t20 * t20;
+    let t45 = t16 * t32 + t18 * t37;
+    let t46 = t42 * parameters.my_fore + t43 * parameters.mx_fore
+        - (t44 + t27) * parameters.mz_fore + t45 * parameters.m_fore;
+    let t47 = t16 * t39 + t18 * t46;
+    let t48 = t41 - t40;
+    let t49 = t23 + t25;
+    let t50 = t6 - t5;
+    let t51 = T::from_f64(0.35) * t50 + T::from_f64(0.03) * (t35 + t11)
+        - T::from_f64(0.08) * t1;
+    let t52 = t51 * parameters.mx_fore - t38 * parameters.my_fore
+        + (t23 * parameters.Izz_fore + t22 * parameters.Iyz_fore
+            + t25 * parameters.Iyy_fore + (t44 - t27) * parameters.Ixy_fore
+            - t25 * parameters.Ixx_fore - t48 * parameters.Ixz_fore);
+    let t53 = t45 * parameters.my_fore - t51 * parameters.mz_fore
+        + (t41 * parameters.Izz_fore + (t27 - t28) * parameters.Iyz_fore
+            + t49 * parameters.Ixz_fore + t40 * parameters.Ixx_fore
+            - t43 * parameters.Ixy_fore - t41 * parameters.Iyy_fore);
+    let t54 = T::from_f64(0.03) * t47
+        + T::from_f64(0.35)
+            * (t48 * parameters.mz_fore + t49 * parameters.mx_fore
+                - (t44 + t28) * parameters.my_fore + t51 * parameters.m_fore)
+        + (t16 * t52 - t18 * t53);
+    let t55 = T::from_f64(0.08) * (t1 * parameters.mz_upper)
+        + (t12 * parameters.Izz_upper + (t10 - t35) * parameters.Iyz_upper
+            + t50 * parameters.Ixz_upper + t14 * parameters.Ixx_upper
+            - t31 * parameters.Ixy_upper - t12 * parameters.Iyy_upper);
+    let t56 = t16 * t46 - t18 * t39;
+    let t57 = t0
+        * (t47
+            + (t9 * parameters.mz_upper - t36 * parameters.mx_upper
+                + t33 * parameters.m_upper_plus_25_my_upper))
+        + t3
+            * (t56
+                + (t31 * parameters.mx_upper - (t10 + t11) * parameters.mz_upper
+                    + t29 * parameters.m_upper_plus_25_my_upper));
+    let t58 = t0 * (t15 + t54)
+        - t3 * (t55 + (t16 * t53 + t18 * t52 - T::from_f64(0.03) * t56))
+        - T::from_f64(0.08) * t57 + motion.q1.ddot * parameters.Izz_column;
+    let t59 = t33 * parameters.mz_upper - t29 * parameters.mx_upper
+        + (t8 * parameters.Izz_upper + motion.q2.ddot * parameters.Iyy_upper
+            + (t35 - t11) * parameters.Ixz_upper + t30 * parameters.Ixy_upper
+            - t8 * parameters.Ixx_upper - t34 * parameters.Iyz_upper);
+    let t60 = t38 * parameters.mz_fore - t45 * parameters.mx_fore
+        + (t17 * parameters.Iyy_fore + (t28 - t44) * parameters.Ixz_fore
+            + t42 * parameters.Ixy_fore + t21 * parameters.Ixx_fore
+            - t26 * parameters.Iyz_fore - t21 * parameters.Izz_fore);
     Forces {
-        tau1: t102
-            + (T::from_f64(0.0064) * t11 + T::from_f64(0.0064) * t20)
-                * parameters.m_upper_plus_25_my_upper,
-        tau2: t106 + t107 + t108 + t109 + t110 + t111 - t112
-            + motion.q2.dot * parameters.fv_q2 + motion.q2.dot.sign() * parameters.fc_q2,
-        tau3: t113 + t107 + t108 + t109 + t110 + t111 - t112
-            + motion.q3.dot * parameters.fv_q3 + motion.q3.dot.sign() * parameters.fc_q3,
+        tau1: motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
+            + t58,
+        tau2: motion.q2.dot * parameters.fv_q2 + motion.q2.dot.sign() * parameters.fc_q2
+            + (t59 + (t60 - T::from_f64(0.35) * t56)),
+        tau3: t60
+            + (motion.q3.dot * parameters.fv_q3
+                + motion.q3.dot.sign() * parameters.fc_q3),
     }
 }
 
 /// Feed-forward: the inputs that the reference motion needs.
 ///
-/// Operations: 184 additions, 260 multiplications, 7 function calls.
+/// Operations: 126 additions, 134 multiplications, 7 function calls.
 #[must_use]
 pub fn feed_forward<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> Inputs<T> {
-    let t0 = motion.q1.dot * motion.q1.dot;
-    let t1 = motion.q2.value.cos();
-    let t2 = t0 * t1;
-    let t3 = motion.q2.dot * motion.q2.dot;
-    let t4 = motion.q1.dot * t1;
-    let t5 = t4 * t4;
-    let t6 = motion.q2.value.sin();
-    let t7 = motion.q1.dot * t6;
-    let t8 = t4 * t7;
-    let t9 = t7 * t7;
-    let t10 = t6 * t6;
-    let t11 = motion.q1.ddot * t10;
-    let t12 = motion.q1.dot * motion.q2.dot;
-    let t13 = t12 + t12;
-    let t14 = t1 * t6;
-    let t15 = t13 * t14;
-    let t16 = t1 * t3;
-    let t17 = t6 * motion.q2.ddot;
-    let t18 = t1 * t1;
-    let t19 = motion.q1.ddot * t6;
-    let t20 = motion.q1.ddot * t18;
-    let t21 = t2 * t18;
-    let t22 = motion.q3.value.cos();
-    let t23 = t22 * t22;
-    let t24 = t10 * t23;
-    let t25 = motion.q3.value.sin();
-    let t26 = t25 * t25;
-    let t27 = t10 * t26;
-    let t28 = t20 * t23;
-    let t29 = t20 * t26;
-    let t30 = motion.q1.ddot * t24;
-    let t31 = motion.q1.ddot * t27;
-    let t32 = t16 * t23;
-    let t33 = t16 * t26;
-    let t34 = t17 * t23;
-    let t35 = t17 * t26;
-    let t36 = T::from_f64(0.0105) * (t2 * t10) + T::from_f64(0.0105) * t21
-        + T::from_f64(0.1225) * t20 + T::from_f64(0.0175) * (t2 * t24)
-        + T::from_f64(0.0175) * (t2 * t27) + T::from_f64(0.0175) * (t21 * t23);
-    let t37 = t36 + T::from_f64(0.0175) * (t21 * t26) + T::from_f64(0.0025) * t28
-        + T::from_f64(0.0025) * t29 + T::from_f64(0.0025) * t30
-        + T::from_f64(0.0025) * t31 + T::from_f64(0.0175) * t32
-        + T::from_f64(0.0175) * t33;
-    let t38 = t7 * motion.q2.dot;
-    let t39 = motion.q1.ddot * t1;
-    let t40 = t39 - t38;
-    let t41 = T::from_f64(0.35) * (t40 - t38) + T::from_f64(0.03) * (t9 + t5)
-        - T::from_f64(0.08) * t0;
-    let t42 = t1 * t22;
-    let t43 = t6 * t25;
-    let t44 = t42 - t43;
-    let t45 = motion.q2.ddot + motion.q3.ddot;
-    let t46 = t4 * t22 - t7 * t25;
-    let t47 = -(t4 * t25) - t7 * t22;
-    let t48 = t46 * t47;
-    let t49 = t48 - t45;
-    let t50 = t1 * t25;
-    let t51 = t6 * t22;
-    let t52 = -(T::from_f64(0.05) * t50) - T::from_f64(0.05) * t51;
-    let t53 = motion.q2.dot + motion.q3.dot;
-    let t54 = t53 * t53;
-    let t55 = t46 * t46;
-    let t56 = T::from_f64(0.05) * t43 - T::from_f64(0.05) * t42;
-    let t57 = -t19 - t4 * motion.q2.dot;
-    let t58 = t40 * t22 + t57 * t25 + t47 * motion.q3.dot;
-    let t59 = t47 * t53;
-    let t60 = t58 + t59;
-    let t61 = T::from_f64(0.1) * t28 + T::from_f64(0.1) * t29 + T::from_f64(0.1) * t30
-        + T::from_f64(0.1) * t31 + T::from_f64(0.35) * t32 + T::from_f64(0.35) * t33
-        + T::from_f64(0.35) * t34 + T::from_f64(0.35) * t35;
-    let t62 = -t50 - t51;
-    let t63 = t45 + t48;
-    let t64 = t57 * t22 - t40 * t25 - t46 * motion.q3.dot;
-    let t65 = t46 * t53;
-    let t66 = t65 - t64;
-    let t67 = t47 * t47;
-    let t68 = t2 * t6;
-    let t69 = t68 * t23;
-    let t70 = t68 * t26;
-    let t71 = t19 * t23;
-    let t72 = t19 * t26;
-    let t73 = T::from_f64(0.1225) * t69 + T::from_f64(0.1225) * t70
-        + T::from_f64(0.0175) * t71 + T::from_f64(0.0175) * t72
-        + T::from_f64(0.1225) * (motion.q2.ddot * t23)
-        + T::from_f64(0.1225) * (motion.q2.ddot * t26)
-        - T::from_f64(3.4335) * (t1 * t23);
-    let t74 = T::from_f64(9.81) * t42;
-    let t75 = T::from_f64(0.35) * (t2 * t50);
-    let t76 = t0 * t25;
-    let t77 = t39 * t25;
-    let t78 = T::from_f64(0.05) * t77;
-    let t79 = t19 * t22;
-    let t80 = T::from_f64(0.05) * t79;
-    let t81 = motion.q2.dot * motion.q3.dot;
-    let t82 = motion.q2.ddot * t22;
-    let t83 = motion.q3.dot * motion.q3.dot;
-    let t84 = T::from_f64(9.81) * t43 + T::from_f64(0.35) * (t68 * t22);
-    let t85 = t84 + T::from_f64(0.35) * (t70 * t22) + T::from_f64(0.35) * (t69 * t22)
-        + t75 + t78 + t80 + T::from_f64(0.7) * t82
-        + T::from_f64(0.35) * (t22 * motion.q3.ddot);
-    let t86 = T::from_f64(9.81) * t50;
-    let t87 = T::from_f64(9.81) * t51;
-    let t88 = T::from_f64(0.35) * (t68 * t25);
-    let t89 = T::from_f64(0.35) * (t2 * t42);
-    let t90 = t0 * t22;
-    let t91 = t39 * t22;
-    let t92 = T::from_f64(0.05) * t91;
-    let t93 = t19 * t25;
-    let t94 = T::from_f64(0.05) * t93;
-    let t95 = motion.q2.ddot * t25;
-    let t96 = T::from_f64(0.35) * (t69 * t25) + t88 + T::from_f64(0.35) * (t70 * t25)
-        + T::from_f64(0.35) * (t90 * t27) + T::from_f64(0.35) * (t90 * t24) + t94
-        + T::from_f64(0.7) * (t81 * t22);
-    let t97 = motion.q1.ddot * parameters.Izz_column
-        + (T::from_f64(0.08) * (t1 * (t3 + t5)) - T::from_f64(0.08) * t2
-            - T::from_f64(0.08) * (t6 * (-motion.q2.ddot - t8))) * parameters.mx_upper
-        + (T::from_f64(0.08) * (t6 * (t9 + t3)) - T::from_f64(0.08) * (t0 * t6)
-            - T::from_f64(0.08) * (t1 * (motion.q2.ddot - t8))) * parameters.mz_upper;
-    let t98 = t97 + (t11 + t15) * parameters.Ixx_upper
-        + (-t16 - t17) * parameters.Ixy_upper
-        + (t13 * t10 - t13 * t18 - T::from_f64(2.0) * t19 * t1) * parameters.Ixz_upper;
-    let t99 = t98 + (t1 * motion.q2.ddot - t6 * t3) * parameters.Iyz_upper
-        + (t20 - t15) * parameters.Izz_upper
-        + (t37 + T::from_f64(0.0175) * t34 + T::from_f64(0.0175) * t35
-            - T::from_f64(0.028) * t2 - T::from_f64(0.245) * (t12 * t14))
-            * parameters.m_fore;
-    let t100 = t99
-        + (t41 * t44 + t49 * t52 + T::from_f64(0.35) * (t1 * t60) - (t54 + t55) * t56)
-            * parameters.mx_fore + t61 * parameters.my_fore
-        + (t63 * t56 + T::from_f64(0.35) * (t1 * t66) - t41 * t62 - (t67 + t54) * t52)
-            * parameters.mz_fore;
-    let t101 = t100 + (t64 * t62 - t59 * t44) * parameters.Ixx_fore
-        + (t44 * (t67 - t54) - t49 * t62) * parameters.Ixy_fore
-        + (t60 * t62 - t66 * t44) * parameters.Ixz_fore;
-    let t102 = t101 + (t62 * (t54 - t55) + t63 * t44) * parameters.Iyz_fore
-        + (t65 * t62 + t58 * t44) * parameters.Izz_fore
-        + motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1;
-    let t103 = (T::from_f64(0.08) * t19 - T::from_f64(9.81) * t1) * parameters.mx_upper
-        + (-(T::from_f64(9.81) * t6) - T::from_f64(0.08) * t39) * parameters.mz_upper
-        - t68 * parameters.Ixx_upper - t19 * parameters.Ixy_upper
-        + (t5 - t9) * parameters.Ixz_upper;
-    let t104 = (t85 - t74 - T::from_f64(0.35) * (t76 * t24)
-        - T::from_f64(0.35) * (t76 * t27) - T::from_f64(0.7) * (t81 * t25)
-        - T::from_f64(0.35) * (t25 * t83)) * parameters.mx_fore;
-    let t105 = t103 + motion.q2.ddot * parameters.Iyy_upper + t39 * parameters.Iyz_upper
-        + t68 * parameters.Izz_upper
-        + (t73 - T::from_f64(3.4335) * (t1 * t26)) * parameters.m_fore + t104
-        + (T::from_f64(0.35) * t71 + T::from_f64(0.35) * t72) * parameters.my_fore;
-    let t106 = t105
-        + (t96 + T::from_f64(0.7) * t95 + T::from_f64(0.35) * (t22 * t83)
-            + T::from_f64(0.35) * (t25 * motion.q3.ddot) - t86 - t87 - t89 - t92)
-            * parameters.mz_fore;
-    let t107 = t48 * parameters.Ixx_fore;
-    let t108 = (-t77 - t79) * parameters.Ixy_fore;
-    let t109 = (t55 - t67) * parameters.Ixz_fore;
-    let t110 = t45 * parameters.Iyy_fore;
-    let t111 = (t91 - t93) * parameters.Iyz_fore;
-    let t112 = t48 * parameters.Izz_fore;
-    let t113 = (t84 + t75 + t78 + t80 + T::from_f64(0.35) * t82
-        + T::from_f64(0.35) * (t3 * t25) - t74) * parameters.mx_fore
-        + (t88 + t94 + T::from_f64(0.35) * t95 - t86 - t87 - t89 - t92
-            - T::from_f64(0.35) * (t3 * t22)) * parameters.mz_fore;
+    let t0 = motion.q2.value.cos();
+    let t1 = motion.q1.dot * motion.q1.dot;
+    let t2 = motion.q1.ddot * t0;
+    let t3 = motion.q2.value.sin();
+    let t4 = motion.q1.dot * t3;
+    let t5 = t4 * motion.q2.dot;
+    let t6 = t2 - t5;
+    let t7 = motion.q1.dot * t0;
+    let t8 = t7 * t4;
+    let t9 = motion.q2.ddot - t8;
+    let t10 = motion.q2.dot * motion.q2.dot;
+    let t11 = t1 * (t3 * t3);
+    let t12 = t7 * motion.q2.dot;
+    let t13 = motion.q1.ddot * t3;
+    let t14 = -t13 - t12;
+    let t15 = t6 * parameters.Izz_upper + t9 * parameters.Iyz_upper
+        + (t11 - t10) * parameters.Ixy_upper + t5 * parameters.Ixx_upper
+        - (t12 - t14) * parameters.Ixz_upper - t5 * parameters.Iyy_upper
+        - T::from_f64(0.08) * (t1 * parameters.mx_upper);
+    let t16 = motion.q3.value.cos();
+    let t17 = motion.q2.ddot + motion.q3.ddot;
+    let t18 = motion.q3.value.sin();
+    let t19 = t7 * t16 - t4 * t18;
+    let t20 = -(t7 * t18) - t4 * t16;
+    let t21 = t19 * t20;
+    let t22 = t17 + t21;
+    let t23 = t6 * t16 + t14 * t18 + t20 * motion.q3.dot;
+    let t24 = motion.q2.dot + motion.q3.dot;
+    let t25 = t20 * t24;
+    let t26 = t25 - t23;
+    let t27 = t24 * t24;
+    let t28 = t19 * t19;
+    let t29 = T::from_f64(9.81) * t0 - T::from_f64(0.08) * t13;
+    let t30 = t12 + t14;
+    let t31 = -motion.q2.ddot - t8;
+    let t32 = t29 + (T::from_f64(0.35) * t31 - T::from_f64(0.03) * t30);
+    let t33 = -(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t2;
+    let t34 = -t5 - t6;
+    let t35 = t1 * (t0 * t0);
+    let t36 = t10 + t35;
+    let t37 = t33 + (-(T::from_f64(0.03) * t34) - T::from_f64(0.35) * t36);
+    let t38 = t16 * t37 - t18 * t32;
+    let t39 = t22 * parameters.mz_fore + t26 * parameters.my_fore
+        - (t27 + t28) * parameters.mx_fore + t38 * parameters.m_fore;
+    let t40 = t14 * t16 - t6 * t18 - t19 * motion.q3.dot;
+    let t41 = t19 * t24;
+    let t42 = t40 + t41;
+    let t43 = t21 - t17;
+    let t44 = t20 * t20;
+    let t45 = t16 * t32 + t18 * t37;
+    let t46 = t42 * parameters.my_fore + t43 * parameters.mx_fore
+        - (t44 + t27) * parameters.mz_fore + t45 * parameters.m_fore;
+    let t47 = t16 * t39 + t18 * t46;
+    let t48 = t41 - t40;
+    let t49 = t23 + t25;
+    let t50 = t6 - t5;
+    let t51 = T::from_f64(0.35) * t50 + T::from_f64(0.03) * (t35 + t11)
+        - T::from_f64(0.08) * t1;
+    let t52 = t51 * parameters.mx_fore - t38 * parameters.my_fore
+        + (t23 * parameters.Izz_fore + t22 * parameters.Iyz_fore
+            + t25 * parameters.Iyy_fore + (t44 - t27) * parameters.Ixy_fore
+            - t25 * parameters.Ixx_fore - t48 * parameters.Ixz_fore);
+    let t53 = t45 * parameters.my_fore - t51 * parameters.mz_fore
+        + (t41 * parameters.Izz_fore + (t27 - t28) * parameters.Iyz_fore
+            + t49 * parameters.Ixz_fore + t40 * parameters.Ixx_fore
+            - t43 * parameters.Ixy_fore - t41 * parameters.Iyy_fore);
+    let t54 = T::from_f64(0.03) * t47
+        + T::from_f64(0.35)
+            * (t48 * parameters.mz_fore + t49 * parameters.mx_fore
+                - (t44 + t28) * parameters.my_fore + t51 * parameters.m_fore)
+        + (t16 * t52 - t18 * t53);
+    let t55 = T::from_f64(0.08) * (t1 * parameters.mz_upper)
+        + (t12 * parameters.Izz_upper + (t10 - t35) * parameters.Iyz_upper
+            + t50 * parameters.Ixz_upper + t14 * parameters.Ixx_upper
+            - t31 * parameters.Ixy_upper - t12 * parameters.Iyy_upper);
+    let t56 = t16 * t46 - t18 * t39;
+    let t57 = t0
+        * (t47
+            + (t9 * parameters.mz_upper - t36 * parameters.mx_upper
+                + t33 * parameters.m_upper_plus_25_my_upper))
+        + t3
+            * (t56
+                + (t31 * parameters.mx_upper - (t10 + t11) * parameters.mz_upper
+                    + t29 * parameters.m_upper_plus_25_my_upper));
+    let t58 = t0 * (t15 + t54)
+        - t3 * (t55 + (t16 * t53 + t18 * t52 - T::from_f64(0.03) * t56))
+        - T::from_f64(0.08) * t57 + motion.q1.ddot * parameters.Izz_column;
+    let t59 = t33 * parameters.mz_upper - t29 * parameters.mx_upper
+        + (t8 * parameters.Izz_upper + motion.q2.ddot * parameters.Iyy_upper
+            + (t35 - t11) * parameters.Ixz_upper + t30 * parameters.Ixy_upper
+            - t8 * parameters.Ixx_upper - t34 * parameters.Iyz_upper);
+    let t60 = t38 * parameters.mz_fore - t45 * parameters.mx_fore
+        + (t17 * parameters.Iyy_fore + (t28 - t44) * parameters.Ixz_fore
+            + t42 * parameters.Ixy_fore + t21 * parameters.Ixx_fore
+            - t26 * parameters.Iyz_fore - t21 * parameters.Izz_fore);
     Inputs {
-        tau1: t102
-            + (T::from_f64(0.0064) * t11 + T::from_f64(0.0064) * t20)
-                * parameters.m_upper_plus_25_my_upper,
-        tau2: t106 + t107 + t108 + t109 + t110 + t111 - t112
-            + motion.q2.dot * parameters.fv_q2 + motion.q2.dot.sign() * parameters.fc_q2,
-        tau3: t113 + t107 + t108 + t109 + t110 + t111 - t112
-            + motion.q3.dot * parameters.fv_q3 + motion.q3.dot.sign() * parameters.fc_q3,
+        tau1: motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
+            + t58,
+        tau2: motion.q2.dot * parameters.fv_q2 + motion.q2.dot.sign() * parameters.fc_q2
+            + (t59 + (t60 - T::from_f64(0.35) * t56)),
+        tau3: t60
+            + (motion.q3.dot * parameters.fv_q3
+                + motion.q3.dot.sign() * parameters.fc_q3),
     }
 }
 
 /// [`feed_forward`] and [`regressor`] in one go: what they share is computed once.
 ///
-/// Operations: 186 additions, 260 multiplications, 7 function calls.
+/// Operations: 186 additions, 219 multiplications, 7 function calls.
 #[must_use]
 pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
@@ -1400,221 +1042,158 @@ pub fn feed_forward_with_regressor<T: Real>(
     // tau1, mx_upper
     let t0 = motion.q2.value.cos();
     let t1 = motion.q2.dot * motion.q2.dot;
-    let t2 = motion.q1.dot * t0;
-    let t3 = t2 * t2;
-    let t4 = motion.q1.dot * motion.q1.dot;
-    let t5 = t4 * t0;
+    let t2 = motion.q1.dot * motion.q1.dot;
+    let t3 = t2 * t0;
+    let t4 = t3 * t0;
+    let t5 = t1 + t4;
     let t6 = motion.q2.value.sin();
-    let t7 = motion.q1.dot * t6;
-    let t8 = t2 * t7;
-    let t9 = T::from_f64(0.08) * (t0 * (t1 + t3)) - T::from_f64(0.08) * t5
-        - T::from_f64(0.08) * (t6 * (-motion.q2.ddot - t8));
+    let t7 = motion.q1.dot * t0;
+    let t8 = motion.q1.dot * t6;
+    let t9 = t7 * t8;
+    let t10 = -motion.q2.ddot - t9;
+    let t11 = t6 * t10;
     // tau1, mz_upper
-    let t10 = t7 * t7;
-    let t11 = T::from_f64(0.08) * (t6 * (t10 + t1)) - T::from_f64(0.08) * (t4 * t6)
-        - T::from_f64(0.08) * (t0 * (motion.q2.ddot - t8));
+    let t12 = t2 * t6;
+    let t13 = t12 * t6;
+    let t14 = motion.q2.ddot - t9;
+    let t15 = t0 * t14;
     // tau1, Ixx_upper
-    let t12 = t6 * t6;
-    let t13 = motion.q1.ddot * t12;
-    let t14 = motion.q1.dot * motion.q2.dot;
-    let t15 = t14 + t14;
-    let t16 = t0 * t6;
-    let t17 = t15 * t16;
-    let t18 = t13 + t17;
-    // tau1, Ixy_upper
-    let t19 = t0 * t1;
-    let t20 = t6 * motion.q2.ddot;
-    let t21 = -t19 - t20;
+    let t16 = t8 * motion.q2.dot;
+    let t17 = motion.q1.ddot * t6;
+    let t18 = t7 * motion.q2.dot;
+    let t19 = -t17 - t18;
     // tau1, Ixz_upper
-    let t22 = t0 * t0;
-    let t23 = motion.q1.ddot * t6;
-    let t24 = t15 * t12 - t15 * t22 - T::from_f64(2.0) * t23 * t0;
-    // tau1, Iyz_upper
-    let t25 = t0 * motion.q2.ddot - t6 * t1;
-    // tau1, Izz_upper
-    let t26 = motion.q1.ddot * t22;
-    let t27 = t26 - t17;
+    let t20 = motion.q1.ddot * t0;
+    let t21 = t20 - t16;
+    let t22 = t21 - t16;
+    let t23 = t18 - t19;
     // tau1, m_fore
-    let t28 = t5 * t22;
-    let t29 = motion.q3.value.cos();
-    let t30 = t29 * t29;
-    let t31 = t12 * t30;
-    let t32 = motion.q3.value.sin();
-    let t33 = t32 * t32;
-    let t34 = t12 * t33;
-    let t35 = T::from_f64(0.0105) * (t5 * t12) + T::from_f64(0.0105) * t28
-        + T::from_f64(0.1225) * t26 + T::from_f64(0.0175) * (t5 * t31)
-        + T::from_f64(0.0175) * (t5 * t34) + T::from_f64(0.0175) * (t28 * t30);
-    let t36 = t26 * t30;
-    let t37 = t26 * t33;
-    let t38 = motion.q1.ddot * t31;
-    let t39 = motion.q1.ddot * t34;
-    let t40 = t19 * t30;
-    let t41 = t19 * t33;
-    let t42 = t35 + T::from_f64(0.0175) * (t28 * t33) + T::from_f64(0.0025) * t36
-        + T::from_f64(0.0025) * t37 + T::from_f64(0.0025) * t38
-        + T::from_f64(0.0025) * t39 + T::from_f64(0.0175) * t40
-        + T::from_f64(0.0175) * t41;
-    let t43 = t20 * t30;
-    let t44 = t20 * t33;
-    let t45 = t42 + T::from_f64(0.0175) * t43 + T::from_f64(0.0175) * t44
-        - T::from_f64(0.028) * t5 - T::from_f64(0.245) * (t14 * t16);
+    let t24 = motion.q3.value.sin();
+    let t25 = t0 * t24;
+    let t26 = motion.q3.value.cos();
+    let t27 = t6 * t26;
+    let t28 = -(T::from_f64(0.05) * t25) - T::from_f64(0.05) * t27;
+    let t29 = T::from_f64(9.81) * t0 - T::from_f64(0.08) * t17;
+    let t30 = t18 + t19;
+    let t31 = t29 + (T::from_f64(0.35) * t10 - T::from_f64(0.03) * t30);
+    let t32 = t26 * t31;
+    let t33 = -(T::from_f64(9.81) * t6) - T::from_f64(0.08) * t20;
+    let t34 = -t16 - t21;
+    let t35 = -(T::from_f64(0.03) * t34);
+    let t36 = t33 + (t35 - T::from_f64(0.35) * t5);
+    let t37 = t32 + t24 * t36;
+    let t38 = t6 * t24;
+    let t39 = t0 * t26;
+    let t40 = T::from_f64(0.05) * t38 - T::from_f64(0.05) * t39;
+    let t41 = t24 * t31;
+    let t42 = t26 * t36 - t41;
+    let t43 = T::from_f64(0.35) * t22;
+    let t44 = T::from_f64(0.08) * t2;
+    let t45 = t43 + T::from_f64(0.03) * (t4 + t13) - t44;
     // tau1, mx_fore
-    let t46 = motion.q1.ddot * t0;
-    let t47 = t7 * motion.q2.dot;
-    let t48 = t46 - t47;
-    let t49 = T::from_f64(0.35) * (t48 - t47) + T::from_f64(0.03) * (t10 + t3)
-        - T::from_f64(0.08) * t4;
-    let t50 = t0 * t29;
-    let t51 = t6 * t32;
-    let t52 = t50 - t51;
-    let t53 = t2 * t29 - t7 * t32;
-    let t54 = -(t2 * t32) - t7 * t29;
-    let t55 = t53 * t54;
-    let t56 = motion.q2.ddot + motion.q3.ddot;
-    let t57 = t55 - t56;
-    let t58 = t0 * t32;
-    let t59 = t6 * t29;
-    let t60 = -(T::from_f64(0.05) * t58) - T::from_f64(0.05) * t59;
-    let t61 = -t23;
-    let t62 = t61 - t2 * motion.q2.dot;
-    let t63 = t48 * t29 + t62 * t32 + t54 * motion.q3.dot;
-    let t64 = motion.q2.dot + motion.q3.dot;
-    let t65 = t54 * t64;
-    let t66 = t63 + t65;
-    let t67 = t64 * t64;
-    let t68 = t53 * t53;
-    let t69 = T::from_f64(0.05) * t51 - T::from_f64(0.05) * t50;
-    let t70 = t49 * t52 + t57 * t60 + T::from_f64(0.35) * (t0 * t66) - (t67 + t68) * t69;
+    let t46 = t7 * t26 - t8 * t24;
+    let t47 = -(t7 * t24) - t8 * t26;
+    let t48 = t46 * t47;
+    let t49 = motion.q2.ddot + motion.q3.ddot;
+    let t50 = t48 - t49;
+    let t51 = t21 * t26 + t19 * t24 + t47 * motion.q3.dot;
+    let t52 = motion.q2.dot + motion.q3.dot;
+    let t53 = t47 * t52;
+    let t54 = t51 + t53;
+    let t55 = t52 * t52;
+    let t56 = t46 * t46;
+    let t57 = t55 + t56;
+    let t58 = t39 - t38;
     // tau1, my_fore
-    let t71 = T::from_f64(0.1) * t36 + T::from_f64(0.1) * t37 + T::from_f64(0.1) * t38
-        + T::from_f64(0.1) * t39 + T::from_f64(0.35) * t40 + T::from_f64(0.35) * t41
-        + T::from_f64(0.35) * t43 + T::from_f64(0.35) * t44;
+    let t59 = t53 - t51;
+    let t60 = t19 * t26 - t21 * t24 - t46 * motion.q3.dot;
+    let t61 = t46 * t52;
+    let t62 = t60 + t61;
+    let t63 = t47 * t47;
+    let t64 = t63 + t56;
+    let t65 = -t25 - t27;
     // tau1, mz_fore
-    let t72 = t56 + t55;
-    let t73 = t53 * t64;
-    let t74 = t62 * t29 - t48 * t32 - t53 * motion.q3.dot;
-    let t75 = t73 - t74;
-    let t76 = -t58 - t59;
-    let t77 = t54 * t54;
-    let t78 = t72 * t69 + T::from_f64(0.35) * (t0 * t75) - t49 * t76 - (t77 + t67) * t60;
-    // tau1, Ixx_fore
-    let t79 = t74 * t76 - t65 * t52;
+    let t66 = t49 + t48;
+    let t67 = t61 - t60;
+    let t68 = t63 + t55;
     // tau1, Ixy_fore
-    let t80 = t52 * (t77 - t67) - t57 * t76;
-    // tau1, Ixz_fore
-    let t81 = t66 * t76 - t75 * t52;
+    let t69 = t63 - t55;
     // tau1, Iyz_fore
-    let t82 = t76 * (t67 - t68) + t72 * t52;
-    // tau1, Izz_fore
-    let t83 = t73 * t76 + t63 * t52;
+    let t70 = t55 - t56;
     // tau1, fc_q1
-    let t84 = motion.q1.dot.sign();
-    // tau1, m_upper_plus_25_my_upper
-    let t85 = T::from_f64(0.0064) * t13 + T::from_f64(0.0064) * t26;
+    let t71 = motion.q1.dot.sign();
     // tau1
-    let t86 = motion.q1.ddot * parameters.Izz_column + t9 * parameters.mx_upper
-        + t11 * parameters.mz_upper + t18 * parameters.Ixx_upper
-        + t21 * parameters.Ixy_upper + t24 * parameters.Ixz_upper
-        + t25 * parameters.Iyz_upper + t27 * parameters.Izz_upper;
-    let t87 = t86 + t45 * parameters.m_fore + t70 * parameters.mx_fore
-        + t71 * parameters.my_fore + t78 * parameters.mz_fore + t79 * parameters.Ixx_fore
-        + t80 * parameters.Ixy_fore + t81 * parameters.Ixz_fore;
-    let v0 = t87 + t82 * parameters.Iyz_fore + t83 * parameters.Izz_fore
-        + motion.q1.dot * parameters.fv_q1 + t84 * parameters.fc_q1
-        + t85 * parameters.m_upper_plus_25_my_upper;
-    // tau2, mx_upper
-    let t88 = T::from_f64(0.08) * t23 - T::from_f64(9.81) * t0;
-    // tau2, mz_upper
-    let t89 = -(T::from_f64(9.81) * t6) - T::from_f64(0.08) * t46;
+    let t72 = t2 * (t6 * t6);
+    let t73 = t21 * parameters.Izz_upper + t14 * parameters.Iyz_upper
+        + (t72 - t1) * parameters.Ixy_upper + t16 * parameters.Ixx_upper
+        - t23 * parameters.Ixz_upper - t16 * parameters.Iyy_upper
+        - T::from_f64(0.08) * (t2 * parameters.mx_upper);
+    let t74 = t2 * (t0 * t0);
+    let t75 = t1 + t74;
+    let t76 = t33 + (t35 - T::from_f64(0.35) * t75);
+    let t77 = t26 * t76 - t41;
+    let t78 = t66 * parameters.mz_fore + t59 * parameters.my_fore
+        - t57 * parameters.mx_fore + t77 * parameters.m_fore;
+    let t79 = t32 + t24 * t76;
+    let t80 = t62 * parameters.my_fore + t50 * parameters.mx_fore
+        - t68 * parameters.mz_fore + t79 * parameters.m_fore;
+    let t81 = t26 * t78 + t24 * t80;
+    let t82 = t43 + T::from_f64(0.03) * (t74 + t72) - t44;
+    let t83 = t82 * parameters.mx_fore - t77 * parameters.my_fore
+        + (t51 * parameters.Izz_fore + t66 * parameters.Iyz_fore
+            + t53 * parameters.Iyy_fore + t69 * parameters.Ixy_fore
+            - t53 * parameters.Ixx_fore - t67 * parameters.Ixz_fore);
+    let t84 = t79 * parameters.my_fore - t82 * parameters.mz_fore
+        + (t61 * parameters.Izz_fore + t70 * parameters.Iyz_fore
+            + t54 * parameters.Ixz_fore + t60 * parameters.Ixx_fore
+            - t50 * parameters.Ixy_fore - t61 * parameters.Iyy_fore);
+    let t85 = T::from_f64(0.03) * t81
+        + T::from_f64(0.35)
+            * (t67 * parameters.mz_fore + t54 * parameters.mx_fore
+                - t64 * parameters.my_fore + t82 * parameters.m_fore)
+        + (t26 * t83 - t24 * t84);
+    let t86 = T::from_f64(0.08) * (t2 * parameters.mz_upper)
+        + (t18 * parameters.Izz_upper + (t1 - t74) * parameters.Iyz_upper
+            + t22 * parameters.Ixz_upper + t19 * parameters.Ixx_upper
+            - t10 * parameters.Ixy_upper - t18 * parameters.Iyy_upper);
+    let t87 = t26 * t80 - t24 * t78;
+    let t88 = t0
+        * (t81
+            + (t14 * parameters.mz_upper - t75 * parameters.mx_upper
+                + t33 * parameters.m_upper_plus_25_my_upper))
+        + t6
+            * (t87
+                + (t10 * parameters.mx_upper - (t1 + t72) * parameters.mz_upper
+                    + t29 * parameters.m_upper_plus_25_my_upper));
+    let t89 = t0 * (t73 + t85)
+        - t6 * (t86 + (t26 * t84 + t24 * t83 - T::from_f64(0.03) * t87))
+        - T::from_f64(0.08) * t88 + motion.q1.ddot * parameters.Izz_column;
+    let v0 = motion.q1.dot * parameters.fv_q1 + t71 * parameters.fc_q1 + t89;
     // tau2, Ixx_upper
-    let t90 = t5 * t6;
-    // tau2, Ixz_upper
-    let t91 = t3 - t10;
-    // tau2, m_fore
-    let t92 = t90 * t30;
-    let t93 = t90 * t33;
-    let t94 = t23 * t30;
-    let t95 = t23 * t33;
-    let t96 = T::from_f64(0.1225) * t92 + T::from_f64(0.1225) * t93
-        + T::from_f64(0.0175) * t94 + T::from_f64(0.0175) * t95
-        + T::from_f64(0.1225) * (motion.q2.ddot * t30)
-        + T::from_f64(0.1225) * (motion.q2.ddot * t33)
-        - T::from_f64(3.4335) * (t0 * t30);
-    let t97 = t96 - T::from_f64(3.4335) * (t0 * t33);
-    // tau2, mx_fore
-    let t98 = T::from_f64(9.81) * t51 + T::from_f64(0.35) * (t90 * t29);
-    let t99 = T::from_f64(0.35) * (t5 * t58);
-    let t100 = t46 * t32;
-    let t101 = T::from_f64(0.05) * t100;
-    let t102 = t23 * t29;
-    let t103 = T::from_f64(0.05) * t102;
-    let t104 = motion.q2.ddot * t29;
-    let t105 = t98 + T::from_f64(0.35) * (t93 * t29) + T::from_f64(0.35) * (t92 * t29)
-        + t99 + t101 + t103 + T::from_f64(0.7) * t104
-        + T::from_f64(0.35) * (t29 * motion.q3.ddot);
-    let t106 = T::from_f64(9.81) * t50;
-    let t107 = t4 * t32;
-    let t108 = motion.q2.dot * motion.q3.dot;
-    let t109 = motion.q3.dot * motion.q3.dot;
-    let t110 = t105 - t106 - T::from_f64(0.35) * (t107 * t31)
-        - T::from_f64(0.35) * (t107 * t34) - T::from_f64(0.7) * (t108 * t32)
-        - T::from_f64(0.35) * (t32 * t109);
-    // tau2, my_fore
-    let t111 = T::from_f64(0.35) * t94 + T::from_f64(0.35) * t95;
-    // tau2, mz_fore
-    let t112 = T::from_f64(0.35) * (t90 * t32);
-    let t113 = t4 * t29;
-    let t114 = t23 * t32;
-    let t115 = T::from_f64(0.05) * t114;
-    let t116 = T::from_f64(0.35) * (t92 * t32) + t112 + T::from_f64(0.35) * (t93 * t32)
-        + T::from_f64(0.35) * (t113 * t34) + T::from_f64(0.35) * (t113 * t31) + t115
-        + T::from_f64(0.7) * (t108 * t29);
-    let t117 = motion.q2.ddot * t32;
-    let t118 = T::from_f64(9.81) * t58;
-    let t119 = T::from_f64(9.81) * t59;
-    let t120 = T::from_f64(0.35) * (t5 * t50);
-    let t121 = t46 * t29;
-    let t122 = T::from_f64(0.05) * t121;
-    let t123 = t116 + T::from_f64(0.7) * t117 + T::from_f64(0.35) * (t29 * t109)
-        + T::from_f64(0.35) * (t32 * motion.q3.ddot) - t118 - t119 - t120 - t122;
-    // tau2, Ixy_fore
-    let t124 = -t100 - t102;
+    let t90 = t3 * t6;
     // tau2, Ixz_fore
-    let t125 = t68 - t77;
+    let t91 = t56 - t63;
     // tau2, Iyz_fore
-    let t126 = t121 - t114;
+    let t92 = -t59;
     // tau2, Izz_fore
-    let t127 = -t55;
+    let t93 = -t48;
     // tau2, fc_q2
-    let t128 = motion.q2.dot.sign();
+    let t94 = motion.q2.dot.sign();
     // tau2
-    let t129 = t88 * parameters.mx_upper + t89 * parameters.mz_upper
-        - t90 * parameters.Ixx_upper - t23 * parameters.Ixy_upper
-        + t91 * parameters.Ixz_upper + motion.q2.ddot * parameters.Iyy_upper
-        + t46 * parameters.Iyz_upper + t90 * parameters.Izz_upper;
-    let t130 = t55 * parameters.Ixx_fore;
-    let t131 = t124 * parameters.Ixy_fore;
-    let t132 = t125 * parameters.Ixz_fore;
-    let t133 = t56 * parameters.Iyy_fore;
-    let t134 = t126 * parameters.Iyz_fore;
-    let t135 = t55 * parameters.Izz_fore;
-    let t136 = t129 + t97 * parameters.m_fore + t110 * parameters.mx_fore
-        + t111 * parameters.my_fore + t123 * parameters.mz_fore + t130 + t131 + t132
-        + t133 + t134 - t135;
-    let v1 = t136 + motion.q2.dot * parameters.fv_q2 + t128 * parameters.fc_q2;
-    // tau3, mx_fore
-    let t137 = t98 + t99 + t101 + t103 + T::from_f64(0.35) * t104
-        + T::from_f64(0.35) * (t1 * t32) - t106;
-    // tau3, mz_fore
-    let t138 = t112 + t115 + T::from_f64(0.35) * t117 - t118 - t119 - t120 - t122
-        - T::from_f64(0.35) * (t1 * t29);
+    let t95 = t33 * parameters.mz_upper - t29 * parameters.mx_upper
+        + (t9 * parameters.Izz_upper + motion.q2.ddot * parameters.Iyy_upper
+            + (t74 - t72) * parameters.Ixz_upper + t30 * parameters.Ixy_upper
+            - t9 * parameters.Ixx_upper - t34 * parameters.Iyz_upper);
+    let t96 = t77 * parameters.mz_fore - t79 * parameters.mx_fore
+        + (t49 * parameters.Iyy_fore + t91 * parameters.Ixz_fore
+            + t62 * parameters.Ixy_fore + t48 * parameters.Ixx_fore
+            - t59 * parameters.Iyz_fore - t48 * parameters.Izz_fore);
+    let v1 = motion.q2.dot * parameters.fv_q2 + t94 * parameters.fc_q2
+        + (t95 + (t96 - T::from_f64(0.35) * t87));
     // tau3, fc_q3
-    let t139 = motion.q3.dot.sign();
+    let t97 = motion.q3.dot.sign();
     // tau3
-    let v2 = t137 * parameters.mx_fore + t138 * parameters.mz_fore + t130 + t131 + t132
-        + t133 + t134 - t135 + motion.q3.dot * parameters.fv_q3
-        + t139 * parameters.fc_q3;
+    let v2 = t96 + (motion.q3.dot * parameters.fv_q3 + t97 * parameters.fc_q3);
     (
         Inputs {
             tau1: v0,
@@ -1624,56 +1203,60 @@ pub fn feed_forward_with_regressor<T: Real>(
         [
             [
                 motion.q1.ddot,
-                t9,
-                t11,
-                t18,
-                t21,
-                t24,
+                T::from_f64(0.08) * (t0 * t5) - T::from_f64(0.08) * t11
+                    - T::from_f64(0.08) * t3,
+                T::from_f64(0.08) * (t6 * (t1 + t13)) - T::from_f64(0.08) * t15
+                    - T::from_f64(0.08) * t12,
+                t0 * t16 - t6 * t19,
+                t11 + t0 * (t13 - t1),
+                -(t6 * t22) - t0 * t23,
                 T::ZERO,
-                t25,
-                t27,
-                t45,
-                t70,
-                t71,
-                t78,
-                t79,
-                t80,
-                t81,
+                t15 - t6 * (t1 - t4),
+                t0 * t21 - t6 * t18,
+                t28 * t37 + t40 * t42 + T::from_f64(0.35) * (t0 * t45),
+                t50 * t28 + T::from_f64(0.35) * (t0 * t54) - t57 * t40 + t58 * t45,
+                t59 * t40 + t62 * t28 - T::from_f64(0.35) * (t0 * t64)
+                    + (t65 * t37 - t58 * t42),
+                t66 * t40 + T::from_f64(0.35) * (t0 * t67) - t68 * t28 - t65 * t45,
+                t60 * t65 - t53 * t58,
+                t58 * t69 - t50 * t65,
+                t54 * t65 - t67 * t58,
                 T::ZERO,
-                t82,
-                t83,
+                t65 * t70 + t66 * t58,
+                t61 * t65 + t51 * t58,
                 motion.q1.dot,
-                t84,
+                t71,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
-                t85,
+                -(T::from_f64(0.08) * (t0 * t33)) - T::from_f64(0.08) * (t6 * t29),
             ],
             [
                 T::ZERO,
-                t88,
-                t89,
+                -t29,
+                t33,
                 -t90,
-                t61,
-                t91,
+                t30,
+                t4 - t13,
                 motion.q2.ddot,
-                t46,
+                -t34,
                 t90,
-                t97,
-                t110,
-                t111,
-                t123,
-                t55,
-                t124,
-                t125,
-                t56,
-                t126,
-                t127,
+                T::from_f64(0.35) * (t24 * t42) - T::from_f64(0.35) * (t26 * t37),
+                -(T::from_f64(0.35) * (t24 * t57)) - T::from_f64(0.35) * (t26 * t50)
+                    - t37,
+                T::from_f64(0.35) * (t24 * t59) - T::from_f64(0.35) * (t26 * t62),
+                T::from_f64(0.35) * (t24 * t66) + T::from_f64(0.35) * (t26 * t68) + t42,
+                t48,
+                t62,
+                t91,
+                t49,
+                t92,
+                t93,
                 T::ZERO,
                 T::ZERO,
                 motion.q2.dot,
-                t128,
+                t94,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
@@ -1689,311 +1272,57 @@ pub fn feed_forward_with_regressor<T: Real>(
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
-                t137,
+                -t37,
                 T::ZERO,
-                t138,
-                t55,
-                t124,
-                t125,
-                t56,
-                t126,
-                t127,
+                t42,
+                t48,
+                t62,
+                t91,
+                t49,
+                t92,
+                t93,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
                 motion.q3.dot,
-                t139,
+                t97,
                 T::ZERO,
             ],
         ],
     )
 }
 
-/// The motion-independent part of the feed-forward: of every input the reaction that holds its own coordinate
-/// still while the others move. An actuator gives it as fast as its amplifier is, so that it needs no low pass.
-///
-/// Operations: 124 additions, 195 multiplications, 4 function calls.
-#[must_use]
-pub fn feed_forward_independent<T: Real>(
-    motion: &Motion<T>,
-    parameters: &Parameters<T>,
-) -> Inputs<T> {
-    let t0 = motion.q2.value.cos();
-    let t1 = motion.q2.dot * motion.q2.dot;
-    let t2 = t0 * t1;
-    let t3 = motion.q2.value.sin();
-    let t4 = t3 * motion.q2.ddot;
-    let t5 = t0 * motion.q2.ddot;
-    let t6 = t3 * t1;
-    let t7 = motion.q3.value.cos();
-    let t8 = t0 * t7;
-    let t9 = t8 * t7;
-    let t10 = t9 * t1;
-    let t11 = motion.q3.value.sin();
-    let t12 = t0 * t11;
-    let t13 = t12 * t11;
-    let t14 = t13 * t1;
-    let t15 = t3 * t7;
-    let t16 = t15 * t7;
-    let t17 = t16 * motion.q2.ddot;
-    let t18 = t3 * t11;
-    let t19 = t18 * t11;
-    let t20 = t19 * motion.q2.ddot;
-    let t21 = motion.q2.dot * motion.q3.dot;
-    let t22 = motion.q3.dot * motion.q3.dot;
-    let t23 = T::from_f64(0.1) * (t8 * t21) + T::from_f64(0.05) * (t8 * t1)
-        + T::from_f64(0.05) * (t12 * motion.q2.ddot) + T::from_f64(0.05) * (t8 * t22)
-        + T::from_f64(0.05) * (t12 * motion.q3.ddot);
-    let t24 = t23 + T::from_f64(0.05) * (t15 * motion.q2.ddot)
-        + T::from_f64(0.05) * (t15 * motion.q3.ddot) - T::from_f64(0.1) * (t18 * t21)
-        - T::from_f64(0.05) * (t18 * t1) - T::from_f64(0.05) * (t18 * t22);
-    let t25 = T::from_f64(0.1) * (t12 * t21) + T::from_f64(0.05) * (t12 * t1)
-        + T::from_f64(0.05) * (t12 * t22) + T::from_f64(0.1) * (t15 * t21)
-        + T::from_f64(0.05) * (t15 * t1);
-    let t26 = t25 + T::from_f64(0.05) * (t18 * motion.q2.ddot)
-        + T::from_f64(0.05) * (t15 * t22) + T::from_f64(0.05) * (t18 * motion.q3.ddot)
-        - T::from_f64(0.05) * (t8 * motion.q2.ddot)
-        - T::from_f64(0.05) * (t8 * motion.q3.ddot);
-    let t27 = t8 - t18;
-    let t28 = motion.q1.dot * t0;
-    let t29 = motion.q1.dot * t3;
-    let t30 = -(t28 * t11) - t29 * t7;
-    let t31 = t30 * t30;
-    let t32 = motion.q2.dot + motion.q3.dot;
-    let t33 = t32 * t32;
-    let t34 = motion.q2.ddot + motion.q3.ddot;
-    let t35 = t28 * t7 - t29 * t11;
-    let t36 = t35 * t30;
-    let t37 = -t12 - t15;
-    let t38 = t35 * t35;
-    let t39 = motion.q1.ddot * t3;
-    let t40 = motion.q1.ddot * t0;
-    let t41 = motion.q1.dot * motion.q1.dot;
-    let t42 = t41 * t0;
-    let t43 = t42 * t3;
-    let t44 = t41 * t15;
-    let t45 = t41 * t12;
-    let t46 = motion.q1.ddot * t16;
-    let t47 = motion.q1.ddot * t19;
-    let t48 = T::from_f64(9.81) * t8;
-    let t49 = T::from_f64(0.35) * (t45 * t0);
-    let t50 = motion.q1.ddot * t12;
-    let t51 = T::from_f64(0.05) * t50;
-    let t52 = motion.q1.ddot * t15;
-    let t53 = T::from_f64(0.05) * t52;
-    let t54 = T::from_f64(9.81) * t18 + T::from_f64(0.35) * (t44 * t0);
-    let t55 = t54 + T::from_f64(0.35) * (t44 * t13) + T::from_f64(0.35) * (t44 * t9)
-        + t49 + t51 + t53 + T::from_f64(0.35) * (t7 * motion.q3.ddot) - t48
-        - T::from_f64(0.35) * (t44 * t11 * t15);
-    let t56 = T::from_f64(9.81) * t12;
-    let t57 = T::from_f64(9.81) * t15;
-    let t58 = T::from_f64(0.35) * (t45 * t3);
-    let t59 = T::from_f64(0.35) * (t42 * t8);
-    let t60 = motion.q1.ddot * t8;
-    let t61 = T::from_f64(0.05) * t60;
-    let t62 = motion.q1.ddot * t18;
-    let t63 = T::from_f64(0.05) * t62;
-    let t64 = T::from_f64(0.35) * (t44 * t12 * t7) + t58
-        + T::from_f64(0.35) * (t45 * t19) + T::from_f64(0.35) * (t44 * t19)
-        + T::from_f64(0.35) * (t44 * t16) + t63;
-    let t65 = (T::from_f64(0.08) * t2 + T::from_f64(0.08) * t4) * parameters.mx_upper
-        + (T::from_f64(0.08) * t6 - T::from_f64(0.08) * t5) * parameters.mz_upper
-        + (-t2 - t4) * parameters.Ixy_upper + (t5 - t6) * parameters.Iyz_upper;
-    let t66 = t65
-        + (T::from_f64(0.0175) * t10 + T::from_f64(0.0175) * t14
-            + T::from_f64(0.0175) * t17 + T::from_f64(0.0175) * t20) * parameters.m_fore
-        + t24 * parameters.mx_fore
-        + (T::from_f64(0.35) * t10 + T::from_f64(0.35) * t14 + T::from_f64(0.35) * t17
-            + T::from_f64(0.35) * t20) * parameters.my_fore;
-    let t67 = t66 + t26 * parameters.mz_fore
-        + (t27 * (t31 - t33) - (t36 - t34) * t37) * parameters.Ixy_fore
-        + (t37 * (t33 - t38) + (t34 + t36) * t27) * parameters.Iyz_fore;
-    let t68 = (T::from_f64(0.08) * t39 - T::from_f64(9.81) * t0) * parameters.mx_upper
-        + (-(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t40) * parameters.mz_upper
-        - t43 * parameters.Ixx_upper - t39 * parameters.Ixy_upper
-        + (t28 * t28 - t29 * t29) * parameters.Ixz_upper;
-    let t69 = (T::from_f64(0.1225) * (t44 * t8) + T::from_f64(0.1225) * (t45 * t18)
-        + T::from_f64(0.0175) * t46 + T::from_f64(0.0175) * t47
-        - T::from_f64(3.4335) * t9 - T::from_f64(3.4335) * t13) * parameters.m_fore;
-    let t70 = t68 + t40 * parameters.Iyz_upper + t43 * parameters.Izz_upper + t69
-        + (t55 - T::from_f64(0.35) * (t41 * t19 * t18) - T::from_f64(0.35) * (t11 * t22))
-            * parameters.mx_fore;
-    let t71 = t70
-        + (T::from_f64(0.35) * t46 + T::from_f64(0.35) * t47) * parameters.my_fore
-        + (t64 + T::from_f64(0.35) * (t7 * t22)
-            + T::from_f64(0.35) * (t11 * motion.q3.ddot) - t56 - t57 - t59 - t61)
-            * parameters.mz_fore;
-    let t72 = t36 * parameters.Ixx_fore;
-    let t73 = (-t50 - t52) * parameters.Ixy_fore;
-    let t74 = (t38 - t31) * parameters.Ixz_fore;
-    let t75 = (t60 - t62) * parameters.Iyz_fore;
-    let t76 = t36 * parameters.Izz_fore;
-    let t77 = (t54 + t49 + t51 + t53 + T::from_f64(0.35) * (t1 * t11)
-        + T::from_f64(0.35) * (motion.q2.ddot * t7) - t48) * parameters.mx_fore
-        + (t58 + t63 + T::from_f64(0.35) * (motion.q2.ddot * t11) - t56 - t57 - t59 - t61
-            - T::from_f64(0.35) * (t1 * t7)) * parameters.mz_fore;
-    Inputs {
-        tau1: t67,
-        tau2: t71 + t72 + t73 + t74 + motion.q3.ddot * parameters.Iyy_fore + t75 - t76,
-        tau3: t77 + t72 + t73 + t74 + motion.q2.ddot * parameters.Iyy_fore + t75 - t76,
-    }
-}
-
-/// The motion-dependent part of the feed-forward: what moves the coordinates that the inputs drive. With
-/// [`feed_forward_independent`] it adds up to [`feed_forward`].
-///
-/// Operations: 111 additions, 214 multiplications, 7 function calls.
-#[must_use]
-pub fn feed_forward_dependent<T: Real>(
-    motion: &Motion<T>,
-    parameters: &Parameters<T>,
-) -> Inputs<T> {
-    let t0 = motion.q2.value.cos();
-    let t1 = motion.q1.dot * t0;
-    let t2 = t1 * motion.q1.dot;
-    let t3 = motion.q2.value.sin();
-    let t4 = t3 * t3;
-    let t5 = motion.q1.dot * t4;
-    let t6 = t1 * t5;
-    let t7 = t1 * t0;
-    let t8 = t7 * t1;
-    let t9 = motion.q1.dot * t3;
-    let t10 = t9 * motion.q1.dot;
-    let t11 = t1 * t3;
-    let t12 = t5 * t9;
-    let t13 = motion.q1.ddot * t4;
-    let t14 = motion.q2.dot + motion.q2.dot;
-    let t15 = t14 * t11;
-    let t16 = motion.q1.ddot * t0;
-    let t17 = t16 * t3;
-    let t18 = t16 * t0;
-    let t19 = motion.q3.value.cos();
-    let t20 = t19 * t19;
-    let t21 = t1 * t19;
-    let t22 = t21 * t19;
-    let t23 = motion.q3.value.sin();
-    let t24 = t23 * t23;
-    let t25 = t1 * t23;
-    let t26 = t5 * t23;
-    let t27 = t21 * t0;
-    let t28 = t25 * t0;
-    let t29 = t18 * t20;
-    let t30 = t18 * t24;
-    let t31 = t13 * t20;
-    let t32 = t13 * t24;
-    let t33 = T::from_f64(0.0105) * t6 + T::from_f64(0.0105) * t8
-        + T::from_f64(0.1225) * t18 + T::from_f64(0.0175) * (t22 * t5)
-        + T::from_f64(0.0175) * (t25 * t26) + T::from_f64(0.0175) * (t27 * t21);
-    let t34 = t33 + T::from_f64(0.0175) * (t28 * t25) + T::from_f64(0.0025) * t29
-        + T::from_f64(0.0025) * t30 + T::from_f64(0.0025) * t31
-        + T::from_f64(0.0025) * t32 - T::from_f64(0.028) * t2
-        - T::from_f64(0.245) * (t11 * motion.q2.dot);
-    let t35 = t21 * t3;
-    let t36 = t21 * t5;
-    let t37 = t21 * t23;
-    let t38 = t25 * t23;
-    let t39 = t25 * t3;
-    let t40 = t26 * t9;
-    let t41 = T::from_f64(0.7) * (t26 * motion.q2.dot) + T::from_f64(0.03) * t36
-        + T::from_f64(0.05) * (t37 * t26) + T::from_f64(0.05) * (t36 * t20)
-        + T::from_f64(0.03) * (t27 * t1) + T::from_f64(0.05) * (t27 * t38);
-    let t42 = t41 + T::from_f64(0.05) * (t27 * t22) + T::from_f64(0.08) * (t10 * t23)
-        + T::from_f64(0.7) * (t18 * t19) - T::from_f64(1.4) * (t35 * motion.q2.dot)
-        - T::from_f64(0.7) * (t35 * motion.q3.dot);
-    let t43 = t42 - T::from_f64(0.7) * (t28 * motion.q2.dot)
-        - T::from_f64(0.7) * (t28 * motion.q3.dot)
-        - T::from_f64(0.08) * (t21 * motion.q1.dot) - T::from_f64(0.05) * (t35 * t37)
-        - T::from_f64(0.03) * (t25 * t11);
-    let t44 = t43 - T::from_f64(0.05) * (t38 * t39) - T::from_f64(0.05) * (t40 * t20)
-        - T::from_f64(0.03) * t40 - T::from_f64(0.05) * (t40 * t24)
-        - T::from_f64(0.7) * (t17 * t23);
-    let t45 = motion.q2.dot * t19;
-    let t46 = T::from_f64(0.7) * (t27 * motion.q2.dot)
-        + T::from_f64(0.7) * (t27 * motion.q3.dot) + T::from_f64(0.05) * (t22 * t26)
-        + T::from_f64(0.03) * (t25 * t5) + T::from_f64(0.05) * (t38 * t26);
-    let t47 = t46 + T::from_f64(0.03) * (t35 * t1) + T::from_f64(0.05) * (t35 * t38)
-        + T::from_f64(0.05) * (t35 * t22) + T::from_f64(0.05) * (t27 * t37)
-        + T::from_f64(0.03) * (t28 * t1);
-    let t48 = t47 + T::from_f64(0.05) * (t28 * t38) + T::from_f64(0.03) * (t12 * t19)
-        + T::from_f64(0.05) * (t40 * t19 * t23)
-        + T::from_f64(0.05) * (t12 * (t20 * t19));
-    let t49 = t48 + T::from_f64(0.7) * (t17 * t19) + T::from_f64(0.7) * (t18 * t23)
-        - T::from_f64(1.4) * (t39 * motion.q2.dot)
-        - T::from_f64(0.7) * (t39 * motion.q3.dot) - T::from_f64(0.7) * (t5 * t45);
-    let t50 = -(motion.q1.ddot * t3) - t1 * motion.q2.dot;
-    let t51 = t16 - t9 * motion.q2.dot;
-    let t52 = t21 - t9 * t23;
-    let t53 = t50 * t19 - t51 * t23 - t52 * motion.q3.dot;
-    let t54 = -(t0 * t23) - t3 * t19;
-    let t55 = -t25 - t9 * t19;
-    let t56 = motion.q2.dot + motion.q3.dot;
-    let t57 = t55 * t56;
-    let t58 = t0 * t19 - t3 * t23;
-    let t59 = t51 * t19 + t50 * t23 + t55 * motion.q3.dot;
-    let t60 = t52 * t56;
-    let t61 = motion.q1.ddot * parameters.Izz_column
-        + (T::from_f64(0.08) * t6 + T::from_f64(0.08) * t8 - T::from_f64(0.08) * t2)
-            * parameters.mx_upper
-        + (T::from_f64(0.08) * (t11 * t1) + T::from_f64(0.08) * t12
-            - T::from_f64(0.08) * t10) * parameters.mz_upper;
-    let t62 = t61 + (t13 + t15) * parameters.Ixx_upper
-        + (t14 * t5 - t14 * t7 - (t17 + t17)) * parameters.Ixz_upper
-        + (t18 - t15) * parameters.Izz_upper + t34 * parameters.m_fore;
-    let t63 = t62 + t44 * parameters.mx_fore
-        + (T::from_f64(0.1) * t29 + T::from_f64(0.1) * t30 + T::from_f64(0.1) * t31
-            + T::from_f64(0.1) * t32) * parameters.my_fore
-        + (t49 - T::from_f64(0.08) * (t25 * motion.q1.dot)
-            - T::from_f64(0.08) * (t10 * t19)) * parameters.mz_fore;
-    let t64 = t63 + (t53 * t54 - t57 * t58) * parameters.Ixx_fore
-        + ((t59 + t57) * t54 - (t60 - t53) * t58) * parameters.Ixz_fore
-        + (t60 * t54 + t59 * t58) * parameters.Izz_fore;
-    let t65 = motion.q2.ddot * parameters.Iyy_upper
-        + (T::from_f64(0.1225) * (motion.q2.ddot * t20)
-            + T::from_f64(0.1225) * (motion.q2.ddot * t24)) * parameters.m_fore
-        + (T::from_f64(0.7) * (motion.q2.ddot * t19)
-            - T::from_f64(0.7) * (motion.q2.dot * t23 * motion.q3.dot))
-            * parameters.mx_fore;
-    let t66 = t65
-        + (T::from_f64(0.7) * (t45 * motion.q3.dot)
-            + T::from_f64(0.7) * (motion.q2.ddot * t23)) * parameters.mz_fore
-        + motion.q2.ddot * parameters.Iyy_fore + motion.q2.dot * parameters.fv_q2
-        + motion.q2.dot.sign() * parameters.fc_q2;
-    Inputs {
-        tau1: t64 + motion.q1.dot * parameters.fv_q1
-            + motion.q1.dot.sign() * parameters.fc_q1
-            + (T::from_f64(0.0064) * t13 + T::from_f64(0.0064) * t18)
-                * parameters.m_upper_plus_25_my_upper,
-        tau2: t66,
-        tau3: motion.q3.ddot * parameters.Iyy_fore + motion.q3.dot * parameters.fv_q3
-            + motion.q3.dot.sign() * parameters.fc_q3,
-    }
-}
-
 /// Phi theta + known at rest, where all time derivatives are zero: the generalised force of every equation that
 /// holds the machine against gravity, springs and offsets. Only positions are read.
 ///
-/// Operations: 10 additions, 19 multiplications, 4 function calls.
+/// Operations: 18 additions, 29 multiplications, 4 function calls.
 #[must_use]
 pub fn gravity<T: Real>(motion: &Motion<T>, parameters: &Parameters<T>) -> Forces<T> {
     let t0 = motion.q2.value.cos();
     let t1 = motion.q3.value.cos();
     let t2 = t0 * t1;
-    let t3 = motion.q3.value.sin();
-    let t4 = t0 * t3;
-    let t5 = motion.q2.value.sin();
-    let t6 = parameters.mx_fore
-        * (T::from_f64(9.81) * (t5 * t3) - T::from_f64(9.81) * t2);
-    let t7 = parameters.mz_fore
-        * (-(T::from_f64(9.81) * t4) - T::from_f64(9.81) * (t5 * t1));
-    let t8 = parameters.m_fore
-        * (-(T::from_f64(3.4335) * (t2 * t1)) - T::from_f64(3.4335) * (t4 * t3)) + t6
-        + t7 - T::from_f64(9.81) * (t0 * parameters.mx_upper)
-        - T::from_f64(9.81) * (t5 * parameters.mz_upper);
+    let t3 = motion.q2.value.sin();
+    let t4 = motion.q3.value.sin();
+    let t5 = t3 * t4;
+    let t6 = t0 * t4;
+    let t7 = t3 * t1;
+    let t8 = -(T::from_f64(9.81) * t6) - T::from_f64(9.81) * t7;
+    let t9 = T::from_f64(9.81) * t2 - T::from_f64(9.81) * t5;
+    let t10 = parameters.m_fore
+        * ((T::from_f64(0.05) * t5 - T::from_f64(0.05) * t2) * t8
+            + (-(T::from_f64(0.05) * t6) - T::from_f64(0.05) * t7) * t9)
+        + parameters.my_fore * ((-t6 - t7) * t9 - (t2 - t5) * t8);
+    let t11 = parameters.mz_fore * t8;
+    let t12 = parameters.mx_fore * t9;
+    let t13 = parameters.m_fore
+        * (T::from_f64(0.35) * (t4 * t8) - T::from_f64(0.35) * (t1 * t9)) + t11
+        - T::from_f64(9.81) * (t0 * parameters.mx_upper)
+        - T::from_f64(9.81) * (t3 * parameters.mz_upper) - t12;
     Forces {
-        tau1: T::ZERO,
-        tau2: t8,
-        tau3: t6 + t7,
+        tau1: t10,
+        tau2: t13,
+        tau3: t11 - t12,
     }
 }
 
@@ -2194,10 +1523,10 @@ pub fn forward_dynamics<T: Real>(
     let t52 = t1 * t45 - t2 * t51;
     let t53 = t2 * t45 + t1 * t51;
     let t54 = t4
-        * (-(parameters.mz_upper * (t22 + t25)) - t27 * parameters.mx_upper
+        * (-((t22 + t25) * parameters.mz_upper) - t27 * parameters.mx_upper
             + T::from_f64(9.81) * (t0 * parameters.m_upper_plus_25_my_upper) + t52)
         + t0
-            * (-(parameters.mx_upper * t29) - t27 * parameters.mz_upper
+            * (-(t29 * parameters.mx_upper) - t27 * parameters.mz_upper
                 - T::from_f64(9.81) * (t4 * parameters.m_upper_plus_25_my_upper) + t53);
     let t55 = t41 - t43;
     let t56 = T::from_f64(0.03) * (t28 + t25) - T::from_f64(0.7) * t30
@@ -2217,12 +1546,12 @@ pub fn forward_dynamics<T: Real>(
                 * (parameters.m_fore * t56
                     + (parameters.mx_fore * t58 + parameters.mz_fore * t55
                         - (t36 + t47) * parameters.my_fore)));
-    let t61 = parameters.Ixy_upper * (t25 - t22) + t30 * parameters.Ixx_upper
+    let t61 = (t25 - t22) * parameters.Ixy_upper + t30 * parameters.Ixx_upper
         - t30 * parameters.Iyy_upper - t30 * parameters.Izz_upper
         - t27 * parameters.Iyz_upper - parameters.Ixz_upper * (t42 + t42)
         - T::from_f64(0.08) * (t23 * parameters.mx_upper);
     let t62 = T::from_f64(0.08) * (t23 * parameters.mz_upper)
-        + (t42 * parameters.Izz_upper + parameters.Iyz_upper * (t22 - t28)
+        + (t42 * parameters.Izz_upper + (t22 - t28) * parameters.Iyz_upper
             + t27 * parameters.Ixy_upper - t42 * parameters.Iyy_upper
             - T::from_f64(2.0) * t30 * parameters.Ixz_upper
             - t42 * parameters.Ixx_upper);
@@ -2234,7 +1563,7 @@ pub fn forward_dynamics<T: Real>(
         - parameters.Iyz_fore * t50
         + (parameters.mz_fore * t46 - parameters.mx_fore * t34);
     let t65 = t26 * t24;
-    let t66 = t65 * parameters.Izz_upper + parameters.Ixz_upper * (t28 - t25)
+    let t66 = t65 * parameters.Izz_upper + (t28 - t25) * parameters.Ixz_upper
         - t65 * parameters.Ixx_upper - parameters.Iyz_upper * t31
         + (-(T::from_f64(9.81) * (t4 * parameters.mz_upper))
             - T::from_f64(9.81) * (t0 * parameters.mx_upper));
@@ -2274,19 +1603,20 @@ pub fn forward_dynamics<T: Real>(
 /// the parameter that leads it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BaseParameters<T> {
-    /// `Izz_column + Izz_upper + 1/8*m_fore + 1/10*my_fore + Izz_fore + 4/625*m_upper_plus_25_my_upper` in `kg*m^2`.
+    /// `Izz_column` + `Izz_upper` + `1/8*m_fore` + `1/10*my_fore` + `Izz_fore` + `4/625*m_upper_plus_25_my_upper` in
+    /// `kg*m^2`.
     pub Izz_column: T,
-    /// `mx_upper + 7/20*m_fore` in `kg*m`.
+    /// `mx_upper` + `7/20*m_fore` in `kg*m`.
     pub mx_upper: T,
     /// `mz_upper` in `kg*m`.
     pub mz_upper: T,
-    /// `Ixx_upper - Izz_upper - 49/400*m_fore` in `kg*m^2`.
+    /// `Ixx_upper` - `Izz_upper` - `49/400*m_fore` in `kg*m^2`.
     pub Ixx_upper: T,
-    /// `Ixy_upper + 21/2000*m_fore - 7/20*my_fore` in `kg*m^2`.
+    /// `Ixy_upper` + `21/2000*m_fore` - `7/20*my_fore` in `kg*m^2`.
     pub Ixy_upper: T,
     /// `Ixz_upper` in `kg*m^2`.
     pub Ixz_upper: T,
-    /// `Iyy_upper + 49/400*m_fore` in `kg*m^2`.
+    /// `Iyy_upper` + `49/400*m_fore` in `kg*m^2`.
     pub Iyy_upper: T,
     /// `Iyz_upper` in `kg*m^2`.
     pub Iyz_upper: T,
@@ -2294,7 +1624,7 @@ pub struct BaseParameters<T> {
     pub mx_fore: T,
     /// `mz_fore` in `kg*m`.
     pub mz_fore: T,
-    /// `Ixx_fore - Izz_fore` in `kg*m^2`.
+    /// `Ixx_fore` - `Izz_fore` in `kg*m^2`.
     pub Ixx_fore: T,
     /// `Ixy_fore` in `kg*m^2`.
     pub Ixy_fore: T,
@@ -2483,236 +1813,161 @@ impl<T: Real> BaseParameters<T> {
 /// The regressor in base parameters, one row per equation: its columns are those of [`regressor`] that lead a
 /// base parameter, so that Phi theta is this matrix times the base parameters.
 ///
-/// Operations: 104 additions, 155 multiplications, 7 function calls.
+/// Operations: 84 additions, 95 multiplications, 7 function calls.
 #[must_use]
 pub fn base_regressor<T: Real>(motion: &Motion<T>) -> [[T; 21]; 3] {
     let mut matrix = [[T::ZERO; 21]; 3];
     // tau1, Izz_column: ddot(q1)
     matrix[0][0] = motion.q1.ddot;
-    // tau1, mx_upper: -2*dot(q1)^2*cos(q2)/25 + 2*dot(q1)^2*cos(q2)*sin(q2)^2/25 + 2*dot(q1)^2*cos(q2)^3/25 +
-    // 2*cos(q2)*dot(q2)^2/25 + 2*sin(q2)*ddot(q2)/25
+    // tau1, mx_upper: -2*dot(q1)^2*cos(q2)/25 - 2*sin(q2)*(-ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
+    // 2*cos(q2)*(dot(q2)^2 + dot(q1)^2*cos(q2)^2)/25
     let t0 = motion.q1.dot * motion.q1.dot;
     let t1 = motion.q2.value.cos();
     let t2 = t0 * t1;
-    let t3 = motion.q2.dot * motion.q2.dot;
+    let t3 = motion.q2.value.sin();
     let t4 = motion.q1.dot * t1;
-    let t5 = t4 * t4;
-    let t6 = motion.q2.value.sin();
-    let t7 = motion.q1.dot * t6;
-    let t8 = t4 * t7;
-    matrix[0][1] = T::from_f64(0.08) * (t1 * (t3 + t5)) - T::from_f64(0.08) * t2
-        - T::from_f64(0.08) * (t6 * (-motion.q2.ddot - t8));
-    // tau1, mz_upper: -2*dot(q1)^2*sin(q2)/25 + 2*dot(q1)^2*sin(q2)*cos(q2)^2/25 + 2*dot(q1)^2*sin(q2)^3/25 -
-    // 2*cos(q2)*ddot(q2)/25 + 2*sin(q2)*dot(q2)^2/25
-    let t9 = t7 * t7;
-    matrix[0][2] = T::from_f64(0.08) * (t6 * (t9 + t3)) - T::from_f64(0.08) * (t0 * t6)
-        - T::from_f64(0.08) * (t1 * (motion.q2.ddot - t8));
-    // tau1, Ixx_upper: ddot(q1)*sin(q2)^2 + 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)
-    let t10 = t6 * t6;
-    let t11 = motion.q1.dot * motion.q2.dot;
-    let t12 = t11 + t11;
-    matrix[0][3] = motion.q1.ddot * t10 + t12 * (t1 * t6);
-    // tau1, Ixy_upper: -cos(q2)*dot(q2)^2 - sin(q2)*ddot(q2)
-    matrix[0][4] = -(t1 * t3) - t6 * motion.q2.ddot;
-    // tau1, Ixz_upper: -2*dot(q1)*dot(q2)*cos(q2)^2 + 2*dot(q1)*dot(q2)*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)
-    let t13 = motion.q1.ddot * t6;
-    matrix[0][5] = t12 * t10 - t12 * (t1 * t1) - T::from_f64(2.0) * t13 * t1;
-    // tau1, Iyz_upper: cos(q2)*ddot(q2) - sin(q2)*dot(q2)^2
-    matrix[0][7] = t1 * motion.q2.ddot - t6 * t3;
-    // tau1, mx_fore: -7*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)/5 - 7*dot(q1)*cos(q2)*sin(q2)*cos(q3)*dot(q3)/10 -
-    // 7*dot(q1)*dot(q2)*sin(q3)*cos(q2)^2/10 - 7*dot(q1)*sin(q3)*dot(q3)*cos(q2)^2/10 +
-    // 7*dot(q1)*dot(q2)*sin(q3)*sin(q2)^2/10 + 3*dot(q1)^2*cos(q2)*cos(q3)*sin(q2)^2/100 +
-    // dot(q1)^2*cos(q2)*cos(q3)*sin(q2)^2*sin(q3)^2/20 + dot(q1)^2*cos(q2)*sin(q2)^2*cos(q3)^3/20 -
-    // 2*dot(q1)^2*cos(q2)*cos(q3)/25 - dot(q1)^2*sin(q2)*sin(q3)*cos(q2)^2*cos(q3)^2/20 -
-    // 3*dot(q1)^2*sin(q2)*sin(q3)*cos(q2)^2/100 - dot(q1)^2*sin(q2)*cos(q2)^2*sin(q3)^3/20 +
-    // 3*dot(q1)^2*cos(q3)*cos(q2)^3/100 + dot(q1)^2*cos(q3)*sin(q3)^2*cos(q2)^3/20 +
-    // dot(q1)^2*cos(q3)^3*cos(q2)^3/20 + 2*dot(q1)^2*sin(q2)*sin(q3)/25 - dot(q1)^2*sin(q3)*cos(q3)^2*sin(q2)^3/20 -
-    // 3*dot(q1)^2*sin(q3)*sin(q2)^3/100 - dot(q1)^2*sin(q3)^3*sin(q2)^3/20 - 7*ddot(q1)*cos(q2)*sin(q2)*sin(q3)/10 +
-    // 7*ddot(q1)*cos(q3)*cos(q2)^2/10 + cos(q2)*dot(q2)*cos(q3)*dot(q3)/10 + cos(q2)*dot(q2)^2*cos(q3)/20 +
-    // cos(q2)*ddot(q2)*sin(q3)/20 + cos(q2)*cos(q3)*dot(q3)^2/20 + cos(q2)*sin(q3)*ddot(q3)/20 -
-    // sin(q2)*dot(q2)*sin(q3)*dot(q3)/10 - sin(q2)*dot(q2)^2*sin(q3)/20 + sin(q2)*ddot(q2)*cos(q3)/20 +
-    // sin(q2)*cos(q3)*ddot(q3)/20 - sin(q2)*sin(q3)*dot(q3)^2/20
-    let t14 = motion.q3.value.cos();
-    let t15 = t14 * t14;
-    let t16 = t10 * t15;
-    let t17 = motion.q3.value.sin();
-    let t18 = t17 * t17;
-    let t19 = t10 * t18;
-    let t20 = t7 * motion.q2.dot;
-    let t21 = motion.q1.ddot * t1;
-    let t22 = t21 - t20;
-    let t23 = T::from_f64(0.35) * (t22 - t20) + T::from_f64(0.03) * (t9 + t5)
+    let t5 = motion.q1.dot * t3;
+    let t6 = t4 * t5;
+    let t7 = -motion.q2.ddot - t6;
+    let t8 = t3 * t7;
+    let t9 = motion.q2.dot * motion.q2.dot;
+    let t10 = t2 * t1;
+    let t11 = t9 + t10;
+    matrix[0][1] = T::from_f64(0.08) * (t1 * t11) - T::from_f64(0.08) * t8
+        - T::from_f64(0.08) * t2;
+    // tau1, mz_upper: -2*dot(q1)^2*sin(q2)/25 - 2*cos(q2)*(ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
+    // 2*sin(q2)*(dot(q2)^2 + dot(q1)^2*sin(q2)^2)/25
+    let t12 = t0 * t3;
+    let t13 = t1 * (motion.q2.ddot - t6);
+    let t14 = t12 * t3;
+    matrix[0][2] = T::from_f64(0.08) * (t3 * (t9 + t14)) - T::from_f64(0.08) * t13
+        - T::from_f64(0.08) * t12;
+    // tau1, Ixx_upper: cos(q2)*dot(q1)*sin(q2)*dot(q2) - sin(q2)*(-ddot(q1)*sin(q2) - dot(q1)*cos(q2)*dot(q2))
+    let t15 = t5 * motion.q2.dot;
+    let t16 = motion.q1.ddot * t3;
+    let t17 = t4 * motion.q2.dot;
+    let t18 = -t16 - t17;
+    matrix[0][3] = t1 * t15 - t3 * t18;
+    // tau1, Ixy_upper: sin(q2)*(-ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2)) + cos(q2)*(-dot(q2)^2 +
+    // dot(q1)^2*sin(q2)^2)
+    matrix[0][4] = t8 + t1 * (t14 - t9);
+    // tau1, Ixz_upper: S(q1, upper).W(Ixz, upper)
+    let t19 = motion.q1.ddot * t1;
+    let t20 = t19 - t15;
+    let t21 = t20 - t15;
+    matrix[0][5] = -(t3 * t21) - t1 * (t17 - t18);
+    // tau1, Iyz_upper: cos(q2)*(ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2)) - sin(q2)*(dot(q2)^2 -
+    // dot(q1)^2*cos(q2)^2)
+    matrix[0][7] = t13 - t3 * (t9 - t10);
+    // tau1, mx_fore: S(q1, fore).W(mx, fore)
+    let t22 = motion.q3.value.sin();
+    let t23 = t1 * t22;
+    let t24 = motion.q3.value.cos();
+    let t25 = t3 * t24;
+    let t26 = -(T::from_f64(0.05) * t23) - T::from_f64(0.05) * t25;
+    let t27 = T::from_f64(9.81) * t1 - T::from_f64(0.08) * t16;
+    let t28 = t17 + t18;
+    let t29 = t27 + (T::from_f64(0.35) * t7 - T::from_f64(0.03) * t28);
+    let t30 = -(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t19;
+    let t31 = -t15 - t20;
+    let t32 = t30 + (-(T::from_f64(0.03) * t31) - T::from_f64(0.35) * t11);
+    let t33 = t24 * t29 + t22 * t32;
+    let t34 = t1 * t24;
+    let t35 = t3 * t22;
+    let t36 = T::from_f64(0.05) * t35 - T::from_f64(0.05) * t34;
+    let t37 = t24 * t32 - t22 * t29;
+    let t38 = T::from_f64(0.35) * t21 + T::from_f64(0.03) * (t10 + t14)
         - T::from_f64(0.08) * t0;
-    let t24 = t1 * t14;
-    let t25 = t6 * t17;
-    let t26 = t24 - t25;
-    let t27 = motion.q2.ddot + motion.q3.ddot;
-    let t28 = t4 * t14 - t7 * t17;
-    let t29 = -(t4 * t17) - t7 * t14;
-    let t30 = t28 * t29;
-    let t31 = t30 - t27;
-    let t32 = t1 * t17;
-    let t33 = t6 * t14;
-    let t34 = -(T::from_f64(0.05) * t32) - T::from_f64(0.05) * t33;
-    let t35 = motion.q2.dot + motion.q3.dot;
-    let t36 = t35 * t35;
-    let t37 = t28 * t28;
-    let t38 = T::from_f64(0.05) * t25 - T::from_f64(0.05) * t24;
-    let t39 = -t13;
-    let t40 = t39 - t4 * motion.q2.dot;
-    let t41 = t29 * t35;
-    let t42 = t22 * t14 + t40 * t17 + t29 * motion.q3.dot + t41;
-    matrix[0][8] = t23 * t26 + t31 * t34 + T::from_f64(0.35) * (t1 * t42)
-        - (t36 + t37) * t38;
-    // tau1, mz_fore: -7*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)/5 - 7*dot(q1)*cos(q2)*sin(q2)*sin(q3)*dot(q3)/10 +
-    // 7*dot(q1)*dot(q2)*cos(q3)*cos(q2)^2/10 + 7*dot(q1)*cos(q3)*dot(q3)*cos(q2)^2/10 -
-    // 7*dot(q1)*dot(q2)*cos(q3)*sin(q2)^2/10 + dot(q1)^2*cos(q2)*sin(q3)*sin(q2)^2*cos(q3)^2/20 +
-    // 3*dot(q1)^2*cos(q2)*sin(q3)*sin(q2)^2/100 + dot(q1)^2*cos(q2)*sin(q2)^2*sin(q3)^3/20 -
-    // 2*dot(q1)^2*cos(q2)*sin(q3)/25 + 3*dot(q1)^2*sin(q2)*cos(q3)*cos(q2)^2/100 +
-    // dot(q1)^2*sin(q2)*cos(q3)*cos(q2)^2*sin(q3)^2/20 + dot(q1)^2*sin(q2)*cos(q2)^2*cos(q3)^3/20 +
-    // dot(q1)^2*sin(q3)*cos(q3)^2*cos(q2)^3/20 + 3*dot(q1)^2*sin(q3)*cos(q2)^3/100 +
-    // dot(q1)^2*sin(q3)^3*cos(q2)^3/20 - 2*dot(q1)^2*sin(q2)*cos(q3)/25 + 3*dot(q1)^2*cos(q3)*sin(q2)^3/100 +
-    // dot(q1)^2*cos(q3)*sin(q3)^2*sin(q2)^3/20 + dot(q1)^2*cos(q3)^3*sin(q2)^3/20 +
-    // 7*ddot(q1)*cos(q2)*sin(q2)*cos(q3)/10 + 7*ddot(q1)*sin(q3)*cos(q2)^2/10 + cos(q2)*dot(q2)*sin(q3)*dot(q3)/10 +
-    // cos(q2)*dot(q2)^2*sin(q3)/20 - cos(q2)*ddot(q2)*cos(q3)/20 - cos(q2)*cos(q3)*ddot(q3)/20 +
-    // cos(q2)*sin(q3)*dot(q3)^2/20 + sin(q2)*dot(q2)*cos(q3)*dot(q3)/10 + sin(q2)*dot(q2)^2*cos(q3)/20 +
-    // sin(q2)*ddot(q2)*sin(q3)/20 + sin(q2)*cos(q3)*dot(q3)^2/20 + sin(q2)*sin(q3)*ddot(q3)/20
-    let t43 = -t32 - t33;
-    let t44 = t27 + t30;
-    let t45 = t40 * t14 - t22 * t17 - t28 * motion.q3.dot;
-    let t46 = t28 * t35 - t45;
-    let t47 = t29 * t29;
-    matrix[0][9] = t44 * t38 + T::from_f64(0.35) * (t1 * t46) - t23 * t43
-        - (t47 + t36) * t34;
-    // tau1, Ixx_fore: ddot(q1)*sin(q3)^2*cos(q2)^2 + ddot(q1)*cos(q3)^2*sin(q2)^2 +
-    // 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q2)*sin(q3)^2 +
-    // 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*cos(q3)^2 - 2*dot(q1)*cos(q2)*sin(q2)*dot(q3)*sin(q3)^2 +
-    // 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*cos(q2)^2 + 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*cos(q2)^2 -
-    // 2*dot(q1)*dot(q2)*cos(q3)*sin(q3)*sin(q2)^2 - 2*dot(q1)*cos(q3)*sin(q3)*dot(q3)*sin(q2)^2 +
-    // 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)
-    matrix[0][10] = t45 * t43 - t41 * t26;
-    // tau1, Ixy_fore: sin(q2)*dot(q2)^2*sin(q3) + sin(q2)*sin(q3)*dot(q3)^2 - 2*cos(q2)*dot(q2)*cos(q3)*dot(q3) -
-    // cos(q2)*dot(q2)^2*cos(q3) - cos(q2)*ddot(q2)*sin(q3) - cos(q2)*cos(q3)*dot(q3)^2 - cos(q2)*sin(q3)*ddot(q3) +
-    // 2*sin(q2)*dot(q2)*sin(q3)*dot(q3) - sin(q2)*ddot(q2)*cos(q3) - sin(q2)*cos(q3)*ddot(q3)
-    matrix[0][11] = t26 * (t47 - t36) - t31 * t43;
-    // tau1, Ixz_fore: 8*dot(q1)*cos(q2)*sin(q2)*dot(q2)*cos(q3)*sin(q3) +
-    // 8*dot(q1)*cos(q2)*sin(q2)*cos(q3)*sin(q3)*dot(q3) - 2*dot(q1)*dot(q2)*cos(q2)^2*cos(q3)^2 +
-    // 2*dot(q1)*dot(q2)*cos(q2)^2*sin(q3)^2 - 2*dot(q1)*dot(q3)*cos(q2)^2*cos(q3)^2 +
-    // 2*dot(q1)*dot(q3)*cos(q2)^2*sin(q3)^2 + 2*dot(q1)*dot(q2)*cos(q3)^2*sin(q2)^2 -
-    // 2*dot(q1)*dot(q2)*sin(q3)^2*sin(q2)^2 + 2*dot(q1)*dot(q3)*cos(q3)^2*sin(q2)^2 -
-    // 2*dot(q1)*dot(q3)*sin(q3)^2*sin(q2)^2 - 2*ddot(q1)*cos(q2)*sin(q2)*cos(q3)^2 +
-    // 2*ddot(q1)*cos(q2)*sin(q2)*sin(q3)^2 - 2*ddot(q1)*cos(q3)*sin(q3)*cos(q2)^2 +
-    // 2*ddot(q1)*cos(q3)*sin(q3)*sin(q2)^2
-    matrix[0][12] = t42 * t43 - t46 * t26;
-    // tau1, Iyz_fore: cos(q2)*ddot(q2)*cos(q3) + cos(q2)*cos(q3)*ddot(q3) - 2*cos(q2)*dot(q2)*sin(q3)*dot(q3) -
-    // cos(q2)*dot(q2)^2*sin(q3) - cos(q2)*sin(q3)*dot(q3)^2 - 2*sin(q2)*dot(q2)*cos(q3)*dot(q3) -
-    // sin(q2)*dot(q2)^2*cos(q3) - sin(q2)*ddot(q2)*sin(q3) - sin(q2)*cos(q3)*dot(q3)^2 - sin(q2)*sin(q3)*ddot(q3)
-    matrix[0][14] = t43 * (t36 - t37) + t44 * t26;
+    let t39 = motion.q2.ddot + motion.q3.ddot;
+    let t40 = t4 * t24 - t5 * t22;
+    let t41 = -(t4 * t22) - t5 * t24;
+    let t42 = t40 * t41;
+    let t43 = t42 - t39;
+    let t44 = motion.q2.dot + motion.q3.dot;
+    let t45 = t44 * t44;
+    let t46 = t40 * t40;
+    let t47 = t45 + t46;
+    let t48 = t20 * t24 + t18 * t22 + t41 * motion.q3.dot;
+    let t49 = t41 * t44;
+    let t50 = t48 + t49;
+    let t51 = t34 - t35;
+    matrix[0][8] = t43 * t26 + T::from_f64(0.35) * (t1 * t50) - t47 * t36 + t51 * t38;
+    // tau1, mz_fore: S(q1, fore).W(mz, fore)
+    let t52 = t18 * t24 - t20 * t22 - t40 * motion.q3.dot;
+    let t53 = t40 * t44;
+    let t54 = t52 + t53;
+    let t55 = t41 * t41;
+    let t56 = -t23 - t25;
+    let t57 = t39 + t42;
+    let t58 = t53 - t52;
+    let t59 = t55 + t45;
+    matrix[0][9] = t57 * t36 + T::from_f64(0.35) * (t1 * t58) - t59 * t26 - t56 * t38;
+    // tau1, Ixx_fore: S(q1, fore).W(Ixx, fore)
+    matrix[0][10] = t52 * t56 - t49 * t51;
+    // tau1, Ixy_fore: S(q1, fore).W(Ixy, fore)
+    matrix[0][11] = t51 * (t55 - t45) - t43 * t56;
+    // tau1, Ixz_fore: S(q1, fore).W(Ixz, fore)
+    matrix[0][12] = t50 * t56 - t58 * t51;
+    // tau1, Iyz_fore: S(q1, fore).W(Iyz, fore)
+    matrix[0][14] = t56 * (t45 - t46) + t57 * t51;
     // tau1, fv_q1: dot(q1)
     matrix[0][15] = motion.q1.dot;
     // tau1, fc_q1: sign(dot(q1))
     matrix[0][16] = motion.q1.dot.sign();
-    // tau2, mx_upper: -981*cos(q2)/100 + 2*ddot(q1)*sin(q2)/25
-    matrix[1][1] = T::from_f64(0.08) * t13 - T::from_f64(9.81) * t1;
+    // tau2, mx_upper: -(981*cos(q2)/100 - 2*ddot(q1)*sin(q2)/25)
+    matrix[1][1] = -t27;
     // tau2, mz_upper: -981*sin(q2)/100 - 2*ddot(q1)*cos(q2)/25
-    matrix[1][2] = -(T::from_f64(9.81) * t6) - T::from_f64(0.08) * t21;
+    matrix[1][2] = t30;
     // tau2, Ixx_upper: -dot(q1)^2*cos(q2)*sin(q2)
-    let t48 = t2 * t6;
-    matrix[1][3] = -t48;
-    // tau2, Ixy_upper: -ddot(q1)*sin(q2)
-    matrix[1][4] = t39;
+    matrix[1][3] = -(t2 * t3);
+    // tau2, Ixy_upper: dot(q1)*cos(q2)*dot(q2) - ddot(q1)*sin(q2) - dot(q1)*cos(q2)*dot(q2)
+    matrix[1][4] = t28;
     // tau2, Ixz_upper: dot(q1)^2*cos(q2)^2 - dot(q1)^2*sin(q2)^2
-    matrix[1][5] = t5 - t9;
+    matrix[1][5] = t10 - t14;
     // tau2, Iyy_upper: ddot(q2)
     matrix[1][6] = motion.q2.ddot;
-    // tau2, Iyz_upper: ddot(q1)*cos(q2)
-    matrix[1][7] = t21;
-    // tau2, mx_fore: -981*cos(q2)*cos(q3)/100 + 981*sin(q2)*sin(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)/20 +
-    // 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3)^2/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^3/20 +
-    // 7*dot(q1)^2*sin(q3)*cos(q2)^2/20 - 7*dot(q1)^2*sin(q3)*sin(q2)^2*cos(q3)^2/20 -
-    // 7*dot(q1)^2*sin(q2)^2*sin(q3)^3/20 + ddot(q1)*cos(q2)*sin(q3)/20 + ddot(q1)*sin(q2)*cos(q3)/20 -
-    // 7*dot(q2)*sin(q3)*dot(q3)/10 + 7*ddot(q2)*cos(q3)/10 + 7*cos(q3)*ddot(q3)/20 - 7*sin(q3)*dot(q3)^2/20
-    let t49 = t48 * t15;
-    let t50 = t48 * t18;
-    let t51 = T::from_f64(9.81) * t24;
-    let t52 = T::from_f64(0.35) * (t2 * t32);
-    let t53 = t0 * t17;
-    let t54 = t21 * t17;
-    let t55 = T::from_f64(0.05) * t54;
-    let t56 = t13 * t14;
-    let t57 = T::from_f64(0.05) * t56;
-    let t58 = motion.q2.dot * motion.q3.dot;
-    let t59 = motion.q2.ddot * t14;
-    let t60 = motion.q3.dot * motion.q3.dot;
-    let t61 = T::from_f64(9.81) * t25 + T::from_f64(0.35) * (t48 * t14);
-    let t62 = t61 + T::from_f64(0.35) * (t50 * t14) + T::from_f64(0.35) * (t49 * t14)
-        + t52 + t55 + t57 + T::from_f64(0.7) * t59
-        + T::from_f64(0.35) * (t14 * motion.q3.ddot);
-    matrix[1][8] = t62 - t51 - T::from_f64(0.35) * (t53 * t16)
-        - T::from_f64(0.35) * (t53 * t19) - T::from_f64(0.7) * (t58 * t17)
-        - T::from_f64(0.35) * (t17 * t60);
-    // tau2, mz_fore: -981*cos(q2)*sin(q3)/100 - 981*sin(q2)*cos(q3)/100 +
-    // 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)*cos(q3)^2/20 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)/20 +
-    // 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^3/20 - 7*dot(q1)^2*cos(q3)*cos(q2)^2/20 +
-    // 7*dot(q1)^2*cos(q3)*sin(q2)^2*sin(q3)^2/20 + 7*dot(q1)^2*sin(q2)^2*cos(q3)^3/20 - ddot(q1)*cos(q2)*cos(q3)/20
-    // + ddot(q1)*sin(q2)*sin(q3)/20 + 7*dot(q2)*cos(q3)*dot(q3)/10 + 7*ddot(q2)*sin(q3)/10 + 7*cos(q3)*dot(q3)^2/20
-    // + 7*sin(q3)*ddot(q3)/20
-    let t63 = T::from_f64(9.81) * t32;
-    let t64 = T::from_f64(9.81) * t33;
-    let t65 = T::from_f64(0.35) * (t48 * t17);
-    let t66 = T::from_f64(0.35) * (t2 * t24);
-    let t67 = t0 * t14;
-    let t68 = t21 * t14;
-    let t69 = T::from_f64(0.05) * t68;
-    let t70 = t13 * t17;
-    let t71 = T::from_f64(0.05) * t70;
-    let t72 = motion.q2.ddot * t17;
-    let t73 = T::from_f64(0.35) * (t49 * t17) + t65 + T::from_f64(0.35) * (t50 * t17)
-        + T::from_f64(0.35) * (t67 * t19) + T::from_f64(0.35) * (t67 * t16) + t71
-        + T::from_f64(0.7) * (t58 * t14);
-    matrix[1][9] = t73 + T::from_f64(0.7) * t72 + T::from_f64(0.35) * (t14 * t60)
-        + T::from_f64(0.35) * (t17 * motion.q3.ddot) - t63 - t64 - t66 - t69;
-    // tau2, Ixx_fore: dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2 -
-    // dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2
-    matrix[1][10] = t30;
-    // tau2, Ixy_fore: -ddot(q1)*cos(q2)*sin(q3) - ddot(q1)*sin(q2)*cos(q3)
-    let t74 = -t54 - t56;
-    matrix[1][11] = t74;
-    // tau2, Ixz_fore: dot(q1)^2*cos(q2)^2*cos(q3)^2 + dot(q1)^2*sin(q3)^2*sin(q2)^2 -
-    // 4*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3) - dot(q1)^2*cos(q2)^2*sin(q3)^2 - dot(q1)^2*cos(q3)^2*sin(q2)^2
-    let t75 = t37 - t47;
-    matrix[1][12] = t75;
+    // tau2, Iyz_upper: -(-dot(q1)*sin(q2)*dot(q2) - (ddot(q1)*cos(q2) - dot(q1)*sin(q2)*dot(q2)))
+    matrix[1][7] = -t31;
+    // tau2, mx_fore: S(q2, fore).W(mx, fore)
+    matrix[1][8] = -(T::from_f64(0.35) * (t22 * t47)) - T::from_f64(0.35) * (t24 * t43)
+        - t33;
+    // tau2, mz_fore: S(q2, fore).W(mz, fore)
+    matrix[1][9] = T::from_f64(0.35) * (t22 * t57) + T::from_f64(0.35) * (t24 * t59)
+        + t37;
+    // tau2, Ixx_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    // dot(q1)*sin(q2)*cos(q3))
+    matrix[1][10] = t42;
+    // tau2, Ixy_fore: S(q2, fore).W(Ixy, fore)
+    matrix[1][11] = t54;
+    // tau2, Ixz_fore: -(-dot(q1)*cos(q2)*sin(q3) - dot(q1)*sin(q2)*cos(q3))^2 + (dot(q1)*cos(q2)*cos(q3) -
+    // dot(q1)*sin(q2)*sin(q3))^2
+    let t60 = t46 - t55;
+    matrix[1][12] = t60;
     // tau2, Iyy_fore: ddot(q2) + ddot(q3)
-    matrix[1][13] = t27;
-    // tau2, Iyz_fore: ddot(q1)*cos(q2)*cos(q3) - ddot(q1)*sin(q2)*sin(q3)
-    let t76 = t68 - t70;
-    matrix[1][14] = t76;
+    matrix[1][13] = t39;
+    // tau2, Iyz_fore: S(q2, fore).W(Iyz, fore)
+    let t61 = -(t49 - t48);
+    matrix[1][14] = t61;
     // tau2, fv_q2: dot(q2)
     matrix[1][17] = motion.q2.dot;
     // tau2, fc_q2: sign(dot(q2))
     matrix[1][18] = motion.q2.dot.sign();
-    // tau3, mx_fore: -981*cos(q2)*cos(q3)/100 + 981*sin(q2)*sin(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)/20 +
-    // 7*dot(q1)^2*sin(q3)*cos(q2)^2/20 + ddot(q1)*cos(q2)*sin(q3)/20 + ddot(q1)*sin(q2)*cos(q3)/20 +
-    // 7*dot(q2)^2*sin(q3)/20 + 7*ddot(q2)*cos(q3)/20
-    matrix[2][8] = t61 + t52 + t55 + t57 + T::from_f64(0.35) * t59
-        + T::from_f64(0.35) * (t3 * t17) - t51;
-    // tau3, mz_fore: -981*cos(q2)*sin(q3)/100 - 981*sin(q2)*cos(q3)/100 + 7*dot(q1)^2*cos(q2)*sin(q2)*sin(q3)/20 -
-    // 7*dot(q1)^2*cos(q3)*cos(q2)^2/20 - ddot(q1)*cos(q2)*cos(q3)/20 + ddot(q1)*sin(q2)*sin(q3)/20 -
-    // 7*dot(q2)^2*cos(q3)/20 + 7*ddot(q2)*sin(q3)/20
-    matrix[2][9] = t65 + t71 + T::from_f64(0.35) * t72 - t63 - t64 - t66 - t69
-        - T::from_f64(0.35) * (t3 * t14);
-    // tau3, Ixx_fore: dot(q1)^2*cos(q2)*sin(q2)*sin(q3)^2 + dot(q1)^2*cos(q3)*sin(q3)*sin(q2)^2 -
-    // dot(q1)^2*cos(q2)*sin(q2)*cos(q3)^2 - dot(q1)^2*cos(q3)*sin(q3)*cos(q2)^2
-    matrix[2][10] = t30;
-    // tau3, Ixy_fore: -ddot(q1)*cos(q2)*sin(q3) - ddot(q1)*sin(q2)*cos(q3)
-    matrix[2][11] = t74;
-    // tau3, Ixz_fore: dot(q1)^2*cos(q2)^2*cos(q3)^2 + dot(q1)^2*sin(q3)^2*sin(q2)^2 -
-    // 4*dot(q1)^2*cos(q2)*sin(q2)*cos(q3)*sin(q3) - dot(q1)^2*cos(q2)^2*sin(q3)^2 - dot(q1)^2*cos(q3)^2*sin(q2)^2
-    matrix[2][12] = t75;
+    // tau3, mx_fore: S(q3, fore).W(mx, fore)
+    matrix[2][8] = -t33;
+    // tau3, mz_fore: S(q3, fore).W(mz, fore)
+    matrix[2][9] = t37;
+    // tau3, Ixx_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    // dot(q1)*sin(q2)*cos(q3))
+    matrix[2][10] = t42;
+    // tau3, Ixy_fore: S(q3, fore).W(Ixy, fore)
+    matrix[2][11] = t54;
+    // tau3, Ixz_fore: -(-dot(q1)*cos(q2)*sin(q3) - dot(q1)*sin(q2)*cos(q3))^2 + (dot(q1)*cos(q2)*cos(q3) -
+    // dot(q1)*sin(q2)*sin(q3))^2
+    matrix[2][12] = t60;
     // tau3, Iyy_fore: ddot(q2) + ddot(q3)
-    matrix[2][13] = t27;
-    // tau3, Iyz_fore: ddot(q1)*cos(q2)*cos(q3) - ddot(q1)*sin(q2)*sin(q3)
-    matrix[2][14] = t76;
+    matrix[2][13] = t39;
+    // tau3, Iyz_fore: S(q3, fore).W(Iyz, fore)
+    matrix[2][14] = t61;
     // tau3, fv_q3: dot(q3)
     matrix[2][19] = motion.q3.dot;
     // tau3, fc_q3: sign(dot(q3))
