@@ -27,7 +27,7 @@
 //! | `feed_forward` | 126 | 134 | 0 | 7 |
 //! | `gravity` | 18 | 29 | 0 | 4 |
 //! | `mass_matrix` | 54 | 47 | 0 | 4 |
-//! | `forward_dynamics` | 167 | 176 | 0 | 7 |
+//! | `forward_dynamics` | 164 | 174 | 0 | 7 |
 //! | `base_regressor` | 84 | 95 | 0 | 7 |
 //! | `Physical::lump` | 1 | 1 | 0 | 0 |
 //!
@@ -1436,7 +1436,7 @@ impl<T> Accelerations<T> {
 /// accelerations. The highest derivatives of the motion are not read. M is solved by elimination with row
 /// pivoting.
 ///
-/// Operations: 167 additions, 176 multiplications, 7 function calls.
+/// Operations: 164 additions, 174 multiplications, 7 function calls.
 ///
 /// # Errors
 /// [`SingularMass`] when the mass matrix is singular with these parameters, or a number is not finite.
@@ -1494,79 +1494,78 @@ pub fn forward_dynamics<T: Real>(
     let t28 = t26 * t26;
     let t29 = t22 + t28;
     let t30 = t24 * motion.q2.dot;
-    let t31 = t30 - t30;
-    let t32 = -(T::from_f64(0.35) * t29) - T::from_f64(0.03) * t31
-        - T::from_f64(9.81) * t4;
-    let t33 = T::from_f64(9.81) * t0 - T::from_f64(0.35) * t27;
-    let t34 = t2 * t32 + t1 * t33;
-    let t35 = -(t26 * t2) - t24 * t1;
-    let t36 = t35 * t35;
-    let t37 = motion.q2.dot + motion.q3.dot;
-    let t38 = t37 * t37;
-    let t39 = t26 * t1 - t24 * t2;
-    let t40 = t39 * t35;
-    let t41 = t39 * t37;
-    let t42 = t26 * motion.q2.dot;
-    let t43 = t30 * t2 - t42 * t1 - t39 * motion.q3.dot;
-    let t44 = t41 + t43;
-    let t45 = parameters.m_fore * t34
-        + (t40 * parameters.mx_fore + parameters.my_fore * t44
-            - (t36 + t38) * parameters.mz_fore);
-    let t46 = t1 * t32 - t2 * t33;
-    let t47 = t39 * t39;
-    let t48 = t35 * t37;
-    let t49 = t35 * motion.q3.dot + (-(t30 * t1) - t42 * t2);
-    let t50 = t48 - t49;
-    let t51 = parameters.m_fore * t46
-        + (parameters.my_fore * t50 + t40 * parameters.mz_fore
-            - (t38 + t47) * parameters.mx_fore);
-    let t52 = t1 * t45 - t2 * t51;
-    let t53 = t2 * t45 + t1 * t51;
-    let t54 = t4
+    let t31 = -(T::from_f64(0.35) * t29) - T::from_f64(9.81) * t4;
+    let t32 = T::from_f64(9.81) * t0 - T::from_f64(0.35) * t27;
+    let t33 = t2 * t31 + t1 * t32;
+    let t34 = -(t26 * t2) - t24 * t1;
+    let t35 = t34 * t34;
+    let t36 = motion.q2.dot + motion.q3.dot;
+    let t37 = t36 * t36;
+    let t38 = t26 * t1 - t24 * t2;
+    let t39 = t38 * t34;
+    let t40 = t38 * t36;
+    let t41 = t26 * motion.q2.dot;
+    let t42 = t30 * t2 - t41 * t1 - t38 * motion.q3.dot;
+    let t43 = t40 + t42;
+    let t44 = parameters.m_fore * t33
+        + (t39 * parameters.mx_fore + parameters.my_fore * t43
+            - (t35 + t37) * parameters.mz_fore);
+    let t45 = t1 * t31 - t2 * t32;
+    let t46 = t38 * t38;
+    let t47 = t34 * t36;
+    let t48 = t34 * motion.q3.dot + (-(t30 * t1) - t41 * t2);
+    let t49 = t47 - t48;
+    let t50 = parameters.m_fore * t45
+        + (parameters.my_fore * t49 + t39 * parameters.mz_fore
+            - (t37 + t46) * parameters.mx_fore);
+    let t51 = t1 * t44 - t2 * t50;
+    let t52 = t2 * t44 + t1 * t50;
+    let t53 = t4
         * (-((t22 + t25) * parameters.mz_upper) - t27 * parameters.mx_upper
-            + T::from_f64(9.81) * (t0 * parameters.m_upper_plus_25_my_upper) + t52)
+            + T::from_f64(9.81) * (t0 * parameters.m_upper_plus_25_my_upper) + t51)
         + t0
             * (-(t29 * parameters.mx_upper) - t27 * parameters.mz_upper
-                - T::from_f64(9.81) * (t4 * parameters.m_upper_plus_25_my_upper) + t53);
-    let t55 = t41 - t43;
-    let t56 = T::from_f64(0.03) * (t28 + t25) - T::from_f64(0.7) * t30
+                - T::from_f64(9.81) * (t4 * parameters.m_upper_plus_25_my_upper) + t52);
+    let t54 = t40 - t42;
+    let t55 = T::from_f64(0.03) * (t28 + t25) - T::from_f64(0.7) * t30
         - T::from_f64(0.08) * t23;
-    let t57 = t48 * parameters.Iyy_fore + (t36 - t38) * parameters.Ixy_fore
-        + t40 * parameters.Iyz_fore + parameters.Izz_fore * t49
-        - t48 * parameters.Ixx_fore - parameters.Ixz_fore * t55
-        + (parameters.mx_fore * t56 - parameters.my_fore * t46);
-    let t58 = t48 + t49;
-    let t59 = t41 * parameters.Izz_fore + (t38 - t47) * parameters.Iyz_fore
-        + parameters.Ixx_fore * t43 + parameters.Ixz_fore * t58
-        - t41 * parameters.Iyy_fore - t40 * parameters.Ixy_fore
-        + (parameters.my_fore * t34 - parameters.mz_fore * t56);
-    let t60 = t1 * t57 - t2 * t59
-        + (T::from_f64(0.03) * t53
+    let t56 = t47 * parameters.Iyy_fore + (t35 - t37) * parameters.Ixy_fore
+        + t39 * parameters.Iyz_fore + parameters.Izz_fore * t48
+        - t47 * parameters.Ixx_fore - parameters.Ixz_fore * t54
+        + (parameters.mx_fore * t55 - parameters.my_fore * t45);
+    let t57 = t47 + t48;
+    let t58 = t40 * parameters.Izz_fore + (t37 - t46) * parameters.Iyz_fore
+        + parameters.Ixx_fore * t42 + parameters.Ixz_fore * t57
+        - t40 * parameters.Iyy_fore - t39 * parameters.Ixy_fore
+        + (parameters.my_fore * t33 - parameters.mz_fore * t55);
+    let t59 = t1 * t56 - t2 * t58
+        + (T::from_f64(0.03) * t52
             + T::from_f64(0.35)
-                * (parameters.m_fore * t56
-                    + (parameters.mx_fore * t58 + parameters.mz_fore * t55
-                        - (t36 + t47) * parameters.my_fore)));
-    let t61 = (t25 - t22) * parameters.Ixy_upper + t30 * parameters.Ixx_upper
+                * (parameters.m_fore * t55
+                    + (parameters.mx_fore * t57 + parameters.mz_fore * t54
+                        - (t35 + t46) * parameters.my_fore)));
+    let t60 = (t25 - t22) * parameters.Ixy_upper + t30 * parameters.Ixx_upper
         - t30 * parameters.Iyy_upper - t30 * parameters.Izz_upper
-        - t27 * parameters.Iyz_upper - parameters.Ixz_upper * (t42 + t42)
+        - t27 * parameters.Iyz_upper - parameters.Ixz_upper * (t41 + t41)
         - T::from_f64(0.08) * (t23 * parameters.mx_upper);
-    let t62 = T::from_f64(0.08) * (t23 * parameters.mz_upper)
-        + (t42 * parameters.Izz_upper + (t22 - t28) * parameters.Iyz_upper
-            + t27 * parameters.Ixy_upper - t42 * parameters.Iyy_upper
+    let t61 = T::from_f64(0.08) * (t23 * parameters.mz_upper)
+        + (t41 * parameters.Izz_upper + (t22 - t28) * parameters.Iyz_upper
+            + t27 * parameters.Ixy_upper - t41 * parameters.Iyy_upper
             - T::from_f64(2.0) * t30 * parameters.Ixz_upper
-            - t42 * parameters.Ixx_upper);
-    let t63 = motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
-        + (t0 * (t60 + t61) - t4 * (t2 * t57 + t1 * t59 - T::from_f64(0.03) * t52 + t62)
-            - T::from_f64(0.08) * t54);
-    let t64 = (t47 - t36) * parameters.Ixz_fore + t40 * parameters.Ixx_fore
-        + parameters.Ixy_fore * t44 - t40 * parameters.Izz_fore
-        - parameters.Iyz_fore * t50
-        + (parameters.mz_fore * t46 - parameters.mx_fore * t34);
-    let t65 = t26 * t24;
-    let t66 = t65 * parameters.Izz_upper + (t28 - t25) * parameters.Ixz_upper
-        - t65 * parameters.Ixx_upper - parameters.Iyz_upper * t31
-        + (-(T::from_f64(9.81) * (t4 * parameters.mz_upper))
-            - T::from_f64(9.81) * (t0 * parameters.mx_upper));
+            - t41 * parameters.Ixx_upper);
+    let t62 = motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
+        + (t0 * (t59 + t60) - t4 * (t2 * t56 + t1 * t58 - T::from_f64(0.03) * t51 + t61)
+            - T::from_f64(0.08) * t53);
+    let t63 = (t46 - t35) * parameters.Ixz_fore + t39 * parameters.Ixx_fore
+        + parameters.Ixy_fore * t43 - t39 * parameters.Izz_fore
+        - parameters.Iyz_fore * t49
+        + (parameters.mz_fore * t45 - parameters.mx_fore * t33);
+    let t64 = t26 * t24;
+    let t65 = t63 - T::from_f64(0.35) * t51
+        + (t64 * parameters.Izz_upper + (t28 - t25) * parameters.Ixz_upper
+            - t64 * parameters.Ixx_upper
+            + (-(T::from_f64(9.81) * (t4 * parameters.mz_upper))
+                - T::from_f64(9.81) * (t0 * parameters.mx_upper)));
     let matrix = [
         [
             parameters.Izz_column
@@ -1588,13 +1587,13 @@ pub fn forward_dynamics<T: Real>(
         [t20, t21, parameters.Iyy_fore],
     ];
     let right = [
-        inputs.tau1 - t63,
+        inputs.tau1 - t62,
         inputs.tau2
             - (motion.q2.dot * parameters.fv_q2 + motion.q2.dot.sign() * parameters.fc_q2
-                + (t64 - T::from_f64(0.35) * t52 + t66)),
+                + t65),
         inputs.tau3
             - (motion.q3.dot * parameters.fv_q3 + motion.q3.dot.sign() * parameters.fc_q3
-                + t64),
+                + t63),
     ];
     accelerations(matrix, right, &COORDINATES).map(Accelerations::from_array)
 }

@@ -58,7 +58,8 @@ fn the_committed_file_is_what_is_generated() {
     let files = generate(&estimator, &options).expect("nothing stands in the way");
     let committed = std::fs::read_to_string(root().join("tests/generated/parts/three_joints.rs")).expect("committed");
     assert!(files[0].text == committed, "{COMMAND} -o tests/generated/parts");
-    assert!(committed.lines().all(|line| line.len() <= 200), "no giant comments");
+    let comments = committed.lines().filter(|line| line.trim_start().starts_with("//"));
+    assert!(comments.map(str::len).all(|length| length <= 200), "no giant comments");
 }
 
 #[test]

@@ -16,6 +16,7 @@ mod record;
 #[cfg(feature = "generate")]
 pub mod regulator;
 mod requested;
+mod shapes;
 #[cfg(feature = "generate")]
 mod support;
 

@@ -47,6 +47,9 @@ fn values(result: &Identification) -> Vec<f64> {
     result.parameters.iter().map(|parameter| parameter.value.unwrap_or(f64::NAN)).collect()
 }
 
+/// The torque of a motion: position, velocity, acceleration.
+type Force = dyn Fn([f64; 3]) -> f64;
+
 #[test]
 fn exact_logs_give_exact_values() {
     let offset = model("parameter J, d, mgl; nonlinear parameter q0 from -0.5 to 0.5;", "d*dot(q) + mgl*sin(q - q0)");
@@ -55,7 +58,7 @@ fn exact_logs_give_exact_values() {
         "parameter J, d, k; nonlinear parameter b from 0.1 to 3, q0 from -0.3 to 0.3;",
         "d*dot(q) + k*(q - q0)/(b + (q - q0)^2)",
     );
-    let cases: [(&DeclaredModel, &dyn Fn([f64; 3]) -> f64, &[f64]); 3] = [
+    let cases: [(&DeclaredModel, &Force, &[f64]); 3] = [
         (&offset, &|[q, v, a]| 0.1 * a + 0.05 * v + 0.8 * (q - 0.07_f64).sin(), &[0.1, 0.05, 0.8, 0.07]),
         (&smooth, &|[_, v, a]| 0.1 * a + 0.05 * v + 0.3 * (v / 0.6).tanh(), &[0.1, 0.05, 0.3, 0.6]),
         (

@@ -33,7 +33,7 @@ pub enum BasePlanError {
     Rank(#[from] BaseParameterError),
     /// The combinations have no exact factors.
     #[error(
-        "the base parameters depend on constants without a value; write their values in the model for code in base parameters"
+        "the base parameters depend on constants without a value, or on sines of angles that are no rational numbers; write values of constants and right angles in the model for code in base parameters"
     )]
     Constants,
     /// No parameter acts on any row.

@@ -6,7 +6,7 @@ use crate::plan::leaf::Leaf;
 use crate::plan::operation::{Op, Slot};
 use crate::plan::sharing::{Atom, SharedProducts};
 use crate::plan::straight_line::{Merger, Plan};
-use num_traits::{One, Signed};
+use num_traits::{One, Signed, Zero};
 use std::collections::HashMap;
 
 impl Plan {
@@ -114,14 +114,22 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
                 None => positive.push(self.done[term]),
             }
         }
+        // Terms that only shared products show to be the same.
+        negative.retain(|slot| match positive.iter().position(|same| same == slot) {
+            Some(same) => {
+                positive.remove(same);
+                false
+            }
+            None => !self.is_zero(*slot),
+        });
+        positive.retain(|slot| !self.is_zero(*slot));
         let mut positive = positive.into_iter();
         let mut negative = negative.into_iter();
-        let mut total = match positive.next() {
-            Some(first) => first,
-            None => {
-                let first = negative.next().expect("invariant: a sum has terms");
-                self.emit(Op::Neg(first))
-            }
+        let first = positive.next();
+        let mut total = match first.or_else(|| negative.next()) {
+            Some(slot) if first.is_some() => slot,
+            Some(slot) => self.emit(Op::Neg(slot)),
+            None => self.emit(Op::Constant(Rational::zero())),
         };
         for slot in positive {
             total = self.emit(Op::Add(total, slot));
@@ -130,6 +138,10 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
             total = self.emit(Op::Sub(total, slot));
         }
         total
+    }
+
+    fn is_zero(&self, slot: Slot) -> bool {
+        self.merger.is_number(slot, Zero::is_zero)
     }
 
     /// The slot of -term when the term has a negative coefficient.
@@ -188,6 +200,9 @@ impl<L: Clone + PartialEq, F: Fn(&Node) -> L> Builder<'_, L, F> {
 
     /// value * product of the factors of a node, with negative powers collected into one division.
     fn scaled(&mut self, id: ExprId, value: Rational, factors: &[ExprId]) -> Slot {
+        if factors.iter().any(|factor| self.done.get(factor).is_some_and(|slot| self.is_zero(*slot))) {
+            return self.emit(Op::Constant(Rational::zero()));
+        }
         let mut above: Option<Slot> = self.shared(id);
         let mut below: Option<Slot> = None;
         // The shared product holds all factors but the divisors and a part of the coefficient.

@@ -507,7 +507,13 @@ fn estimator(context: &mut Context<'_>) {
     estimator->rows = {zero};
 "
     );
-    context.function(&context.global("base_estimator_clear"), "No sample yet.", "void", &[pointer.clone()], &body);
+    context.function(
+        &context.global("base_estimator_clear"),
+        "No sample yet.",
+        "void",
+        std::slice::from_ref(&pointer),
+        &body,
+    );
     if context.forgetting {
         let body = format!(
             "    const {real} root = {}(share);

@@ -13,10 +13,10 @@ use super::super::function::{self, Body, Function};
 use super::super::number::Rounded;
 use super::super::text;
 use super::context::Context;
-use super::dynamics::stores;
 use super::expression::{Writer, literal, literal_single};
 use super::names::{PatternNames, derivative_field, harmonic_field, ident};
 use super::record::{Field, count, doc, locals, record};
+use super::shapes::stores;
 
 /// The items of all patterns: in the module itself, or each in a module of its own when there are several.
 pub(super) fn items(context: &Context<'_>) -> TokenStream {

@@ -7,10 +7,10 @@ use super::super::function::{Body, Function};
 use super::super::requested;
 use super::super::text;
 use super::context::Context;
-use super::dynamics::{arguments, force_fields, label, matrix, quantity_fields, structure};
 use super::expression::Writer;
 use super::names::ident;
 use super::record::{Field, count, doc, record};
+use super::shapes::{arguments, force_fields, label, matrix, quantity_fields, structure};
 
 /// What the module takes from the runtime for these functions.
 pub(super) fn imports(context: &Context<'_>) -> Vec<&'static str> {

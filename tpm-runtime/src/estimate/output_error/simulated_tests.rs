@@ -185,8 +185,10 @@ fn a_machine_that_is_unstable_without_its_loop_leaves_its_record() {
     let machine = Differentiable { model: &model, derivatives: &derivatives };
     let found = Simulated::of(machine, &[], &signals, &[j, g]).expect("a pendulum can be simulated");
     let divergence = found.divergence.expect("it falls");
-    // A share of the noise grows to the motion with the rate sqrt(g/J) = 7.1 /s: between 1e2 and 1e7 times in .6 to 2.3 s.
-    assert!(divergence.unstable && (0.6..2.3).contains(&divergence.time), "{divergence:?}");
+    // The state at the start is smoothed by all that follows, which shows the part that grows the better the longer the record is: what
+    // is left of its error lies between the noise and rounding, and grows to the motion with the rate sqrt(g/J) = 7.1 /s, 1e2 to 1e17
+    // times, in .6 to 5.6 s.
+    assert!(divergence.unstable && (0.6..5.7).contains(&divergence.time), "{divergence:?}");
     let size = root_mean_square(found.normalised[0].iter().copied());
     assert!((size - 1.0).abs() < 0.1, "{size}");
     // Parameters of a pendulum that hangs are those of a stable machine, whose motion is another one.
