@@ -522,7 +522,7 @@ impl<'m> Campaign<'m> {
     }
 
     /// The settled parts of the runs that are pooled, in their order.
-    pub(crate) fn steady(&self) -> impl DoubleEndedIterator<Item = &SteadyRun> {
+    pub(crate) fn steady(&self) -> impl Iterator<Item = &SteadyRun> {
         self.steady.iter().filter(|steady| self.reports[steady.run].is_pooled())
     }
 

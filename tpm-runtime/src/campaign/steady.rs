@@ -3,8 +3,6 @@
 use crate::run::Spectra;
 use std::vec::Vec;
 
-/// Most samples of a run that are kept for a simulation.
-const KEPT: usize = 16_000;
 /// A harmonic belongs to the motion when it is no smaller than this share of the largest.
 const SMALL: f64 = 1e-3;
 /// A harmonic stands out of the noise when its power is this many times that of its noise.
@@ -28,11 +26,14 @@ pub(crate) struct SteadyRun {
 }
 
 impl SteadyRun {
+    /// Most samples that are simulated of all runs together, so that no more of a single one are kept.
+    pub(crate) const MOST: usize = 16_000;
+
     /// The end of a settled part, given whole periods of every channel, the first `coordinates` of which are coordinates.
     pub(super) fn of(run: usize, channels: &[&[f64]], coordinates: usize, period: usize, spectra: &Spectra) -> Self {
         SteadyRun {
             run,
-            channels: channels.iter().map(|channel| end(channel, KEPT).to_vec()).collect(),
+            channels: channels.iter().map(|channel| end(channel, Self::MOST).to_vec()).collect(),
             period,
             of: channels.first().map_or(0, |channel| channel.len()),
             highest: (0..coordinates).map(|c| highest(spectra, c)).collect(),

@@ -60,6 +60,8 @@ pub(crate) use information::reduced;
 pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
+#[cfg(feature = "interpret")]
+pub(crate) use output_error::reach_in;
 pub use output_error::{
     Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Signals,
     Simulated,

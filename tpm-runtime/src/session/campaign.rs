@@ -3,7 +3,7 @@
 use crate::campaign::{Campaign, Store};
 use crate::estimate::physical::PhysicalSettings;
 use crate::experiment::Experiment;
-use crate::log::fingerprint;
+use crate::log::{Refine, fingerprint};
 use crate::machine::actuator::{FileFault, MotorFile};
 use crate::machine::stability::LoopStability;
 use crate::run::{Bench, BenchError, Record, Trial};
@@ -244,9 +244,8 @@ impl Session {
     /// What the estimator gives, refined by simulating the model along the runs, where a force jumps, and where that is asked for and can be done.
     fn refined(&self, campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
         let jumps = self.declared.prepared().model.has_jumps();
-        let refined =
-            jumps.then(|| refined_campaign(campaign, || self.declared.derivatives(), self.experiment.refine)).flatten();
-        match refined {
+        let refine = if jumps { self.experiment.refine } else { Refine::None };
+        match refined_campaign(campaign, || self.declared.derivatives(), refine) {
             Some(refined) => summary::of_refined(campaign, refined, stability, source, seed),
             None => summary::of_campaign(campaign, stability, source, seed),
         }

@@ -18,8 +18,6 @@ const MEANS: usize = 4;
 const LAST: usize = 24_000;
 /// Samples of all blocks of a long record that does not repeat.
 const IN_BLOCKS: usize = 32_000;
-/// Samples of all runs of a campaign.
-const IN_RUNS: usize = 16_000;
 /// Blocks of such a record, evenly spread over it.
 const BLOCKS: usize = 8;
 
@@ -117,7 +115,7 @@ impl<'a> Excerpt<'a> {
 
     /// The ends of the settled parts of runs, one behind the other, all of them of the same length.
     pub(super) fn of_runs(runs: &[&'a SteadyRun]) -> Self {
-        let each = IN_RUNS / runs.len().max(1);
+        let each = SteadyRun::MOST / runs.len().max(1);
         let channels = runs.first().map_or(0, |run| run.channels.len());
         let channel = |c: usize| runs.iter().flat_map(|run| run.last(c, each)).copied().collect();
         let mut ends: Vec<usize> = runs.iter().map(|run| run.len().min(each)).collect();

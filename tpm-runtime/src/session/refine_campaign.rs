@@ -6,15 +6,13 @@
 //! the mean of a sign of a velocity with noise is not the sign of the mean.
 
 use crate::campaign::{Campaign, SteadyRun};
-use crate::estimate::{Course, Differentiable, Method, Weights};
+use crate::estimate::{Course, Differentiable, Method, Weights, reach_in};
 use crate::interpret::InterpretedDerivatives;
 use crate::log::Refine;
 use crate::session::excerpt::Excerpt;
 use crate::session::refine::{Conditions, Refined, Start, refined};
 use std::vec::Vec;
 
-/// Parts of a period over which a polynomial is fitted on either side of a sample.
-const LOCAL: usize = 60;
 /// Refines the estimate of a campaign; nothing where its estimator is another than that of the measured motion, where coordinates were
 /// eliminated, where equations are weighed alike or forgotten, and before the first estimate. `derivatives` makes those of the rows.
 pub(super) fn refined_campaign(
@@ -41,7 +39,7 @@ pub(super) fn refined_campaign(
         estimate,
         course: Course::Any {
             typical_period: period as f64,
-            reach: period / LOCAL,
+            reach: reach_in(period as f64),
             highest: (0..coordinates).map(|c| most(&|run| run.highest[c])).collect(),
             copies: excerpt.samples() as f64 / periods.max(1) as f64,
         },

@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1e-9;
 /// Power that harmonics leave of a record, in units of its noise, above which they are no description of its motion.
 const UNEXPLAINED: f64 = 100.0;
 /// Share of a period over which a polynomial is fitted on either side of a sample, as one over this.
-const LOCAL: u32 = 60;
+const LOCAL: f64 = 60.0;
 
 /// What is known of a record's motion before it is simulated.
 #[derive(Clone, Debug)]
@@ -64,6 +64,11 @@ pub struct Signals<'a> {
     pub unexplained: f64,
 }
 
+/// Samples on either side of a sample over which a polynomial follows a motion that repeats.
+pub(crate) fn reach_in(samples_per_period: f64) -> usize {
+    (samples_per_period / LOCAL) as usize
+}
+
 /// A harmonic on its way through the samples.
 struct Wave {
     /// Angle from one sample to the next, rad.
@@ -104,7 +109,7 @@ impl Signals<'_> {
             let order = slots.iter().filter(|slot| slot.0 == c).map(|slot| slot.1).max().unwrap_or(0);
             let (lines, reach) = match &self.course {
                 Course::Periodic { samples_per_period, lines, .. } => {
-                    let reach = (samples_per_period / f64::from(LOCAL)) as usize;
+                    let reach = reach_in(*samples_per_period);
                     (Some(&lines[c]), (!self.explained_by(&lines[c], c)).then_some(reach))
                 }
                 Course::Any { reach, .. } => (None, Some(*reach)),
