@@ -15,6 +15,7 @@ model_file!("rotary_pendulum.tpm");
 model_file!("rotary_pendulum_down.tpm");
 model_file!("rotary_pendulum_dry.tpm");
 model_file!("silverbox.tpm");
+model_file!("stribeck_pendulum.tpm");
 model_file!("three_carts.tpm");
 model_file!("two_carts.tpm");
 

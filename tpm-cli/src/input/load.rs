@@ -40,6 +40,12 @@ impl Loaded {
         &self.parsed.model
     }
 
+    /// Names of the nonlinear parameters.
+    pub(crate) fn nonlinear(&self) -> Vec<String> {
+        let model = self.model();
+        model.nonlinear.iter().map(|own| model.quantity(own.symbol).name.to_string()).collect()
+    }
+
     /// The model with its coordinates eliminated, in the form that is linear in its parameters.
     pub(crate) fn prepared(&self) -> Result<Prepared, Failure> {
         prepare(self.model().clone()).map_err(|error| self.at(&error))

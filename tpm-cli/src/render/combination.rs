@@ -11,6 +11,17 @@ fn multiple(name: &str, factor: &str) -> String {
     }
 }
 
+/// What is said of nonlinear parameters where a rank counts the others alone; nothing where there are none.
+pub(crate) fn not_counted(nonlinear: &[String]) -> String {
+    if nonlinear.is_empty() {
+        return String::new();
+    }
+    let names = nonlinear.join(", ");
+    format!(
+        "\nnot counted: {names}, in which the equations are not linear; `tpm identify` says whether a log shows them\n"
+    )
+}
+
 /// A sum of named terms with their factors.
 pub(crate) fn sum(terms: &BTreeMap<String, String>) -> String {
     terms.iter().map(|(name, factor)| multiple(name, factor)).collect::<Vec<_>>().join(" + ")

@@ -21,6 +21,7 @@ pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
         Remedy::Harmonics { highest } => format!("--harmonics {highest} takes them in"),
         Remedy::DrivenCoordinate { input } => format!("--motion {input}=COORDINATE"),
         Remedy::Stopped => "--stopped".to_owned(),
+        Remedy::HoldParameter { parameter } => format!("--freeze {parameter}=VALUE"),
         Remedy::Constants { names } => {
             names.iter().map(|name| format!("--constant {name}=VALUE")).collect::<Vec<_>>().join(" ")
         }
@@ -71,7 +72,7 @@ pub(crate) fn error(error: &SessionError) -> String {
     match error {
         SessionError::Log(error) => log_error(error),
         SessionError::Experiment(error) => experiment_error(error),
-        SessionError::UnknownName { setting, name, .. } => {
+        SessionError::UnknownName { setting, name, .. } | SessionError::OutsideInterval { setting, name, .. } => {
             let flag = match setting {
                 Setting::Prior => "--prior",
                 Setting::Frozen => "--freeze",
@@ -80,6 +81,9 @@ pub(crate) fn error(error: &SessionError) -> String {
                 _ => "",
             };
             format!("{flag} {name}=...: {}", message_behind(&error.to_string()))
+        }
+        SessionError::ParameterAsConstant { name } => {
+            with(&format!("--constant {name}=...: {}", message_behind(&error.to_string())), error.remedy())
         }
         SessionError::NothingLumped { name } => {
             format!("--bound {name}=...: {}", message_behind(&error.to_string()))

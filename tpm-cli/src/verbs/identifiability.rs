@@ -5,7 +5,7 @@ mod any_motion;
 use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
 use crate::output::file;
-use crate::render::combination::sum;
+use crate::render::combination::{not_counted, sum};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable, or_dash};
@@ -127,7 +127,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
             found
         }
     };
-    let text = if args.json { json(&report, physical.as_ref())? } else { describe(&report, physical.as_ref()) };
+    let nonlinear = loaded.nonlinear();
+    let text = if args.json {
+        json(&report, physical.as_ref(), &nonlinear)?
+    } else {
+        describe(&report, physical.as_ref()) + &not_counted(&nonlinear)
+    };
     file::emit(args.output.as_deref(), &text)?;
     if report.rank < report.columns {
         return Err(Failure::Incomplete(format!(
@@ -185,15 +190,18 @@ fn numerical(loaded: &Loaded, asked: &[Asked<'_>], settings: &[Setting]) -> Resu
     Ok((report, Some(physical)))
 }
 
-fn json(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Result<String, Failure> {
+fn json(report: &Report, physical: Option<&PhysicalIdentifiability>, nonlinear: &[String]) -> Result<String, Failure> {
     /// The report, and the physical parameters behind the lumped ones.
     #[derive(serde::Serialize)]
     struct Whole<'a> {
         #[serde(flatten)]
         report: &'a Report,
         physical: Option<&'a PhysicalIdentifiability>,
+        /// Nonlinear parameters, which are constants here.
+        #[serde(skip_serializing_if = "<[_]>::is_empty")]
+        nonlinear: &'a [String],
     }
-    file::json(&Whole { report, physical })
+    file::json(&Whole { report, physical, nonlinear })
 }
 
 fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> String {

@@ -82,3 +82,15 @@ fn any_motion_shows_the_base_parameters_of_an_arm() {
     fails(&["identifiability", arm, "--rest", "q3=0"], 2, &["no coordinate `q3`"]);
     fails(&["identifiability", "models/emps.tpm", "--rest", "q=0"], 2, &["--any-motion"]);
 }
+
+#[test]
+fn nonlinear_parameters_are_named_as_not_counted() {
+    let file = "models/stribeck_pendulum.tpm";
+    let text = printed_in(&root(), &["identifiability", file, "--any-motion"], 0);
+    assert!(text.contains("rank 5 of 5") && text.contains("not counted: vs"), "{text}");
+    for any in [&["--any-motion"][..], &[]] {
+        let text = printed_in(&root(), &[&["identifiability", file, "--json"], any].concat(), 0);
+        let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(json["nonlinear"][0], "vs", "{json}");
+    }
+}

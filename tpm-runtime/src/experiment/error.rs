@@ -60,6 +60,16 @@ pub enum ExperimentError {
         /// Condition that the value must meet.
         must: &'static str,
     },
+    /// A nonlinear parameter is given a value outside its interval.
+    #[error("{key} = {}: the model looks for this nonlinear parameter from {} to {}; change one of them", number(*.value), number(.interval[0]), number(.interval[1]))]
+    OutsideInterval {
+        /// Key of the value.
+        key: String,
+        /// The value.
+        value: f64,
+        /// The interval.
+        interval: [f64; 2],
+    },
     /// The simulated machine cannot be evaluated.
     #[error("the simulated machine: {0}")]
     Plant(#[from] EvalError),

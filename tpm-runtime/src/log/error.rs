@@ -168,6 +168,24 @@ pub enum LogError {
         /// What cuts the record there, and what to do.
         why: String,
     },
+    /// A record is cut into pieces in which nothing is seen.
+    #[error(
+        "{path}:{from}-{to}: the record is cut into {segments} pieces, the longest of {longest} samples, too short to show anything; the first cut: {cut}; repair the recording"
+    )]
+    ShortSegments {
+        /// The file.
+        path: String,
+        /// First line of the pieces.
+        from: u64,
+        /// Last line of the pieces.
+        to: u64,
+        /// Pieces.
+        segments: usize,
+        /// Samples of the longest piece.
+        longest: usize,
+        /// Why the record is cut there, with its line.
+        cut: String,
+    },
     /// A setting names something that the model does not have.
     #[error("{adjustment} of `{name}`: the model has no coordinate or input `{name}`; it has {}", .available.join(", "))]
     UnknownName {
@@ -356,6 +374,16 @@ pub enum LogError {
         /// The reason.
         source: SpectrumError,
     },
+    /// Harmonics do not lead to values of nonlinear parameters.
+    #[error(
+        "{path}: harmonics lead the search for {} to no value, since the log hardly repeats; use it in the time domain", .parameters.join(", ")
+    )]
+    RunsAway {
+        /// The file.
+        path: String,
+        /// The nonlinear parameters.
+        parameters: Vec<String>,
+    },
     /// The parameters could not be estimated.
     #[error("{path}: {source}")]
     Estimate {
@@ -408,6 +436,7 @@ impl LogError {
             LogError::AmbiguousColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
             LogError::Unit { mismatch, .. } => Some(Remedy::Scale { signal: mismatch.name.clone() }),
             LogError::TimeUnit { .. } => Some(Remedy::Scale { signal: "t_s".into() }),
+            LogError::RunsAway { .. } => Some(Remedy::TimeDomain),
             LogError::Constants { names, .. } => Some(Remedy::Constants { names: names.clone() }),
             _ => None,
         }

@@ -44,6 +44,7 @@ pub use fingerprint::fingerprint;
 #[cfg(feature = "interpret")]
 pub(crate) use lone::lone_readings;
 pub use options::{Domain, LogOptions, Refine};
+pub(crate) use periodic::differs;
 pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
 pub use read::{Log, Rates};

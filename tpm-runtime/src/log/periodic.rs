@@ -64,27 +64,53 @@ pub struct Mismatch {
 impl Mismatch {
     /// Compares the last period, of any length, with the one before.
     fn at(motion: &[&[f64]], end: usize, length: f64) -> Self {
-        let last = length.round() as usize;
-        // A fractional period needs one sample more on the far side than rounding may leave.
-        let reach = (length.ceil() as usize + last).min(end);
-        let moving = motion.iter().map(|c| &c[..end]).filter_map(|signal| {
-            let scale = variance(&signal[end - reach..]);
-            let difference = |i: usize| signal[i] - value_at(signal, i as f64 - length);
-            let square = (end - last..end).map(|i| difference(i).powi(2)).sum::<f64>() / last as f64;
-            (scale > 0.0).then_some((signal, scale, square / (2.0 * scale)))
-        });
-        let moving: Vec<(&[f64], f64, f64)> = moving.collect();
-        let share = moving.iter().map(|(.., own)| own.sqrt()).fold(0.0, f64::max);
+        let moving: Vec<Difference<'_>> =
+            motion.iter().filter_map(|signal| Difference::at(&signal[..end], length)).collect();
+        let share = moving.iter().map(|own| own.square.sqrt()).fold(0.0, f64::max);
         let mut noise = (share > NOT_PERIODIC).then_some(0.0_f64);
-        for &(signal, scale, own) in &moving {
+        for own in &moving {
             let Some(most) = noise else { break };
-            let white = white_noise(signal).powi(2);
-            let chance = 1.0 + CHANCE * (2.0 / last as f64 + WHITE_NOISE_SPREAD / end as f64).sqrt();
-            let explained = own <= NOT_PERIODIC.powi(2) + chance * white / scale;
-            noise = explained.then(|| most.max((white / variance(signal)).sqrt().min(1.0)));
+            let white = own.explained_above(NOT_PERIODIC);
+            noise = white.map(|white| most.max((white / variance(own.signal)).sqrt().min(1.0)));
         }
         Mismatch { share, noise }
     }
+}
+
+/// The difference between the last period of a signal and the one before.
+struct Difference<'a> {
+    signal: &'a [f64],
+    /// Samples of a period.
+    last: usize,
+    /// Variance of both periods.
+    scale: f64,
+    /// Half the mean square difference, in units of that variance.
+    square: f64,
+}
+
+impl<'a> Difference<'a> {
+    /// Compares the last period, of any length, with the one before; nothing for a signal that is at rest.
+    fn at(signal: &'a [f64], length: f64) -> Option<Self> {
+        let (end, last) = (signal.len(), length.round() as usize);
+        // A fractional period needs one sample more on the far side than rounding may leave.
+        let reach = (length.ceil() as usize + last).min(end);
+        let scale = variance(&signal[end - reach..]);
+        let difference = |i: usize| signal[i] - value_at(signal, i as f64 - length);
+        let square = (end - last..end).map(|i| difference(i).powi(2)).sum::<f64>() / last as f64;
+        (scale > 0.0).then_some(Self { signal, last, scale, square: square / (2.0 * scale) })
+    }
+
+    /// Variance of the white noise of the samples, where it explains by how much the periods differ above this share of the signal.
+    fn explained_above(&self, share: f64) -> Option<f64> {
+        let white = white_noise(self.signal).powi(2);
+        let chance = 1.0 + CHANCE * (2.0 / self.last as f64 + WHITE_NOISE_SPREAD / self.signal.len() as f64).sqrt();
+        (self.square <= share.powi(2) + chance * white / self.scale).then_some(white)
+    }
+}
+
+/// Whether the last two periods of a signal differ by more than this share of it and white noise of its samples together.
+pub(crate) fn differs(signal: &[f64], length: f64, share: f64) -> bool {
+    Difference::at(signal, length).is_some_and(|own| own.square > share.powi(2) && own.explained_above(share).is_none())
 }
 
 /// Why no periodic part was found.

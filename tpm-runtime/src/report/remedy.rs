@@ -56,6 +56,11 @@ pub enum Remedy {
     },
     /// Say that the machine stopped the run.
     Stopped,
+    /// Hold a parameter at a value.
+    HoldParameter {
+        /// The parameter, as the model names it.
+        parameter: String,
+    },
     /// Give a value to a constant of the model that is known at run time only.
     Constants {
         /// The constants without a value.

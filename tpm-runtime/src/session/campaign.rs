@@ -2,7 +2,8 @@
 
 use crate::campaign::{Campaign, Store};
 use crate::estimate::physical::PhysicalSettings;
-use crate::experiment::Experiment;
+use crate::estimate::{ParameterReport, Status};
+use crate::experiment::{Experiment, ExperimentError};
 use crate::log::{Refine, fingerprint};
 use crate::machine::actuator::{FileFault, MotorFile};
 use crate::machine::stability::LoopStability;
@@ -10,7 +11,7 @@ use crate::run::{Bench, BenchError, Record, Trial};
 use crate::session::error::SessionError;
 use crate::session::identification::{Identification, LogFingerprint, Source};
 use crate::session::machine::Machine;
-use crate::session::model::{DeclaredModel, Identifiable, ModelFault};
+use crate::session::model::{DeclaredModel, Identifiable, ModelFault, NonlinearParameter};
 use crate::session::play::{Watch, play_campaign, play_on_simulated, play_simulated};
 use crate::session::refine_campaign::refined_campaign;
 use crate::session::summary::{self, Lumped};
@@ -18,6 +19,7 @@ use crate::session::truth::Truth;
 use crate::session::warning::Warning;
 use std::boxed::Box;
 use std::collections::BTreeMap;
+use std::format;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -107,6 +109,14 @@ impl Session {
     ) -> Result<Self, SessionError> {
         if let Some(pattern) = pattern {
             written.pattern = Some(pattern.to_string());
+        }
+        for NonlinearParameter { name, interval, .. } in declared.nonlinear() {
+            if let Some(&value) = written.constants.get(&name)
+                && !(interval[0]..=interval[1]).contains(&value)
+            {
+                let key = format!("constants.{name}");
+                return Err(ExperimentError::OutsideInterval { key, value, interval }.into());
+            }
         }
         let experiment = written.lumped(declared.prepared());
         let pattern = declared.pattern(experiment.pattern.as_deref())?;
@@ -259,12 +269,6 @@ impl Session {
         written: &Experiment,
         store: Option<&Store>,
     ) -> Result<Identification, SessionError> {
-        let model = &self.declared.prepared().model;
-        for own in &model.nonlinear {
-            let name = &model.quantity(own.symbol).name;
-            let value = self.written.constants.get(name.as_str()).copied().unwrap_or(f64::NAN);
-            result.warnings.push(Warning::TakenAsKnown { parameter: name.to_string(), value });
-        }
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
                 Some(lumped) => lumped.complete(&mut result, self.physical_settings())?,
@@ -282,6 +286,21 @@ impl Session {
         };
         if simulated {
             Truth::of_model(&self.written, self.declared.prepared()).complete(&mut result);
+        }
+        for NonlinearParameter { name, unit, interval } in self.declared.nonlinear() {
+            let Some(&value) = self.written.constants.get(&name) else { continue };
+            result.warnings.push(Warning::TakenAsKnown { parameter: name.clone(), value });
+            result.add_known(ParameterReport {
+                name,
+                unit,
+                interval: Some(interval),
+                prior: None,
+                value: Some(value),
+                std: Some(0.0),
+                status: Status::Frozen,
+                truth: simulated.then_some(value),
+                with_prior: None,
+            });
         }
         result.provenance.model = Some(self.declared.hash());
         result.provenance.experiment = Some(fingerprint(written.text()?.as_bytes()));

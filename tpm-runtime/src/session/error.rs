@@ -6,7 +6,7 @@ use crate::estimate::EstimateError;
 use crate::estimate::physical::PhysicalError;
 use crate::experiment::ExperimentError;
 use crate::log::LogError;
-use crate::report::Remedy;
+use crate::report::{Remedy, number};
 use crate::run::trajectory::PatternError;
 use crate::run::{BenchError, RecordError};
 use crate::session::model::ModelFault;
@@ -133,6 +133,26 @@ pub enum SessionError {
         /// What the model has.
         known: Vec<String>,
     },
+    /// A parameter was given as a constant.
+    #[error(
+        "constant `{name}`: this is a parameter of the model, which the log identifies; to keep it at a value, hold it there"
+    )]
+    ParameterAsConstant {
+        /// The parameter.
+        name: String,
+    },
+    /// A nonlinear parameter is held outside its interval.
+    #[error("{setting} `{name}`: {} lies outside the interval of this nonlinear parameter, {} to {}; change one of them", number(*.value), number(.interval[0]), number(.interval[1]))]
+    OutsideInterval {
+        /// What the value was given for.
+        setting: Setting,
+        /// The parameter.
+        name: String,
+        /// The value.
+        value: f64,
+        /// Its interval.
+        interval: [f64; 2],
+    },
     /// Constants without a value.
     #[error("the model has constants that are known at run time only, and no value was given for {}", .names.join(", "))]
     Constants {
@@ -187,6 +207,7 @@ impl SessionError {
         match self {
             SessionError::Log(error) => error.remedy(),
             SessionError::Record { source: RecordError::TooShort { .. }, .. } => Some(Remedy::Stopped),
+            SessionError::ParameterAsConstant { name } => Some(Remedy::HoldParameter { parameter: name.clone() }),
             SessionError::Constants { names } => Some(Remedy::Constants { names: names.clone() }),
             _ => None,
         }

@@ -12,6 +12,7 @@ use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 use std::format;
 use std::string::{String, ToString};
+use std::vec;
 use std::vec::Vec;
 use tpm_codegen::identified::{Identified, IdentifiedCombination, IdentifiedParameter, Weights};
 use tpm_core::harmonics::Hold;
@@ -139,6 +140,19 @@ impl Identification {
     #[must_use]
     pub fn is_explained(&self) -> bool {
         self.residual <= LARGE_RESIDUAL
+    }
+
+    /// Adds a parameter whose value was known, behind the others.
+    pub(super) fn add_known(&mut self, parameter: ParameterReport) {
+        let count = self.parameters.len();
+        self.parameters.push(parameter);
+        for row in &mut self.covariance {
+            row.push(Some(0.0));
+        }
+        self.covariance.push(vec![Some(0.0); count + 1]);
+        for row in &mut self.combination_covariance {
+            row.insert(count, Some(0.0));
+        }
     }
 
     /// Why this is not all that was asked for; nothing when it is.

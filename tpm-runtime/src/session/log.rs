@@ -1,17 +1,16 @@
 //! From a log to parameters.
 
 use crate::estimate::physical::PhysicalSettings;
-use crate::estimate::{Differentiable, Frozen, Weights};
-use crate::log::{Domain, Log, LogError, LogOptions, Recording, Refine};
+use crate::estimate::{EstimateError, Frozen, Weights};
+use crate::log::{Domain, Log, LogError, LogOptions, ReadingReport, Recording, Refine};
 use crate::report::displayed;
 use crate::run::Dynamics;
 use crate::session::error::{SessionError, Setting};
 use crate::session::identification::{Identification, LogFingerprint, Provenance};
-use crate::session::identify::identify_segments;
 use crate::session::model::{DeclaredModel, Identifiable};
 use crate::session::periodic_log::repeats;
 use crate::session::pooled_logs::pooled;
-use crate::session::separable;
+use crate::session::rows::Rows;
 use crate::session::summary::{self, Lumped};
 use crate::session::warning::Warning;
 use std::borrow::Cow;
@@ -123,7 +122,18 @@ impl LogRequest {
             (Setting::Actuator, self.actuators.keys().collect(), &inputs),
         ] {
             if let Some(name) = given.into_iter().find(|name| !known.contains(name)) {
+                if setting == Setting::Constant && either.contains(name) {
+                    return Err(SessionError::ParameterAsConstant { name: name.clone() });
+                }
                 return Err(SessionError::UnknownName { setting, name: name.clone(), known: known.clone() });
+            }
+        }
+        for (j, name) in parameters.iter().enumerate() {
+            if let (Some(&value), Some(interval)) = (self.frozen.get(name), model.parameter_interval(j))
+                && !(interval[0]..=interval[1]).contains(&value)
+            {
+                let setting = Setting::Frozen;
+                return Err(SessionError::OutsideInterval { setting, name: name.clone(), value, interval });
             }
         }
         let missing: Vec<String> =
@@ -213,22 +223,14 @@ pub fn from_logs<R: Into<LogRequest>>(
     let requests: Vec<LogRequest> = logs.into_iter().map(Into::into).collect();
     let Some(first) = requests.first() else { return Err(SessionError::NoLog) };
     let declared = model.declaration()?;
-    let separable = declared.as_deref().and_then(DeclaredModel::separable);
-    let evaluated = match &separable {
-        Some(separable) => separable as &dyn Model<f64>,
-        None => model.evaluated(),
-    };
+    let rows = Rows::new(model, declared.as_deref());
+    let evaluated = rows.model();
     let coordinates = evaluated.dims().coordinates;
     let lumped = declared.as_deref().and_then(|declared| Lumped::of(declared.prepared()));
     let physical = lumped.as_ref().map(Lumped::names).unwrap_or_default();
     if let (None, Some(name)) = (&lumped, first.bounds.keys().next()) {
         return Err(SessionError::NothingLumped { name: name.clone() });
     }
-    let derivatives = declared.as_deref().map(|declared| match &separable {
-        Some(_) => declared.separable_derivatives(),
-        None => declared.derivatives(),
-    });
-    let machine = derivatives.as_ref().map(|derivatives| Differentiable { model: evaluated, derivatives });
     let mut known = first.options(evaluated, &physical)?;
     if let Some(lumped) = &lumped {
         lumped.state(&mut known.prior, &first.prior, &first.constants);
@@ -262,10 +264,7 @@ pub fn from_logs<R: Into<LogRequest>>(
             lone.extend(lone_readings(evaluated, log, &mended));
         }
         let segments: Vec<&Log> = recording.segments.iter().collect();
-        let mut part = match (&separable, &derivatives) {
-            (Some(separable), Some(derivatives)) => separable::identify(separable, derivatives, &segments, &options)?,
-            _ => identify_segments(evaluated, machine, &segments, &options)?,
-        };
+        let mut part = rows.identify(&segments, &options).map_err(|error| of_pieces(error, &recording.report))?;
         part.warnings.extend(lone);
         if let Some(report) = &mut part.log {
             report.reading = recording.report;
@@ -284,6 +283,21 @@ pub fn from_logs<R: Into<LogRequest>>(
         ..summary::provenance()
     };
     Ok(result)
+}
+
+/// The fault of a record in which nothing is seen: where it is cut into pieces, that they are too short.
+fn of_pieces(error: LogError, report: &ReadingReport) -> LogError {
+    match (error, report.segments.as_slice()) {
+        (LogError::Estimate { path, source: EstimateError::NoSignal }, [first, .., last]) => LogError::ShortSegments {
+            path,
+            from: first.from_line,
+            to: last.to_line,
+            segments: report.segments.len(),
+            longest: report.segments.iter().map(|segment| segment.samples).max().unwrap_or(0),
+            cut: report.segments.iter().find_map(|segment| segment.cut).map(|cut| cut.to_string()).unwrap_or_default(),
+        },
+        (error, _) => error,
+    }
 }
 
 /// Directions in parameter space that no motion shows while some parameters are held, exact but for one rounding: noise seems to show

@@ -44,6 +44,7 @@ mod refine_campaign;
 #[cfg(test)]
 mod refine_tests;
 mod refinement_report;
+mod rows;
 mod separable;
 #[cfg(test)]
 mod separable_tests;

@@ -11,6 +11,7 @@ use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
 use tpm_core::model::Model;
 use tpm_symbolic::mechanics::pattern::Pattern;
+use tpm_symbolic::number::rational::to_f64;
 use tpm_symbolic::regressor::prepare::{Prepared, prepare};
 
 /// Why a model cannot be used.
@@ -39,6 +40,14 @@ pub enum ModelFault {
         /// The model.
         name: String,
     },
+}
+
+/// A parameter in which the equations of a model are not linear.
+pub(super) struct NonlinearParameter {
+    pub(super) name: String,
+    pub(super) unit: Option<String>,
+    /// Least and largest value.
+    pub(super) interval: [f64; 2],
 }
 
 /// A declared model: its text, its exact form sorted into parameters, and its evaluation.
@@ -93,6 +102,19 @@ impl DeclaredModel {
     /// The model with its nonlinear parameters behind the others; nothing for a model without any.
     pub(super) fn separable(&self) -> Option<Separable> {
         Separable::new(&self.prepared.model, &self.prepared.form)
+    }
+
+    /// Its nonlinear parameters.
+    pub(super) fn nonlinear(&self) -> impl Iterator<Item = NonlinearParameter> + '_ {
+        let model = &self.prepared.model;
+        model.nonlinear.iter().map(move |own| {
+            let quantity = model.quantity(own.symbol);
+            NonlinearParameter {
+                name: quantity.name.to_string(),
+                unit: quantity.unit.as_ref().map(ToString::to_string),
+                interval: [to_f64(&own.from), to_f64(&own.to)],
+            }
+        })
     }
 
     /// The derivatives of its rows, with its nonlinear parameters behind the others.

@@ -3,8 +3,8 @@
 use crate::estimate::{
     Course, Differentiable, Estimate, EstimateError, MeasuredMotion, Settings, estimate_measured_motion,
 };
-use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, find_periodic};
-use crate::report::Remedy;
+use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, differs, find_periodic};
+use crate::report::{Remedy, number};
 use crate::run::{Spectra, correct_actuators};
 use crate::session::excerpt::Excerpt;
 use crate::session::found::Found;
@@ -21,6 +21,10 @@ use tpm_core::model::Model;
 
 /// A difference of successive periods above this share of the motion is flagged.
 const UNSTEADY: f64 = 0.02;
+/// A difference of successive periods of an input above this share of it, beyond noise, is a force that does not repeat.
+const UNLIKE: f64 = 0.1;
+/// Fewest periods of which the differences tell the noise of every harmonic: fewer must agree to be averaged.
+const MANY: usize = 4;
 /// A line belongs to the motion from which a simulation starts when its power is this many times that of its noise.
 const CERTAIN: f64 = 9.0;
 /// Largest steps from sample to sample by which the end of a single period may miss its beginning.
@@ -123,8 +127,7 @@ pub(super) fn spectra(log: &Log, coordinates: usize, options: &LogOptions) -> Re
     spectra_of(periodic_part(log, coordinates, options)?, log, coordinates, options)
 }
 
-/// The part of a log that repeats, and its spectra; nothing where it is less than half of the log, or a single period that does not
-/// close.
+/// The part of a log that repeats, and its spectra; nothing where [`repeating_part`] finds none.
 ///
 /// # Errors
 /// [`LogError`] when a setting does not fit the log, or noise drowns the motion.
@@ -137,7 +140,8 @@ pub(super) fn repeating(
     periodic.map(|periodic| spectra_of(periodic, log, coordinates, options)).transpose()
 }
 
-/// The part of a log that repeats; nothing where it is less than half of the log, or a single period that does not close.
+/// The part of a log that repeats; nothing where it is less than half of the log, a single period that does not close, or a few
+/// periods that differ by more than noise.
 ///
 /// # Errors
 /// [`LogError`] when a setting does not fit the log, or noise drowns the motion.
@@ -167,10 +171,12 @@ pub(super) fn repeating_part(
         }
     };
     let rest = options.from_sample.is_none() && options.period.is_none() && 2 * periodic.steady_from > log.len();
-    if rest || periodic.periods == 1 && !closes(log, coordinates, &periodic) {
-        return Ok(None);
-    }
-    Ok(Some(periodic))
+    let few = options.period.is_none() && (2..MANY).contains(&periodic.periods);
+    let alike = match periodic.periods {
+        1 => closes(log, coordinates, &periodic),
+        _ => !few || agree(log, coordinates, &periodic),
+    };
+    Ok(Some(periodic).filter(|_| !rest && alike))
 }
 
 /// Whether a part of a log repeats.
@@ -186,6 +192,16 @@ fn closes(log: &Log, coordinates: usize, periodic: &Periodic) -> bool {
         let largest = own.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
         let gap = own.first().zip(own.last()).map_or(0.0, |(first, last)| (first - last).abs());
         gap <= CLOSED * largest
+    })
+}
+
+/// Whether the last two periods agree but for noise: in the motion, and in the inputs, since a loop may hold a motion against a force
+/// that does not repeat.
+fn agree(log: &Log, coordinates: usize, periodic: &Periodic) -> bool {
+    let end = periodic.from + (periodic.samples_per_period * periodic.periods as f64).round() as usize;
+    log.channels.iter().enumerate().all(|(c, channel)| {
+        let share = if c < coordinates { UNSTEADY } else { UNLIKE };
+        !differs(&channel[..end.min(channel.len())], periodic.samples_per_period, share)
     })
 }
 
@@ -231,6 +247,14 @@ fn periodic_part(log: &Log, coordinates: usize, options: &LogOptions) -> Result<
     let to = log.lines.last().copied().unwrap_or(0);
     find_periodic(&log.channels, coordinates, stated, options.from_sample).map_err(|fault| match fault {
         PeriodicFault::None => LogError::NoPeriod { path: log.path.clone(), from, to },
+        PeriodicFault::Mismatch { mismatch, .. } if options.period.is_some() && mismatch.noise.is_none() => {
+            let own = number(options.period.unwrap_or(0.0));
+            let what = format!(
+                "the motion does not repeat with a period of {own} s: the last two differ by {:.1} %; leave the period out, or state another",
+                100.0 * mismatch.share
+            );
+            range(what, Remedy::Period)
+        }
         PeriodicFault::Mismatch { period, mismatch } => {
             LogError::NotPeriodic { path: log.path.clone(), from, to, period: period * log.sample_time, mismatch }
         }

@@ -41,6 +41,8 @@ const MOST_ROUNDS: usize = 12;
 const STILL: f64 = 1e-3;
 /// Share of its interval by which a parameter moves by rounding.
 const ROUNDING: f64 = 1e-10;
+/// Largest parameter, in units of the largest one from which identification began, at which it has run away.
+const RUN_AWAY: f64 = 1e3;
 /// Share of its deviation by which a nonlinear parameter may still move after [`MOST_ROUNDS`].
 const UNSETTLED: f64 = 0.3;
 /// A deviation above this share of the interval: the data do not show the parameter within it.
@@ -281,12 +283,19 @@ impl Problem<'_> {
     fn rounds(&self, point: &mut Vec<f64>, kept: &Kept) -> Result<(Identification, Option<usize>), LogError> {
         let intervals: Vec<[f64; 2]> = self.model.intervals().collect();
         let free = self.free(kept);
+        let largest =
+            |point: &[f64]| point[..self.model.linear()].iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+        let begun = largest(point);
         let mut round = 0;
         loop {
             let found = self.at(point, kept, Refine::None)?;
             let nothing = || LogError::Estimate { path: self.path.clone(), source: EstimateError::NoSignal };
             let estimate = found.estimate.as_ref().ok_or_else(nothing)?;
             let next = clipped(self.model, &estimate.values);
+            if self.options.domain == Some(Domain::Harmonics) && begun > 0.0 && largest(&next) > RUN_AWAY * begun {
+                let parameters = (self.model.linear()..self.model.dims().parameters).map(|j| self.name(j)).collect();
+                return Err(LogError::RunsAway { path: self.path.clone(), parameters });
+            }
             let moved = |j: usize, share: f64| {
                 let [from, to] = intervals[j - self.model.linear()];
                 (next[j] - point[j]).abs() > (share * estimate.std[j]).max(ROUNDING * (to - from))

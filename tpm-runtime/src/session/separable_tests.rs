@@ -1,8 +1,12 @@
 //! Logs of machines with nonlinear parameters.
 
 use crate::estimate::Status;
-use crate::log::{Domain, Refine};
-use crate::session::{DeclaredModel, Identification, LogRequest, Warning, from_log, validate};
+use crate::experiment::{Experiment, ExperimentError};
+use crate::log::{Domain, LogError, Refine};
+use crate::session::{
+    DeclaredModel, Finding, Identification, LogRequest, SessionError, Warning, from_log, inspect_for,
+    on_simulated_plant, validate,
+};
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::format;
@@ -105,4 +109,75 @@ fn what_a_log_does_not_show_has_no_value() {
     let result = identify(&smooth, None, |[q, v, a]| 0.1 * a + 0.8 * q + rough(q + v));
     assert_eq!(result.parameters[3].status, Status::Unobservable, "{result}");
     assert_eq!(result.parameters[3].value, None);
+}
+
+#[test]
+fn harmonics_of_a_log_that_hardly_repeats_are_refused() {
+    let (fall, lines) = (0.15, [(0.5, 0.05, 0.0), (0.2, 0.153, 1.0), (0.08, 0.61, 2.0)]);
+    let mut text = String::from("t_s,q,u\n");
+    for i in 0..4000 {
+        let t = 0.01 * f64::from(i);
+        let (mut q, mut v, mut a) = (0.0, 0.0, 0.0);
+        for (amplitude, frequency, phase) in lines {
+            let w = 2.0 * PI * frequency;
+            let (s, c) = (w * t + phase).sin_cos();
+            (q, v, a) = (q + amplitude * s, v + amplitude * w * c, a - amplitude * w * w * s);
+        }
+        let force = 0.1 * a + 0.05 * v + (0.3 + 0.2 * (-(v / fall).powi(2)).exp()) * v.signum();
+        writeln!(text, "{t},{q:.12e},{force:.12e}").expect("a string takes everything");
+    }
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), text).expect("written");
+    let stribeck = model(
+        "parameter J, d, fc, fs; nonlinear parameter vs from 0.02 to 2;",
+        "d*dot(q) + (fc + fs*exp(-(dot(q)/vs)^2))*sign(dot(q))",
+    );
+    let mut request = LogRequest::new(file.path());
+    request.refine = Refine::None;
+    let found = from_log(&stribeck, request.clone()).expect("identifies");
+    assert!((found.parameters[4].value.unwrap_or(0.0) - fall).abs() < 0.05 * fall, "{found}");
+    request.domain = Some(Domain::Harmonics);
+    let error = from_log(&stribeck, request).expect_err("runs away");
+    assert!(matches!(error, SessionError::Log(LogError::RunsAway { .. })), "{error}");
+}
+
+#[test]
+fn settings_of_a_nonlinear_parameter_that_make_no_sense_are_refused() {
+    let smooth = model("parameter J, fc; nonlinear parameter vs from 0.05 to 2;", "fc*tanh(dot(q)/vs)");
+    let mut beyond = LogRequest::new("never opened");
+    beyond.frozen.insert("vs".into(), 5.0);
+    let error = from_log(&smooth, beyond).expect_err("outside");
+    assert!(matches!(error, SessionError::OutsideInterval { value: 5.0, .. }), "{error}");
+    let error = from_log(&smooth, LogRequest::new("never opened").constant("vs", 1.0)).expect_err("no constant");
+    assert!(matches!(error, SessionError::ParameterAsConstant { .. }), "{error}");
+}
+
+#[test]
+fn inspection_finds_nonlinear_parameters_as_identification_does() {
+    let smooth = model("parameter J, d, fc; nonlinear parameter vs from 0.05 to 5;", "d*dot(q) + fc*tanh(dot(q)/vs)");
+    let file = log(|[_, v, a]| 0.1 * a + 0.05 * v + 0.3 * (v / 0.6).tanh());
+    let inspection = inspect_for(&smooth, file.path()).expect("inspects");
+    assert!(inspection.identification.is_some(), "{inspection}");
+    let doubt = |finding: &Finding| matches!(finding, Finding::Refused { .. } | Finding::Identification { .. });
+    assert!(!inspection.findings.iter().any(doubt), "{inspection}");
+}
+
+#[test]
+fn campaigns_take_a_nonlinear_parameter_as_known() {
+    let text = include_str!("../../../models/stribeck_pendulum.tpm");
+    let stribeck = DeclaredModel::parse("stribeck_pendulum", text).expect("the shipped model is right");
+    let mut experiment =
+        Experiment::parse(include_str!("../../../models/stribeck_pendulum.toml")).expect("the shipped file is right");
+    experiment.schedule.stages.remove(0);
+    experiment.schedule.measure_time = 5.0;
+    experiment.refine = Refine::None;
+    let result = on_simulated_plant(&stribeck, experiment.clone()).expect("identifies");
+    let last = result.parameters.last().expect("there are parameters");
+    assert_eq!((last.name.as_str(), last.value, last.std, last.status), ("vs", Some(0.15), Some(0.0), Status::Frozen));
+    assert!(result.covariance.len() == 6 && result.covariance.iter().all(|row| row.len() == 6), "{result}");
+    let known = |warning: &Warning| matches!(warning, Warning::TakenAsKnown { parameter, .. } if parameter == "vs");
+    assert!(result.warnings.iter().any(known), "{result}");
+    experiment.constants.insert("vs".into(), 5.0);
+    let error = on_simulated_plant(&stribeck, experiment).expect_err("outside");
+    assert!(matches!(error, SessionError::Experiment(ExperimentError::OutsideInterval { .. })), "{error}");
 }

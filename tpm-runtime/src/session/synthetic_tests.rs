@@ -350,3 +350,23 @@ fn equal_weights_give_the_nearest_model_whatever_the_noise_and_say_how_well() {
         }
     }
 }
+
+#[test]
+fn a_few_periods_count_where_the_inputs_repeat_too() {
+    let period = 900.0;
+    for (pulses, periods, repeats) in [(0.0, 3, true), (20.0, 3, false), (20.0, 6, true)] {
+        let log = slider([2.0, 50.0, 8.0], period, 900 * periods, [1e-5, 0.01], 3);
+        let pulse = |i: usize| if (i / 260) % 2 == 0 { pulses } else { -pulses };
+        let forces = log.channels[1].iter().enumerate().map(|(i, u)| u + pulse(i)).collect();
+        let log = Log::from_samples("synthetic", 1e-3, vec![log.channels[0].clone(), forces]).expect("sound");
+        let result = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("identifies");
+        let found = result.log.as_ref().and_then(LogReport::periodic);
+        assert_eq!(found.is_some(), repeats, "{pulses} {periods}: {result}");
+    }
+    // A period that is stated is that of the motion, or a fault.
+    let log = slider([2.0, 50.0, 8.0], period, 3600, [1e-5, 0.01], 3);
+    let error = identify_log(&MassSpringDrag, &log, &LogOptions { period: Some(1.3), ..LogOptions::default() })
+        .expect_err("nothing repeats so");
+    assert!(matches!(error, LogError::BadRange { .. }), "{error}");
+    assert!(error.to_string().contains("does not repeat with a period of 1.3 s"), "{error}");
+}

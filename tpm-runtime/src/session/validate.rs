@@ -5,13 +5,14 @@
 //! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a direction of the parameters that is open is not predicted: it
 //! is named.
 
-use crate::estimate::{Differentiable, MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
+use crate::estimate::{MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
 use crate::log::{Domain, Log, LogError, LogOptions, ReadingReport, Recording};
 use crate::session::any_log::stretches;
 use crate::session::error::SessionError;
 use crate::session::log::{LogRequest, alone};
-use crate::session::model::{DeclaredModel, Identifiable};
+use crate::session::model::Identifiable;
 use crate::session::periodic_log::{repeating, spectra};
+use crate::session::rows::Rows;
 use crate::session::simulation::{Simulation, simulate};
 use serde::Serialize;
 use std::format;
@@ -19,7 +20,7 @@ use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_codegen::identified::{Identified, IdentifiedError, Weights, display, remedy};
 use tpm_core::derivatives::RowDerivatives;
-use tpm_core::model::{Buffer, Model, require_len};
+use tpm_core::model::{Buffer, EvalError, Model, require_len};
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
 const CANCELLED: f64 = 1e-3;
@@ -117,11 +118,8 @@ pub fn validate(
 ) -> Result<Validation, SessionError> {
     let (request, known) = (log.into(), known.into());
     let declared = model.declaration()?;
-    let separable = declared.as_deref().and_then(DeclaredModel::separable);
-    let evaluated = match &separable {
-        Some(separable) => separable as &dyn Model<f64>,
-        None => model.evaluated(),
-    };
+    let rows = Rows::new(model, declared.as_deref());
+    let evaluated = rows.model();
     let unknown = |name: &str| SessionError::NotIdentified { name: name.to_string() };
     let settled = known.settled().map_err(|error| match error {
         IdentifiedError::Missing(name) => unknown(&name),
@@ -138,21 +136,12 @@ pub fn validate(
         recording = alone(recording, evaluated.dims().coordinates, &options);
     }
     let segments: Vec<&Log> = recording.segments.iter().collect();
-    // Rows that are linear about the parameters are exact at them.
-    let about = separable.as_ref().map(|separable| separable.at(parameters.clone())).transpose();
-    let about =
-        about.map_err(|error| LogError::Estimate { path: request.path.display().to_string(), source: error.into() })?;
-    let evaluated = match &about {
-        Some(separable) => separable as &dyn Model<f64>,
-        None => evaluated,
-    };
-    let derivatives = declared.as_deref().map(|declared| match &separable {
-        Some(_) => declared.separable_derivatives(),
-        None => declared.derivatives(),
-    });
-    let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
-    let found = validate_segments(evaluated, derivatives, &segments, &options, &parameters, &settled.open)?;
-    let machine = derivatives.map(|derivatives| Differentiable { model: evaluated, derivatives });
+    let fault =
+        |error: EvalError| LogError::Estimate { path: request.path.display().to_string(), source: error.into() };
+    let rows = rows.about(&parameters).map_err(fault)?;
+    let machine = rows.machine();
+    let derivatives = machine.map(|machine| machine.derivatives);
+    let found = validate_segments(rows.model(), derivatives, &segments, &options, &parameters, &settled.open)?;
     let (simulation, not_simulated) = match simulate(machine, &segments, &options, &parameters, &settled.open)? {
         Ok(simulation) => (Some(simulation), None),
         Err(why) => (None, Some(why)),

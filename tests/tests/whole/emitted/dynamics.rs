@@ -160,6 +160,7 @@ dynamics! {
     rotary_pendulum_down: "rotary_pendulum_down.tpm", models::RotaryPendulumDown;
     rotary_pendulum_dry: "rotary_pendulum_dry.tpm", models::RotaryPendulumDry;
     silverbox: "silverbox.tpm", models::Silverbox;
+    stribeck_pendulum: "stribeck_pendulum.tpm", models::StribeckPendulum;
     three_carts: "three_carts.tpm", models::ThreeCarts;
     two_carts: "two_carts.tpm", models::TwoCarts;
 }

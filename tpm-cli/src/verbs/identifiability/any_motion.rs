@@ -4,7 +4,7 @@ use crate::failure::{Failure, Outcome};
 use crate::input::assignments::assignment;
 use crate::input::load::Loaded;
 use crate::output::file;
-use crate::render::combination::sum;
+use crate::render::combination::{not_counted, sum};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -31,6 +31,9 @@ struct Report<'a> {
     rank: usize,
     base: Option<&'a [Base]>,
     unobservable: Vec<String>,
+    /// Nonlinear parameters, which are constants here.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    nonlinear: Vec<String>,
     certificate: &'a Certificate,
 }
 
@@ -61,10 +64,11 @@ pub(super) fn run(loaded: &Loaded, rests: &[String], json: bool, output: Option<
             rank: found.rank,
             base: base.as_deref(),
             unobservable: left.clone(),
+            nonlinear: loaded.nonlinear(),
             certificate: &found.certificate,
         })?
     } else {
-        describe(&found, base.as_deref(), &left)
+        describe(&found, base.as_deref(), &left) + &not_counted(&loaded.nonlinear())
     };
     file::emit(output, &text)?;
     if found.rank < found.parameters.len() {

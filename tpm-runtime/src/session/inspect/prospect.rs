@@ -1,14 +1,13 @@
 //! What identification would make of a record.
 
-use crate::estimate::{Differentiable, InputShift, Settings, TimeRecord, input_shift};
+use crate::estimate::{InputShift, Settings, TimeRecord, input_shift};
 use crate::log::{Log, LogError, LogOptions, Recording};
 use crate::session::any_log::{MOST_SAMPLES, stretches};
 use crate::session::excerpt::blocks;
-use crate::session::identify::identify_segments;
 use crate::session::log_report::LogReport;
+use crate::session::rows::Rows;
 use crate::session::warning::Warning;
 use std::vec::Vec;
-use tpm_core::model::Model;
 
 /// Blocks of a long record in which the shift of the inputs is looked for, and the samples of all of them.
 const BLOCKS: (usize, usize) = (8, MOST_SAMPLES / 8);
@@ -22,20 +21,21 @@ pub(super) struct Prospect {
 }
 
 /// Identifies a model from a record, whose single wrong readings are replaced first as identification does.
-pub(super) fn prospect(
-    model: &dyn Model<f64>,
-    machine: Option<Differentiable<'_>>,
-    recording: &mut Recording,
-    options: &LogOptions,
-) -> Prospect {
-    let coordinates = model.dims().coordinates;
+pub(super) fn prospect(rows: Rows<'_>, recording: &mut Recording, options: &LogOptions) -> Prospect {
+    let coordinates = rows.model().dims().coordinates;
     for log in &mut recording.segments {
         log.mend(coordinates);
     }
     let segments: Vec<&Log> = recording.segments.iter().collect();
-    let shift = shift(model, machine, &segments, options);
-    let outcome = identify_segments(model, machine, &segments, options)
-        .and_then(|found| found.log.map(|log| (log, found.warnings)).ok_or_else(nothing));
+    let found = rows.identify(&segments, options);
+    // Rows that are linear about what was found tell the shift best.
+    let values = found.as_ref().ok().and_then(|found| found.estimate.as_ref()).map(|estimate| estimate.values.clone());
+    let rows = match values {
+        Some(values) => rows.about(&values).ok(),
+        None => Some(rows),
+    };
+    let shift = rows.and_then(|rows| shift(&rows, &segments, options));
+    let outcome = found.and_then(|found| found.log.map(|log| (log, found.warnings)).ok_or_else(nothing));
     Prospect { outcome, shift }
 }
 
@@ -43,12 +43,8 @@ fn nothing() -> LogError {
     LogError::Estimate { path: Default::default(), source: crate::estimate::EstimateError::NoSignal }
 }
 
-fn shift(
-    model: &dyn Model<f64>,
-    machine: Option<Differentiable<'_>>,
-    segments: &[&Log],
-    options: &LogOptions,
-) -> Option<InputShift> {
+fn shift(rows: &Rows<'_>, segments: &[&Log], options: &LogOptions) -> Option<InputShift> {
+    let model = rows.model();
     let stretches = stretches(segments, model.dims().coordinates, options).ok()?;
     let samples: usize = segments.iter().map(|log| log.len()).sum();
     let stretches = if samples > BLOCKS.1 { blocks(&stretches, BLOCKS.0, BLOCKS.1 / BLOCKS.0) } else { stretches };
@@ -58,7 +54,7 @@ fn shift(
         actuators: &options.actuators,
         stretches,
     };
-    let derivatives = machine.map(|machine| machine.derivatives);
+    let derivatives = rows.machine().map(|machine| machine.derivatives);
     let settings = Settings { frozen: options.frozen.clone(), ..Settings::default() };
     input_shift(model, derivatives, &options.constants, &record, &settings).ok().flatten()
 }

@@ -1,6 +1,5 @@
 //! From a log to what it holds.
 
-use crate::estimate::Differentiable;
 use crate::log::{Domain, LogError, LogOptions, Role, Survey};
 use crate::session::error::SessionError;
 use crate::session::inspect::channel::{ChannelReport, measured};
@@ -11,14 +10,14 @@ use crate::session::inspect::relation::relations;
 use crate::session::inspect::report::{Inspection, Sampling};
 use crate::session::inspect::signal::{Signal, signals};
 use crate::session::log::LogRequest;
-use crate::session::model::{DeclaredModel, Identifiable};
+use crate::session::model::Identifiable;
+use crate::session::rows::Rows;
 use crate::session::warning::Warning;
 use rayon::prelude::*;
 use std::boxed::Box;
 use std::string::{String, ToString as _};
 use std::vec;
 use std::vec::Vec;
-use tpm_core::model::Model;
 
 /// Share of noise in a channel's deviation from which on it is a finding.
 const NOISE: f64 = 0.01;
@@ -62,10 +61,9 @@ pub fn inspect(log: impl Into<LogRequest>) -> Result<Inspection, SessionError> {
 /// [`SessionError`] when the log cannot be read, the model carries a text that is no model, or a setting does not fit.
 pub fn inspect_for(model: &impl Identifiable, log: impl Into<LogRequest>) -> Result<Inspection, SessionError> {
     let request = log.into();
-    let evaluated = model.evaluated();
     let declared = model.declaration()?;
-    let derivatives = declared.as_deref().map(DeclaredModel::derivatives);
-    let machine = derivatives.as_ref().map(|derivatives| Differentiable { model: evaluated, derivatives });
+    let rows = Rows::new(model, declared.as_deref());
+    let evaluated = rows.model();
     // Constants without a value keep nobody from looking at the log.
     let (options, missing) = match request.options(evaluated, &[]) {
         Ok(options) => (options, None),
@@ -83,8 +81,9 @@ pub fn inspect_for(model: &impl Identifiable, log: impl Into<LogRequest>) -> Res
         }
         None if constant => {}
         None => {
-            let prospect = prospect(evaluated, machine, &mut survey.recording, &options);
-            take_in(&mut inspection, prospect, evaluated, &options);
+            let inputs = (0..evaluated.dims().inputs).map(|i| evaluated.input(i).name.to_string()).collect();
+            let prospect = prospect(rows, &mut survey.recording, &options);
+            take_in(&mut inspection, prospect, inputs, &options);
         }
     }
     Ok(sorted(inspection))
@@ -248,7 +247,7 @@ fn of_channel(channel: &ChannelReport, sample_time: f64) -> Vec<Finding> {
 }
 
 /// Takes in what identification would make of the record.
-fn take_in(inspection: &mut Inspection, prospect: Prospect, model: &dyn Model<f64>, options: &LogOptions) {
+fn take_in(inspection: &mut Inspection, prospect: Prospect, inputs: Vec<String>, options: &LogOptions) {
     let h = inspection.sampling.sample_time;
     let findings = &mut inspection.findings;
     inspection.input_shift = prospect.shift.filter(|shift| shift.deviation <= UNTOLD * h);
@@ -257,7 +256,6 @@ fn take_in(inspection: &mut Inspection, prospect: Prospect, model: &dyn Model<f6
             let squares = |left: f64| left * left;
             let clearly = squares(shift.left_shifted) < CLEARLY * squares(shift.left);
             let shifted = clearly && shift.delay.abs() > (SHIFTED.0 * h).max(SHIFTED.1 * shift.deviation);
-            let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_string()).collect();
             findings.push(Finding::Inputs { inputs, shifted, shift, sample_time: h, hold: options.hold });
         }
         None => findings.push(Finding::DelayUnknown { model: true }),
