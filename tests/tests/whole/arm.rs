@@ -10,7 +10,7 @@ use tpm_runtime::harmonics::Hold;
 use tpm_runtime::machine::simulated::{ClosedLoopArm, simulate};
 use tpm_runtime::model::Model as _;
 use tpm_runtime::run::{Record, Trial};
-use tpm_runtime::session::{Identification, Machine};
+use tpm_runtime::session::{DeclaredModel, Identifiable as _, Identification, Machine, Session};
 use tpm_symbolic::regressor::prepare::prepare;
 
 const PROPOSED: &str = include_str!("../../../models/closed_loop_arm.toml");
@@ -285,4 +285,53 @@ fn the_proposed_design_shows_all_coefficients() {
             assert!(before[0] > 4.0 * after[0] && before[1] > 4.0 * after[1], "{before:?} {after:?}");
         }
     }
+}
+
+/// Feng, Appendix A: the first arm with its links, nothing expanded.
+const LINKS: [&str; 2] = [
+    include_str!("../../../models/linkages/closed_loop_arm_links.tpm"),
+    include_str!("../../../models/linkages/closed_loop_arm_links.toml"),
+];
+
+fn links() -> (DeclaredModel, Experiment) {
+    let model = DeclaredModel::parse("closed_loop_arm_links", LINKS[0]).expect("the shipped model is right");
+    (model, Experiment::parse(LINKS[1]).expect("the shipped file is right"))
+}
+
+#[test]
+fn the_model_with_links_is_the_arm_whose_loop_is_closed_exactly() {
+    let (declared, experiment) = links();
+    let model = declared.evaluated();
+    let arm = arm(&experiments(PROPOSED)[0]);
+    let scale = experiments(PROPOSED)[0].plant.closed_loop_arm.as_ref().expect("an arm").torque_scale;
+    let dims = model.dims();
+    let constants: Vec<f64> = (0..dims.constants).map(|i| experiment.constants[model.constant(i).name]).collect();
+    let values: Vec<f64> = (0..dims.parameters).map(|j| experiment.plant.parameters[model.parameter(j).name]).collect();
+    let mut scratch = vec![0.0; model.workspace_len()];
+    let (mut phi, mut own) = (vec![0.0; dims.regressor_len()], [0.0; 2]);
+    for th2 in [5.0, 5.42161682, 5.8] {
+        let motion = [0.3, th2, 0.7, -0.4, 1.1, 0.9];
+        model.regressor(&motion, &constants, &mut scratch, &mut phi).expect("the loop closes");
+        arm.known(&motion, &[], &mut [], &mut own).expect("lengths fit");
+        for (row, own) in own.iter().enumerate() {
+            let found: f64 = values.iter().zip(&phi[row * dims.parameters..]).map(|(value, phi)| value * phi).sum();
+            // A1 to A8 stand in the file with nine digits.
+            assert!((found * scale / own - 1.0).abs() < 1e-7, "{th2}, row {row}: {found} {own}");
+        }
+    }
+}
+
+#[test]
+fn any_motion_shows_six_combinations_of_a1_to_a8() {
+    let (model, experiment) = links();
+    let session = Session::new(model, experiment, None, BTreeMap::new()).expect("a session");
+    let result = session.identify(None, &mut |_, _, _| true).expect("runs");
+    assert_eq!((result.rank, result.unobservable.len(), result.combinations.len()), (6, 2, 6), "{:?}", result.warnings);
+    for shown in &result.combinations {
+        let truth = shown.truth.expect("simulated");
+        assert!((shown.value - truth).abs() < 4.0 * shown.std, "{shown:?}");
+        assert!(shown.std < 2e-3 * truth.abs().max(1.0), "{shown:?}");
+    }
+    // No parameter shows by itself, and none has a number.
+    assert!(result.parameters.iter().all(|parameter| parameter.value.is_none()));
 }

@@ -379,9 +379,13 @@ fn one_motor(moved: &Moved, found: &Requirement) -> String {
         number(found.resistive_power)
     );
     if let Some(cut) = found.cut_off {
+        // An inertia that differs by rounding alone does not vary.
+        let varies = cut.inertia - cut.least_inertia > 1e-6 * cut.inertia;
+        let varying = if varies { format!("{} to ", number(cut.least_inertia)) } else { String::new() };
         let _ = writeln!(
             text,
-            "inertia at the rotor {} kg m^2, amplitude {} rad: natural frequency {} rad/s (C.9), cut-off by current {} rad/s (C.12) at {} V (C.13)",
+            "inertia at the rotor {}{} kg m^2, amplitude {} rad: natural frequency {} rad/s (C.9), cut-off by current {} rad/s (C.12) at {} V (C.13)",
+            varying,
             number(cut.inertia),
             number(cut.amplitude),
             number(cut.natural),
@@ -455,7 +459,7 @@ fn as_json(moved: &Moved, found: &[Requirement], bounds: &Bounds) -> Value {
                 "resistive_power": requirement.resistive_power,
                 "smooth": requirement.smooth,
                 "cut_off": requirement.cut_off.map(|cut| json!({
-                    "inertia": cut.inertia, "amplitude": cut.amplitude, "natural": cut.natural,
+                    "inertia": cut.inertia, "least_inertia": cut.least_inertia, "amplitude": cut.amplitude, "natural": cut.natural,
                     "current": finite(cut.current), "voltage": finite(cut.voltage),
                 })),
                 "harmonics": harmonics,

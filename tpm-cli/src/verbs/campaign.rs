@@ -6,7 +6,8 @@ use crate::input::log::ColumnArgs;
 use crate::interrupt;
 use crate::output::file;
 use crate::render::flags;
-use crate::render::result::print;
+use crate::render::method::Style;
+use crate::render::result::{print, print_with_method};
 use clap::Subcommand;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -69,6 +70,10 @@ enum Step {
         folder: PathBuf,
         #[command(flatten)]
         bounds: BoundArgs,
+        /// Also show how the method came to the parameters: run by run the harmonics of error and inputs beside their prediction, the matrix
+        /// T B Lambda, the update; then one row per update. JSON has all lines under `method`.
+        #[arg(long, value_enum, value_name = "STYLE", num_args = 0..=1, require_equals = true, default_missing_value = "text")]
+        method: Option<Style>,
         /// Print the contract's JSON (tpm.identification/2).
         #[arg(long)]
         json: bool,
@@ -117,9 +122,13 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Step::Next { folder, output } => next(folder, output.as_deref()),
         Step::Submit { folder, log, stopped, columns } => submit(folder, log, *stopped, columns),
         Step::Run(args) => play(args),
-        Step::Result { folder, bounds, json, output } => {
-            let result = CampaignFolder::open(folder, bounds.by_name()?)?.result()?;
-            print(&result, *json, output.as_deref())?;
+        Step::Result { folder, bounds, method, json, output } => {
+            let mut folder = CampaignFolder::open(folder, bounds.by_name()?)?;
+            if method.is_some() {
+                folder = folder.showing_method();
+            }
+            let result = folder.result()?;
+            print_with_method(&result, *json, method.unwrap_or(Style::Text), output.as_deref())?;
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
     }

@@ -140,6 +140,41 @@ fn as_text(moved: &Moved, found: &[(&str, LoopPoles, Tracking)], motors: &[Optio
         ]);
     }
     text.push_str(&table.finish());
+    let mut rates = TextTable::new(&[
+        ("error of the velocity of", Align::Left),
+        ("common rms", Align::Right),
+        ("split rms", Align::Right),
+        ("ratio", Align::Right),
+        ("common peak", Align::Right),
+        ("split peak", Align::Right),
+        ("ratio", Align::Right),
+    ]);
+    let names: Vec<String> =
+        (0..common.rms.len()).map(|c| moved.machine.model().coordinate(c).name.to_owned()).collect();
+    for (c, name) in names.iter().enumerate() {
+        rates.row(&[
+            name.clone(),
+            number(common.rate_rms[c]),
+            number(split.rate_rms[c]),
+            number(common.rate_rms[c] / split.rate_rms[c]),
+            number(common.rate_peak[c]),
+            number(split.rate_peak[c]),
+            number(common.rate_peak[c] / split.rate_peak[c]),
+        ]);
+    }
+    let _ = write!(text, "\n{}", rates.finish());
+    for (what, first, second) in
+        [("position", &common.rms, &split.rms), ("velocity", &common.rate_rms, &split.rate_rms)]
+    {
+        for ((name, first), second) in names.iter().zip(first).zip(second).filter(|((_, first), second)| second > first)
+        {
+            let _ = writeln!(
+                text,
+                "\nthe split feed-forward makes the error of the {what} of {name} larger, {} times as large (rms); Feng, section 6.3, expects that it makes errors of position and velocity smaller",
+                number(second / first)
+            );
+        }
+    }
     if motors.iter().any(Option::is_some) {
         text.push_str("\nlimits active, % of the time\n\n");
         let mut table = TextTable::new(&[
@@ -184,7 +219,10 @@ fn as_json(moved: &Moved, found: &[(&str, LoopPoles, Tracking)], motors: &[Optio
         .map(|(name, poles, tracking)| {
             let errors: serde_json::Map<String, Value> = (0..model.dims().coordinates)
                 .map(|c| {
-                    let value = json!({"rms": tracking.rms[c], "peak": tracking.peak[c]});
+                    let value = json!({
+                        "rms": tracking.rms[c], "peak": tracking.peak[c],
+                        "rate_rms": tracking.rate_rms[c], "rate_peak": tracking.rate_peak[c],
+                    });
                     (model.coordinate(c).name.to_owned(), value)
                 })
                 .collect();

@@ -8,7 +8,8 @@ use crate::input::log::LogArgs;
 use crate::interrupt;
 use crate::output::progress;
 use crate::render::campaign::{self, Played};
-use crate::render::result::print;
+use crate::render::method::Style;
+use crate::render::result::{print, print_with_method};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use tpm_runtime::campaign::RunReport;
@@ -55,6 +56,10 @@ pub(crate) struct Args {
     /// Write a table of the runs and figures of error and inputs into this folder.
     #[arg(long, value_name = "DIR", conflicts_with = "log")]
     report: Option<PathBuf>,
+    /// Also show how the method came to the parameters: run by run the harmonics of error and inputs beside their prediction, the matrix
+    /// T B Lambda, the update; then one row per update. JSON has all lines under `method`.
+    #[arg(long, value_enum, value_name = "STYLE", num_args = 0..=1, require_equals = true, default_missing_value = "text", conflicts_with = "log")]
+    method: Option<Style>,
     /// Print the contract's JSON (tpm.identification/2).
     #[arg(long)]
     json: bool,
@@ -144,7 +149,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
 fn simulated(args: &Args) -> Outcome {
     let mut chosen = args.simulated.clone();
     chosen.set.extend(args.refine.map(|refine| ("refine".to_owned(), refine.name().to_owned())));
-    let session = chosen.bounded(&args.file, &args.bounds)?;
+    let mut session = chosen.bounded(&args.file, &args.bounds)?;
+    if args.method.is_some() {
+        session = session.showing_method();
+    }
     let bar = progress::Bar::new("identifying");
     let most = session.experiment().schedule.max_runs as u64;
     let (mut first, mut last) = (None, None);
@@ -170,7 +178,7 @@ fn simulated(args: &Args) -> Outcome {
     });
     drop(bar);
     let result = result?;
-    print(&result, args.json, args.output.as_deref())?;
+    print_with_method(&result, args.json, args.method.unwrap_or(Style::Text), args.output.as_deref())?;
     if let Some(folder) = &args.report {
         campaign::write(folder, session.machine(), &result, first.as_ref(), last.as_ref())?;
     }

@@ -3,12 +3,13 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::output::{file, picture};
+use crate::render::cells::Cells;
 use crate::verbs::actuator::{MachineArgs, Moved as Machine, Use};
 use crate::verbs::path;
 use clap::ValueEnum;
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use tpm_runtime::report::{Align, TextTable, number, or_dash};
+use tpm_runtime::report::{number, or_dash};
 use tpm_runtime::study::{InputUse, StrokeError, Trajectories, trajectories};
 
 /// How the comparison is written.
@@ -61,39 +62,12 @@ struct Report<'a> {
     compared: &'a Trajectories,
 }
 
-/// Cells under a head, the first columns of text.
-struct Cells {
-    head: Vec<String>,
-    text_columns: usize,
-    rows: Vec<Vec<String>>,
-}
-
-impl Cells {
-    fn new(head: &[&str], text_columns: usize) -> Self {
-        Self { head: head.iter().map(|name| (*name).to_owned()).collect(), text_columns, rows: Vec::new() }
-    }
-
-    fn write(&self, format: Format) -> String {
-        let line = |cells: &[String], between: &str| cells.join(between);
-        match format {
-            Format::Csv => {
-                let rows = std::iter::once(&self.head).chain(&self.rows).map(|row| line(row, ","));
-                rows.fold(String::new(), |text, row| text + &row + "\n")
-            }
-            Format::Markdown => {
-                let marks = (0..self.head.len()).map(|i| if i < self.text_columns { "---" } else { "--:" }.to_owned());
-                let marks: Vec<String> = marks.collect();
-                let rows = [&self.head, &marks].into_iter().chain(&self.rows);
-                rows.fold(String::new(), |text, row| text + "| " + &line(row, " | ") + " |\n")
-            }
-            Format::Text | Format::Json => {
-                let align = |i: usize| if i < self.text_columns { Align::Left } else { Align::Right };
-                let head: Vec<_> = self.head.iter().enumerate().map(|(i, name)| (name.as_str(), align(i))).collect();
-                let mut table = TextTable::new(&head);
-                self.rows.iter().for_each(|row| table.row(row));
-                table.finish()
-            }
-        }
+/// Cells as a format has them.
+fn written(cells: &Cells, format: Format) -> String {
+    match format {
+        Format::Csv => cells.csv(),
+        Format::Markdown => cells.markdown(),
+        Format::Text | Format::Json => cells.text(),
     }
 }
 
@@ -137,7 +111,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             motion: machine.motion(),
             compared: &compared,
         })?,
-        Format::Csv => lines(&compared, usize::MAX).write(format),
+        Format::Csv => written(&lines(&compared, usize::MAX), format),
         Format::Text | Format::Markdown => as_text(&machine, &compared, args.harmonics, format),
     };
     file::emit(args.output.as_deref(), &text)
@@ -145,11 +119,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 fn as_text(machine: &Machine, compared: &Trajectories, harmonics: usize, format: Format) -> String {
     let mut text = format!("{}: {}\n\n", machine.model.name, machine.motion());
-    text.push_str(&summary(compared).write(format));
+    text.push_str(&written(&summary(compared), format));
     text.push('\n');
-    text.push_str(&speeds(compared).write(format));
+    text.push_str(&written(&speeds(compared), format));
     text.push('\n');
-    text.push_str(&lines(compared, harmonics).write(format));
+    text.push_str(&written(&lines(compared, harmonics), format));
     let pattern = compared.motions.first().and_then(|moved| moved.inputs.as_ref());
     for input in pattern.into_iter().flatten() {
         let beyond = |name: &str, other: &InputUse| format!("{name} {} %", number(100.0 * other.beyond / other.rms));
@@ -188,7 +162,7 @@ fn summary(compared: &Trajectories) -> Cells {
     for i in 0..count {
         for moved in &compared.motions {
             let Some(input) = moved.inputs.as_ref().map(|inputs| &inputs[i]) else { continue };
-            cells.rows.push(vec![
+            cells.row(vec![
                 input.input.clone(),
                 or_dash(input.unit.as_ref(), ToString::to_string),
                 moved.name.clone(),
@@ -210,7 +184,7 @@ fn speeds(compared: &Trajectories) -> Cells {
     for c in 0..count {
         for moved in compared.motions.iter().filter(|moved| moved.inputs.is_some()) {
             let coordinate = &moved.coordinates[c];
-            cells.rows.push(vec![
+            cells.row(vec![
                 coordinate.coordinate.clone(),
                 or_dash(coordinate.unit.as_ref(), ToString::to_string),
                 moved.name.clone(),
@@ -242,7 +216,7 @@ fn lines(compared: &Trajectories, most: usize) -> Cells {
         for k in 0..first.harmonics.len().min(most.saturating_add(1)) {
             let mut row = vec![first.input.clone(), k.to_string()];
             row.extend(played.iter().map(|(_, inputs)| shown(&inputs[i], k)));
-            cells.rows.push(row);
+            cells.row(row);
         }
     }
     cells

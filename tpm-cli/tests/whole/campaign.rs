@@ -485,3 +485,27 @@ fn what_ends_a_campaign_is_said_when_it_does() {
     let all = ends(&["--set", "schedule.max_runs=1"], &[], &nothing);
     said(&all, 1, &["ended early: all runs were used", "ended: all runs were used before the estimates converged;"]);
 }
+
+#[test]
+fn how_the_method_came_to_its_parameters_is_shown_on_request() {
+    let identify = |more: &[&str]| {
+        let known =
+            ["--set", "prior.m=2.1", "--set", "prior.k1=38", "--set", "prior.k2=1.4", "--set", "estimator=error"];
+        let output = tpm(&[&["identify", "models/mass_spring_drag.tpm"], &SHORT[..], &known, more].concat());
+        String::from_utf8(output.stdout).expect("UTF-8")
+    };
+    let text = identify(&["--method"]);
+    for words in ["Run 1: lambda = 0.2, 3.14159 rad/s", "Error of x [m]", "Input u [N]", "T B Lambda", "\nUpdates\n"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    assert!(identify(&["--method=markdown"]).contains("### Updates\n\n| run | w [rad/s] | rms error | m | k1 | k2 |"));
+    let result: serde_json::Value = serde_json::from_str(&identify(&["--method", "--json"])).expect("JSON");
+    let method = &result["method"];
+    assert_eq!(method["runs"].as_array().map(Vec::len), result["runs"].as_array().map(Vec::len));
+    assert_eq!((&method["updates"][0]["run"], &method["updates"][0]["values"][0]), (&0.into(), &2.1.into()));
+    let fundamental = &method["runs"][0]["signals"][0]["lines"][1];
+    let size = |of: &str| fundamental[of]["size"].as_f64().expect("a number");
+    let noise = fundamental["noise"].as_f64().expect("a number");
+    assert!((size("measured") - size("predicted")).abs() < 5.0 * noise, "{fundamental}");
+    assert!(!identify(&[]).contains("T B Lambda"));
+}

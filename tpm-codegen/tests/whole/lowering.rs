@@ -193,6 +193,19 @@ fn every_shipped_model_has_a_regressor_form() {
 }
 
 #[test]
+fn numbers_of_a_machine_are_cut_in_the_names_of_lumped_parameters() {
+    let parsed = parse(
+        "model Arm {
+            coordinate q; input u; parameter m1, m2, m3, J; constant l1 = 0.537464253, l2 = 0.000123456789, l3 = 1/3;
+            (J + m1*l1^2 + m2*l2 - m3*l3)*ddot(q) = u;
+        }",
+    );
+    let names: Vec<_> = form(&parsed).columns.iter().map(|column| column.name.clone()).collect();
+    // The ratios themselves stay exact.
+    assert_eq!(names, ["m1_plus_2137_m2_per_5000000_minus_577_m3_per_500_plus_1731_J_per_500"]);
+}
+
+#[test]
 fn models_for_logs_keep_the_names_of_their_quantities() {
     let emps = shipped("emps").model;
     assert_eq!((emps.name.as_str(), emps.coordinates[0].name.as_str()), ("Emps", "q"));

@@ -4,8 +4,10 @@
 //! Setup -> Campaign --next--> Trial -> (plant or machine) -> Record --submit--> Estimate, next Trial
 //! ```
 
+mod harmonics;
 mod modes;
 mod procedure;
+mod refinement;
 mod settling;
 mod steady;
 mod store;
@@ -14,12 +16,14 @@ mod system_a;
 mod wire;
 
 pub use crate::run::{GainManifest, Law, RUN_FILE, Rate, RunFile, Timing};
+pub(crate) use harmonics::{Lines, RunHarmonics};
 pub use modes::NearMode;
 pub(crate) use modes::near_mode;
 pub use procedure::{
     Campaign, CampaignError, Contradiction, LEAST_PERIODS, Outcome, Procedure, RunParameter, RunReport, Setup, Stage,
     StageStroke,
 };
+pub(crate) use refinement::Refinement;
 pub use settling::settled_from;
 pub(crate) use steady::SteadyRun;
 pub use store::{LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};

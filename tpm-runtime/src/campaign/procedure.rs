@@ -7,10 +7,12 @@
 //! A stage is one amplitude and frequency (Feng, chapter 3, steps 1-5): play, let it settle, measure whole periods, update,
 //! repeat until the update no longer changes anything (or the tracking error's harmonics are small enough), then grow.
 
+use crate::campaign::harmonics::RunHarmonics;
 use crate::campaign::modes::{NearMode, near_mode};
+use crate::campaign::refinement::{OneRun, Refinement};
 use crate::campaign::settling::settled_from;
 use crate::campaign::steady::SteadyRun;
-use crate::estimate::{Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
+use crate::estimate::{Alone, Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
 use crate::machine::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
 use crate::numerics::fourier::analyse;
 use crate::run::held;
@@ -380,11 +382,17 @@ pub struct Campaign<'m> {
     estimator: Box<dyn Estimator>,
     current: Vec<f64>,
     estimate: Option<Estimate>,
+    /// Refines estimates before runs and updates are judged by them; nothing where harmonics tell all.
+    refinement: Option<Box<dyn Refinement + 'm>>,
+    /// The last estimate, refined; nothing where it was not.
+    refined: Option<Estimate>,
     reports: Vec<RunReport>,
     /// Index among the reports of every run that the estimator has taken in.
     taken: Vec<usize>,
     /// The settled part of every run that the estimator has taken in.
     steady: Vec<SteadyRun>,
+    /// The harmonics of every run that the estimator has taken in.
+    harmonics: Vec<RunHarmonics>,
     stage: usize,
     updates_in_stage: usize,
     /// Factor on the amplitudes of the present stage.
@@ -445,9 +453,12 @@ impl<'m> Campaign<'m> {
             estimator,
             current,
             estimate: None,
+            refinement: None,
+            refined: None,
             reports: Vec::new(),
             taken: Vec::new(),
             steady: Vec::new(),
+            harmonics: Vec::new(),
             stage: 0,
             updates_in_stage: 0,
             scale: 1.0,
@@ -464,6 +475,13 @@ impl<'m> Campaign<'m> {
             checked.map_err(|source| CampaignError::Estimate { run: 1, source })?;
         }
         Ok(campaign)
+    }
+
+    /// The campaign with a refinement of the estimates by which it judges whether runs agree and whether an update has converged. The
+    /// next run is played with the estimates of the harmonics.
+    pub(crate) fn refining(mut self, refinement: impl Refinement + 'm) -> Self {
+        self.refinement = Some(Box::new(refinement));
+        self
     }
 
     /// What to play next; nothing when the campaign has ended.
@@ -524,6 +542,11 @@ impl<'m> Campaign<'m> {
     /// The settled parts of the runs that are pooled, in their order.
     pub(crate) fn steady(&self) -> impl Iterator<Item = &SteadyRun> {
         self.steady.iter().filter(|steady| self.reports[steady.run].is_pooled())
+    }
+
+    /// The harmonics of the runs that the estimator has taken in, in their order.
+    pub(crate) fn harmonics(&self) -> &[RunHarmonics] {
+        &self.harmonics
     }
 
     /// What the campaign started from.
@@ -606,13 +629,16 @@ impl<'m> Campaign<'m> {
             spectra = spectra.select(&own);
         }
         let hold = self.setup.procedure.hold;
-        let seen = Run { trial: &trial, spectra: &spectra, rates: rates.as_ref(), hold };
+        let own = &channels[..dims.coordinates + dims.inputs];
+        let steady = SteadyRun::of(self.reports.len(), own, dims.coordinates, samples, &spectra);
+        let alone = self.refinement.as_deref().map(|refinement| OneRun { refinement, run: &steady });
+        let alone = alone.as_ref().map(|run| run as &dyn Alone);
+        let seen = Run { trial: &trial, spectra: &spectra, rates: rates.as_ref(), hold, alone };
         let update =
             self.estimator.take(self.model, &seen).map_err(|source| CampaignError::Estimate { run, source })?;
         self.aborts = 0;
         self.taken.push(self.reports.len());
-        let own = &channels[..dims.coordinates + dims.inputs];
-        self.steady.push(SteadyRun::of(self.reports.len(), own, dims.coordinates, samples, &spectra));
+        self.steady.push(steady);
         report.settled_after = Some(from);
         report.periods = periods;
         report.tracking_rms = tracking_rms(&trial, record, from * samples);
@@ -625,13 +651,20 @@ impl<'m> Campaign<'m> {
         if let Some(estimate) = update {
             // A run that is left out changes nothing, which is no convergence: its stage is played again.
             let pooled = report.contradicts.is_none();
-            let converged = pooled && (self.converged(&estimate) || self.tracks_well(&trial, &spectra));
+            let refined = self.refine(&estimate, pooled);
+            let judged = refined.as_ref().unwrap_or(&estimate);
+            let converged = pooled && (self.converged(judged) || self.tracks_well(&trial, &spectra));
             self.current.clone_from(&estimate.values);
+            self.refined = refined;
             report.updated = pooled;
             self.estimate = Some(estimate);
             self.updates_in_stage += usize::from(pooled);
             self.decide(&trial, record, &report, converged);
         }
+        let highest = self.estimator.harmonics();
+        let after = self.current.clone();
+        let of = (dims.coordinates, dims.inputs);
+        self.harmonics.push(RunHarmonics::of(self.reports.len(), &trial, &spectra, of, highest, after));
         self.finish(report)
     }
 
@@ -839,21 +872,29 @@ impl<'m> Campaign<'m> {
         most
     }
 
+    /// The estimate refined by the samples of the pooled runs, to which the last run, whose report is not filed yet, belongs or not.
+    fn refine(&self, estimate: &Estimate, last: bool) -> Option<Estimate> {
+        let is_pooled = |steady: &&SteadyRun| self.reports.get(steady.run).map_or(last, RunReport::is_pooled);
+        let pooled: Vec<&SteadyRun> = self.steady.iter().filter(is_pooled).collect();
+        self.refinement.as_ref()?.refined(&pooled, estimate)
+    }
+
     fn converged(&self, estimate: &Estimate) -> bool {
         if self.estimate.is_none() {
             return false;
         }
+        let known = self.refined.as_ref().map_or(&self.current, |refined| &refined.values);
         // A change within deviations that are not those of noise is no sign that the next change is none.
         let last = self.estimator.is_final();
         let insignificant = if last { INSIGNIFICANT } else { 0.0 };
         let shown = |shown: &Combination| {
-            let before: f64 = shown.weights.iter().zip(&self.current).map(|(weight, value)| weight * value).sum();
+            let before: f64 = shown.weights.iter().zip(known).map(|(weight, value)| weight * value).sum();
             (shown.value - before).abs() <= self.setup.procedure.tolerance * shown.value.abs()
         };
         if !last && !estimate.combinations().iter().all(shown) {
             return false;
         }
-        estimate.values.iter().zip(&self.current).zip(estimate.std.iter().zip(&estimate.status)).all(
+        estimate.values.iter().zip(known).zip(estimate.std.iter().zip(&estimate.status)).all(
             |((now, before), (std, status))| {
                 let change = (now - before).abs();
                 *status == Status::Unobservable

@@ -35,6 +35,7 @@ mod output_error;
 pub mod physical;
 mod pooled;
 mod prior;
+mod response;
 mod result;
 mod run;
 mod select;
@@ -55,6 +56,7 @@ pub use consistency::LeftOut;
 pub use eliminated::{Eliminated, EliminatedError};
 pub use error::EstimateError;
 pub use estimator::Estimator;
+pub(crate) use first_order::feed_forward_lines;
 #[cfg(feature = "interpret")]
 pub(crate) use information::reduced;
 pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
@@ -67,9 +69,10 @@ pub use output_error::{
     Simulated,
 };
 pub use pooled::{Contribution, Pooled, pool};
+pub(crate) use response::ErrorResponse;
 pub use result::Estimate;
-pub use run::Run;
 pub(crate) use run::error_lines;
+pub use run::{Alone, OwnEstimate, Run};
 #[cfg(feature = "interpret")]
 pub(crate) use sensor::Sensor;
 pub use settings::{Frozen, NumericalSettings, Settings, Weights};

@@ -1,10 +1,12 @@
 //! A run of a campaign as estimators see it: what was played, and the harmonics of what was recorded.
 
+use crate::estimate::result::Estimate;
 use crate::estimate::settings::Settings;
 use crate::run::trajectory::{HarmonicSeries, Trajectory};
 use crate::run::{Spectra, Trial};
 use num_complex::Complex;
 use std::borrow::Cow;
+use std::fmt::Debug;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 
@@ -23,6 +25,26 @@ pub struct Run<'a> {
     pub rates: Option<&'a Spectra>,
     /// How the recorded inputs became forces.
     pub hold: Hold,
+    /// What the samples of the run say, where they say more than its harmonics.
+    pub alone: Option<&'a dyn Alone>,
+}
+
+/// A run by itself, in all its samples.
+///
+/// The harmonics of a force that jumps are biased where noise moves the instants of the jumps, by more than the noise model of the
+/// harmonics tells. Estimates of single runs would then contradict each other although the machine is one.
+pub trait Alone: Debug {
+    /// What the run says by itself, beginning with the estimate of its harmonics; nothing where its samples say no more than that.
+    fn refined(&self, estimate: &Estimate) -> Option<OwnEstimate>;
+}
+
+/// What one run says by itself.
+#[derive(Clone, Debug)]
+pub struct OwnEstimate {
+    /// The estimate.
+    pub estimate: Estimate,
+    /// Number of residuals that the run has beyond its parameters.
+    pub residuals: usize,
 }
 
 impl Run<'_> {

@@ -11,9 +11,10 @@ use crate::run::{Bench, BenchError, Record, Trial};
 use crate::session::error::SessionError;
 use crate::session::identification::{Identification, LogFingerprint, Source};
 use crate::session::machine::Machine;
+use crate::session::method_report;
 use crate::session::model::{DeclaredModel, Identifiable, ModelFault, NonlinearParameter};
 use crate::session::play::{Watch, play_campaign, play_on_simulated, play_simulated};
-use crate::session::refine_campaign::refined_campaign;
+use crate::session::refine_campaign::RunSimulation;
 use crate::session::summary::{self, Lumped};
 use crate::session::truth::Truth;
 use crate::session::warning::Warning;
@@ -75,6 +76,7 @@ pub struct Session {
     /// In the parameters that the model is linear in.
     experiment: Experiment,
     bounds: BTreeMap<String, (f64, f64)>,
+    shows_method: bool,
 }
 
 impl Session {
@@ -124,7 +126,14 @@ impl Session {
         if let Some((path, motors)) = motors {
             experiment.check_motors(machine.plant(), &motors).map_err(|fault| at(&path, &fault))?;
         }
-        Ok(Session { declared, machine, written, experiment, bounds })
+        Ok(Session { declared, machine, written, experiment, bounds, shows_method: false })
+    }
+
+    /// The session whose results say how the method came to the parameters: harmonics beside their prediction, matrices, updates.
+    #[must_use]
+    pub const fn showing_method(mut self) -> Self {
+        self.shows_method = true;
+        self
     }
 
     /// The model.
@@ -156,7 +165,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Experiment`].
     pub fn campaign(&self) -> Result<(Campaign<'_>, LoopStability), SessionError> {
-        Ok(self.machine.campaign(&self.experiment)?)
+        self.begun(&self.experiment)
     }
 
     /// Plays a trial on the simulated machine of the experiment.
@@ -193,7 +202,7 @@ impl Session {
     /// [`SessionError`].
     pub fn identify_seeded(&self, seed: u64, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
         let [experiment, written] = [&self.experiment, &self.written].map(|own| Experiment { seed, ..own.clone() });
-        let (campaign, stability) = self.machine.campaign(&experiment)?;
+        let (campaign, stability) = self.begun(&experiment)?;
         let played = play_on_simulated(self.machine.plant(), &experiment, campaign, None, watch)?;
         let result = self.refined(&played, stability, Source::SimulatedPlant, seed);
         self.complete(result, &written, None)
@@ -247,15 +256,34 @@ impl Session {
         source: Source,
         store: Option<&Store>,
     ) -> Result<Identification, SessionError> {
-        let result = self.refined(campaign, stability, source, self.experiment.seed);
+        let mut result = self.refined(campaign, stability, source, self.experiment.seed);
+        if self.shows_method {
+            result.method = Some(method_report::of_campaign(campaign)?);
+        }
         self.complete(result, &self.written, store)
     }
 
-    /// What the estimator gives, refined by simulating the model along the runs, where a force jumps, and where that is asked for and can be done.
+    /// The campaign of an experiment before its first run, and what its loop was found to be.
+    fn begun(&self, experiment: &Experiment) -> Result<(Campaign<'_>, LoopStability), SessionError> {
+        let (campaign, stability) = self.machine.campaign(experiment)?;
+        let campaign = match self.simulation(&campaign) {
+            Some(simulation) => campaign.refining(simulation),
+            None => campaign,
+        };
+        Ok((campaign, stability))
+    }
+
+    /// The simulation that refines the estimates of a campaign, where a force jumps, and where that is asked for and can be done.
+    fn simulation(&self, campaign: &Campaign<'_>) -> Option<RunSimulation<'_>> {
+        let wanted = self.experiment.refine == Refine::OutputError && self.declared.prepared().model.has_jumps();
+        let own = self.machine.eliminated().is_none();
+        (wanted && own).then(|| RunSimulation::new(&self.declared, self.machine.plant(), campaign.setup()))?
+    }
+
+    /// What the estimator gives, refined by the simulation where there is one.
     fn refined(&self, campaign: &Campaign<'_>, stability: LoopStability, source: Source, seed: u64) -> Identification {
-        let jumps = self.declared.prepared().model.has_jumps();
-        let refine = if jumps { self.experiment.refine } else { Refine::None };
-        match refined_campaign(campaign, || self.declared.derivatives(), refine) {
+        let refined = self.simulation(campaign).and_then(|simulation| simulation.of_campaign(campaign));
+        match refined {
             Some(refined) => summary::of_refined(campaign, refined, stability, source, seed),
             None => summary::of_campaign(campaign, stability, source, seed),
         }

@@ -113,9 +113,10 @@ impl<'a> Excerpt<'a> {
         Excerpt { channels, averaged: 1, blocks: 0, joins, middle: half, half, of: whole }
     }
 
-    /// The ends of the settled parts of runs, one behind the other, all of them of the same length.
-    pub(super) fn of_runs(runs: &[&'a SteadyRun]) -> Self {
-        let each = SteadyRun::MOST / runs.len().max(1);
+    /// The ends of the settled parts of runs, one behind the other, at most so many samples of each and so many of all together as are
+    /// kept of one.
+    pub(super) fn of_runs(runs: &[&'a SteadyRun], each: usize) -> Self {
+        let each = each.min(SteadyRun::MOST / runs.len().max(1));
         let channels = runs.first().map_or(0, |run| run.channels.len());
         let channel = |c: usize| runs.iter().flat_map(|run| run.last(c, each)).copied().collect();
         let mut ends: Vec<usize> = runs.iter().map(|run| run.len().min(each)).collect();

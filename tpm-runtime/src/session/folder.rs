@@ -177,6 +177,12 @@ impl CampaignFolder {
         Ok(Submission { run, kept, outcome: campaign.outcome(), result })
     }
 
+    /// The folder whose results say how the method came to the parameters.
+    #[must_use]
+    pub fn showing_method(self) -> Self {
+        CampaignFolder { session: self.session.showing_method(), ..self }
+    }
+
     /// What all runs of the folder say.
     ///
     /// # Errors

@@ -5,6 +5,7 @@ use crate::estimate::{CombinationReport, Estimate, LARGE_RESIDUAL, Method, Param
 use crate::machine::actuator::LimitUse;
 use crate::machine::stability::LoopStability;
 use crate::session::log_report::{LogReport, PoolReport};
+use crate::session::method_report::MethodReport;
 use crate::session::refinement_report::RefinementReport;
 use crate::session::warning::Warning;
 use serde::ser::SerializeSeq as _;
@@ -114,6 +115,8 @@ pub struct Identification {
     /// What a simulation along the runs of a campaign did to the estimates; nothing for a log, whose own report has it, and where nothing
     /// was simulated.
     pub refinement: Option<RefinementReport>,
+    /// How a campaign came to its parameters, where that was asked for.
+    pub method: Option<MethodReport>,
     /// What was found about the log; nothing for a campaign, or where there are several logs.
     pub log: Option<LogReport>,
     /// What was found about several logs that were used together; nothing for one.
@@ -225,6 +228,8 @@ struct Form<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     refinement: Option<&'a RefinementReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    method: Option<&'a MethodReport>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     log: Option<&'a LogReport>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pool: Option<&'a PoolReport>,
@@ -277,6 +282,7 @@ impl Serialize for Identification {
             runs: &self.runs,
             stability: self.stability.as_ref(),
             refinement: self.refinement.as_ref(),
+            method: self.method.as_ref(),
             log: self.log.as_ref(),
             pool: self.pool.as_ref(),
             warnings: self.warnings.iter().map(ToString::to_string).collect(),

@@ -155,6 +155,7 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
         runs: Vec::new(),
         stability: None,
         refinement: None,
+        method: None,
         log: Some(log_report),
         pool: None,
         warnings: all,

@@ -35,6 +35,7 @@ mod live;
 mod log;
 mod log_report;
 mod machine;
+mod method_report;
 mod model;
 mod periodic_log;
 mod play;
@@ -77,6 +78,9 @@ pub use inspect::{
 };
 pub use log_report::{ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, Way};
 pub use machine::Machine;
+pub use method_report::{
+    MethodEntry, MethodLine, MethodReport, MethodRun, MethodSignal, MethodUpdate, ParameterUpdate, Phasor,
+};
 pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use refinement_report::{MissingTerm, RefinementReport};

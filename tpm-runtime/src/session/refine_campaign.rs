@@ -5,75 +5,100 @@
 //! samples the simulation solves the equations of motion as they are. It takes the samples themselves and not their mean over the periods:
 //! the mean of a sign of a velocity with noise is not the sign of the mean.
 
-use crate::campaign::{Campaign, SteadyRun};
-use crate::estimate::{Course, Differentiable, Method, Weights, reach_in};
-use crate::interpret::InterpretedDerivatives;
+use crate::campaign::{Campaign, Refinement, Setup, SteadyRun};
+use crate::estimate::{Course, Differentiable, Estimate, Method, Weights, reach_in};
+use crate::interpret::{Interpreted, InterpretedDerivatives};
 use crate::log::Refine;
 use crate::session::excerpt::Excerpt;
+use crate::session::model::DeclaredModel;
 use crate::session::refine::{Conditions, Refined, Start, refined};
+use std::sync::OnceLock;
 use std::vec::Vec;
 
-/// Refines the estimate of a campaign; nothing where its estimator is another than that of the measured motion, where coordinates were
-/// eliminated, where equations are weighed alike or forgotten, and before the first estimate. `derivatives` makes those of the rows.
-pub(super) fn refined_campaign(
-    campaign: &Campaign<'_>,
-    derivatives: impl FnOnce() -> InterpretedDerivatives,
-    refine: Refine,
-) -> Option<Refined> {
-    let setup = campaign.setup();
-    let settings = &setup.estimation;
-    let eliminated = campaign.estimator().lumped().is_some();
-    let other = setup.method != Method::MeasuredMotion || settings.weights == Weights::Equal || settings.forgets();
-    if eliminated || other || refine == Refine::None {
-        return None;
+/// Most samples of every run that are simulated to judge it. All that are kept would take four times as long, for every run anew.
+const JUDGED: usize = 4_000;
+
+/// The simulation of a model along the runs of a campaign.
+pub(super) struct RunSimulation<'a> {
+    declared: &'a DeclaredModel,
+    model: &'a Interpreted,
+    setup: Setup,
+    /// Derivatives of the rows, made when they are first needed.
+    derivatives: OnceLock<InterpretedDerivatives>,
+}
+
+impl<'a> RunSimulation<'a> {
+    /// The simulation of a declared model, evaluated; nothing where the estimator is another than that of the measured motion, and where
+    /// equations are weighed alike or forgotten.
+    pub(super) fn new(declared: &'a DeclaredModel, model: &'a Interpreted, setup: &Setup) -> Option<Self> {
+        let settings = &setup.estimation;
+        let other = setup.method != Method::MeasuredMotion || settings.weights == Weights::Equal || settings.forgets();
+        (!other).then(|| RunSimulation { declared, model, setup: setup.clone(), derivatives: OnceLock::new() })
     }
-    let estimate = campaign.estimate()?;
-    let runs: Vec<&SteadyRun> = campaign.steady().collect();
-    let sample_time = setup.control.sample_time;
-    let coordinates = campaign.model().dims().coordinates;
-    let excerpt = Excerpt::of_runs(&runs);
-    let period = runs.iter().map(|run| run.period).min()?;
-    let most = |of: &dyn Fn(&SteadyRun) -> f64| runs.iter().map(|run| of(run)).fold(0.0, f64::max);
-    let periods: usize = runs.iter().map(|run| run.period).sum();
-    let start = Start {
-        estimate,
-        course: Course::Any {
-            typical_period: period as f64,
-            reach: reach_in(period as f64),
-            highest: (0..coordinates).map(|c| most(&|run| run.highest[c])).collect(),
-            copies: excerpt.samples() as f64 / periods.max(1) as f64,
-        },
-        steps: (0..coordinates).map(|c| most(&|run| run.steps[c])).collect(),
-        samples: excerpt.samples(),
-        sample_time,
-        excerpt,
-    };
-    let conditions = Conditions {
-        constants: &setup.constants,
-        hold: setup.procedure.hold,
-        actuators: &setup.control.actuators,
-        refine,
-    };
-    let restate = |values, covariance| estimate.refined(values, covariance, settings);
-    let derivatives = derivatives();
-    let machine = Differentiable { model: campaign.model(), derivatives: &derivatives };
-    let mut refined = refined(Some(machine), start, conditions, settings, &restate);
-    if let Some(report) = &mut refined.report {
-        report.runs = runs.len();
+
+    /// The estimate of a campaign, refined by all its pooled runs; nothing before the first estimate.
+    pub(super) fn of_campaign(&self, campaign: &Campaign<'_>) -> Option<Refined> {
+        let runs: Vec<&SteadyRun> = campaign.steady().collect();
+        let mut refined = self.of_runs(&runs, campaign.estimate()?, SteadyRun::MOST)?;
+        if let Some(report) = &mut refined.report {
+            report.runs = runs.len();
+        }
+        Some(refined)
     }
-    Some(refined)
+
+    /// An estimate, refined by simulating the model along the last samples of runs, at most so many of each; nothing without a run.
+    fn of_runs(&self, runs: &[&SteadyRun], estimate: &Estimate, each: usize) -> Option<Refined> {
+        let setup = &self.setup;
+        let settings = &setup.estimation;
+        let sample_time = setup.control.sample_time;
+        let coordinates = runs.first()?.highest.len();
+        let excerpt = Excerpt::of_runs(runs, each);
+        let period = runs.iter().map(|run| run.period).min()?;
+        let most = |of: &dyn Fn(&SteadyRun) -> f64| runs.iter().map(|run| of(run)).fold(0.0, f64::max);
+        let periods: usize = runs.iter().map(|run| run.period).sum();
+        let start = Start {
+            estimate,
+            course: Course::Any {
+                typical_period: period as f64,
+                reach: reach_in(period as f64),
+                highest: (0..coordinates).map(|c| most(&|run| run.highest[c])).collect(),
+                copies: excerpt.samples() as f64 / periods.max(1) as f64,
+            },
+            steps: (0..coordinates).map(|c| most(&|run| run.steps[c])).collect(),
+            samples: excerpt.samples(),
+            sample_time,
+            excerpt,
+        };
+        let conditions = Conditions {
+            constants: &setup.constants,
+            hold: setup.procedure.hold,
+            actuators: &setup.control.actuators,
+            refine: Refine::OutputError,
+        };
+        let restate = |values, covariance| estimate.refined(values, covariance, settings);
+        let derivatives = self.derivatives.get_or_init(|| self.declared.derivatives());
+        let machine = Differentiable { model: self.model, derivatives };
+        Some(refined(Some(machine), start, conditions, settings, &restate))
+    }
+}
+
+impl Refinement for RunSimulation<'_> {
+    fn refined(&self, runs: &[&SteadyRun], estimate: &Estimate) -> Option<Estimate> {
+        let refined = self.of_runs(runs, estimate, JUDGED)?;
+        refined.report.filter(|report| report.used).map(|_| refined.estimate)
+    }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use crate::experiment::Experiment;
     use crate::session::{DeclaredModel, Identification, Session};
     use std::collections::BTreeMap;
 
-    const MODEL: &str = "model Sled { coordinate x [m]; input u [N]; parameter m [kg], k [N/m], fc [N];
+    pub(in crate::session) const MODEL: &str = "model Sled { coordinate x [m]; input u [N]; parameter m [kg], k [N/m], fc [N];
         m*ddot(x) + k*x + fc*sign(dot(x)) = u;
         pattern { amplitude l [m]; frequency w [rad/s]; x = l*cos(w*t); } }";
-    const EXPERIMENT: &str = "seed = 3
+    pub(in crate::session) const EXPERIMENT: &str = "seed = 3
         harmonics = 5
         [plant]
         parameters = { m = 2.0, k = 40.0, fc = 6.0 }

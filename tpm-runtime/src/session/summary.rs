@@ -99,6 +99,7 @@ fn of_estimate(
         runs: campaign.runs().to_vec(),
         stability: Some(stability),
         refinement: None,
+        method: None,
         log: None,
         pool: None,
         warnings: campaign_warnings(linear, found, campaign),

@@ -142,6 +142,26 @@ pub fn display(value: &Rational) -> String {
     value.to_string()
 }
 
+/// The value as it may stand in a name: exact where numerator and denominator are short, and otherwise the nearest number of four or
+/// five significant digits.
+#[must_use]
+pub fn readable(value: &Rational) -> Rational {
+    /// Most digits of a short number.
+    const SHORT: usize = 6;
+    let magnitude = abs(value);
+    let [above, below] = [magnitude.numer(), magnitude.denom()].map(|number| number.to_string().len());
+    if above <= SHORT && below <= SHORT {
+        return value.clone();
+    }
+    // Differences of lengths are small beside what an i32 holds.
+    let places = 4 + below as i32 - above as i32;
+    let scale = power(&integer(10), places);
+    let scaled = &magnitude * &scale;
+    let nearest = (scaled.numer() * 2 + scaled.denom()) / (scaled.denom() * 2);
+    let rounded = Rational::from_integer(nearest) / scale;
+    if value.is_negative() { -rounded } else { rounded }
+}
+
 /// The binomial coefficient C(n, k), zero when `k > n`.
 #[must_use]
 pub fn binomial(n: u64, k: u64) -> BigInt {

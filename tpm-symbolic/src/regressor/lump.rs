@@ -9,7 +9,7 @@ use crate::algebra::polynomial::{Monomial, Polynomial};
 use crate::expr::graph::{ExprId, Node, Symbol};
 use crate::mechanics::model::{ExactModel, TermId};
 use crate::mechanics::unit::Unit;
-use crate::number::rational::Rational;
+use crate::number::rational::{self, Rational};
 use crate::regressor::collect::{CollectedRow, CollectedTerm, ParameterMonomial};
 use crate::regressor::entries::{Column, RegressorForm, Row, Term};
 use crate::regressor::traces::{Direction, Traces};
@@ -195,7 +195,7 @@ fn monomial_unit(model: &ExactModel, monomial: &ParameterMonomial) -> Option<Uni
     Some(unit)
 }
 
-/// The user's name when one was given by `lump`, otherwise the canonical expression spelled as an identifier.
+/// The user's name when one was given by `lump`, otherwise the canonical expression, with long numbers cut, spelled as an identifier.
 fn lumped_name(model: &ExactModel, definition: &Polynomial<ExprId>, taken: &mut BTreeSet<String>) -> String {
     for lump in &model.lumps {
         if model.graph.polynomial(lump.expr) == *definition {
@@ -203,7 +203,10 @@ fn lumped_name(model: &ExactModel, definition: &Polynomial<ExprId>, taken: &mut 
             return lump.name.clone();
         }
     }
-    let mut name = identifier(&canonical(model, definition));
+    // Numbers of a machine, such as lengths, make ratios that nobody reads to their last digit.
+    let readable: Polynomial<ExprId> =
+        definition.terms().map(|(monomial, ratio)| (monomial.clone(), rational::readable(ratio))).collect();
+    let mut name = identifier(&canonical(model, &readable));
     while !taken.insert(name.clone()) {
         name.push('_');
     }

@@ -4,4 +4,5 @@ mod linearised;
 mod reduce;
 
 pub(super) use linearised::Linearised;
+pub(crate) use reduce::feed_forward_lines;
 pub(super) use reduce::{FirstOrder, fed_back};

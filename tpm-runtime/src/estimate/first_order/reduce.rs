@@ -378,6 +378,6 @@ pub(in crate::estimate) fn fed_back(
 }
 
 /// Lines of the samples of every input's feed-forward.
-fn feed_forward_lines(trial: &Trial, inputs: usize, highest: usize) -> Vec<Vec<Complex<f64>>> {
+pub(crate) fn feed_forward_lines(trial: &Trial, inputs: usize, highest: usize) -> Vec<Vec<Complex<f64>>> {
     (0..inputs).map(|i| analyse(&trial.feed_forward, i, inputs, highest)).collect()
 }

@@ -42,7 +42,7 @@ impl PooledMotion {
             refine(&mut alone, &own)?;
             let estimate = estimate_measured_motion(&mut alone, &own)?;
             let [alone] = alone;
-            if !self.records.joins(alone, estimate) {
+            if !self.records.joins(alone, estimate, run.alone) {
                 return Ok(());
             }
         }

@@ -6,6 +6,7 @@
 use crate::estimate::consistency::{Consistency, LeftOut};
 use crate::estimate::measured_motion::record::MeasuredMotion;
 use crate::estimate::result::Estimate;
+use crate::estimate::run::Alone;
 use crate::estimate::settings::Settings;
 use std::vec::Vec;
 
@@ -37,13 +38,18 @@ impl Records {
         self.consistency.as_ref().is_none_or(|judged| judged.members().get(run).copied().unwrap_or(false))
     }
 
-    /// Takes in the record of a further run, refined alone, with the estimate that it gives alone. Whether the run agrees with
-    /// earlier ones, together with which it is to be refined.
-    pub(super) fn joins(&mut self, alone: MeasuredMotion, estimate: Estimate) -> bool {
+    /// Takes in the record of a further run, refined alone, with the estimate that its harmonics give, and judges the run by what its
+    /// samples say where they say more. Whether the run agrees with earlier ones, together with which it is to be refined.
+    pub(super) fn joins(&mut self, alone: MeasuredMotion, estimate: Estimate, samples: Option<&dyn Alone>) -> bool {
         if let Some(consistency) = &mut self.consistency {
-            let equations: usize = alone.used.iter().flatten().map(|&k| if k == 0 { 1 } else { 2 }).sum();
-            let residuals = equations.saturating_sub(estimate.rank);
-            consistency.push(estimate, residuals);
+            match samples.and_then(|samples| samples.refined(&estimate)) {
+                Some(own) => consistency.push(own.estimate, own.residuals),
+                None => {
+                    let equations: usize = alone.used.iter().flatten().map(|&k| if k == 0 { 1 } else { 2 }).sum();
+                    let residuals = equations.saturating_sub(estimate.rank);
+                    consistency.push(estimate, residuals);
+                }
+            }
         }
         self.all.push(alone);
         let last = self.all.len() - 1;

@@ -12,7 +12,7 @@
 //! the reference is periodic and known at every half step; nothing allocates in a step. Limits are left out where the loop is
 //! linearised.
 
-use crate::machine::actuator::demand::Demand;
+use crate::machine::actuator::demand::{Demand, Parts};
 use crate::machine::actuator::motor::{Limits, Motor};
 use crate::numerics::DMatrix;
 use crate::numerics::eigenvalues::eigenvalues;
@@ -51,6 +51,9 @@ pub struct Scheme {
     pub independent_filter: Option<LowPass>,
     /// Whether the feedback passes `filter` too.
     pub feedback_filtered: bool,
+    /// Whether the feed-forward is computed at the actual positions and velocities, with the accelerations of the reference, instead of
+    /// along the reference.
+    pub at_actual_motion: bool,
 }
 
 /// Why a loop cannot be run.
@@ -115,6 +118,10 @@ pub struct Tracking {
     pub rms: Vec<f64>,
     /// Largest magnitude of the error of every coordinate.
     pub peak: Vec<f64>,
+    /// Root mean square error of every coordinate's velocity.
+    pub rate_rms: Vec<f64>,
+    /// Largest magnitude of the error of every coordinate's velocity.
+    pub rate_peak: Vec<f64>,
     /// Shares of the period during which current, voltage and power were limited, by input.
     pub limited: Vec<[f64; 3]>,
 }
@@ -203,6 +210,12 @@ impl<'a> Drive<'a> {
         for (&value, &slot) in machine.iter().zip(&self.slots) {
             scratch.motion[slot] = value;
         }
+        let parts = if self.scheme.at_actual_motion { Some(self.at_actual_motion(wanted, scratch)?) } else { None };
+        let wanted = parts.as_ref().map_or(wanted, |parts| Wanted {
+            motion: wanted.motion,
+            independent: &parts.independent,
+            dependent: &parts.dependent,
+        });
         let (machine_out, drives_out) = out.split_at_mut(self.slots.len());
         let states = drives.chunks_exact(PER_INPUT).zip(drives_out.chunks_exact_mut(PER_INPUT));
         for (i, ((state, out), motor)) in states.zip(&self.motors).enumerate() {
@@ -254,6 +267,15 @@ impl<'a> Drive<'a> {
             *slot = scratch.motion[at + n];
         }
         Ok(())
+    }
+
+    /// The feed-forward at the motion in `scratch` below the highest derivatives, which are those of the reference.
+    fn at_actual_motion(&self, wanted: Wanted<'_>, scratch: &Scratch) -> Result<Parts, DriveError> {
+        let mut motion = wanted.motion.to_vec();
+        for &slot in &self.slots {
+            motion[slot] = scratch.motion[slot];
+        }
+        self.feed_forward(motion)
     }
 
     /// Solves the rows for the accelerations under `scratch.inputs`, rotors included: with a = a0 + A u and the force
@@ -308,7 +330,7 @@ impl<'a> Drive<'a> {
     }
 
     /// Feed-forward at motions: the parts, with the rotors' inertia among the motion-dependent ones.
-    fn feed_forward(&self, motions: Vec<f64>) -> Result<crate::machine::actuator::demand::Parts, DriveError> {
+    fn feed_forward(&self, motions: Vec<f64>) -> Result<Parts, DriveError> {
         let dims = self.demand.model().dims();
         let mut parts = self.demand.at(motions)?;
         for (i, motor) in self.motors.iter().enumerate() {
@@ -438,6 +460,8 @@ impl<'a> Drive<'a> {
             forces: vec![Vec::with_capacity(steps); inputs],
             rms: vec![0.0; n],
             peak: vec![0.0; n],
+            rate_rms: vec![0.0; n],
+            rate_peak: vec![0.0; n],
             limited: vec![[0.0; 3]; inputs],
         };
         for step in 0..(settle + 1) * steps {
@@ -447,6 +471,12 @@ impl<'a> Drive<'a> {
                 found.times.push((step - settle * steps) as f64 * h);
                 for (c, errors) in found.errors.iter_mut().enumerate() {
                     errors.push(scratch.motion[c] - at(half).motion[c]);
+                }
+                for c in 0..n {
+                    let [actual, wanted] = [&scratch.motion[..], at(half).motion].map(|motion| motion.get(n + c));
+                    let error = actual.zip(wanted).map_or(0.0, |(actual, wanted)| actual - wanted);
+                    found.rate_rms[c] += error * error / steps as f64;
+                    found.rate_peak[c] = found.rate_peak[c].max(error.abs());
                 }
                 for (forces, &force) in found.forces.iter_mut().zip(&scratch.inputs) {
                     forces.push(force);
@@ -475,6 +505,7 @@ impl<'a> Drive<'a> {
                 return Err(DriveError::Diverged { time: step as f64 * h });
             }
         }
+        found.rate_rms.iter_mut().for_each(|square| *square = square.sqrt());
         for (c, errors) in found.errors.iter().enumerate() {
             found.rms[c] = (errors.iter().map(|e| e * e).sum::<f64>() / errors.len().max(1) as f64).sqrt();
             found.peak[c] = errors.iter().fold(0.0, |peak, e| peak.max(e.abs()));
@@ -504,6 +535,7 @@ mod tests {
             split,
             independent_filter: None,
             feedback_filtered: false,
+            at_actual_motion: false,
         }
     }
 
@@ -530,7 +562,12 @@ mod tests {
         assert!(common_rms / split_rms >= 3.0, "{}", common_rms / split_rms);
         assert!(common_peak / split_peak >= 2.5, "{common_peak} {split_peak}");
         assert!((common_peak - 4.11).abs() < 0.05 * 4.11 && (split_peak - 1.39).abs() < 0.05 * 1.39);
-        // Without any filter nothing is left but the integration.
+        // The velocities too: the split scheme is better for the cart, and worse for the pendulum.
+        let rate_ratio = |c: usize| common.rate_rms[c] / split.rate_rms[c];
+        assert!(rate_ratio(0) > 1.5 && common.rms[1] < split.rms[1], "{} {}", rate_ratio(0), rate_ratio(1));
+        // Without any filter nothing is left but the integration, wherever the feed-forward is computed.
+        let at_actual = followed(&Scheme { filter: None, at_actual_motion: true, ..scheme(false) }, &[]);
+        assert!(at_actual.rms.iter().chain(&at_actual.rate_rms).all(|rms| *rms < 1e-6), "{:?}", at_actual.rms);
         let exact = followed(&Scheme { filter: None, ..scheme(false) }, &[]);
         assert!(exact.rms.iter().all(|rms| *rms < 1e-8), "{:?}", exact.rms);
         // The higher the cut-off, the smaller the error; a faster filter on the independent part costs little.

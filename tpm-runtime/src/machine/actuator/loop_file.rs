@@ -3,6 +3,7 @@
 //! ```toml
 //! settle_periods = 4              # before the period that is looked at; 4 when not given
 //! feedback_filtered = false       # whether the feedback passes the filter too; false when not given
+//! at_actual_motion = false        # whether the feed-forward takes actual positions and velocities; false when not given
 //!
 //! [[feedback]]                    # u = -kp e - kd e', one table per path
 //! input = "F"
@@ -51,7 +52,15 @@ impl LoopFile {
     /// [`FileFault`] when it is no TOML or has unknown fields.
     pub fn parse(text: &str) -> Result<Self, FileFault> {
         let whole = placed::parse(text)?;
-        let known = ["settle_periods", "feedback_filtered", "feedback", "filter", "independent_filter", "plant"];
+        let known = [
+            "settle_periods",
+            "feedback_filtered",
+            "at_actual_motion",
+            "feedback",
+            "filter",
+            "independent_filter",
+            "plant",
+        ];
         whole.only(text, &known)?;
         Ok(LoopFile { text: text.to_string(), whole })
     }
@@ -128,6 +137,7 @@ impl LoopFile {
             split,
             independent_filter: self.low_pass("independent_filter")?,
             feedback_filtered: self.whole.flag(text, "feedback_filtered")?.unwrap_or(false),
+            at_actual_motion: self.whole.flag(text, "at_actual_motion")?.unwrap_or(false),
         })
     }
 

@@ -18,6 +18,9 @@ use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
 use std::vec::Vec;
 
+/// Most configurations of a path at which the inertia is looked at, about.
+const CONFIGURATIONS: usize = 64;
+
 /// What a motion asks of a motor at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -82,8 +85,10 @@ impl Peak {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CutOff {
-    /// Inertia J' at the rotor, kg m^2.
+    /// Inertia J' at the rotor, kg m^2: the largest over the path, with which the motor gives out first.
     pub inertia: f64,
+    /// The least inertia at the rotor over the path, kg m^2.
+    pub least_inertia: f64,
     /// Amplitude of the rotor, rad: half of what the coordinate travels, times the ratio.
     pub amplitude: f64,
     /// Natural frequency of C.9, rad/s.
@@ -172,7 +177,7 @@ fn requirement(
     (input, coordinate): (usize, usize),
 ) -> Result<Requirement, TrialError> {
     let dims = demand.model().dims();
-    let (n, count) = (dims.coordinates, parts.samples);
+    let count = parts.samples;
     let derivative = |order: usize| -> Vec<f64> {
         // Of a coordinate whose own rows stop at a lower order the trajectory still has the derivative.
         let series = trajectory.coordinates.get(coordinate);
@@ -237,13 +242,13 @@ fn requirement(
         let (low, high) = positions.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
         (high - low) / 2.0
     });
-    let start = parts.motions.get(..dims.motion_len()).unwrap_or(&[]);
-    let rest: Vec<f64> = start.iter().enumerate().map(|(i, &q)| if i < n { q } else { 0.0 }).collect();
-    let cut_off = demand.inertia(input, &rest)?.and_then(|own| {
-        let inertia = motor.rotor_inertia + own / motor.ratio.powi(2);
+    let along_path = inertias(demand, input, &parts.motions)?
+        .map(|ends| ends.map(|own| motor.rotor_inertia + own / motor.ratio.powi(2)));
+    let cut_off = along_path.and_then(|[least_inertia, inertia]| {
         let amplitude = travel * motor.ratio;
         (inertia > 0.0 && amplitude > 0.0).then(|| CutOff {
             inertia,
+            least_inertia,
             amplitude,
             natural: motor.natural_frequency(inertia),
             current: motor.cut_off(amplitude, inertia),
@@ -308,6 +313,22 @@ impl Spectrum {
         inverse.process(&mut spectrum, &mut rate).expect("invariant: the mean's derivative and the last line are 0");
         (lines, rate, high <= 1e-6 * largest)
     }
+}
+
+/// The least and the largest inertia that an input feels at its coordinate in configurations that motions pass, at rest there; nothing
+/// where it drives not exactly one coordinate.
+fn inertias(demand: &Demand<'_>, input: usize, motions: &[f64]) -> Result<Option<[f64; 2]>, TrialError> {
+    let dims = demand.model().dims();
+    let points = motions.len() / dims.motion_len().max(1);
+    let mut ends: Option<[f64; 2]> = None;
+    for motion in motions.chunks_exact(dims.motion_len().max(1)).step_by((points / CONFIGURATIONS).max(1)) {
+        let at_rest = |(i, &q): (usize, &f64)| if i < dims.coordinates { q } else { 0.0 };
+        let rest: Vec<f64> = motion.iter().enumerate().map(at_rest).collect();
+        let Some(own) = demand.inertia(input, &rest)? else { return Ok(None) };
+        let [least, largest] = ends.unwrap_or([own, own]);
+        ends = Some([least.min(own), largest.max(own)]);
+    }
+    Ok(ends)
 }
 
 #[cfg(test)]
