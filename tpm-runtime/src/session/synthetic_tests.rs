@@ -356,7 +356,7 @@ fn a_few_periods_count_where_the_inputs_repeat_too() {
     let period = 900.0;
     for (pulses, periods, repeats) in [(0.0, 3, true), (20.0, 3, false), (20.0, 6, true)] {
         let log = slider([2.0, 50.0, 8.0], period, 900 * periods, [1e-5, 0.01], 3);
-        let pulse = |i: usize| if (i / 260) % 2 == 0 { pulses } else { -pulses };
+        let pulse = |i: usize| if (i / 260).is_multiple_of(2) { pulses } else { -pulses };
         let forces = log.channels[1].iter().enumerate().map(|(i, u)| u + pulse(i)).collect();
         let log = Log::from_samples("synthetic", 1e-3, vec![log.channels[0].clone(), forces]).expect("sound");
         let result = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("identifies");
