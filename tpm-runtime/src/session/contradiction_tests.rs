@@ -6,7 +6,6 @@ use crate::run::{Bench, BenchError, Record, Trial};
 use crate::session::campaign::Session;
 use crate::session::identification::Identification;
 use crate::session::model::DeclaredModel;
-use crate::session::refine_campaign::tests as sled;
 use crate::session::warning::Warning;
 use rayon::prelude::*;
 use std::boxed::Box;
@@ -133,25 +132,6 @@ fn parameters_that_drift_are_followed_and_first_order_estimates_not_judged() {
     for set in [("schedule.forgetting", "0.5"), ("estimator", "error")] {
         let result = slider(&[set, ("schedule.max_runs", "4")], &|run| run == 3);
         assert_eq!(left_out(&result), [], "{set:?}");
-    }
-}
-
-#[test]
-fn where_a_force_jumps_runs_are_judged_by_their_samples() {
-    // Five harmonics of a force that jumps are no right estimate of it, and differ from run to run by more than their noise.
-    let of = |seed: u64, carries: &dyn Fn(usize) -> bool| {
-        let stages = "[{ l = 0.2, w = 6.0 }, { l = 0.25, w = 7.0 }, { l = 0.3, w = 8.0 }]";
-        let sets = [("schedule.stages", stages), ("schedule.measure_time", "4"), ("tolerance", "1")];
-        identified([sled::MODEL, sled::EXPERIMENT], "m", seed, &sets, carries)
-    };
-    for seed in 1..=4 {
-        let result = of(seed, &|_| false);
-        assert_eq!(left_out(&result), [], "seed {seed}");
-        assert!(result.is_complete(), "seed {seed}: {:?}", result.shortfall());
-        let result = of(seed, &|run| run == 3);
-        assert_eq!(left_out(&result).iter().map(|(run, _)| *run).collect::<Vec<_>>(), [3], "seed {seed}");
-        let (value, std) = mass(&result);
-        assert!((value - 2.0).abs() < 4.0 * std, "seed {seed}: {value} {std}");
     }
 }
 

@@ -90,15 +90,15 @@ impl Refinement for RunSimulation<'_> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
     use crate::experiment::Experiment;
     use crate::session::{DeclaredModel, Identification, Session};
     use std::collections::BTreeMap;
 
-    pub(in crate::session) const MODEL: &str = "model Sled { coordinate x [m]; input u [N]; parameter m [kg], k [N/m], fc [N];
+    const MODEL: &str = "model Sled { coordinate x [m]; input u [N]; parameter m [kg], k [N/m], fc [N];
         m*ddot(x) + k*x + fc*sign(dot(x)) = u;
         pattern { amplitude l [m]; frequency w [rad/s]; x = l*cos(w*t); } }";
-    pub(in crate::session) const EXPERIMENT: &str = "seed = 3
+    const EXPERIMENT: &str = "seed = 3
         harmonics = 5
         [plant]
         parameters = { m = 2.0, k = 40.0, fc = 6.0 }
