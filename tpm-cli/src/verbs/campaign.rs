@@ -5,6 +5,7 @@ use crate::input::experiment::{BoundArgs, SimulatedArgs};
 use crate::input::log::ColumnArgs;
 use crate::interrupt;
 use crate::output::file;
+use crate::render::campaign::Watched;
 use crate::render::flags;
 use crate::render::result::print;
 use clap::Subcommand;
@@ -69,6 +70,9 @@ enum Step {
         folder: PathBuf,
         #[command(flatten)]
         bounds: BoundArgs,
+        /// Write a page for a browser (report.html), its figures and a table of the runs into this folder.
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
         /// Print the contract's JSON (tpm.identification/2).
         #[arg(long)]
         json: bool,
@@ -117,9 +121,19 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Step::Next { folder, output } => next(folder, output.as_deref()),
         Step::Submit { folder, log, stopped, columns } => submit(folder, log, *stopped, columns),
         Step::Run(args) => play(args),
-        Step::Result { folder, bounds, json, output } => {
-            let result = CampaignFolder::open(folder, bounds.by_name()?)?.result()?;
+        Step::Result { folder, bounds, report, json, output } => {
+            let folder = CampaignFolder::open(folder, bounds.by_name()?)?;
+            let mut seen = Watched::default();
+            let result = folder.result_watched(&mut |trial, record, run| {
+                if report.is_some() {
+                    seen.see(trial, record, run);
+                }
+                true
+            })?;
             print(&result, *json, output.as_deref())?;
+            if let Some(report) = report {
+                seen.write(report, folder.session(), &result)?;
+            }
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
     }

@@ -172,8 +172,8 @@ fn draw(area: &Area<'_>, panel: &Panel, (x, y): (Scaled, Scaled)) -> Drawn {
         .label_style((FONT, TEXT))
         .bold_line_style(RGBColor(200, 200, 200))
         .light_line_style(RGBColor(232, 232, 232))
-        .x_labels(12)
-        .y_labels(10)
+        .x_labels(((area.dim_in_pixel().0 / 80) as usize).max(3))
+        .y_labels(((area.dim_in_pixel().1 / 38) as usize).clamp(3, 10))
         .draw()?;
     for trace in &panel.traces {
         draw_trace(&mut chart, trace)?;
