@@ -2,11 +2,15 @@
 
 use crate::document::marks::Interval;
 use crate::plot::Figure;
-use crate::report::number;
+use crate::report::{digits, number};
 use serde::Serialize;
 use std::borrow::ToOwned;
+use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
+
+/// Significant digits of a share.
+pub(super) const SHARE_DIGITS: usize = 3;
 
 /// A cell of a table.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -36,7 +40,10 @@ impl Cell {
 
     /// A share in percent.
     pub(super) fn percent(share: Option<f64>) -> Self {
-        Cell::shown(share.map_or_else(|| "-".to_owned(), |share| std::format!("{} %", number(100.0 * share))), share)
+        Cell::shown(
+            share.map_or_else(|| "-".to_owned(), |share| format!("{} %", digits(100.0 * share, SHARE_DIGITS))),
+            share,
+        )
     }
 
     pub(super) fn interval(interval: Option<Interval>) -> Self {

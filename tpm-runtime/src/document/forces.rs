@@ -103,7 +103,7 @@ fn drawable(points: &[(f64, f64)]) -> bool {
     points.iter().filter(|(_, y)| y.is_finite()).count() > 1
 }
 
-/// Amplitudes of the force harmonic by harmonic, and what the prediction misses of each; nothing where no harmonics were compared.
+/// Amplitudes of the applied force harmonic by harmonic, and what the prediction misses of each; nothing where no harmonics were compared.
 pub(super) fn by_harmonic(found: &Validation) -> Option<Figure> {
     let mut panels = Vec::new();
     for row in &found.rows {
@@ -120,8 +120,7 @@ pub(super) fn by_harmonic(found: &Validation) -> Option<Figure> {
         let last = lines.iter().map(|line| line.0).max().unwrap_or(1) as f64;
         let traces = vec![
             Trace::new("applied", 0, Curve::Points(applied)),
-            Trace::new("model", 1, Curve::Dashed(points(|line| line.2.norm()))),
-            Trace::new("missed", 2, Curve::Points(missed)),
+            Trace::new("applied less model", 1, Curve::Points(missed)),
         ];
         let x = Axis::linear("harmonic").from_to(0.0, last + 1.0);
         panels.push(Panel { x, y: Axis::logarithmic(&label(row)), traces });

@@ -1,12 +1,12 @@
 //! An identification as a page.
 
 use crate::campaign::RunReport;
-use crate::document::block::{Block, Cell, Notice};
+use crate::document::block::{Block, Cell, Notice, SHARE_DIGITS};
 use crate::document::marks::{INTERVAL, Interval};
 use crate::document::page::Document;
 use crate::document::validation::remark;
-use crate::estimate::{CombinationReport, ParameterReport};
-use crate::report::{Remedy, beside, cells, combination, number, or_dash};
+use crate::estimate::{CombinationReport, ParameterReport, Status};
+use crate::report::{Remedy, beside, cells, combination, digits, number, or_dash};
 use crate::session::{Identification, LogReport, RefinementReport, Source, Validation, Way, closed_loop};
 use std::borrow::ToOwned;
 use std::format;
@@ -32,8 +32,7 @@ impl Document {
             title: result.model.clone(),
             subtitle: subtitle(result),
             shortfall: result.shortfall(),
-            success: "Everything that was asked for is identified, and the model explains what was measured."
-                .to_owned(),
+            success: success(result),
             facts: facts(result),
             sections: Vec::new(),
             figures: Vec::new(),
@@ -220,10 +219,19 @@ fn subtitle(result: &Identification) -> String {
     }
 }
 
+/// What is said where nothing is short, with the parameters that are known poorly.
+fn success(result: &Identification) -> String {
+    let lists = result.parameters.iter().chain(&result.physical);
+    let poor = lists.filter(|parameter| parameter.status == Status::PoorlyDetermined);
+    let poor: Vec<&str> = poor.map(|parameter| parameter.name.as_str()).collect();
+    let known = "The data show everything that was asked for, and the model explains what was measured";
+    if poor.is_empty() { format!("{known}.") } else { format!("{known}; poorly determined: {}.", poor.join(", ")) }
+}
+
 fn facts(result: &Identification) -> Vec<(String, String)> {
     let of = if result.is_refined() { "the motion or input" } else { "the force" };
     let mut facts = vec![
-        ("unexplained".to_owned(), format!("{} % of {of}", number(100.0 * result.residual))),
+        ("unexplained".to_owned(), format!("{} % of {of}", digits(100.0 * result.residual, SHARE_DIGITS))),
         ("rank".to_owned(), format!("{} of {}", result.rank, result.parameters.len())),
         ("condition number".to_owned(), or_dash(result.condition, number)),
         ("estimator".to_owned(), result.estimator.name().to_owned()),

@@ -4,7 +4,7 @@ use crate::document::block::{Block, Cell, Notice};
 use crate::document::forces::{self, AROUND, PANEL};
 use crate::document::page::Document;
 use crate::plot::Figure;
-use crate::report::number;
+use crate::report::{digits, number};
 use crate::session::{CorrelationTest, LAGS, Validation};
 use std::borrow::ToOwned;
 use std::format;
@@ -188,7 +188,7 @@ fn tested(found: &Validation, caption: &str) -> Option<Block> {
             Cell::text(lag.to_string()),
             Cell::shown(format!("{:.4}", test.band), Some(test.band)),
             Cell::text(format!("{} of {LAGS}", test.outside())),
-            Cell::number(Some(test.chance)),
+            Cell::shown(digits(test.chance, 2), Some(test.chance)),
             Cell::text(if test.passed { "passed" } else { "failed" }),
         ]);
     };

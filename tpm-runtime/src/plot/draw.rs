@@ -129,6 +129,8 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scaled, Scaled>>;
 type Drawn = Result<(), plotters::drawing::DrawingAreaErrorKind<std::io::Error>>;
 
+/// Points of a curve below which each is drawn larger.
+const FEW: usize = 60;
 /// Width of a legend's symbol, pixels.
 const SYMBOL: i32 = 26;
 /// Height of a legend's line, pixels.
@@ -225,7 +227,9 @@ fn draw_trace<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, trace: &Trace) -> Drawn {
             }
         }
         Curve::Points(points) => {
-            chart.draw_series(shown(points).into_iter().flatten().map(|at| Circle::new(at, 2, colour.filled())))?;
+            let radius = if points.len() < FEW { 4 } else { 2 };
+            chart
+                .draw_series(shown(points).into_iter().flatten().map(|at| Circle::new(at, radius, colour.filled())))?;
         }
         Curve::Band(band) => {
             let style = colour.mix(0.22).filled();
