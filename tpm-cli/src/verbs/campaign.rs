@@ -101,6 +101,9 @@ struct RunArgs {
     simulated: SimulatedArgs,
     #[command(flatten)]
     bounds: BoundArgs,
+    /// Write a page for a browser (report.html), its figures and a table of the runs into this folder.
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
     /// Print the contract's JSON (tpm.identification/2).
     #[arg(long)]
     json: bool,
@@ -186,8 +189,12 @@ fn play(args: &RunArgs) -> Outcome {
     if kept > 0 {
         file::remark(&format!("remark: going on from {kept} runs in {}", place.display()));
     }
+    let mut seen = Watched::default();
     let (played, interrupted) = interrupt::watched(|go_on| {
-        let mut step = |_: &Trial, _: &Record, run: &RunReport| {
+        let mut step = |trial: &Trial, record: &Record, run: &RunReport| {
+            if args.report.is_some() {
+                seen.see(trial, record, run);
+            }
             if run.run > kept {
                 file::remark(&progress(run));
             }
@@ -206,6 +213,9 @@ fn play(args: &RunArgs) -> Outcome {
     match played {
         Ok(result) => {
             print(&result, args.json, args.output.as_deref())?;
+            if let Some(report) = &args.report {
+                seen.write(report, folder.session(), &result)?;
+            }
             if interrupted {
                 return Err(Failure::Interrupted);
             }
