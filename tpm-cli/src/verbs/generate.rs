@@ -135,7 +135,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if !parts.is_empty() {
         estimator = estimator.with(&parts).map_err(|error| loaded.at_whole(&error.to_string()))?;
     }
-    let identified = args.params.as_deref().map(identified).transpose()?;
+    let identified = args.params.as_deref().map(|path| identified(path, &loaded.model().name)).transpose()?;
     if args.lang != Language::C && (args.prefix.is_some() || args.real.is_some()) {
         let what =
             "--prefix and --real are for --lang c; Rust names its module by the model and is generic over f32 and f64";
@@ -249,14 +249,14 @@ fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
     }))
 }
 
-fn identified(path: &Path) -> Result<Identified, Failure> {
+fn identified(path: &Path, model: &str) -> Result<Identified, Failure> {
     let bytes = std::fs::read(path).map_err(|error| Failure::read(path, error))?;
     let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
     let text = String::from_utf8(bytes).map_err(|error| {
         at(format!("byte {} is not UTF-8; give the output of `tpm identify --json`", error.utf8_error().valid_up_to()))
     })?;
     match path.extension() {
-        Some(extension) if extension.eq_ignore_ascii_case("toml") => identification(path, &text),
+        Some(extension) if extension.eq_ignore_ascii_case("toml") => identification(path, &text, model),
         _ => Identified::from_json(&text).map_err(|error| at(error.to_string())),
     }
 }

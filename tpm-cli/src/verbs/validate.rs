@@ -44,7 +44,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Outcome {
     let model = model(&args.file)?;
     let text = std::fs::read_to_string(&args.params).map_err(|error| Failure::read(&args.params, error))?;
-    let known = identification(&args.params, &text)?;
+    let known = identification(&args.params, &text, model.evaluated().name())?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
     request.domain = args.domain.map(Domain::from);
     let result = validate(&model, request, &known)?;
