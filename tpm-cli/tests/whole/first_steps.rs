@@ -16,7 +16,7 @@ fn what_init_writes_runs_as_it_is() {
     // The command that is printed for a log is one that runs.
     let said = printed_in(at, &["init", "logged", "--log", "run.csv"], 0);
     let command = said.lines().find_map(|line| line.strip_prefix("next: tpm ")).expect("a command").to_owned();
-    let arguments: Vec<&str> = command.split(' ').collect();
+    let arguments: Vec<&str> = command.split(' ').chain(["--refine", "none"]).collect();
     assert!(printed_in(at, &arguments, 0).contains("rank 3 of 3"));
     for (arguments, said) in [
         (&["init", "my_cart"][..], "is there already; type another name"),

@@ -70,7 +70,7 @@ fn reports_say_what_the_results_say() {
     // What comes from outside is escaped, and a warning stands beside its remedy.
     let log = "a&<b>.csv";
     run(&[&["simulate", model], &short[..], &["-o", log]].concat());
-    run(&["identify", model, "--log", log, "--json", "-o", "log.json", "--report", "log"]);
+    run(&["identify", model, "--log", log, "--refine", "none", "--json", "-o", "log.json", "--report", "log"]);
     let found = result(&at.join("log.json"));
     let said = checked(&at.join("log"), &found);
     assert!(said.contains(log), "the name of the log");
