@@ -15,7 +15,7 @@ pub(crate) enum Failure {
     #[error("{0}")]
     Model(String),
     /// A file could not be read.
-    #[error("error: cannot read {path}: {source}", path = path.display())]
+    #[error("error: cannot read {path}: {source}{help}", path = path.display(), help = help(source))]
     Read {
         /// The file.
         path: PathBuf,
@@ -39,6 +39,17 @@ pub(crate) enum Failure {
     /// The user interrupted the command.
     #[error("interrupted")]
     Interrupted,
+}
+
+/// What helps where a file is not there.
+fn help(source: &std::io::Error) -> &'static str {
+    match source.kind() {
+        std::io::ErrorKind::NotFound => {
+            "; type the path of a file that is there (`tpm init NAME` writes a first model)"
+        }
+        std::io::ErrorKind::IsADirectory => "; type the path of a file in it",
+        _ => "",
+    }
 }
 
 impl Failure {

@@ -11,7 +11,7 @@ mod output;
 mod render;
 mod verbs;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Identify the parameters of a non-linear machine by the Trajectory Pattern Method.
@@ -22,6 +22,15 @@ struct Cli {
     command: Command,
 }
 
+/// What the exit codes mean, at the end of every help.
+const EXIT_CODES: &str =
+    "Exit codes: 0 done, 1 printed but not everything asked for is there, 2 bad input, 130 interrupted";
+
+/// The command line as it is told to users.
+fn command() -> clap::Command {
+    Cli::command().after_help(EXIT_CODES).mut_subcommands(|verb| verb.after_help(EXIT_CODES))
+}
+
 #[derive(Subcommand)]
 enum Command {
     /// Say whether motors can follow a pattern: current, voltage, power, and how fast and far they could.
@@ -30,6 +39,8 @@ enum Command {
     Campaign(Box<verbs::campaign::Args>),
     /// Parse a model, check units, linearity and finiteness, and say what was found.
     Check(verbs::check::Args),
+    /// Print the completions of the command line for a shell.
+    Completions(verbs::shell::CompletionArgs),
     /// Propose experiments that show the most within the limits.
     Design(Box<verbs::design::Args>),
     /// Compare two results of identifications: what changed, in their joint covariance.
@@ -38,12 +49,17 @@ enum Command {
     Excite(verbs::excite::Args),
     /// Print the exact harmonic coefficient table of a model under its pattern.
     Expand(verbs::expand::Args),
+    /// Say what a field of an experiment, motor or run file means.
+    Explain(verbs::explain::Args),
     /// Compare common and split feed-forward on the simulated machine, with filters and motors.
     Feedforward(Box<verbs::feedforward::Args>),
     /// Fit a transfer function, or a model's parameters, to the frequency response of a log.
     Fit(Box<verbs::fit::Args>),
     /// Measure a frequency response from a log: H1, H2, coherence, confidence.
     Frf(verbs::frf::Args),
+    /// Print the table of all flags, verb by verb.
+    #[command(hide = true)]
+    Flags,
     /// Write the source code of a model's estimator.
     Generate(verbs::generate::Args),
     /// Say what a pattern can show: exact rank, unobservable directions, base parameters.
@@ -52,12 +68,18 @@ enum Command {
     Identify(Box<verbs::identify::Args>),
     /// Turn a robot description (URDF) into a model, with a prior and an experiment beside it.
     Import(verbs::import::Args),
+    /// Begin: write a commented model and an experiment that run as they are.
+    Init(verbs::init::Args),
     /// Look at a log before identifying: rates, gaps, noise, counts, periods, rests, clipping, delays, and what they mean.
     Inspect(Box<verbs::inspect::Args>),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
     Linearize(Box<verbs::linearize::Args>),
+    /// Write manual pages into a folder.
+    Man(verbs::shell::ManArgs),
     /// Design a regulator about an equilibrium: gains, poles, margins, and its code in C or Rust.
     Regulate(Box<verbs::regulate::Args>),
+    /// Print the JSON schema of a kind of file, for editors.
+    Schema(verbs::explain::SchemaArgs),
     /// Split every input into what holds its own coordinate still and what moves it.
     Split(verbs::split::Args),
     /// Play one run on the simulated plant and write its log.
@@ -71,26 +93,32 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::from_arg_matches(&command().get_matches()).unwrap_or_else(|error| error.exit());
     interrupt::install();
     let outcome = match &cli.command {
         Command::Actuator(args) => verbs::actuator::run(args),
         Command::Campaign(args) => verbs::campaign::run(args),
         Command::Check(args) => verbs::check::run(args),
+        Command::Completions(args) => verbs::shell::completions(args, command()),
         Command::Design(args) => verbs::design::run(args),
         Command::Compare(args) => verbs::compare::run(args),
         Command::Excite(args) => verbs::excite::run(args),
         Command::Expand(args) => verbs::expand::run(args),
+        Command::Explain(args) => verbs::explain::run(args),
         Command::Feedforward(args) => verbs::feedforward::run(args),
         Command::Fit(args) => verbs::fit::run(args),
         Command::Frf(args) => verbs::frf::run(args),
+        Command::Flags => verbs::shell::flags(&command()),
         Command::Generate(args) => verbs::generate::run(args),
         Command::Identifiability(args) => verbs::identifiability::run(args),
         Command::Identify(args) => verbs::identify::run(args),
         Command::Import(args) => verbs::import::run(args),
+        Command::Init(args) => verbs::init::run(args),
         Command::Inspect(args) => verbs::inspect::run(args),
         Command::Linearize(args) => verbs::linearize::run(args),
+        Command::Man(args) => verbs::shell::man(args, command()),
         Command::Regulate(args) => verbs::regulate::run(args),
+        Command::Schema(args) => verbs::explain::schema(args),
         Command::Split(args) => verbs::split::run(args),
         Command::Simulate(args) => verbs::simulate::run(args),
         Command::Study(args) => verbs::study::run(args),

@@ -29,6 +29,8 @@ extern crate std;
 
 #[cfg(feature = "std")]
 pub mod campaign;
+#[cfg(feature = "document")]
+pub mod document;
 #[cfg(feature = "std")]
 pub mod estimate;
 #[cfg(feature = "std")]

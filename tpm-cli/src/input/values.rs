@@ -89,7 +89,7 @@ impl Values {
             let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
             let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
             let found = if json {
-                let identified = identification(path, &text)?;
+                let identified = identification(path, &text, &model.name)?;
                 let found = shown(&identified, model);
                 result = Some((path, identified));
                 found
@@ -280,8 +280,12 @@ fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
     Ok(values)
 }
 
-/// Reads a result of `tpm identify --json`.
-pub(crate) fn identification(path: &Path, text: &str) -> Result<Identified, Failure> {
+/// Reads a result of `tpm identify --json`, or values of the parameters of a model, NAME = VALUE lines, from a file ending in .toml.
+pub(crate) fn identification(path: &Path, text: &str, model: &str) -> Result<Identified, Failure> {
+    if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
+        let values = table(path, text)?.into_iter().map(|(name, value)| (name, rational::to_f64(&value))).collect();
+        return Ok(Identified::of_values(model, &values));
+    }
     Identified::from_json(text).map_err(|error| {
         let known = READABLE_SCHEMAS.join(" or ");
         Failure::Input(match error {

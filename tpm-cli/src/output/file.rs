@@ -5,9 +5,9 @@ use std::io::Write as _;
 use std::path::Path;
 use tpm_runtime::report::write_whole;
 
-/// Writes a result to `path`, or to standard output.
+/// Writes a result to `path`, or to standard output, which `-` names too.
 pub(crate) fn emit(path: Option<&Path>, text: &str) -> Result<(), Failure> {
-    match path {
+    match path.filter(|path| *path != Path::new("-")) {
         Some(path) => write_file(path, text.as_bytes()),
         None => print(text),
     }

@@ -28,10 +28,14 @@ impl Picture {
 
 /// Draws a figure into a file.
 pub(crate) fn draw(path: &Path, figure: &Figure) -> Result<(), Failure> {
+    file::write_file(path, &bytes(path, figure)?)
+}
+
+/// What a file with this name holds of a figure.
+pub(crate) fn bytes(path: &Path, figure: &Figure) -> Result<Vec<u8>, Failure> {
     let drawn = match Picture::of(path)? {
         Picture::Png => figure.png(ZOOM),
         Picture::Svg => figure.svg().map(String::into_bytes),
     };
-    let bytes = drawn.map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?;
-    file::write_file(path, &bytes)
+    drawn.map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
 }

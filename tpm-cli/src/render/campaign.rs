@@ -1,104 +1,48 @@
-//! A campaign as a report: the table of its runs (the form of Feng, Table 5.1), the tracking error of the first and the
-//! last run, and the inputs beside their feed-forward (Figures 5.5, 5.6), as Markdown, SVG and PNG.
+//! A campaign as a report: its page, and the table of its runs (the form of Feng, Table 5.1) as Markdown.
 
 use crate::failure::Failure;
-use crate::output::{file, picture};
+use crate::output::{file, report};
+use crate::render::flags;
 use std::collections::BTreeMap;
 use std::path::Path;
 use tpm_runtime::campaign::RunReport;
+use tpm_runtime::document::{Document, PlayedRun};
 use tpm_runtime::estimate::ParameterReport;
 use tpm_runtime::model::Model as _;
-use tpm_runtime::plot::{Axis, Curve, Figure, Panel, Trace};
 use tpm_runtime::report::{cells, combination, number};
 use tpm_runtime::run::{Record, Trial};
-use tpm_runtime::session::{Identification, Machine};
+use tpm_runtime::session::{Identification, Machine, Session};
 
-/// Most points of a curve.
-const POINTS: usize = 1000;
-
-/// A run as it was played.
-pub(crate) struct Played {
-    trial: Trial,
-    record: Record,
-    from: usize,
+/// The first and the last run of a campaign that settled.
+#[derive(Default)]
+pub(crate) struct Watched {
+    first: Option<PlayedRun>,
+    last: Option<PlayedRun>,
 }
 
-impl Played {
-    /// The run with its samples; `None` when it did not settle.
-    pub(crate) fn of(trial: &Trial, record: &Record, report: &RunReport) -> Option<Self> {
-        let from = report.settled_after? * trial.samples_per_period;
-        Some(Played { trial: trial.clone(), record: record.clone(), from })
+impl Watched {
+    /// Keeps a run that has just ended, where it is needed.
+    pub(crate) fn see(&mut self, trial: &Trial, record: &Record, run: &RunReport) {
+        if let Some(now) = PlayedRun::of(trial, record, run) {
+            let place = if self.first.is_none() { &mut self.first } else { &mut self.last };
+            *place = Some(now);
+        }
     }
 
-    /// Mean of a channel less `less` over the measured periods, against the phase as a share of the period.
-    fn mean(&self, channel: &[f64], less: &dyn Fn(usize) -> f64) -> Vec<(f64, f64)> {
-        let period = self.trial.samples_per_period;
-        let used = &channel[self.from.min(channel.len())..];
-        let periods = used.len() / period.max(1);
-        (0..period)
-            .step_by((period / POINTS).max(1))
-            .map(|n| {
-                let sum: f64 = (0..periods).map(|k| used[k * period + n]).sum();
-                (n as f64 / period as f64, sum / periods.max(1) as f64 - less(n))
-            })
-            .collect()
+    /// Writes the report of the campaign into a folder.
+    pub(crate) fn write(&self, folder: &Path, session: &Session, result: &Identification) -> Result<(), Failure> {
+        let run = self.last.as_ref().or(self.first.as_ref());
+        let explained = run.map(|run| session.explained(result, run.record(), run.report())).transpose();
+        let evidence = explained.map(Option::flatten).unwrap_or_else(|error| {
+            file::remark(&format!("remark: the report is without measured against model: {}", flags::error(&error)));
+            None
+        });
+        let mut document = Document::of_identification(result, evidence.as_slice(), &flags::remedy);
+        if let (Some(first), Some(last)) = (&self.first, &self.last) {
+            document.add_runs(session.machine().plant(), first, last);
+        }
+        report::write(folder, &document, &[("table.md", table(session.machine(), result))])
     }
-
-    fn error(&self, coordinate: usize) -> Vec<(f64, f64)> {
-        let width = self.trial.reference.len() / self.trial.samples_per_period.max(1);
-        self.mean(&self.record.coordinates[coordinate], &|n| self.trial.reference[n * width + coordinate])
-    }
-
-    fn input(&self, input: usize) -> Vec<(f64, f64)> {
-        self.mean(&self.record.inputs[input], &|_| 0.0)
-    }
-
-    fn feed_forward(&self, input: usize) -> Vec<(f64, f64)> {
-        let inputs = self.record.inputs.len();
-        let period = self.trial.samples_per_period;
-        let at = |n: usize| (n as f64 / period as f64, self.trial.feed_forward[n * inputs + input]);
-        (0..period).step_by((period / POINTS).max(1)).map(at).collect()
-    }
-
-    fn name(&self, which: &str) -> String {
-        format!("{which} run, {} rad/s", number(self.trial.trajectory.frequency))
-    }
-}
-
-/// Writes table and figures into a folder.
-pub(crate) fn write(
-    folder: &Path,
-    machine: &Machine,
-    result: &Identification,
-    first: Option<&Played>,
-    last: Option<&Played>,
-) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| Failure::write(folder, error))?;
-    file::write_file(&folder.join("table.md"), table(machine, result).as_bytes())?;
-    let (Some(first), Some(last)) = (first, last) else { return Ok(()) };
-    let plant = machine.plant();
-    let dims = plant.dims();
-    let panel = |label: String, traces: Vec<Trace>| Panel {
-        x: Axis::linear("share of the period").from_to(0.0, 1.0),
-        y: Axis::linear(&label),
-        traces,
-    };
-    let errors = (0..dims.coordinates).map(|c| {
-        let traces = vec![
-            Trace::new(&first.name("first"), 1, Curve::Line(first.error(c))),
-            Trace::new(&last.name("last"), 0, Curve::Line(last.error(c))),
-        ];
-        panel(format!("error of {}", plant.coordinate(c)), traces)
-    });
-    draw(folder, "error", &Figure::new("Tracking error, mean over the measured periods", errors.collect()))?;
-    let inputs = (0..dims.inputs).map(|i| {
-        let traces = vec![
-            Trace::new("applied", 1, Curve::Line(last.input(i))),
-            Trace::new("feed-forward", 0, Curve::Dashed(last.feed_forward(i))),
-        ];
-        panel(plant.input(i).to_string(), traces)
-    });
-    draw(folder, "input", &Figure::new(&format!("Inputs of the {}", last.name("last")), inputs.collect()))
 }
 
 /// Table with one row per run and the parameters behind its feed-forward, then the identified parameters.
@@ -135,8 +79,4 @@ fn table(machine: &Machine, result: &Identification) -> String {
         }
     }
     text
-}
-
-fn draw(folder: &Path, name: &str, figure: &Figure) -> Result<(), Failure> {
-    ["svg", "png"].into_iter().try_for_each(|kind| picture::draw(&folder.join(format!("{name}.{kind}")), figure))
 }

@@ -5,6 +5,7 @@ use crate::input::experiment::{BoundArgs, SimulatedArgs};
 use crate::input::log::ColumnArgs;
 use crate::interrupt;
 use crate::output::file;
+use crate::render::campaign::Watched;
 use crate::render::flags;
 use crate::render::method::Style;
 use crate::render::result::{print, print_with_method};
@@ -74,6 +75,9 @@ enum Step {
         /// T B Lambda, the update; then one row per update. JSON has all lines under `method`.
         #[arg(long, value_enum, value_name = "STYLE", num_args = 0..=1, require_equals = true, default_missing_value = "text")]
         method: Option<Style>,
+        /// Write a page for a browser (report.html), its figures and a table of the runs into this folder.
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
         /// Print the contract's JSON (tpm.identification/2).
         #[arg(long)]
         json: bool,
@@ -102,6 +106,9 @@ struct RunArgs {
     simulated: SimulatedArgs,
     #[command(flatten)]
     bounds: BoundArgs,
+    /// Write a page for a browser (report.html), its figures and a table of the runs into this folder.
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
     /// Print the contract's JSON (tpm.identification/2).
     #[arg(long)]
     json: bool,
@@ -122,13 +129,22 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Step::Next { folder, output } => next(folder, output.as_deref()),
         Step::Submit { folder, log, stopped, columns } => submit(folder, log, *stopped, columns),
         Step::Run(args) => play(args),
-        Step::Result { folder, bounds, method, json, output } => {
+        Step::Result { folder, bounds, method, report, json, output } => {
             let mut folder = CampaignFolder::open(folder, bounds.by_name()?)?;
             if method.is_some() {
                 folder = folder.showing_method();
             }
-            let result = folder.result()?;
+            let mut seen = Watched::default();
+            let result = folder.result_watched(&mut |trial, record, run| {
+                if report.is_some() {
+                    seen.see(trial, record, run);
+                }
+                true
+            })?;
             print_with_method(&result, *json, method.unwrap_or(Style::Text), output.as_deref())?;
+            if let Some(report) = report {
+                seen.write(report, folder.session(), &result)?;
+            }
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
     }
@@ -181,8 +197,12 @@ fn play(args: &RunArgs) -> Outcome {
     if kept > 0 {
         file::remark(&format!("remark: going on from {kept} runs in {}", place.display()));
     }
+    let mut seen = Watched::default();
     let (played, interrupted) = interrupt::watched(|go_on| {
-        let mut step = |_: &Trial, _: &Record, run: &RunReport| {
+        let mut step = |trial: &Trial, record: &Record, run: &RunReport| {
+            if args.report.is_some() {
+                seen.see(trial, record, run);
+            }
             if run.run > kept {
                 file::remark(&progress(run));
             }
@@ -201,6 +221,9 @@ fn play(args: &RunArgs) -> Outcome {
     match played {
         Ok(result) => {
             print(&result, args.json, args.output.as_deref())?;
+            if let Some(report) = &args.report {
+                seen.write(report, folder.session(), &result)?;
+            }
             if interrupted {
                 return Err(Failure::Interrupted);
             }

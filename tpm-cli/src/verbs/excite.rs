@@ -41,7 +41,7 @@ enum Signal {
         #[arg(long, value_name = "VALUE")]
         std: f64,
         /// Time for which each value is held, a multiple of the sample time, s.
-        #[arg(long, value_name = "SECONDS")]
+        #[arg(long = "hold-time", alias = "hold", value_name = "SECONDS")]
         hold: f64,
         /// Seed of the values.
         #[arg(long, value_name = "N", default_value_t = 1)]
@@ -59,7 +59,7 @@ enum Signal {
         #[arg(long, value_name = "HZ")]
         high: f64,
         /// Samples in a period.
-        #[arg(long, value_name = "N")]
+        #[arg(long = "period-samples", alias = "period", value_name = "N")]
         period: usize,
         /// Random phases from this seed; Schroeder's, which keep the peak low, when not given.
         #[arg(long, value_name = "N")]

@@ -107,6 +107,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
             .map_err(|error| Failure::Input(error.to_string()))?;
         physical.describe(&fit, &mut text);
         whole["model"] = physical.json(&fit);
+        if !fit.converged {
+            incomplete.push("the minimisation ended before it converged; start nearer to the machine".to_owned());
+        }
         if fit.rank < physical.free() {
             incomplete.push(format!(
                 "the response determines {} independent combinations of {} free parameters; freeze some",

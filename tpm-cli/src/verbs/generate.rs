@@ -2,6 +2,7 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
+use crate::input::values::identification;
 use crate::output::file;
 use clap::ValueEnum;
 use std::path::{Path, PathBuf};
@@ -95,9 +96,9 @@ pub(crate) struct Args {
     /// the language's files do (.rs). Standard output when not given.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
-    /// Bake in the values of this result of `tpm identify --json`, as the constant IDENTIFIED. Priors that were stated are marked;
+    /// Bake in the values of this result of `tpm identify --json`, or of NAME = VALUE lines (.toml), as the constant IDENTIFIED. Priors that were stated are marked;
     /// what the data do not show and an equation needs is refused.
-    #[arg(long, value_name = "RESULT.json")]
+    #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Add the feed-forward behind a second-order low pass of this natural frequency (rad/s) and quality (1/sqrt(2) when
     /// not given): of everything (common), and of the motion-dependent part alone (split).
@@ -134,7 +135,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if !parts.is_empty() {
         estimator = estimator.with(&parts).map_err(|error| loaded.at_whole(&error.to_string()))?;
     }
-    let identified = args.params.as_deref().map(identified).transpose()?;
+    let identified = args.params.as_deref().map(|path| identified(path, &loaded.model().name)).transpose()?;
     if args.lang != Language::C && (args.prefix.is_some() || args.real.is_some()) {
         let what =
             "--prefix and --real are for --lang c; Rust names its module by the model and is generic over f32 and f64";
@@ -248,13 +249,16 @@ fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
     }))
 }
 
-fn identified(path: &Path) -> Result<Identified, Failure> {
+fn identified(path: &Path, model: &str) -> Result<Identified, Failure> {
     let bytes = std::fs::read(path).map_err(|error| Failure::read(path, error))?;
     let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
     let text = String::from_utf8(bytes).map_err(|error| {
         at(format!("byte {} is not UTF-8; give the output of `tpm identify --json`", error.utf8_error().valid_up_to()))
     })?;
-    Identified::from_json(&text).map_err(|error| at(error.to_string()))
+    match path.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case("toml") => identification(path, &text, model),
+        _ => Identified::from_json(&text).map_err(|error| at(error.to_string())),
+    }
 }
 
 /// Whether a path has the file extension of the language and is not a folder.

@@ -6,17 +6,21 @@ use crate::input::domain::DomainChoice;
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::log::LogArgs;
 use crate::interrupt;
-use crate::output::progress;
-use crate::render::campaign::{self, Played};
+use crate::output::{file, progress, report};
+use crate::render::campaign::Watched;
+use crate::render::flags;
 use crate::render::method::Style;
 use crate::render::result::{print, print_with_method};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use tpm_runtime::campaign::RunReport;
+use tpm_runtime::document::Document;
 use tpm_runtime::estimate::Weights;
 use tpm_runtime::log::{Domain, Refine};
 use tpm_runtime::run::{Record, Trial};
-use tpm_runtime::session::{CampaignFolder, Identifiable as _, LogRequest, from_logs};
+use tpm_runtime::session::{
+    CampaignFolder, Identifiable as _, LogRequest, SessionError, Validation, from_logs, validate,
+};
 
 /// Options of `tpm identify`.
 #[derive(clap::Args)]
@@ -31,10 +35,10 @@ pub(crate) struct Args {
     reading: LogArgs,
     /// Prior value of a parameter: what an unobservable direction keeps; of a physical one: where the search starts. Or a file of such
     /// values, as `tpm import` writes beside a model; values given singly stand above those of files.
-    #[arg(long, value_name = "NAME=VALUE|FILE.toml", requires = "log", value_parser = PriorArg::parse)]
+    #[arg(long, value_name = "NAME=VALUE|FILE.toml", value_parser = PriorArg::parse)]
     prior: Vec<PriorArg>,
     /// Hold a parameter, or a physical one, at a value.
-    #[arg(long, value_name = "NAME=VALUE", requires = "log", value_parser = number_assignment)]
+    #[arg(long, value_name = "NAME=VALUE", value_parser = number_assignment)]
     freeze: Vec<(String, f64)>,
     /// How much every harmonic counts: by its noise, or alike, for a model that leaves something out.
     #[arg(long, value_enum, requires = "log")]
@@ -53,8 +57,9 @@ pub(crate) struct Args {
     /// Keep every run of the campaign in this folder as it ends, and go on from the runs that are there.
     #[arg(long, value_name = "DIR", conflicts_with = "log")]
     runs: Option<PathBuf>,
-    /// Write a table of the runs and figures of error and inputs into this folder.
-    #[arg(long, value_name = "DIR", conflicts_with = "log")]
+    /// Write a page for a browser (report.html) and its figures into this folder: measured against model, residual with its tests,
+    /// parameters with intervals, correlations; of a campaign a table of the runs too.
+    #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Also show how the method came to the parameters: run by run the harmonics of error and inputs beside their prediction, the matrix
     /// T B Lambda, the update; then one row per update. JSON has all lines under `method`.
@@ -139,8 +144,22 @@ pub(crate) fn run(args: &Args) -> Outcome {
                 request.domain = args.domain.map(Domain::from);
                 request.refine = args.refine.map_or_else(Refine::default, Refine::from);
             }
+            let kept = args.report.as_ref().map(|_| requests.clone());
             let result = from_logs(&model, requests)?;
             print(&result, args.json, args.output.as_deref())?;
+            if let (Some(folder), Some(requests)) = (&args.report, kept) {
+                let shown: Result<Vec<Validation>, SessionError> =
+                    requests.into_iter().map(|request| validate(&model, request, &result)).collect();
+                let shown = shown.unwrap_or_else(|error| {
+                    file::remark(&format!(
+                        "remark: the report is without measured against model: {}",
+                        flags::error(&error)
+                    ));
+                    Vec::new()
+                });
+                let document = Document::of_identification(&result, &shown, &flags::remedy);
+                report::write(folder, &document, &[])?;
+            }
             result.shortfall().map_or(Ok(()), |why| Err(Failure::Incomplete(why)))
         }
     }
@@ -148,6 +167,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 fn simulated(args: &Args) -> Outcome {
     let mut chosen = args.simulated.clone();
+    let held = once("--freeze", &args.freeze)?.into_iter().map(|(name, value)| (format!("frozen.{name}"), value));
+    let known = PriorArg::all(&args.prior)?.into_iter().map(|(name, value)| (format!("prior.{name}"), value));
+    // As TOML writes a number, so that a whole one stays a number with a fraction.
+    chosen.set.extend(held.chain(known).map(|(key, value)| (key, format!("{value:?}"))));
     chosen.set.extend(args.refine.map(|refine| ("refine".to_owned(), refine.name().to_owned())));
     let mut session = chosen.bounded(&args.file, &args.bounds)?;
     if args.method.is_some() {
@@ -155,18 +178,12 @@ fn simulated(args: &Args) -> Outcome {
     }
     let bar = progress::Bar::new("identifying");
     let most = session.experiment().schedule.max_runs as u64;
-    let (mut first, mut last) = (None, None);
+    let mut seen = Watched::default();
     let (result, interrupted) = interrupt::watched(|go_on| {
         let mut step = |trial: &Trial, record: &Record, run: &RunReport| {
             bar.set(run.run as u64, most);
-            if args.report.is_some()
-                && let Some(now) = Played::of(trial, record, run)
-            {
-                if first.is_none() {
-                    first = Some(now);
-                } else {
-                    last = Some(now);
-                }
+            if args.report.is_some() {
+                seen.see(trial, record, run);
             }
             go_on()
         };
@@ -180,7 +197,7 @@ fn simulated(args: &Args) -> Outcome {
     let result = result?;
     print_with_method(&result, args.json, args.method.unwrap_or(Style::Text), args.output.as_deref())?;
     if let Some(folder) = &args.report {
-        campaign::write(folder, session.machine(), &result, first.as_ref(), last.as_ref())?;
+        seen.write(folder, &session, &result)?;
     }
     if interrupted {
         return Err(Failure::Interrupted);

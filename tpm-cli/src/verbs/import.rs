@@ -71,6 +71,19 @@ impl LossChoice {
     }
 }
 
+/// Writes the model of a robot description, as the command does without options.
+pub(crate) fn write(description: &Path, model: &Path) -> Outcome {
+    run(&Args {
+        file: description.to_owned(),
+        base: None,
+        tip: None,
+        lock: Vec::new(),
+        angles: AnglesChoice::Recognised,
+        with: None,
+        output: model.to_owned(),
+    })
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let bytes = std::fs::read(&args.file).map_err(|error| Failure::read(&args.file, error))?;

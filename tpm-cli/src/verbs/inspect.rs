@@ -41,6 +41,13 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
+    if args.log.extension().is_some_and(|extension| extension == "tpm") {
+        let (log, model) = (args.model.as_deref().unwrap_or(Path::new("LOG")), args.log.display());
+        return Err(Failure::Input(format!(
+            "the log comes before the model: type `tpm inspect {} {model}`",
+            log.display()
+        )));
+    }
     let found = match &args.model {
         Some(path) => {
             let model = model(path)?;

@@ -1,6 +1,6 @@
 //! `tpm simulate`: one run on the simulated plant, as a log.
 
-use crate::failure::Outcome;
+use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
 use crate::output::file;
 use std::path::PathBuf;
@@ -31,6 +31,13 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let (campaign, _) = session.campaign()?;
     let first = campaign.next().ok_or(SessionError::NothingToPlay)?;
     let trial = match &args.play {
+        Some(path) if !path.with_extension("json").exists() => {
+            return Err(Failure::Input(format!(
+                "{} has no {} beside it; type the file that `tpm campaign next DIR -o FILE` wrote",
+                path.display(),
+                path.with_extension("json").display()
+            )));
+        }
         Some(path) => read_trial(path, plant, first).map_err(SessionError::from)?,
         None => first.clone(),
     };

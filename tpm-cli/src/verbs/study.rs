@@ -4,8 +4,9 @@
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
 use crate::interrupt;
-use crate::output::{file, progress};
+use crate::output::{file, progress, report};
 use std::path::PathBuf;
+use tpm_runtime::document::Document;
 use tpm_runtime::report::{Align, TextTable, beside, cells, digits, number, or_dash};
 use tpm_runtime::session::SessionError;
 use tpm_runtime::study::{LIMITS, Study, Updates, study_session, updates};
@@ -28,6 +29,9 @@ pub(crate) struct Args {
     /// Without noise, count the updates of every estimator at every stage of the schedule instead.
     #[arg(long, conflicts_with = "seeds")]
     updates: bool,
+    /// Write a page for a browser (report.html) into this folder.
+    #[arg(long, value_name = "DIR", conflicts_with = "updates")]
+    report: Option<PathBuf>,
     /// Print JSON (tpm.study/1, tpm.updates/1).
     #[arg(long)]
     json: bool,
@@ -59,6 +63,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let result = result?;
     let text = if args.json { file::json(&result)? } else { describe(&result) };
     file::emit(args.output.as_deref(), &text)?;
+    if let Some(folder) = &args.report {
+        report::write(folder, &Document::from(&result), &[])?;
+    }
     if interrupted {
         return Err(Failure::Interrupted);
     }

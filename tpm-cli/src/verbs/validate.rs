@@ -5,8 +5,9 @@ use crate::input::domain::DomainChoice;
 use crate::input::experiment::model;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;
-use crate::output::{file, picture};
-use std::path::{Path, PathBuf};
+use crate::output::{file, report};
+use std::path::PathBuf;
+use tpm_runtime::document::Document;
 use tpm_runtime::log::Domain;
 use tpm_runtime::report::{Align, TextTable, number};
 use tpm_runtime::session::{CorrelationTest, Fit, Identifiable as _, LAGS, Simulation, Validation, validate};
@@ -16,7 +17,7 @@ use tpm_runtime::session::{CorrelationTest, Fit, Identifiable as _, LAGS, Simula
 pub(crate) struct Args {
     /// The model file.
     file: PathBuf,
-    /// A result of `tpm identify --json`.
+    /// A result of `tpm identify --json` (.json), or NAME = VALUE lines (.toml).
     #[arg(long, value_name = "FILE")]
     params: PathBuf,
     /// The log to predict.
@@ -28,7 +29,7 @@ pub(crate) struct Args {
     /// that repeats by its harmonics when not given. The motion is simulated sample by sample either way.
     #[arg(long, value_enum)]
     domain: Option<DomainChoice>,
-    /// Write figures of measured and simulated motion into this folder.
+    /// Write a page for a browser (report.html) and its figures into this folder: measured against model, residual with its tests.
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
     /// Print JSON (tpm.validation/1).
@@ -43,23 +44,15 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Outcome {
     let model = model(&args.file)?;
     let text = std::fs::read_to_string(&args.params).map_err(|error| Failure::read(&args.params, error))?;
-    let known = identification(&args.params, &text)?;
+    let known = identification(&args.params, &text, model.evaluated().name())?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
     request.domain = args.domain.map(Domain::from);
     let result = validate(&model, request, &known)?;
     file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })?;
-    if let (Some(folder), Some(simulation)) = (&args.report, &result.simulation) {
-        draw(folder, &result, simulation)?;
+    if let Some(folder) = &args.report {
+        report::write(folder, &Document::from(&result), &[])?;
     }
     result.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing)))
-}
-
-fn draw(folder: &Path, result: &Validation, simulation: &Simulation) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Failure::Input(format!("cannot make the folder {}: {error}", folder.display())))?;
-    let name = Path::new(&result.log).file_name().map_or_else(|| result.log.clone(), |name| name.display().to_string());
-    let figure = simulation.figure(&format!("{} on {name}", result.model));
-    ["svg", "png"].into_iter().try_for_each(|kind| picture::draw(&folder.join(format!("motion.{kind}")), &figure))
 }
 
 fn describe(result: &Validation) -> String {

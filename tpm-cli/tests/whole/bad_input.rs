@@ -263,3 +263,44 @@ fn faulty_experiments_are_refused() {
     // Coordinates are eliminated there, and the physical parameters found as the noise weighs the lumped ones.
     fails(&["identify", "models/two_carts.tpm", "--set", "weights=equal"], 2, &["weights = \"equal\"", "equations"]);
 }
+
+/// The commonest mistakes with every verb end with what to type instead.
+#[test]
+fn mistakes_are_answered_by_what_to_type() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("log.csv"), log().join("\n")).expect("writable");
+    std::fs::write(at("other.json"), "{\"m\": 1}").expect("writable");
+    let (run, other, folder_of_none) = (at("log.csv"), at("other.json"), at("campaign"));
+    let model = "models/mass_spring_drag.tpm";
+    let there = "type the path of a file that is there";
+    let cases: Vec<(Vec<&str>, Vec<&str>)> = vec![
+        (vec!["identfy", model], vec!["similar subcommands exist", "'identify'"]),
+        (vec!["check", "none.tpm"], vec![there, "tpm init NAME"]),
+        (vec!["check", "models"], vec!["type the path of a file in it"]),
+        (vec!["identify", "none.tpm"], vec![there]),
+        (vec!["identify", model, "--set", "seed"], vec!["not of the form NAME=VALUE"]),
+        (vec!["identify", model, "--set", "plant.paramters.m=3"], vec!["did you mean plant.parameters.m"]),
+        (vec!["identify", model, "--log", &run, "--freeze", "mass=2"], vec!["there are m, k1, k2"]),
+        (vec!["identify", model, "--log", &run, "--domain", "frequency"], vec!["harmonics, time"]),
+        (vec!["identify", "models/emps.tpm"], vec!["name another with --experiment FILE"]),
+        (vec!["inspect", model, &run], vec!["type `tpm inspect"]),
+        (vec!["validate", model, "--log", &run], vec!["--params <FILE>"]),
+        (vec!["validate", model, "--log", &run, "--params", &other], vec!["tpm identify --json"]),
+        (vec!["generate", model], vec!["--lang <LANG>"]),
+        (vec!["generate", model, "--lang", "cpp"], vec!["a similar value exists: 'c'"]),
+        (vec!["campaign", "next", &folder_of_none], vec!["tpm campaign start MODEL"]),
+        (vec!["simulate", model, "--play", &run], vec!["tpm campaign next DIR -o FILE"]),
+        (vec!["study", model, "--seeds", "1"], vec!["2..="]),
+        (vec!["frf", &run, "--input", "force", "--measured", "x"], vec!["--map force=COLUMN"]),
+        (vec!["fit", &run, "--input", "u", "--measured", "x", "--order", "3"], vec!["such as 1/3"]),
+        (vec!["linearize", model, "--set", "m=2"], vec!["--set k1=VALUE --set k2=VALUE"]),
+        (vec!["trajectories", model], vec!["--set NAME=VALUE"]),
+        (vec!["compare", &other, &other], vec!["no result of an identification"]),
+        (vec!["explain", "nosie"], vec!["tpm explain"]),
+        (vec!["init", "2cart"], vec!["tpm init my_cart"]),
+    ];
+    for (arguments, said) in &cases {
+        fails(arguments, 2, said);
+    }
+}

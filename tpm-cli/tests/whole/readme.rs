@@ -1,11 +1,12 @@
-//! The READMEs of the workspace and of this crate are executed: their commands run, and what they print after them is what the
+//! The READMEs of the workspace and of this crate, and the chapters of the book, are executed: their commands run, and what they print after them is what the
 //! commands print.
 //!
 //! A `sh` block is a list of commands; a `text` block right after it is their standard output, where a line `...` stands
 //! for any number of lines; a command may say that it ends with another exit code than 0. A `tpm` block is a model file
 //! that must pass `tpm check`. Blocks of Rust are doc tests of the `tests` crate.
 
-use crate::support::{root, skipped, tpm};
+use crate::support::{root, skipped, tpm, tpm_in};
+use std::path::Path;
 
 #[derive(Debug)]
 struct Block {
@@ -50,9 +51,21 @@ fn matches(expected: &[&str], actual: &[&str]) -> bool {
     }
 }
 
-#[test]
-fn commands_print_what_the_readme_says() {
-    let blocks = blocks();
+/// Chapters of the book whose commands are executed, each in a folder of its own with the shipped models.
+const CHAPTERS: [&str; 8] = [
+    "docs/first.md",
+    "docs/own_machine.md",
+    "docs/log.md",
+    "docs/arm.md",
+    "docs/controller.md",
+    "docs/report.md",
+    "docs/what_can_go_wrong.md",
+    "docs/exit_codes.md",
+];
+
+/// Runs the commands of blocks in a folder, and compares what they print with the texts behind them. Returns how many commands ran, and
+/// how many did not because they need data that are not here.
+fn execute(blocks: &[Block], at: &Path) -> (usize, usize) {
     let (mut commands, mut not_run) = (0, 0);
     for (i, block) in blocks.iter().enumerate().filter(|(_, block)| block.language == "sh") {
         let mut printed = String::new();
@@ -73,7 +86,7 @@ fn commands_print_what_the_readme_says() {
             }
             let data = std::env::var("TPM_DATA").unwrap_or_default();
             let arguments: Vec<String> = arguments.split_whitespace().map(|a| a.replace("$TPM_DATA", &data)).collect();
-            let output = tpm(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+            let output = tpm_in(at, &arguments.iter().map(String::as_str).collect::<Vec<_>>());
             assert!(
                 output.status.code().is_some_and(|ended| ended.to_string() == code.trim()),
                 "{} line {}: `{line}` ended otherwise:\n{}",
@@ -93,15 +106,45 @@ fn commands_print_what_the_readme_says() {
             assert!(matches(&expected_lines, &actual), "{readme} line {line}: the output is now\n{printed}");
         }
     }
-    assert!(commands > 0, "the README has commands");
+    (commands, not_run)
+}
+
+fn note(not_run: usize) {
     if not_run > 0 {
         skipped(&format!("TPM_DATA does not name the folder of the published logs; commands not run: {not_run}"));
     }
 }
 
 #[test]
+fn commands_print_what_the_readme_says() {
+    let (commands, not_run) = execute(&blocks(), &root());
+    assert!(commands > 0, "the README has commands");
+    note(not_run);
+}
+
+#[cfg(unix)]
+#[test]
+fn commands_of_the_book_print_what_it_says() {
+    let summary = std::fs::read_to_string(root().join("docs/SUMMARY.md")).expect("the book's contents");
+    let mut missing = 0;
+    for chapter in CHAPTERS {
+        let name = chapter.trim_start_matches("docs/");
+        assert!(summary.contains(&format!("({name})")), "{chapter} is not in the contents");
+        let folder = tempfile::tempdir().expect("a folder");
+        std::os::unix::fs::symlink(root().join("models"), folder.path().join("models")).expect("the models");
+        missing += execute(&blocks_of(chapter), folder.path()).1;
+    }
+    for file in summary.split(&['(', ')'][..]).filter(|part| Path::new(part).extension().is_some_and(|own| own == "md"))
+    {
+        assert!(root().join("docs").join(file).exists(), "{file} of the contents is not there");
+    }
+    note(missing);
+}
+
+#[test]
 fn models_pass_the_check() {
-    for block in blocks().iter().filter(|block| block.language == "tpm") {
+    let all: Vec<Block> = blocks().into_iter().chain(CHAPTERS.into_iter().flat_map(blocks_of)).collect();
+    for block in all.iter().filter(|block| block.language == "tpm") {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("model.tpm");
         std::fs::write(&path, &block.text).expect("writable");

@@ -82,8 +82,8 @@ pub use tabulated::PatternTables;
 #[cfg(feature = "interpret")]
 pub(crate) use time_domain::Swiftness;
 pub use time_domain::{
-    BandReport, InputShift, Missed, OneBand, Pace, Prediction, Stretch, TimeDomain, TimeRecord, estimate_time_domain,
-    input_shift, predict_in_band,
+    BandReport, ForceCourse, InputShift, Missed, OneBand, Pace, Prediction, Stretch, TimeDomain, TimeRecord,
+    estimate_time_domain, input_shift, predict_in_band,
 };
 pub(crate) use verdict::no_result;
 pub use verdict::{LARGE_RESIDUAL, Status};

@@ -17,6 +17,7 @@ pub type Named = BTreeMap<String, f64>;
 
 /// An experiment file (TOML).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
     /// Name of the pattern; the model's first one when not given.
@@ -84,16 +85,18 @@ pub struct Experiment {
 
 /// Where the motors are described.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum MotorsSection {
     /// In a motor file; whoever reads the experiment reads the motor file too ([`Experiment::set_motors`]).
     File(String),
     /// In the experiment itself, with the tables of a motor file.
-    Tables(toml::Table),
+    Tables(#[cfg_attr(feature = "schema", schemars(with = "BTreeMap<String, serde_json::Value>"))] toml::Table),
 }
 
 /// Dynamics between a commanded input and the force.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ActuatorSection {
     /// Time by which the command lags, s.
@@ -111,6 +114,7 @@ pub struct ActuatorSection {
 
 /// The simulated machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct PlantSection {
     /// True values of all parameters. A model with lumped parameters may be given the physical ones instead
@@ -134,6 +138,7 @@ pub struct PlantSection {
 
 /// The links of a closed-loop arm, SI units (Feng, Figure 5.1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ArmSection {
     /// l1 to l5, m.
@@ -164,6 +169,7 @@ impl Default for PlantSection {
 
 /// The sensor of one coordinate.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SensorSection {
     /// Standard deviation of the white noise on every sample, unit of the coordinate.
@@ -189,6 +195,7 @@ pub struct SensorSection {
 
 /// When a sensor drops out.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct DropoutSection {
     /// Number of the run, from 1.
@@ -199,6 +206,7 @@ pub struct DropoutSection {
 
 /// Feedback and sampling.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ControlSection {
     /// Time between samples, s.
@@ -220,6 +228,7 @@ pub struct ControlSection {
 
 /// One path of the feedback: the input gets -kp e - kd e'.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FeedbackSection {
     /// Input that is driven.
@@ -234,6 +243,7 @@ pub struct FeedbackSection {
 
 /// Which equations a model with eliminated coordinates is identified from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Equations {
     /// The equations that remain after the elimination.
@@ -245,6 +255,7 @@ pub enum Equations {
 
 /// The range of parameters over which the loop must be stable before anything moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct StabilitySection {
     /// Least and largest value by parameter; a parameter without a range keeps its prior.
@@ -261,6 +272,7 @@ impl Default for StabilitySection {
 
 /// Limits of the inputs, the tracking error and the motion.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct LimitsSection {
     /// Largest magnitude by input, at which the simulated drive cuts the command. None where not given.
@@ -298,6 +310,7 @@ impl Default for LimitsSection {
 
 /// One stage of the schedule: a value for every amplitude of its pattern and for its frequency (rad/s), by name.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct StageSection {
     /// Name of the stage's pattern in the model; the experiment's pattern when not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -318,6 +331,7 @@ pub struct StageSection {
 
 /// One stroke of a stage: a part of a pattern, and a rest after it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct StrokeSection {
     /// Name of the stroke's pattern, with the amplitudes and the frequency of the stage's; the stage's pattern when not given.
@@ -340,6 +354,7 @@ const fn half_a_period() -> f64 {
 
 /// Amplitudes and frequencies, and when to move on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct ScheduleSection {
     /// Multiple of the frequency at which a coordinate plays its pattern; one where not given.
@@ -401,6 +416,13 @@ const fn tolerance() -> f64 {
 }
 
 impl Experiment {
+    /// The JSON schema of an experiment file: what the reader accepts, with the meaning of every field.
+    #[cfg(feature = "schema")]
+    #[must_use]
+    pub fn schema() -> serde_json::Value {
+        schemars::schema_for!(Experiment).to_value()
+    }
+
     /// Reads an experiment file's text.
     ///
     /// # Errors

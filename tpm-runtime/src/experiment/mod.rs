@@ -12,6 +12,8 @@ mod lumped;
 mod names;
 mod overrides;
 mod resolve;
+#[cfg(all(test, feature = "schema"))]
+mod schema_tests;
 
 pub use error::ExperimentError;
 pub use file::{

@@ -129,6 +129,8 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Scaled, Scaled>>;
 type Drawn = Result<(), plotters::drawing::DrawingAreaErrorKind<std::io::Error>>;
 
+/// Points of a curve below which each is drawn larger.
+const FEW: usize = 60;
 /// Width of a legend's symbol, pixels.
 const SYMBOL: i32 = 26;
 /// Height of a legend's line, pixels.
@@ -172,8 +174,8 @@ fn draw(area: &Area<'_>, panel: &Panel, (x, y): (Scaled, Scaled)) -> Drawn {
         .label_style((FONT, TEXT))
         .bold_line_style(RGBColor(200, 200, 200))
         .light_line_style(RGBColor(232, 232, 232))
-        .x_labels(12)
-        .y_labels(10)
+        .x_labels(((area.dim_in_pixel().0 / 80) as usize).max(3))
+        .y_labels(((area.dim_in_pixel().1 / 38) as usize).clamp(3, 10))
         .draw()?;
     for trace in &panel.traces {
         draw_trace(&mut chart, trace)?;
@@ -225,7 +227,9 @@ fn draw_trace<'a, 'b: 'a>(chart: &mut Chart<'a, 'b>, trace: &Trace) -> Drawn {
             }
         }
         Curve::Points(points) => {
-            chart.draw_series(shown(points).into_iter().flatten().map(|at| Circle::new(at, 2, colour.filled())))?;
+            let radius = if points.len() < FEW { 4 } else { 2 };
+            chart
+                .draw_series(shown(points).into_iter().flatten().map(|at| Circle::new(at, radius, colour.filled())))?;
         }
         Curve::Band(band) => {
             let style = colour.mix(0.22).filled();

@@ -9,6 +9,8 @@ use std::vec::Vec;
 
 /// Share of the data's extent that is left free at each end of an even axis.
 const MARGIN: f64 = 0.05;
+/// Step of an axis of angles, degrees, in place of 50.
+const ANGLE: f64 = 45.0;
 
 /// An axis with its ends.
 #[derive(Clone, Debug)]
@@ -49,13 +51,16 @@ impl Scaled {
         (of(value) - of(self.first)) / (of(self.last) - of(self.first))
     }
 
-    /// Even steps of 1, 2, 4.5 (angles) or 5 times a power of ten, at most `most` of them.
+    /// Even steps of 1, 2 or 5 times a power of ten, or of 45 (angles), at most `most` of them.
     fn even(&self, most: usize) -> Vec<f64> {
         let (low, high) = (self.first.min(self.last), self.first.max(self.last));
         let raw = (high - low) / most.max(1) as f64;
         let power = 10.0_f64.powf(raw.log10().floor());
-        let step =
-            [1.0, 2.0, 4.5, 5.0, 10.0].into_iter().map(|m| m * power).find(|s| *s >= raw).unwrap_or(10.0 * power);
+        let steps = [1.0, 2.0, 5.0, 10.0].map(|multiple| multiple * power);
+        let step = match steps.into_iter().find(|step| *step >= raw).unwrap_or(10.0 * power) {
+            50.0 if raw <= ANGLE => ANGLE,
+            step => step,
+        };
         ((low / step).ceil() as i64..=(high / step).floor() as i64).map(|i| i as f64 * step).collect()
     }
 

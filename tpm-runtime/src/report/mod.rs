@@ -1,12 +1,16 @@
 //! Text for people: tables and numbers for a terminal, remedies as data, and files that are written whole.
 
 mod displayed;
+#[cfg(feature = "schema")]
+mod fields;
 mod file;
 mod remedy;
 mod table;
 mod uncertain;
 
 pub(crate) use displayed::displayed;
+#[cfg(feature = "schema")]
+pub use fields::{FieldText, fields};
 pub use file::write_whole;
 pub use remedy::Remedy;
 pub use table::{Align, TextTable, combination, number, or_dash};

@@ -19,6 +19,7 @@ const MOST_AMPLIFIED: f64 = 10.0;
 
 /// What is done about the zero-order hold in the feed-forward.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum HoldCompensation {
     /// No compensation: each sample is the demand at its start, so that the held force lags by half a sample.

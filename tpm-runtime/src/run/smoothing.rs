@@ -23,6 +23,7 @@ pub const MOST_SAMPLES: usize = 100;
 
 /// The length of the window and the degree of the polynomial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Smoothing {
     /// Samples to which the polynomial is fitted.

@@ -20,6 +20,7 @@ pub const RUN_FILE: &str = "tpm.play/2";
 
 /// One path of the feedback of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct GainManifest {
     /// Name of the input that is driven.
@@ -48,6 +49,7 @@ impl GainManifest {
 
 /// The terms of a run: its timing, the law of the feedback, and the limits and bounds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct RunFile {
     /// `tpm.play/2`.
@@ -91,6 +93,7 @@ pub struct RunFile {
 
 /// Which sample each row belongs to, how long each value of an input is applied, and how a run begins.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
     /// Rows of the samples' file, and samples that the log must hold.
@@ -109,6 +112,7 @@ pub struct Timing {
 
 /// The law of the feedback, sample by sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Law {
     /// The input from feed-forward and feedback, with its sign.
@@ -123,6 +127,7 @@ pub struct Law {
 
 /// How the rate of the tracking error is formed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(tag = "from", rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum Rate {
@@ -173,6 +178,13 @@ impl Rate {
 }
 
 impl RunFile {
+    /// The JSON schema of the terms of a run, with the meaning of every field.
+    #[cfg(feature = "schema")]
+    #[must_use]
+    pub fn schema() -> serde_json::Value {
+        schemars::schema_for!(RunFile).to_value()
+    }
+
     /// The terms of a trial, of which at least `settle_periods` periods pass before anything is measured.
     #[must_use]
     pub fn new(model: &dyn Model<f64>, trial: &Trial, settle_periods: usize) -> Self {

@@ -1,10 +1,10 @@
 //! Campaigns: on a simulated machine, on a machine behind a [`Bench`], and from the runs that a folder keeps.
 
-use crate::campaign::{Campaign, Store};
+use crate::campaign::{Campaign, RunReport, Store};
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{ParameterReport, Status};
 use crate::experiment::{Experiment, ExperimentError};
-use crate::log::{Refine, fingerprint};
+use crate::log::{Domain, Log, LogOptions, Refine, fingerprint};
 use crate::machine::actuator::{FileFault, MotorFile};
 use crate::machine::stability::LoopStability;
 use crate::run::{Bench, BenchError, Record, Trial};
@@ -17,6 +17,7 @@ use crate::session::play::{Watch, play_campaign, play_on_simulated, play_simulat
 use crate::session::refine_campaign::RunSimulation;
 use crate::session::summary::{self, Lumped};
 use crate::session::truth::Truth;
+use crate::session::validate::{Validation, validate_run};
 use crate::session::warning::Warning;
 use std::boxed::Box;
 use std::collections::BTreeMap;
@@ -24,6 +25,8 @@ use std::format;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::vec::Vec;
+use tpm_codegen::identified::Identified;
+use tpm_core::derivatives::RowDerivatives;
 
 /// Which experiment is meant, and what is changed in it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -231,6 +234,55 @@ impl Session {
     pub fn result_of(&self, store: &Store) -> Result<Identification, SessionError> {
         let (campaign, stability) = self.restored(store)?;
         self.result(&campaign, stability, Source::Folder, Some(store))
+    }
+
+    /// What the runs of a folder say, with the samples of every run handed out, without playing any.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn result_watched(&self, store: &Store, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        let (mut campaign, stability) = self.campaign()?;
+        for record in store.records(self.machine.plant())? {
+            let trial = campaign.next().cloned();
+            let run = campaign.submit(&record)?;
+            if let Some(trial) = trial {
+                watch(&trial, &record, run);
+            }
+        }
+        self.result(&campaign, stability, Source::Folder, Some(store))
+    }
+
+    /// How well a result of this session predicts and simulates the measured part of one of its runs; nothing where the run did not
+    /// settle, or nothing is identified.
+    ///
+    /// # Errors
+    /// [`SessionError::Log`] when the rows cannot be evaluated along the run.
+    pub fn explained(
+        &self,
+        result: &Identification,
+        record: &Record,
+        run: &RunReport,
+    ) -> Result<Option<Validation>, SessionError> {
+        let (Some(settled), Some(_)) = (run.settled_after, &result.estimate) else { return Ok(None) };
+        let plant = self.machine.plant();
+        let (setup, _) = self.experiment.stable_setup(plant, self.machine.pattern())?;
+        let channels = record.coordinates.iter().chain(&record.inputs).cloned().collect();
+        let log = Log::from_samples(&format!("run {}", run.run), record.sample_time, channels)?;
+        let options = LogOptions {
+            from_sample: Some(settled * run.samples_per_period),
+            period: Some(run.samples_per_period as f64 * record.sample_time),
+            hold: setup.procedure.hold,
+            actuators: setup.control.actuators,
+            constants: setup.constants,
+            domain: Some(Domain::Harmonics),
+            ..LogOptions::default()
+        };
+        let own = self.machine.eliminated().is_none();
+        let derivatives = own.then(|| self.declared.derivatives());
+        let derivatives = derivatives.as_ref().map(|derivatives| derivatives as &dyn RowDerivatives<f64>);
+        let known = Identified::from(result);
+        let open = if own { known.settled().map(|settled| settled.open).unwrap_or_default() } else { Vec::new() };
+        Ok(Some(validate_run((plant, derivatives), &log, &options, &result.current, &open)?))
     }
 
     /// The campaign with all runs that a folder keeps, and what its loop was found to be.

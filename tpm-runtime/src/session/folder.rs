@@ -190,6 +190,14 @@ impl CampaignFolder {
     pub fn result(&self) -> Result<Identification, SessionError> {
         self.session.result_of(&self.store)
     }
+
+    /// What all runs of the folder say, with the samples of every run handed out.
+    ///
+    /// # Errors
+    /// [`SessionError`].
+    pub fn result_watched(&self, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        self.session.result_watched(&self.store, watch)
+    }
 }
 
 /// The store of a session's campaign in a folder, with model and experiment beside it, which are written where they are not there.

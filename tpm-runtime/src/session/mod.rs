@@ -86,6 +86,8 @@ pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use refinement_report::{MissingTerm, RefinementReport};
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
 pub use summary::of_campaign;
-pub use validate::{RowPrediction, RowUnpredicted, Validation, validate, validate_log};
+#[cfg(feature = "document")]
+pub(crate) use text::closed_loop;
+pub use validate::{RowCourse, RowPrediction, RowUnpredicted, Validation, validate, validate_log};
 pub use warning::{Data, Warning};
 pub use whiteness::{CorrelationTest, FALSE_ALARM, LAGS};

@@ -74,7 +74,7 @@ impl Identification {
     }
 
     /// Whether the estimates are those of a simulation, whose residual is that of motion and inputs.
-    fn is_refined(&self) -> bool {
+    pub(crate) fn is_refined(&self) -> bool {
         let of_log = self.log.as_ref().and_then(|log| log.refinement.as_ref());
         self.refinement.as_ref().or(of_log).is_some_and(|refined| refined.used)
     }
@@ -256,7 +256,8 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
 }
 
 /// What was known of the loop before the first run; nothing when nothing could be known.
-fn closed_loop(stability: &LoopStability) -> String {
+/// The slowest pole of the closed loop, over the stated ranges too, as a line of text behind an empty one; empty where nothing is known.
+pub(crate) fn closed_loop(stability: &LoopStability) -> String {
     let mut text = String::new();
     if let Some(slowest) = stability.poles.iter().map(|pole| pole.0).reduce(f64::max) {
         // Writing to a string cannot fail.

@@ -5,7 +5,7 @@
 //! out of the noise, where the log repeats, and behind the same low pass where it does not. A row that changes, along this motion, with a direction of the parameters that is open is not predicted: it
 //! is named.
 
-use crate::estimate::{MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
+use crate::estimate::{Differentiable, ForceCourse, MeasuredMotion, Missed, Settings, TimeRecord, predict_in_band};
 use crate::log::{Domain, Log, LogError, LogOptions, ReadingReport, Recording};
 use crate::session::any_log::stretches;
 use crate::session::error::SessionError;
@@ -14,6 +14,7 @@ use crate::session::model::Identifiable;
 use crate::session::periodic_log::{repeating, spectra};
 use crate::session::rows::Rows;
 use crate::session::simulation::{Simulation, simulate};
+use num_complex::Complex;
 use serde::Serialize;
 use std::format;
 use std::string::{String, ToString};
@@ -24,6 +25,15 @@ use tpm_core::model::{Buffer, EvalError, Model, require_len};
 
 /// A row does not change along a direction when its terms cancel to this share of themselves: rest is noise of the motion.
 const CANCELLED: f64 = 1e-3;
+
+/// Measured and predicted force of one row.
+#[derive(Clone, Debug, PartialEq)]
+pub enum RowCourse {
+    /// Harmonic by harmonic: its number, phasor of the applied force, phasor of the predicted one, unit of the row.
+    Harmonics(Vec<(usize, Complex<f64>, Complex<f64>)>),
+    /// Over time, behind the low pass.
+    Time(ForceCourse),
+}
 
 /// Prediction error of one row.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -38,6 +48,9 @@ pub struct RowPrediction {
     pub missed: f64,
     /// The prediction error as a share of `force`.
     pub share: f64,
+    /// Measured and predicted force, for figures.
+    #[serde(skip)]
+    pub course: RowCourse,
 }
 
 /// A row that is not predicted, since it changes along a direction of the parameters that neither data nor stated priors determine.
@@ -165,6 +178,32 @@ pub fn validate_log(
     validate_segments(model, None, &[log], options, parameters, open)
 }
 
+/// Predicts and simulates the measured part of a run with what its campaign identified. `derivatives` are those of the plant's rows; the
+/// motion is simulated where they are given. `parameters` has one value per parameter of the plant, `open` the directions not determined.
+///
+/// # Errors
+/// [`LogError`].
+pub(super) fn validate_run(
+    machine: (&dyn Model<f64>, Option<&dyn RowDerivatives<f64>>),
+    log: &Log,
+    options: &LogOptions,
+    parameters: &[f64],
+    open: &[Weights],
+) -> Result<Validation, LogError> {
+    let (model, derivatives) = machine;
+    let found = validate_segments(model, derivatives, &[log], options, parameters, open)?;
+    let differentiable = derivatives.map(|derivatives| Differentiable { model, derivatives });
+    let (simulation, not_simulated) =
+        match (&differentiable, simulate(differentiable, &[log], options, parameters, open)?) {
+            (None, _) => {
+                (None, Some("the derivatives of a model with eliminated coordinates are not known".to_string()))
+            }
+            (_, Ok(simulation)) => (Some(simulation), None),
+            (_, Err(why)) => (None, Some(why)),
+        };
+    Ok(Validation { simulation, not_simulated, ..found })
+}
+
 fn validate_segments(
     model: &dyn Model<f64>,
     derivatives: Option<&dyn RowDerivatives<f64>>,
@@ -204,7 +243,7 @@ fn validate_segments(
         simulation: None,
         not_simulated: None,
     };
-    let rows: Vec<Missed> = match (&periodic, segments.first()) {
+    let rows: Vec<(Missed, Option<Vec<_>>)> = match (&periodic, segments.first()) {
         (Some((periodic, spectra)), Some(log)) => {
             let settings = Settings { harmonics: options.harmonics, ..Settings::default() };
             let record =
@@ -219,7 +258,8 @@ fn validate_segments(
                     let (change, terms) = record.row_change(r, direction);
                     if terms > 0.0 { change / terms } else { 0.0 }
                 });
-                Missed { force, missed, changes: changes.collect() }
+                let missed = Missed { force, missed, changes: changes.collect(), course: ForceCourse::default() };
+                (missed, Some(record.row_lines(r, parameters)))
             };
             (0..dims.rows).map(row).collect()
         }
@@ -234,10 +274,10 @@ fn validate_segments(
             let predicted = predict_in_band(model, derivatives, &options.constants, &record, parameters, &directions)
                 .map_err(fault)?;
             found.cut_off = Some(predicted.cut_off);
-            predicted.rows
+            predicted.rows.into_iter().map(|row| (row, None)).collect()
         }
     };
-    for (r, Missed { force, missed, changes }) in rows.into_iter().enumerate() {
+    for (r, (Missed { force, missed, changes, course }, lines)) in rows.into_iter().enumerate() {
         let label = model.row(r);
         match open.iter().zip(changes).find(|(_, change)| *change > CANCELLED) {
             Some((direction, _)) => found.unpredicted.push(RowUnpredicted {
@@ -248,7 +288,8 @@ fn validate_segments(
             None => {
                 let share = if force > 0.0 { missed / force } else { 0.0 };
                 let (name, unit) = (label.name.into(), label.unit.map(String::from));
-                found.rows.push(RowPrediction { name, unit, force, missed, share });
+                let course = lines.map_or(RowCourse::Time(course), RowCourse::Harmonics);
+                found.rows.push(RowPrediction { name, unit, force, missed, share, course });
             }
         }
     }

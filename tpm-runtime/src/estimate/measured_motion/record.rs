@@ -342,6 +342,14 @@ impl MeasuredMotion {
         (residual.sqrt(), force.sqrt())
     }
 
+    /// Used lines of a row at given parameters: harmonic, phasor of the applied force, phasor of the force that the rows predict.
+    #[must_use]
+    pub fn row_lines(&self, row: usize, theta: &[f64]) -> Vec<(usize, Complex<f64>, Complex<f64>)> {
+        let residuals = self.residuals(row, theta);
+        let line = |(&k, residual)| (k, self.drive[row][k], self.drive[row][k] - residual);
+        self.used[row].iter().zip(residuals).map(line).collect()
+    }
+
     /// Root mean square over a period of the used lines of a row's terms along a direction in parameter space: of their sum, and the
     /// root sum of squares of the terms.
     #[must_use]

@@ -34,5 +34,5 @@ pub use band::{BandReport, TimeDomain, estimate_time_domain};
 pub(crate) use bands::Swiftness;
 pub use motion::{Stretch, TimeRecord};
 pub use one_band::OneBand;
-pub use predict::{Missed, Pace, Prediction, predict_in_band};
+pub use predict::{ForceCourse, Missed, Pace, Prediction, predict_in_band};
 pub use shift::{InputShift, input_shift};

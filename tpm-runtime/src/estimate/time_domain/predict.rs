@@ -10,6 +10,19 @@ use std::vec::Vec;
 use tpm_core::derivatives::RowDerivatives;
 use tpm_core::model::Model;
 
+/// The force on one row behind the low pass, over time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ForceCourse {
+    /// Time of the first value from the beginning of the record, s.
+    pub from: f64,
+    /// Mean time between successive values, s.
+    pub apart: f64,
+    /// Applied force, unit of the row; not a number where the equation does not count.
+    pub applied: Vec<f64>,
+    /// Predicted force, unit of the row; not a number where the equation does not count.
+    pub predicted: Vec<f64>,
+}
+
 /// What given parameters miss of one row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Missed {
@@ -19,6 +32,8 @@ pub struct Missed {
     pub missed: f64,
     /// Root mean square of what each of the given directions changes, as a share of its terms one by one.
     pub changes: Vec<f64>,
+    /// Both sides of the row over time; empty where harmonics are compared.
+    pub course: ForceCourse,
 }
 
 /// What given parameters miss of a record.
@@ -81,11 +96,15 @@ pub fn predict_in_band(
     // The band in the middle of those that would be tried for an estimate.
     let cut_off = cut_offs.get(cut_offs.len() / 2).copied().ok_or(EstimateError::NoSignal)?;
     let machine = Machine { model, derivatives, constants };
+    let lost = Equations::lost(LowPass { cut_off });
     let equations = Equations::of(machine, record, &motion, LowPass { cut_off })?;
     if equations.instants() == 0 {
         return Err(EstimateError::NoSignal);
     }
     let width = dims.parameters + 1;
+    let lengths = record.stretches.iter().map(|stretch| stretch.coordinates.first().map_or(0, |signal| signal.len()));
+    let kept: f64 = lengths.map(|samples| (samples as f64 * record.sample_time - 2.0 * lost).max(0.0)).sum();
+    let apart = kept / equations.instants() as f64;
     let missed = |row: &RowEquations| {
         let counted = || row.entries.chunks_exact(width).zip(&row.counts).filter(|(_, counts)| **counts);
         let count = counted().count().max(1) as f64;
@@ -99,7 +118,17 @@ pub fn predict_in_band(
             let terms = alone(direction);
             if terms > 0.0 { mean(&|entries| along(entries, direction).powi(2)) / terms } else { 0.0 }
         };
+        let course = |of: &dyn Fn(&[f64]) -> f64| -> Vec<f64> {
+            let all = row.entries.chunks_exact(width).zip(&row.counts);
+            all.map(|(entries, counts)| if *counts { of(entries) } else { f64::NAN }).collect()
+        };
         Missed {
+            course: ForceCourse {
+                from: lost,
+                apart,
+                applied: course(&|entries| entries[width - 1]),
+                predicted: course(&|entries| along(entries, parameters)),
+            },
             force,
             missed: mean(&|entries| (entries[width - 1] - along(entries, parameters)).powi(2)),
             changes: directions.iter().map(change).collect(),

@@ -37,6 +37,77 @@ use tpm_core::model::Model;
 /// Bandwidth of a current loop for which the file gives none, rad/s.
 const BANDWIDTH: f64 = 2000.0;
 
+/// A field of a motor file: its name, and what it means with its unit.
+type Field = (&'static str, &'static str);
+
+/// Fields of a motor.
+const MOTOR: [Field; 9] = [
+    ("torque_constant", "Torque per current, N m/A."),
+    ("back_emf", "Voltage per speed, V s/rad; the torque constant when not given, as in SI units it is."),
+    ("resistance", "Resistance, ohm."),
+    ("inductance", "Inductance, H."),
+    ("rotor_inertia", "Inertia of the rotor where the model does not contain it, kg m^2; zero when not given."),
+    ("gear", "Turns of the rotor per turn of the joint; a direct drive when neither this nor pinion_radius is given."),
+    ("pinion_radius", "Radius of a pinion that moves a rack, m."),
+    ("limits", "What the motor must not pass; no limit where not given."),
+    ("amplifier", "The amplifier before the motor."),
+];
+/// Fields of a motor's limits.
+const LIMITS: [Field; 3] = [
+    ("current", "Largest current, A."),
+    ("voltage", "Largest voltage, V."),
+    ("power", "Largest power into the motor, W."),
+];
+/// Fields of a motor's amplifier.
+const AMPLIFIER: [Field; 3] = [
+    ("bandwidth", "Bandwidth of the current loop, rad/s; 2000 when not given."),
+    (
+        "natural_frequency",
+        "Natural frequency of a low pass of second order before the loop, rad/s; none when not given.",
+    ),
+    ("quality", "Quality factor of that low pass; 1/sqrt(2) when not given."),
+];
+/// Fields of a motor without which it is refused.
+#[cfg(feature = "schema")]
+const NEEDED: [&str; 3] = ["torque_constant", "resistance", "inductance"];
+
+/// The JSON schema of a motor file.
+#[cfg(feature = "schema")]
+#[must_use]
+pub fn schema() -> serde_json::Value {
+    let numbers = |fields: &[Field]| -> serde_json::Map<String, serde_json::Value> {
+        let number = |(name, meaning): &Field| {
+            (name.to_string(), serde_json::json!({ "type": "number", "description": meaning }))
+        };
+        fields.iter().map(number).collect()
+    };
+    let table = |fields: &[Field], meaning: &str| {
+        serde_json::json!({
+            "type": "object", "description": meaning, "properties": numbers(fields), "additionalProperties": false
+        })
+    };
+    let mut motor = table(&MOTOR, "The motor on an input, by the input's name.");
+    for (name, fields) in [("limits", &LIMITS), ("amplifier", &AMPLIFIER)] {
+        let meaning = MOTOR.iter().find(|field| field.0 == name).map_or("", |field| field.1);
+        motor["properties"][name] = table(fields, meaning);
+    }
+    motor["required"] = serde_json::json!(NEEDED);
+    serde_json::json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Motors",
+        "type": "object",
+        "properties": { "motors": {
+            "type": "object", "description": "The motors by the input that each drives.", "additionalProperties": motor
+        } },
+        "required": ["motors"],
+        "additionalProperties": false
+    })
+}
+
+fn names<const N: usize>(fields: &[Field; N]) -> [&'static str; N] {
+    fields.map(|field| field.0)
+}
+
 /// A motor file as it was read.
 #[derive(Clone, Debug)]
 pub struct MotorFile {
@@ -140,20 +211,7 @@ impl MotorFile {
     ) -> Result<Motor, FileFault> {
         let text = &self.text;
         let fault = |offset: usize, message: String| Err(FileFault::at(text, offset, message));
-        section.only(
-            text,
-            &[
-                "torque_constant",
-                "back_emf",
-                "resistance",
-                "inductance",
-                "rotor_inertia",
-                "gear",
-                "pinion_radius",
-                "limits",
-                "amplifier",
-            ],
-        )?;
+        section.only(text, &names(&MOTOR))?;
         let needed = |key: &str, unit: &str| -> Result<f64, FileFault> {
             Ok(section.required(text, key, unit, section.positive(text, key)?)?.value)
         };
@@ -209,7 +267,7 @@ impl MotorFile {
     fn limits(&self, section: Option<&Table>) -> Result<Limits, FileFault> {
         let Some(section) = section else { return Ok(Limits::default()) };
         let text = &self.text;
-        section.only(text, &["current", "voltage", "power"])?;
+        section.only(text, &names(&LIMITS))?;
         let limit = |key: &str| -> Result<f64, FileFault> {
             Ok(section.positive(text, key)?.map_or(f64::INFINITY, |found| found.value))
         };
@@ -219,7 +277,7 @@ impl MotorFile {
     fn amplifier(&self, section: Option<&Table>) -> Result<Amplifier, FileFault> {
         let Some(section) = section else { return Ok(Amplifier { bandwidth: BANDWIDTH, filter: None }) };
         let text = &self.text;
-        section.only(text, &["bandwidth", "natural_frequency", "quality"])?;
+        section.only(text, &names(&AMPLIFIER))?;
         let bandwidth = section.positive(text, "bandwidth")?.map_or(BANDWIDTH, |found| found.value);
         let filter = match (section.positive(text, "natural_frequency")?, section.positive(text, "quality")?) {
             (None, None) => None,

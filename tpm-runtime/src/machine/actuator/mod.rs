@@ -26,6 +26,8 @@ pub use demand::{Demand, Parts};
 pub use drive::{Drive, DriveError, LoopPoles, Scheme, Tracking};
 #[cfg(feature = "plot")]
 pub use figure::{torque_speed, tracking_errors};
+#[cfg(feature = "schema")]
+pub use file::schema as motor_schema;
 pub use file::{MotorFile, Motors};
 pub use loop_file::LoopFile;
 #[cfg(feature = "interpret")]

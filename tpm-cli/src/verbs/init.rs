@@ -1,0 +1,102 @@
+//! `tpm init`: a commented model with an experiment that run as they are, to be changed into one's own.
+
+use crate::failure::{Failure, Outcome};
+use crate::output::file;
+use crate::verbs::import;
+use std::path::{Path, PathBuf};
+use tpm_runtime::session::inspect;
+
+/// Options of `tpm init`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Name of the model; NAME.tpm is written, and beside it what belongs to it.
+    name: String,
+    /// Begin with this log: its columns stand in the model's comments, and the command that identifies from it is printed.
+    #[arg(long, value_name = "FILE", conflicts_with = "from")]
+    log: Option<PathBuf>,
+    /// Begin with this robot description (URDF), as `tpm import` does.
+    #[arg(long, value_name = "URDF")]
+    from: Option<PathBuf>,
+}
+
+const MODEL: &str = include_str!("init/model.tpm");
+const EXPERIMENT: &str = include_str!("init/experiment.toml");
+
+/// Runs the command.
+pub(crate) fn run(args: &Args) -> Outcome {
+    let target = Path::new(&args.name).with_extension("tpm");
+    let stem = target.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let right = stem.starts_with(|first: char| first.is_ascii_alphabetic())
+        && stem.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_');
+    if !right {
+        return Err(Failure::Input(format!(
+            "`{}` is no name of a model: type letters, digits and underscores, such as `tpm init my_cart`",
+            args.name
+        )));
+    }
+    let experiment = target.with_extension("toml");
+    let written: &[&Path] = if args.log.is_some() { &[&target] } else { &[&target, &experiment] };
+    if let Some(there) = written.iter().find(|path| path.exists()) {
+        return Err(Failure::Input(format!(
+            "{} is there already; type another name, or remove the file first",
+            there.display()
+        )));
+    }
+    let model = MODEL.replace("ModelName", &camel(&stem));
+    match (&args.from, &args.log) {
+        (Some(description), _) => {
+            import::write(description, &target)?;
+            file::print(&format!(
+                "{0}: the arm of {1}\nbeside it {2}.prior.toml, the inertias of the description, and {2}.experiment.toml, its limits\n\
+                 next: tpm check {0}, tpm identifiability {0}, tpm identify {0} --log LOG --prior {2}.prior.toml\n",
+                target.display(),
+                description.display(),
+                target.with_extension("").display()
+            ))
+        }
+        (None, Some(log)) => {
+            let (columns, first, last) = columns(log)?;
+            let command =
+                format!("tpm identify {} --log {} --map x={first} --map u={last}", target.display(), log.display());
+            let head = format!(
+                "// Columns of {}: {}.\n// x is taken from `{first}` and u from `{last}` by this command; change it where another column is meant:\n//   {command}\n",
+                log.display(),
+                columns.join(", ")
+            );
+            let model = model.split_once("    // A motion").map_or(model.as_str(), |(before, _)| before).trim_end();
+            file::write_files(&[(&target, format!("{head}{model}\n}}\n").as_bytes())])?;
+            file::print(&format!("{}: a first model for {}\nnext: {command}\n", target.display(), log.display()))
+        }
+        (None, None) => {
+            let text = EXPERIMENT.replace("model_name", &stem);
+            file::write_files(&[(&target, model.as_bytes()), (&experiment, text.as_bytes())])?;
+            file::print(&format!(
+                "{0}: a model to change; {1}: an experiment on its simulated machine\nnext: tpm check {0}, tpm identify {0}; tpm explain says what a field of {1} means\n",
+                target.display(),
+                experiment.display()
+            ))
+        }
+    }
+}
+
+/// Names of a log's columns of numbers, and those that are most likely a position and a force: the first and the last.
+fn columns(log: &Path) -> Result<(Vec<String>, String, String), Failure> {
+    let seen = inspect(log)?;
+    let names: Vec<String> = seen.channels.iter().map(|channel| channel.name.clone()).collect();
+    match names.as_slice() {
+        [first, .., last] => Ok((names.clone(), first.clone(), last.clone())),
+        _ => Err(Failure::Input(format!(
+            "{} has no two columns of numbers beside the time; type a log with a position and a force",
+            log.display()
+        ))),
+    }
+}
+
+/// The name of a model from that of its file: `my_cart` is MyCart.
+fn camel(stem: &str) -> String {
+    let word = |word: &str| {
+        let mut letters = word.chars();
+        letters.next().map(|first| first.to_ascii_uppercase().to_string() + letters.as_str()).unwrap_or_default()
+    };
+    stem.split('_').map(word).collect()
+}
