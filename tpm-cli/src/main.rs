@@ -11,8 +11,10 @@ mod output;
 mod render;
 mod verbs;
 
+use crate::failure::{Failure, Outcome};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
+use tpm_symbolic::budget::{self, Budget};
 
 /// Identify the parameters of a non-linear machine by the Trajectory Pattern Method.
 #[derive(Parser)]
@@ -20,6 +22,9 @@ use std::process::ExitCode;
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Take on models, tables and files however large they are; Ctrl-C ends what takes too long.
+    #[arg(long, global = true)]
+    allow_large: bool,
 }
 
 #[derive(Subcommand)]
@@ -73,7 +78,20 @@ enum Command {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     interrupt::install();
-    let outcome = match &cli.command {
+    let budget = if cli.allow_large { Budget::large() } else { Budget::default() };
+    let outcome = budget::run(budget, || dispatch(&cli.command));
+    match outcome.map_err(Failure::from).and_then(|outcome| outcome) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.report();
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Runs a command.
+fn dispatch(command: &Command) -> Outcome {
+    match command {
         Command::Actuator(args) => verbs::actuator::run(args),
         Command::Campaign(args) => verbs::campaign::run(args),
         Command::Check(args) => verbs::check::run(args),
@@ -96,12 +114,5 @@ fn main() -> ExitCode {
         Command::Study(args) => verbs::study::run(args),
         Command::Trajectories(args) => verbs::trajectories::run(args),
         Command::Validate(args) => verbs::validate::run(args),
-    };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            failure.report();
-            ExitCode::from(failure.exit_code())
-        }
     }
 }

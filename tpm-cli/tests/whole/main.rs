@@ -9,6 +9,7 @@ mod dry_friction;
 mod excite;
 mod functions;
 mod generate;
+mod hard;
 mod hidden;
 mod identifiability;
 mod inspect;

@@ -4,6 +4,7 @@
 //! Setup -> Campaign --next--> Trial -> (plant or machine) -> Record --submit--> Estimate, next Trial
 //! ```
 
+mod lock;
 mod modes;
 mod procedure;
 mod settling;
@@ -14,6 +15,7 @@ mod system_a;
 mod wire;
 
 pub use crate::run::{GainManifest, Law, RUN_FILE, Rate, RunFile, Timing};
+pub use lock::Lock;
 pub use modes::NearMode;
 pub(crate) use modes::near_mode;
 pub use procedure::{

@@ -4,6 +4,7 @@
 //! not zero. Two equal polynomials are therefore equal as data, and iteration order is deterministic.
 
 use crate::algebra::product;
+use crate::budget;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
@@ -21,6 +22,9 @@ pub(crate) type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
 
 /// The least number of products of terms for which packing their exponents pays.
 const PACKED: usize = 24;
+
+/// The operations that copying a term takes.
+const TERM: u64 = 16;
 
 /// The number of products that are collected before they are sorted and added up.
 const BATCH: usize = 1 << 16;
@@ -49,6 +53,7 @@ fn collected<V: Ord>(mut terms: Terms<V>) -> Terms<V> {
 
 /// The sum of two sorted lists, the second times `factor`.
 fn merged<V: Ord + Clone>(left: &Terms<V>, right: &Terms<V>, factor: &Rational) -> Terms<V> {
+    budget::charge(TERM * (left.len() + right.len()) as u64);
     let mut sum = Terms::with_capacity(left.len() + right.len());
     let (mut left, mut right) = (left.iter().peekable(), right.iter().peekable());
     loop {
@@ -232,6 +237,7 @@ impl<V: Ord + Clone> Polynomial<V> {
         {
             return Self(product.into());
         }
+        budget::charge(TERM * (self.len() as u64).saturating_mul(other.len() as u64));
         let mut result = Self::zero();
         let mut products = Terms::with_capacity((self.len() * other.len()).min(BATCH + other.len()));
         for (left, a) in &self.0 {
@@ -251,6 +257,7 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     fn mul_term(&self, monomial: &Monomial<V>, coefficient: &Rational) -> Self {
+        budget::charge(TERM * self.len() as u64);
         let times = |(m, c): &(Monomial<V>, Rational)| {
             (m.mul(monomial), if coefficient.is_one() { c.clone() } else { c * coefficient })
         };

@@ -5,6 +5,7 @@
 
 use crate::algebra::packed::Key;
 use crate::algebra::spectrum::Spectrum;
+use crate::budget;
 use crate::harmonic::error::ExpandError;
 use crate::harmonic::expand::expansion::{Contribution, Expansion};
 use crate::harmonic::options::ExpandOptions;
@@ -52,7 +53,9 @@ impl<K: Key> Expansion<'_, '_, K> {
                     let already = if shape == differs { present[differs].min(exponents[differs]) } else { 0 };
                     for _ in already..exponents[shape] {
                         let base = &self.bases[shape];
-                        let spectrum = levels[depth].spectrum.multiply(base, &mut self.rooms);
+                        let name = || self.model.display_source(self.groups[contribution.group].term);
+                        let product = || levels[depth].spectrum.multiply(base, &mut self.rooms);
+                        let spectrum = budget::within(name, product);
                         depth += 1;
                         if levels.len() == depth {
                             levels.push(Level { spectrum, denominator: Denominator::default() });
