@@ -32,6 +32,8 @@ const LONGEST_NAME: usize = 80;
 thread_local! {
     /// The operations that are left to the present run.
     static LEFT: Cell<u64> = const { Cell::new(u64::MAX) };
+    /// The operations of the run, this one or an outer one, that has the least left.
+    static LIMIT: Cell<u64> = const { Cell::new(u64::MAX) };
     static STOP: Cell<Option<fn() -> bool>> = const { Cell::new(None) };
     static LARGE: Cell<bool> = const { Cell::new(false) };
     /// The innermost named work at which the present run ended.
@@ -108,19 +110,21 @@ impl Budget {
 /// # Errors
 /// When the work takes more operations than the budget has, or is stopped.
 pub fn run<T>(budget: Budget, work: impl FnOnce() -> T) -> Result<T, Halted> {
-    let outer = (LEFT.get(), STOP.get(), LARGE.get());
+    let (outer, limit) = ((LEFT.get(), STOP.get(), LARGE.get()), LIMIT.get());
     let granted = budget.operations.min(outer.0);
     LEFT.set(granted);
+    LIMIT.set(if budget.operations < outer.0 { budget.operations } else { limit });
     STOP.set(budget.stop.or(outer.1));
     LARGE.set(budget.large || outer.2);
     let outcome = catch_unwind(AssertUnwindSafe(work));
     // An outer run goes on with what is left to it.
     LEFT.set(outer.0 - (granted - LEFT.get()));
+    let limit = LIMIT.replace(limit);
     STOP.set(outer.1);
     LARGE.set(outer.2);
     outcome.map_err(|payload| match payload.downcast::<Signal>() {
         Ok(signal) => match *signal {
-            Signal::TooLarge => Halted::TooLarge { at: ENDED_AT.take(), limit: granted },
+            Signal::TooLarge => Halted::TooLarge { at: ENDED_AT.take(), limit },
             Signal::Stopped => Halted::Stopped,
         },
         Err(panic) => resume_unwind(panic),
@@ -214,8 +218,8 @@ mod tests {
     fn inner_runs_share_the_operations_of_the_outer_one() {
         let outcome = run(of(100), || {
             assert_eq!(run(of(10), || charge(11)), Err(Halted::TooLarge { at: None, limit: 10 }));
-            let spent = left();
-            assert_eq!(run(of(1000), || charge(91)), Err(Halted::TooLarge { at: None, limit: spent }));
+            // Nothing is left of the outer run, whose limit counts then.
+            assert_eq!((left(), run(of(1000), || charge(91))), (90, Err(Halted::TooLarge { at: None, limit: 100 })));
             charge(1);
         });
         assert!(outcome.is_err());

@@ -13,8 +13,8 @@ use tpm_symbolic::harmonic::identifiability::{Experiment, identifiability};
 use tpm_symbolic::plan::split::split;
 use tpm_symbolic::regressor::prepare::prepare;
 
-/// How many times the work of a shipped model the budget is, at least.
-const ROOM: u64 = 10;
+/// How many times the work of a shipped model the budget is, at least, with all that is asked of it taken together.
+const ROOM: u64 = 3;
 
 /// The operations that everything takes that is done with a model: its tables, its code and its parts.
 fn taken(name: &str, text: String) -> u64 {
@@ -54,7 +54,7 @@ fn check(models: Vec<(String, String)>) {
 
 #[test]
 fn shipped_models_take_a_small_part_of_the_budget() {
-    let folders = ["models", "models/robots", "tests/fixtures/emit"].map(|folder| root().join(folder));
+    let folders = ["models", "models/robots"].map(|folder| root().join(folder));
     let entries = folders.iter().flat_map(|folder| std::fs::read_dir(folder).expect("a folder"));
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.expect("readable").path()).collect();
     files.retain(|path| path.extension().is_some_and(|kind| kind == "tpm"));

@@ -9,9 +9,13 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
+use std::time::Duration;
 
-/// How often a lock is taken again whose file another process has just removed.
+/// How often a lock is asked for whose holder does not say who it is, or whose file has just been removed.
 const ATTEMPTS: usize = 100;
+
+/// The time between two of these attempts.
+const BETWEEN_ATTEMPTS: Duration = Duration::from_millis(10);
 
 /// The hold of this process on a folder, which ends when it is dropped.
 #[derive(Debug)]
@@ -40,8 +44,13 @@ impl Lock {
                 Ok(()) => {}
                 Err(TryLockError::WouldBlock) => {
                     let by = fs::read_to_string(&path).unwrap_or_default();
-                    let by = if by.trim().is_empty() { "another process".to_string() } else { by.trim().to_string() };
-                    return Err(StoreError::Held { path: folder.display().to_string(), by });
+                    if !by.trim().is_empty() {
+                        let (path, by) = (folder.display().to_string(), by.trim().to_string());
+                        return Err(StoreError::Held { path, by });
+                    }
+                    // The holder is about to write who it is, or has just ended.
+                    std::thread::sleep(BETWEEN_ATTEMPTS);
+                    continue;
                 }
                 Err(TryLockError::Error(error)) => return Err(io(&error)),
             }

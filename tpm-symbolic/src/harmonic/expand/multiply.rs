@@ -118,6 +118,9 @@ impl<K: Key> Expansion<'_, '_, K> {
         series.start = self.words.len();
         let wide;
         let needed = if matches!(factor, Scalar::Big(_)) { u64::MAX } else { bits };
+        // Bringing a number into lowest terms divides by factors of its denominator.
+        let words = (series.numerator_words + series.denominator_words) as u64;
+        budget::charge((2 * series.len as u64).saturating_mul(words.saturating_mul(words)));
         let values = if spectrum.values().capacity() < needed {
             wide = spectrum.values().widened(needed);
             &wide
