@@ -35,6 +35,7 @@ use crate::mechanics::model::ExactModel;
 use crate::mechanics::pattern::Pattern;
 use crate::regressor::form::RegressorForm;
 use std::borrow::Cow;
+use std::cell::Cell;
 
 pub use crate::harmonic::error::ExpandError;
 pub use crate::harmonic::options::{ExpandOptions, Progress};
@@ -93,7 +94,9 @@ fn run<K: Key>(
         }
     }
     expansion.refuse_too_large(options)?;
-    expansion.multiply_out(options)?;
+    let present_term = Cell::new(None);
+    let name = || present_term.get().map_or_else(String::new, |term| model.display_source(term));
+    budget::within(name, || expansion.multiply_out(options, &present_term))?;
     let names = [
         form.rows.iter().map(|row| row.name.clone()).collect(),
         form.columns.iter().map(|column| column.name.clone()).collect(),

@@ -10,11 +10,13 @@ use crate::harmonic::error::ExpandError;
 use crate::harmonic::expand::expansion::{Contribution, Expansion};
 use crate::harmonic::options::ExpandOptions;
 use crate::harmonic::table::CoefficientSeries;
+use crate::mechanics::model::TermId;
 use crate::number::denominator::{Denominator, Reduction};
 use crate::number::numerator::Numerator;
 use crate::number::scalar::Scalar;
 use crate::number::values::for_width;
 use smallvec::{SmallVec, smallvec};
+use std::cell::Cell;
 
 /// A product of shapes on the way to the present one.
 struct Level {
@@ -23,8 +25,12 @@ struct Level {
 }
 
 impl<K: Key> Expansion<'_, '_, K> {
-    /// Multiplies out every product of shapes once.
-    pub(super) fn multiply_out(&mut self, options: &mut ExpandOptions<'_>) -> Result<(), ExpandError> {
+    /// Multiplies out every product of shapes once. `present_term` is set to the source term that is worked on.
+    pub(super) fn multiply_out(
+        &mut self,
+        options: &mut ExpandOptions<'_>,
+        present_term: &Cell<Option<TermId>>,
+    ) -> Result<(), ExpandError> {
         let mut contributions = std::mem::take(&mut self.contributions);
         contributions.sort_unstable_by(|a, b| (&a.shapes, a.group).cmp(&(&b.shapes, b.group)));
         let total = contributions.len();
@@ -53,9 +59,8 @@ impl<K: Key> Expansion<'_, '_, K> {
                     let already = if shape == differs { present[differs].min(exponents[differs]) } else { 0 };
                     for _ in already..exponents[shape] {
                         let base = &self.bases[shape];
-                        let name = || self.model.display_source(self.groups[contribution.group].term);
-                        let product = || levels[depth].spectrum.multiply(base, &mut self.rooms);
-                        let spectrum = budget::within(name, product);
+                        present_term.set(Some(self.groups[contribution.group].term));
+                        let spectrum = levels[depth].spectrum.multiply(base, &mut self.rooms);
                         depth += 1;
                         if levels.len() == depth {
                             levels.push(Level { spectrum, denominator: Denominator::default() });
