@@ -3,7 +3,9 @@
 use crate::render::flags;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
+use tpm_codegen::diagnostic::with_short_numbers;
 use tpm_runtime::session::{ModelFault, SessionError};
+use tpm_symbolic::budget::Halted;
 
 /// What a command gives back: success, or a failure with its exit code.
 pub(crate) type Outcome = Result<(), Failure>;
@@ -75,7 +77,7 @@ impl Failure {
     /// Prints the message to standard error. A closed standard error is no reason to fail differently.
     pub(crate) fn report(&self) {
         use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), "{}", self.to_string().trim_end());
+        let _ = writeln!(std::io::stderr(), "{}", with_short_numbers(self.to_string().trim_end()));
     }
 }
 
@@ -85,6 +87,16 @@ impl From<ModelFault> for Failure {
             ModelFault::Read { path, source } => Self::read(Path::new(&path), source),
             ModelFault::Text { diagnostics } => Self::Model(diagnostics),
             other => Self::Input(other.to_string()),
+        }
+    }
+}
+
+/// A run of the engine that ended, with the flag that would help.
+impl From<Halted> for Failure {
+    fn from(halted: Halted) -> Self {
+        match halted {
+            Halted::Stopped => Self::Interrupted,
+            other => Self::Input(format!("{other}: --allow-large")),
         }
     }
 }

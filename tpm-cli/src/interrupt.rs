@@ -15,6 +15,11 @@ pub(crate) fn install() {
     });
 }
 
+/// Whether the user has asked to stop.
+pub(crate) fn requested() -> bool {
+    REQUESTED.load(Ordering::SeqCst)
+}
+
 /// Runs long work that polls the given function, which says whether to go on.
 pub(crate) fn watched<T>(work: impl FnOnce(&(dyn Fn() -> bool + Sync)) -> T) -> T {
     WATCHED.store(true, Ordering::SeqCst);

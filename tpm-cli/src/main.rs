@@ -11,8 +11,10 @@ mod output;
 mod render;
 mod verbs;
 
+use crate::failure::{Failure, Outcome};
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use std::process::ExitCode;
+use tpm_symbolic::budget::{self, Budget};
 
 /// Identify the parameters of a non-linear machine by the Trajectory Pattern Method.
 #[derive(Parser)]
@@ -20,6 +22,9 @@ use std::process::ExitCode;
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Take on models, tables and files however large they are; Ctrl-C ends what takes too long.
+    #[arg(long, global = true)]
+    allow_large: bool,
 }
 
 /// What the exit codes mean, at the end of every help.
@@ -95,7 +100,20 @@ enum Command {
 fn main() -> ExitCode {
     let cli = Cli::from_arg_matches(&command().get_matches()).unwrap_or_else(|error| error.exit());
     interrupt::install();
-    let outcome = match &cli.command {
+    let budget = if cli.allow_large { Budget::large() } else { Budget::default() };
+    let outcome = budget::run(budget, || dispatch(&cli.command));
+    match outcome.map_err(Failure::from).and_then(|outcome| outcome) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.report();
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Runs a command.
+fn dispatch(verb: &Command) -> Outcome {
+    match verb {
         Command::Actuator(args) => verbs::actuator::run(args),
         Command::Campaign(args) => verbs::campaign::run(args),
         Command::Check(args) => verbs::check::run(args),
@@ -124,12 +142,5 @@ fn main() -> ExitCode {
         Command::Study(args) => verbs::study::run(args),
         Command::Trajectories(args) => verbs::trajectories::run(args),
         Command::Validate(args) => verbs::validate::run(args),
-    };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            failure.report();
-            ExitCode::from(failure.exit_code())
-        }
     }
 }

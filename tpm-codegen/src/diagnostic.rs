@@ -111,6 +111,32 @@ impl Diagnostic {
     }
 }
 
+/// The longest number that an error shows whole, in digits.
+const LONGEST_NUMBER: usize = 60;
+
+/// The digits that are shown of the beginning and of the end of a longer one.
+const SHOWN: usize = 20;
+
+/// A text whose very long numbers are cut to their first and last digits and their length.
+#[must_use]
+pub fn with_short_numbers(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(start) = rest.find(|letter: char| letter.is_ascii_digit()) {
+        let (before, number) = rest.split_at(start);
+        let end = number.find(|letter: char| !letter.is_ascii_digit()).unwrap_or(number.len());
+        let (digits, after) = number.split_at(end);
+        shown.push_str(before);
+        if end > LONGEST_NUMBER {
+            let _ = write!(shown, "{}...{} ({end} digits)", &digits[..SHOWN], &digits[end - SHOWN..]);
+        } else {
+            shown.push_str(digits);
+        }
+        rest = after;
+    }
+    shown + rest
+}
+
 /// Most errors, and most warnings, that [`Diagnostics`] keeps; the rest is counted.
 pub const MOST_KEPT: usize = 50;
 

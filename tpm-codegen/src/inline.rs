@@ -11,6 +11,7 @@ use crate::emit::estimator::EstimatorSource;
 use crate::emit::rust;
 use crate::language::{parse_model, parse_tokens};
 use crate::source::Source;
+use tpm_symbolic::budget::{self, Budget};
 
 /// A fault of a macro call: what is wrong, and on which token.
 type Fault = (Span, String);
@@ -26,6 +27,20 @@ fn errors(faults: impl IntoIterator<Item = Fault>) -> TokenStream {
 /// The expansion of `model! { [crate = path;] model Name { ... } }`.
 #[must_use]
 pub fn model(input: TokenStream) -> TokenStream {
+    within_budget(|| of_model(input))
+}
+
+/// How many budgets of a command a macro call has: it stands in code that somebody has written, and has no option to ask for more.
+const BUDGETS: u64 = 30;
+
+/// The expansion, or an error where it takes more than its budget: a compiler that never ends says nothing.
+fn within_budget(expansion: impl FnOnce() -> TokenStream) -> TokenStream {
+    let mut budget = Budget::default();
+    budget.operations *= BUDGETS;
+    budget::run(budget, expansion).unwrap_or_else(|halted| errors([(Span::call_site(), halted.to_string())]))
+}
+
+fn of_model(input: TokenStream) -> TokenStream {
     let mut tokens = input.into_iter().peekable();
     let mut runtime = "::tpm_runtime".to_owned();
     if tokens.peek().is_some_and(|token| is_ident(token, "crate")) {
@@ -58,6 +73,10 @@ pub fn model(input: TokenStream) -> TokenStream {
 /// The expansion of `model_file!("path/to/x.tpm" [, crate = path])`; `folder` is the root of the package that calls it.
 #[must_use]
 pub fn model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
+    within_budget(|| of_model_file(input, folder))
+}
+
+fn of_model_file(input: TokenStream, folder: Option<&Path>) -> TokenStream {
     let (literal, path, runtime) = match file_arguments(input) {
         Ok(arguments) => arguments,
         Err(fault) => return errors([fault]),

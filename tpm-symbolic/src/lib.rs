@@ -88,7 +88,7 @@
 //!
 //! # What imports what
 //!
-//! [`number`] < [`algebra`] < [`expr`] < [`mechanics`] < [`regressor`] < [`harmonic`] < [`plan`]: a folder imports from those
+//! [`budget`] < [`number`] < [`algebra`] < [`expr`] < [`mechanics`] < [`regressor`] < [`harmonic`] < [`plan`]: a folder imports from those
 //! before it only. [`linear`] stands above [`mechanics`], beside the regressors.
 //!
 //! Nothing here knows of files, source text or floats, except for the one correct rounding at the edge
@@ -96,6 +96,7 @@
 //! not rational ([`harmonic::bessel`]).
 
 pub mod algebra;
+pub mod budget;
 pub mod expr;
 pub mod harmonic;
 pub mod linear;

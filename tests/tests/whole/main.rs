@@ -8,6 +8,7 @@ mod base_parameters;
 mod built {
     include!(concat!(env!("OUT_DIR"), "/mass_spring_drag.rs"));
 }
+mod budget;
 mod campaign;
 mod chain;
 mod emitted;
@@ -37,6 +38,7 @@ mod generated {
 mod licences;
 mod lines;
 mod measured;
+mod mutated;
 mod numerics_room;
 mod packages;
 mod pendulum;

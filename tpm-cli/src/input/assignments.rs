@@ -90,7 +90,7 @@ impl PriorArg {
 
 /// The values of a prior file: `NAME = VALUE` lines, as `tpm import` writes them, or those of the table `[prior]` of an experiment.
 fn prior_file(path: &Path) -> Result<BTreeMap<String, f64>, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+    let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
     let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
     let whole: toml::Table =
         text.parse().map_err(|error: toml::de::Error| at(error.to_string().trim_end().to_owned()))?;

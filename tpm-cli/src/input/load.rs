@@ -8,6 +8,7 @@ use tpm_codegen::emit::estimator::EstimatorSource;
 use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
+use tpm_runtime::report::{MOST_TEXT, read_input};
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::plan::split::SplitError;
@@ -22,7 +23,7 @@ pub(crate) struct Loaded {
 impl Loaded {
     /// Reads and parses a model file. Warnings go to standard error.
     pub(crate) fn from_file(path: &Path) -> Result<Self, Failure> {
-        let bytes = std::fs::read(path).map_err(|error| Failure::read(path, error))?;
+        let bytes = read_input(path, MOST_TEXT).map_err(|error| Failure::read(path, error))?;
         let source = Source::from_bytes(path.display().to_string(), bytes);
         match parse_model(&source) {
             Ok(parsed) => {

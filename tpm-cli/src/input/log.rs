@@ -104,7 +104,7 @@ impl LogArgs {
         let inputs: Vec<String> = (0..model.dims().inputs).map(|i| model.input(i).name.to_owned()).collect();
         let mut known: BTreeMap<String, Dynamics> = BTreeMap::new();
         if let Some(path) = &self.motor {
-            let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+            let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
             let stated = MotorFile::parse(&text)
                 .and_then(|file| file.dynamics(model))
                 .map_err(|error| Failure::Input(format!("{}: {error}", path.display())))?;

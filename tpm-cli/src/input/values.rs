@@ -86,7 +86,7 @@ impl Values {
         let mut known = BTreeMap::new();
         let mut result = None;
         if let Some(path) = &args.params {
-            let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+            let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
             let json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
             let found = if json {
                 let identified = identification(path, &text, &model.name)?;

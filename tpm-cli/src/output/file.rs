@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use std::io::Write as _;
 use std::path::Path;
-use tpm_runtime::report::write_whole;
+use tpm_runtime::report::{is_special, write_output};
 
 /// Writes a result to `path`, or to standard output, which `-` names too.
 pub(crate) fn emit(path: Option<&Path>, text: &str) -> Result<(), Failure> {
@@ -34,6 +34,11 @@ pub(crate) fn remark(text: &str) {
 pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<(), Failure> {
     let mut written: Vec<(&Path, Option<Vec<u8>>)> = Vec::new();
     for &(path, bytes) in files {
+        // What a device or a pipe gives is no earlier content.
+        if is_special(path) {
+            write_file(path, bytes)?;
+            continue;
+        }
         let before = match std::fs::read(path) {
             Ok(before) => Ok(Some(before)),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
@@ -59,7 +64,7 @@ pub(crate) fn write_files(files: &[(&Path, &[u8])]) -> Result<(), Failure> {
 
 /// Writes a file whole or not at all.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    write_whole(path, bytes).map_err(|error| Failure::write(path, error))
+    write_output(path, bytes).map_err(|error| Failure::write(path, error))
 }
 
 /// A result as JSON, with a newline at its end.

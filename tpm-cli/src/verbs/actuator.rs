@@ -184,7 +184,7 @@ impl Moved {
 
     /// Reads the motors of a motor file.
     pub(crate) fn motors(&self, path: &Path) -> Result<Vec<Option<Motor>>, Failure> {
-        let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+        let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
         MotorFile::parse(&text)
             .and_then(|file| file.motors(self.machine.model(), self.machine.driven()))
             .map_err(|fault| Failure::Input(format!("{}: {}", path.display(), flags::file_fault(&fault))))

@@ -42,6 +42,6 @@ pub(crate) fn run(args: &Args) -> Outcome {
 }
 
 fn read(path: &Path) -> Result<StoredResult, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|error| Failure::read(path, error))?;
+    let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
     StoredResult::parse(&text).map_err(|fault| Failure::Input(format!("{}: {fault}", path.display())))
 }

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use tpm_codegen::emit::table;
+use tpm_symbolic::budget::{self, Budget};
 use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
 
 /// How a table is written.
@@ -34,9 +35,6 @@ pub(crate) struct Args {
     /// The pattern to expand under; the model's first when not given.
     #[arg(long, value_name = "NAME")]
     pattern: Option<String>,
-    /// Expand even when the table would be very large.
-    #[arg(long)]
-    allow_large: bool,
     /// Highest harmonic kept of terms that have infinitely many, such as sign(dot(x)); the pattern's own number when
     /// not given, else 31.
     #[arg(long, value_name = "N")]
@@ -58,11 +56,13 @@ pub(crate) fn run(args: &Args) -> Outcome {
             if go_on() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
         let harmonics = args.harmonics.or_else(|| loaded.harmonics(pattern));
-        let mut options = ExpandOptions { allow_large: args.allow_large, progress: Some(&mut step), harmonics };
-        expand_with(&prepared.model, &prepared.form, pattern, &mut options)
+        let mut options = ExpandOptions { progress: Some(&mut step), harmonics, ..ExpandOptions::default() };
+        // Between two steps there may be long arithmetic.
+        let budget = Budget::of_outer().stopped_by(interrupt::requested);
+        budget::run(budget, || expand_with(&prepared.model, &prepared.form, pattern, &mut options))
     });
     drop(bar);
-    let table = expanded.map_err(|error| match error {
+    let table = expanded?.map_err(|error| match error {
         ExpandError::Stopped { .. } => Failure::Interrupted,
         ExpandError::TooLarge { .. } => loaded.at_with_help(&error, "to expand it all the same, give --allow-large"),
         error => loaded.at(&error),

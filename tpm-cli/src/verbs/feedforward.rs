@@ -49,7 +49,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     // The simulated machine leaves its reference.
     let moved = args.machine.moved(Use::AnyMotion)?;
     let motors = args.motor.as_deref().map_or_else(|| Ok(Vec::new()), |path| moved.motors(path))?;
-    let text = std::fs::read_to_string(&args.control).map_err(|error| Failure::read(&args.control, error))?;
+    let text = tpm_runtime::report::read_text(&args.control).map_err(|error| Failure::read(&args.control, error))?;
     let at = |fault: FileFault| Failure::Input(format!("{}: {fault}", args.control.display()));
     let file = LoopFile::parse(&text).map_err(at)?;
     let settle = file.settle_periods().map_err(at)?;

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use std::path::{Path, PathBuf};
 use tpm_codegen::emit::estimator::{EmitError, Identified, IdentifiedError, Part as Requested};
 use tpm_codegen::generate::{self, File, Filters, LowPass, Options, Scalar, generate};
+use tpm_runtime::report::{MOST_TEXT, read_input};
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// 1/sqrt(2), the default quality factor: a second-order low pass with it is maximally flat and has no peak.
@@ -250,7 +251,7 @@ fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
 }
 
 fn identified(path: &Path, model: &str) -> Result<Identified, Failure> {
-    let bytes = std::fs::read(path).map_err(|error| Failure::read(path, error))?;
+    let bytes = read_input(path, MOST_TEXT).map_err(|error| Failure::read(path, error))?;
     let at = |reason: String| Failure::Input(format!("{}: {reason}", path.display()));
     let text = String::from_utf8(bytes).map_err(|error| {
         at(format!("byte {} is not UTF-8; give the output of `tpm identify --json`", error.utf8_error().valid_up_to()))

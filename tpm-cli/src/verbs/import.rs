@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use tpm_codegen::diagnostic::{Diagnostics, render};
 use tpm_codegen::import::{Angles, Options, urdf};
 use tpm_codegen::source::Source;
+use tpm_runtime::report::{MOST_TEXT, read_input};
 use tpm_symbolic::mechanics::tree::mechanism::Loss;
 
 /// Options of `tpm import`.
@@ -86,7 +87,7 @@ pub(crate) fn write(description: &Path, model: &Path) -> Outcome {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    let bytes = std::fs::read(&args.file).map_err(|error| Failure::read(&args.file, error))?;
+    let bytes = read_input(&args.file, MOST_TEXT).map_err(|error| Failure::read(&args.file, error))?;
     let source = Source::from_bytes(args.file.display().to_string(), bytes);
     let options = Options {
         base: args.base.clone(),

@@ -43,7 +43,7 @@ pub(crate) struct Args {
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     let model = model(&args.file)?;
-    let text = std::fs::read_to_string(&args.params).map_err(|error| Failure::read(&args.params, error))?;
+    let text = tpm_runtime::report::read_text(&args.params).map_err(|error| Failure::read(&args.params, error))?;
     let known = identification(&args.params, &text, model.evaluated().name())?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
     request.domain = args.domain.map(Domain::from);

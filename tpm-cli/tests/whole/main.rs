@@ -10,6 +10,7 @@ mod excite;
 mod first_steps;
 mod functions;
 mod generate;
+mod hard;
 mod hidden;
 mod identifiability;
 mod inspect;

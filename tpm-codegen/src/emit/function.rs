@@ -401,22 +401,28 @@ pub(super) fn estimator_matrix(estimator: &EstimatorSource, table: &TablePlan) -
         let table = looped(table, |row, entry| entry.column.map(|column| Place::Entry(row, column)));
         return Function { about, reads: Reads::of_table(estimator, &table), body: Body::Table(table) };
     }
-    let mut reader = Reader::new(&table.matrix);
+    let of_parameters: Vec<(usize, usize, usize)> =
+        (table.places.iter().enumerate()).filter_map(|(output, &(row, column))| Some((output, row, column?))).collect();
+    let plan = restricted(table, of_parameters.iter().map(|&(output, ..)| output));
+    let mut reader = Reader::new(&plan);
     let mut statements = Vec::new();
-    for (output, &(row, column)) in table.places.iter().enumerate() {
+    for (output, &(_, row, column)) in of_parameters.iter().enumerate() {
         let (needed, value) = reader.output(output);
-        if let Some(column) = column {
-            let name = &estimator.form.columns[column].name;
-            let formula = format!("{}, {name}: {}", row_text(table, row), formula(table, row, Some(column)));
-            statements.push(Statement::Comment(formula));
-            statements.extend(needed);
-            statements.push(Statement::Store(Place::Entry(row, column), value));
-        } else {
-            statements.extend(needed);
-        }
+        let name = &estimator.form.columns[column].name;
+        let formula = format!("{}, {name}: {}", row_text(table, row), formula(table, row, Some(column)));
+        statements.push(Statement::Comment(formula));
+        statements.extend(needed);
+        statements.push(Statement::Store(Place::Entry(row, column), value));
     }
-    let about = format!("{about}{}", text::operations(&table.matrix));
-    Function { about, reads: Reads::of(estimator, &table.matrix), body: Body::Stores(statements) }
+    let about = format!("{about}{}", text::operations(&plan));
+    Function { about, reads: Reads::of(estimator, &plan), body: Body::Stores(statements) }
+}
+
+/// The plan of some entries of the matrix, so that nothing is computed for the others.
+fn restricted(table: &TablePlan, outputs: impl Iterator<Item = usize>) -> Plan {
+    let mut merger = Merger::default();
+    let slots = merger.append(&table.matrix);
+    merger.finish(outputs.map(|output| slots[output]).collect())
 }
 
 /// Harmonics of the terms without an unknown parameter, when there are any.
@@ -431,10 +437,7 @@ pub(super) fn known_harmonics(estimator: &EstimatorSource, table: &TablePlan) ->
         let table = looped(table, |row, entry| entry.column.is_none().then_some(Place::Value(row)));
         return Some(Function { about, reads: Reads::of_table(estimator, &table), body: Body::Table(table) });
     }
-    // The matrix's plan restricted to these outputs, so that nothing is computed for the others.
-    let mut merger = Merger::default();
-    let slots = merger.append(&table.matrix);
-    let plan = merger.finish(known.iter().map(|&(output, _)| slots[output]).collect());
+    let plan = restricted(table, known.iter().map(|&(output, _)| output));
     let mut reader = Reader::new(&plan);
     let mut statements = Vec::new();
     for (output, &(_, row)) in known.iter().enumerate() {

@@ -61,6 +61,9 @@ fn columns(rows: &BTreeMap<(usize, Trig), RowEntries>) -> Vec<Option<usize>> {
     columns
 }
 
+/// The widest cell of a table, in characters, to which the others of its column are padded.
+const WIDEST: usize = 4096;
+
 /// One table per equation: rows are harmonics, columns parameters, as Feng prints Eqns 3.27 and 4.44.
 #[must_use]
 pub fn markdown(table: &HarmonicTable) -> String {
@@ -93,14 +96,22 @@ pub fn markdown(table: &HarmonicTable) -> String {
     text
 }
 
+/// The width that a cell asks for: one that no screen shows asks for none.
+fn width_of(cell: &str) -> usize {
+    let width = cell.chars().count();
+    if width > WIDEST { 0 } else { width }
+}
+
 /// Markdown rows padded to equal width, so that the source reads as a table too.
 fn write_aligned(text: &mut String, lines: &[Vec<String>]) {
     let columns = lines.first().map_or(0, Vec::len);
     let widths: Vec<usize> =
-        (0..columns).map(|c| lines.iter().map(|line| line[c].chars().count()).max().unwrap_or(0).max(3)).collect();
+        (0..columns).map(|c| lines.iter().map(|line| width_of(&line[c])).max().unwrap_or(0).max(3)).collect();
     for (i, line) in lines.iter().enumerate() {
         for (cell, width) in line.iter().zip(&widths) {
-            let _ = write!(text, "| {cell:<width$} ");
+            // Padding by a format specification ends at 65,535 characters.
+            let padding = width.saturating_sub(cell.chars().count());
+            let _ = write!(text, "| {cell}{} ", " ".repeat(padding));
         }
         text.push_str("|\n");
         if i == 0 {

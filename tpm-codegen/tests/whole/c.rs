@@ -28,7 +28,8 @@ const ROUNDINGS: f64 = 16.0;
 /// Roundings that solutions, and sums of computed forces over the samples of a period, may gather.
 const SUMMED_ROUNDINGS: f64 = 64.0;
 
-const FLAGS: [&str; 6] = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"];
+/// Standard C without a warning.
+pub(crate) const FLAGS: [&str; 6] = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"];
 
 /// The shipped models, then models that reach corners of the emitter which no shipped model reaches.
 fn model_files() -> Vec<PathBuf> {
@@ -40,7 +41,7 @@ fn generated(estimator: &EstimatorSource, scalar: Scalar) -> Vec<File> {
     generate(estimator, &options).expect("nothing stands in the way")
 }
 
-fn compiler() -> Option<&'static str> {
+pub(crate) fn compiler() -> Option<&'static str> {
     let found = ["cc", "gcc", "clang"].into_iter().find(|name| runs(name));
     if found.is_none() {
         skipped("no C compiler (cc, gcc, clang) was found, so that generated C was not run");
@@ -49,11 +50,11 @@ fn compiler() -> Option<&'static str> {
 }
 
 /// A line that the test runner does not hold back.
-fn say(line: &str) {
+pub(crate) fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-fn runs(name: &str) -> bool {
+pub(crate) fn runs(name: &str) -> bool {
     Command::new(name).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
@@ -63,10 +64,10 @@ fn compile(compiler: &str, folder: &Path, arguments: &[&str]) {
 }
 
 /// Numbers k/64 with |k| <= 192, the same at every run.
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    fn next(&mut self) -> u64 {
+    pub(crate) fn next(&mut self) -> u64 {
         // SplitMix64.
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -75,11 +76,15 @@ impl Random {
         z ^ (z >> 31)
     }
 
+    pub(crate) fn below(&mut self, count: u64) -> u64 {
+        self.next() % count
+    }
+
     fn dyadic(&mut self) -> f64 {
         f64::from(u32::try_from(self.next() % 385).expect("small")) / 64.0 - 3.0
     }
 
-    fn list(&mut self, count: usize) -> Vec<f64> {
+    pub(crate) fn list(&mut self, count: usize) -> Vec<f64> {
         (0..count).map(|_| self.dyadic()).collect()
     }
 }

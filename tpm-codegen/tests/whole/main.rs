@@ -8,4 +8,5 @@ mod generate;
 mod language;
 mod lowering;
 mod newton_euler;
+mod random;
 mod support;

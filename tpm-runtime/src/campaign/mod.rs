@@ -5,6 +5,7 @@
 //! ```
 
 mod harmonics;
+mod lock;
 mod modes;
 mod procedure;
 mod refinement;
@@ -17,6 +18,7 @@ mod wire;
 
 pub use crate::run::{GainManifest, Law, RUN_FILE, Rate, RunFile, Timing};
 pub(crate) use harmonics::{Lines, RunHarmonics};
+pub use lock::Lock;
 pub use modes::NearMode;
 pub(crate) use modes::near_mode;
 pub use procedure::{

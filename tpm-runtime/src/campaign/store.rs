@@ -6,7 +6,7 @@
 //! enough digits to be read back exactly, so that a campaign that is resumed from a folder equals the unbroken one.
 
 use crate::log::{fingerprint, rate_column};
-use crate::report::write_whole;
+use crate::report::{is_special, read_input, read_text, write_whole};
 use crate::run::smoothing::Smoothing;
 use crate::run::{Ending, GainManifest, Record, RunEnding, Trial};
 use serde::{Deserialize, Serialize};
@@ -21,6 +21,9 @@ use tpm_core::model::Model;
 
 const CAMPAIGN: &str = "tpm.campaign/1";
 const RUN: &str = "tpm.run/1";
+
+/// The most bytes of a run's samples: several channels of the most samples that a run may have.
+const MOST_SAMPLES: u64 = 4 << 30;
 
 /// The model and the experiment that a campaign belongs to.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -152,6 +155,14 @@ pub enum StoreError {
         /// What is wrong with the file.
         reason: String,
     },
+    /// Another process works in the folder.
+    #[error("{path} is in use by {by}; wait until it has ended, or use another folder")]
+    Held {
+        /// The folder.
+        path: String,
+        /// Who works there.
+        by: String,
+    },
     /// The folder belongs to a campaign with another model or experiment.
     #[error(
         "{path} belongs to another {what} ({found}, not {given}); use another folder, or the files that it began with"
@@ -198,7 +209,7 @@ impl Store {
             return Ok(Store { folder: folder.to_path_buf(), manifest: found });
         }
         fs::create_dir_all(folder).map_err(|error| io(folder, &error))?;
-        keep(&path, pretty(manifest).as_bytes())?;
+        keep(&path, signed(manifest).as_bytes())?;
         Ok(Store { folder: folder.to_path_buf(), manifest: manifest.clone() })
     }
 
@@ -229,7 +240,8 @@ impl Store {
                     return Err(StoreError::Other { path, what, found: found.clone(), given: given.clone() });
                 }
             }
-            let text = fs::read(&samples).map_err(|error| io(&samples, &error))?;
+            refuse_special(&samples)?;
+            let text = read_input(&samples, MOST_SAMPLES).map_err(|error| io(&samples, &error))?;
             if fingerprint(&text) != run.samples_hash {
                 return Err(broken(&samples, "the samples are not those of the manifest beside them"));
             }
@@ -328,7 +340,7 @@ impl Store {
         };
         let (samples, path) = self.paths(trial.run + 1);
         keep(&samples, text.as_bytes())?;
-        keep(&path, pretty(&manifest).as_bytes())
+        keep(&path, signed(&manifest).as_bytes())
     }
 
     fn paths(&self, run: usize) -> (PathBuf, PathBuf) {
@@ -364,12 +376,14 @@ pub fn samples_text(model: &dyn Model<f64>, record: &Record) -> String {
 
 fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManifest) -> Result<Record, StoreError> {
     let dims = model.dims();
-    let mut channels = vec![Vec::with_capacity(run.samples); dims.coordinates + dims.inputs];
+    // The manifest may say what it likes; a row of the text takes two bytes at least.
+    let rows = run.samples.min(text.len() / 2);
+    let mut channels = vec![Vec::with_capacity(rows); dims.coordinates + dims.inputs];
     let mut reader = csv::ReaderBuilder::new().from_reader(text);
     let head = reader.headers().map_err(|error| broken(path, &error.to_string()))?.clone();
     let measured = |c: usize| head.iter().any(|name| name == rate_column(model, c));
     let rated: Vec<bool> = (0..dims.coordinates).map(measured).collect();
-    channels.resize(channels.len() + rated.iter().filter(|rated| **rated).count(), Vec::with_capacity(run.samples));
+    channels.resize(channels.len() + rated.iter().filter(|rated| **rated).count(), Vec::with_capacity(rows));
     for row in reader.records() {
         let row = row.map_err(|error| broken(path, &error.to_string()))?;
         if row.len() != channels.len() + 1 {
@@ -378,6 +392,11 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
         for (channel, field) in channels.iter_mut().zip(row.iter().skip(1)) {
             channel.push(field.parse().map_err(|_| broken(path, &format!("`{field}` is not a number")))?);
         }
+    }
+    let found = channels.first().map_or(0, Vec::len);
+    if found != run.samples {
+        let reason = format!("the file has {found} samples, the manifest beside it says {}", run.samples);
+        return Err(broken(path, &reason));
     }
     let mut rates = channels.split_off(dims.coordinates + dims.inputs).into_iter();
     let inputs = channels.split_off(dims.coordinates);
@@ -409,19 +428,42 @@ fn read_samples(path: &Path, text: &[u8], model: &dyn Model<f64>, run: &RunManif
     Ok(Record { sample_time: run.sample_time, coordinates: channels, inputs, rates, ending, saturated: run.saturated })
 }
 
-fn pretty(value: &impl Serialize) -> String {
-    let mut text = serde_json::to_string_pretty(value).expect("invariant: manifests hold plain values");
-    text.push('\n');
-    text
+/// What stands before the fingerprint of a manifest, which is taken of everything before it.
+const CHECKSUM: &str = ",\n  \"checksum\": \"";
+
+/// A manifest with its checksum.
+fn signed(value: &impl Serialize) -> String {
+    let text = serde_json::to_string_pretty(value).expect("invariant: manifests hold plain values");
+    let text = text.trim_end_matches("\n}");
+    format!("{text}{CHECKSUM}{}\"\n}}\n", fingerprint(text.as_bytes()))
 }
 
+/// A manifest of the given form, whose checksum, if it has one, fits; earlier versions wrote none.
 fn read_json<T: serde::de::DeserializeOwned>(path: &Path, schema: &str) -> Result<T, StoreError> {
-    let text = fs::read_to_string(path).map_err(|error| io(path, &error))?;
-    let value: serde_json::Value = serde_json::from_str(&text).map_err(|error| broken(path, &error.to_string()))?;
+    refuse_special(path)?;
+    let text = read_text(path).map_err(|error| io(path, &error))?;
+    let mut value: serde_json::Value = serde_json::from_str(&text).map_err(|error| broken(path, &error.to_string()))?;
     if value["schema"] != schema {
         return Err(broken(path, &format!("this is no manifest of the form {schema}")));
     }
+    let stated = value.as_object_mut().and_then(|fields| fields.remove("checksum"));
+    let own = text.rsplit_once(CHECKSUM).map(|(before, _)| fingerprint(before.as_bytes()));
+    if stated.is_some_and(|stated| own.is_none_or(|own| stated != own)) {
+        return Err(broken(
+            path,
+            "the manifest was changed after it was written; restore it, or begin in another folder",
+        ));
+    }
     serde_json::from_value(value).map_err(|error| broken(path, &error.to_string()))
+}
+
+/// A store consists of regular files: reading a pipe could wait for ever, and a device must not be replaced.
+fn refuse_special(path: &Path) -> Result<(), StoreError> {
+    if is_special(path) {
+        Err(broken(path, "this is a device or a pipe, not a file of a campaign; remove it"))
+    } else {
+        Ok(())
+    }
 }
 
 /// The name of a file without its folder.
@@ -430,6 +472,7 @@ fn file_name(path: &Path) -> String {
 }
 
 fn keep(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    refuse_special(path)?;
     write_whole(path, bytes).map_err(|error| io(path, &error))
 }
 

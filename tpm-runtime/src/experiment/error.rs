@@ -8,6 +8,15 @@ use std::string::String;
 use std::vec::Vec;
 use tpm_core::model::EvalError;
 
+/// A value as people write it: hundreds of digits say nothing.
+fn shown(value: f64) -> String {
+    if value != 0.0 && !(1e-9..1e15).contains(&value.abs()) {
+        std::format!("{value:e}")
+    } else {
+        std::format!("{value}")
+    }
+}
+
 /// Why an experiment cannot be carried out.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -51,7 +60,7 @@ pub enum ExperimentError {
         name: String,
     },
     /// A value makes no sense.
-    #[error("{key} = {value}: {must}")]
+    #[error("{key} = {}: {must}", shown(*.value))]
     Invalid {
         /// Key of the value.
         key: String,

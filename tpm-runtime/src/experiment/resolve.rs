@@ -8,6 +8,7 @@ use crate::experiment::file::{ArmSection, DropoutSection, Experiment, StageSecti
 use crate::experiment::names::{Names, coordinates, inputs, near, parameters, positive, require};
 use crate::machine::simulated::{Actuator, ArmGeometry, ClosedLoopArm, Rig, Sensor};
 use crate::machine::stability::{self, LoopStability, Range, StabilityDomain};
+use crate::run::limits;
 use crate::run::smoothing::Smoothing;
 use crate::run::stroke::{Stroke, first_break, substantial_harmonic};
 use crate::run::trajectory::ReferencePattern;
@@ -215,6 +216,9 @@ impl Experiment {
             self.plant.sub_steps as f64,
             "there must be one at least",
         )?;
+        let must = "there must be at most 10,000 steps between two samples";
+        let few = self.plant.sub_steps <= limits::MOST_SUB_STEPS;
+        require(few, "plant.sub_steps".into(), self.plant.sub_steps as f64, must)?;
         let (parameters, constants) = if self.plant.closed_loop_arm.is_some() {
             for (place, given) in [("parameters", &self.plant.parameters), ("drift", &self.plant.drift)] {
                 if let Some(name) = given.keys().next() {
@@ -384,12 +388,11 @@ impl Experiment {
         require(back_off > 0.0 && back_off < 1.0, "limits.back_off".into(), back_off, "the value must lie in (0, 1)")?;
         let schedule = &self.schedule;
         let measured = schedule.measure_time;
-        require(
-            measured.is_finite() && measured >= 0.0,
-            "schedule.measure_time".into(),
-            measured,
-            "the value must not be negative",
-        )?;
+        let key = || "schedule.measure_time".to_string();
+        require(measured.is_finite(), key(), measured, "the value must be finite")?;
+        require(measured >= 0.0, key(), measured, "the value must not be negative")?;
+        let (points, most) = (self.stability.points, limits::MOST_POINTS);
+        require(points <= most, "stability.points".into(), points as f64, "there must be at most 100,000 points")?;
         let mut multiples = vec![1; coordinates.names.len()];
         set_multiples(&mut multiples, &coordinates, "schedule.multiples", &schedule.multiples)?;
         let mut stages = Vec::with_capacity(schedule.stages.len());
@@ -405,6 +408,14 @@ impl Experiment {
             let mut amplitudes = Names { kind: "amplitude or frequency", names }.all(&place, &stage.values)?;
             let frequency = amplitudes.pop().unwrap_or(f64::NAN);
             positive(&std::format!("{place}.{}", played.frequency), frequency)?;
+            let (settling, sample_time) = (schedule.settle_periods, self.control.sample_time);
+            if !limits::has_few_samples(settling, 0.0, frequency, sample_time) {
+                let must = "with this frequency and sample time a run must have at most ten million samples; settle for fewer periods";
+                require(false, "schedule.settle_periods".into(), settling as f64, must)?;
+            }
+            let few = limits::has_few_samples(settling, measured, frequency, sample_time);
+            let must = "with this frequency and sample time a run must have at most ten million samples; measure for a shorter time in more runs";
+            require(few, key(), measured, must)?;
             let mut multiples = multiples.clone();
             set_multiples(&mut multiples, &coordinates, &std::format!("{place}.multiples"), &stage.multiples)?;
             let own = own.map(|own| ReferencePattern { others: Vec::new(), ..own.clone() });

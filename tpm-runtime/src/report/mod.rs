@@ -11,7 +11,10 @@ mod uncertain;
 pub(crate) use displayed::displayed;
 #[cfg(feature = "schema")]
 pub use fields::{FieldText, fields};
-pub use file::write_whole;
+pub(crate) use file::TEMPORARY;
+#[cfg(test)]
+pub(crate) use file::faults;
+pub use file::{MOST_TEXT, is_special, read_input, read_text, write_output, write_whole};
 pub use remedy::Remedy;
 pub use table::{Align, TextTable, combination, number, or_dash};
 pub use uncertain::{Cut, beside, cells, digits, exact, plus_minus};

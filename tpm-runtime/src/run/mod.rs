@@ -15,6 +15,7 @@ mod error;
 mod feed_forward;
 mod feedback;
 mod hold;
+pub(crate) mod limits;
 pub mod profile;
 mod record;
 pub mod smoothing;

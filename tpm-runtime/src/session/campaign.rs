@@ -7,6 +7,7 @@ use crate::experiment::{Experiment, ExperimentError};
 use crate::log::{Domain, Log, LogOptions, Refine, fingerprint};
 use crate::machine::actuator::{FileFault, MotorFile};
 use crate::machine::stability::LoopStability;
+use crate::report::read_text;
 use crate::run::{Bench, BenchError, Record, Trial};
 use crate::session::error::SessionError;
 use crate::session::identification::{Identification, LogFingerprint, Source};
@@ -460,7 +461,7 @@ fn read_experiment(
 }
 
 fn read(path: &Path) -> Result<String, SessionError> {
-    std::fs::read_to_string(path).map_err(|source| SessionError::Read { path: path.display().to_string(), source })
+    read_text(path).map_err(|source| SessionError::Read { path: path.display().to_string(), source })
 }
 
 fn at(path: &Path, fault: &FileFault) -> SessionError {

@@ -1,7 +1,8 @@
 //! A campaign that lives in a folder, and goes on by files: what to play next goes out, logs come in.
 
 use crate::campaign::{
-    LogFingerprints, Manifest, NearMode, Outcome, RunFile, RunReport, Store, StoreError, samples_text, trial_samples,
+    Lock, LogFingerprints, Manifest, NearMode, Outcome, RunFile, RunReport, Store, StoreError, samples_text,
+    trial_samples,
 };
 use crate::experiment::Experiment;
 use crate::log::{Log, fingerprint};
@@ -74,6 +75,7 @@ impl CampaignFolder {
     /// [`SessionError`]; [`StoreError::Other`] when the folder holds another campaign.
     pub fn begin(folder: &Path, session: Session) -> Result<Self, SessionError> {
         session.campaign()?;
+        let _lock = Lock::hold(folder)?;
         let store = store(folder, &session)?;
         Ok(CampaignFolder { session, store })
     }
@@ -86,7 +88,9 @@ impl CampaignFolder {
     pub fn identify(folder: &Path, session: &Session, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
         // A loop that is not stable leaves no folder behind.
         let stable = session.campaign()?;
-        session.play_simulated(stable, Some(&store(folder, session)?), watch)
+        let _lock = Lock::hold(folder)?;
+        let store = store(folder, session)?;
+        session.play_simulated(stable, Some(&store), watch)
     }
 
     /// Opens the campaign in a folder. `bounds` are those of physical parameters behind lumped ones.
@@ -145,6 +149,7 @@ impl CampaignFolder {
     /// campaign is then as it was before.
     pub fn submit(&self, log: impl Into<LogRequest>, stopped: bool) -> Result<Submission, SessionError> {
         let request = log.into();
+        let _lock = Lock::hold(self.store.folder())?;
         let (mut campaign, stability) = self.session.restored(&self.store)?;
         let plant = self.session.machine().plant();
         let Some(trial) = campaign.next().cloned() else { return Err(SessionError::Ended) };

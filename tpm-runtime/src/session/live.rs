@@ -1,6 +1,7 @@
 //! A campaign in a folder on a machine that is at hand: what [`CampaignFolder::next`] and [`CampaignFolder::submit`] do by files, run
 //! after run until the campaign ends.
 
+use crate::campaign::Lock;
 use crate::machine::process::{ProcessMachine, ProcessSettings};
 use crate::run::Bench;
 use crate::session::error::SessionError;
@@ -17,6 +18,7 @@ impl CampaignFolder {
     /// # Errors
     /// [`SessionError`]; [`SessionError::Bench`] when the machine fails.
     pub fn play(&self, bench: &mut dyn Bench, watch: &mut Watch<'_>) -> Result<Identification, SessionError> {
+        let _lock = Lock::hold(self.store().folder())?;
         self.session().identify_on(bench, Some(self.store()), watch)
     }
 

@@ -26,6 +26,8 @@ mod contradiction_tests;
 mod error;
 mod excerpt;
 mod excite;
+#[cfg(test)]
+mod fault_tests;
 mod folder;
 mod found;
 mod identification;

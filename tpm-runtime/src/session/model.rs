@@ -2,6 +2,7 @@
 
 use crate::interpret::{Interpreted, InterpretedDerivatives, Separable};
 use crate::log::fingerprint;
+use crate::report::{MOST_TEXT, read_input};
 use std::borrow::Cow;
 use std::path::Path;
 use std::string::{String, ToString};
@@ -69,7 +70,7 @@ impl DeclaredModel {
     pub fn open(path: impl AsRef<Path>) -> Result<Self, ModelFault> {
         let path = path.as_ref();
         let name = path.display().to_string();
-        let bytes = std::fs::read(path).map_err(|source| ModelFault::Read { path: name.clone(), source })?;
+        let bytes = read_input(path, MOST_TEXT).map_err(|source| ModelFault::Read { path: name.clone(), source })?;
         Self::of_source(Source::from_bytes(name, bytes))
     }
 

@@ -11,6 +11,7 @@ use crate::session::{Identification, Session, SessionError, identify_simulated};
 use crate::study::design::bounds;
 use rayon::prelude::*;
 use serde::Serialize;
+use std::boxed::Box;
 use std::string::{String, ToString};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::vec::Vec;
@@ -123,6 +124,7 @@ pub fn study_campaigns(
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Study, SessionError> {
     let (ended, go_on) = (AtomicUsize::new(0), AtomicBool::new(true));
+    let parameters: Vec<&str> = (0..model.dims().parameters).map(|j| model.parameter(j).name).collect();
     let one = |index: usize| {
         if !go_on.load(Ordering::Relaxed) {
             return None;
@@ -135,10 +137,11 @@ pub fn study_campaigns(
         if !progress(ended.fetch_add(1, Ordering::Relaxed) + 1) {
             go_on.store(false, Ordering::Relaxed);
         }
-        whole.then_some(result)
+        // The Cramer-Rao bound is computed from the runs of the first campaign.
+        whole.then(|| result.map(|result| Outcome::of(result, &parameters, index == 0)))
     };
-    let results: Vec<Option<Result<Identification, SessionError>>> = (0..campaigns).into_par_iter().map(one).collect();
-    let results: Vec<Identification> = results.into_iter().map_while(|result| result).collect::<Result<_, _>>()?;
+    let results: Vec<Option<Result<Outcome, SessionError>>> = (0..campaigns).into_par_iter().map(one).collect();
+    let results: Vec<Outcome> = results.into_iter().map_while(|result| result).collect::<Result<_, _>>()?;
     let bounds = match results.first() {
         Some(first) => bounds(model, pattern, experiment, &first.runs)?.unwrap_or_default(),
         None => Vec::new(),
@@ -146,26 +149,44 @@ pub fn study_campaigns(
     Ok(summarise(model, experiment, campaigns, &results, &bounds))
 }
 
+/// What a study keeps of a campaign: studies have very many.
+struct Outcome {
+    seed: Option<u64>,
+    complete: bool,
+    /// Value and standard deviation of every parameter of the plant that the campaign identified.
+    estimates: Box<[Option<(f64, f64)>]>,
+    /// The campaign's runs, of the first campaign alone.
+    runs: Vec<RunReport>,
+}
+
+impl Outcome {
+    fn of(result: Identification, parameters: &[&str], first: bool) -> Self {
+        let identified = |name: &&str| {
+            let parameter = named(&result, name).filter(|parameter| parameter.status == Status::Identified)?;
+            Some((parameter.value?, parameter.std?))
+        };
+        let estimates = parameters.iter().map(identified).collect();
+        let (seed, complete) = (result.seed, result.is_complete());
+        Self { seed, complete, estimates, runs: if first { result.runs } else { Vec::new() } }
+    }
+}
+
 fn summarise(
     model: &dyn Model<f64>,
     experiment: &Experiment,
     asked: usize,
-    results: &[Identification],
+    results: &[Outcome],
     bounds: &[Option<f64>],
 ) -> Study {
-    let incomplete = results.iter().filter(|result| !result.is_complete());
+    let incomplete = results.iter().filter(|result| !result.complete);
     let incomplete_seeds: Vec<u64> = incomplete.filter_map(|result| result.seed).collect();
     let parameters: Vec<ParameterStudy> = (0..model.dims().parameters)
         .filter_map(|j| {
             let label = model.parameter(j);
             // A machine without a true value cannot be simulated, so no parameter is left out here.
             let truth = *experiment.plant.parameters.get(label.name)?;
-            let pairs: Vec<(f64, f64)> = results
-                .iter()
-                .filter_map(|result| named(result, label.name))
-                .filter(|parameter| parameter.status == Status::Identified)
-                .filter_map(|parameter| Some((parameter.value?, parameter.std?)))
-                .collect();
+            let pairs: Vec<(f64, f64)> =
+                results.iter().filter_map(|result| result.estimates.get(j).copied().flatten()).collect();
             let bound = bounds.get(j).copied().flatten();
             Some(ParameterStudy { bound, ..one_parameter(label.name, label.unit, truth, &pairs) })
         })

@@ -3,8 +3,12 @@
 //! Invariant: matrices are lists of rows of equal length. Elimination picks the first non-zero pivot: over the
 //! rationals there is no rounding, so no pivot is better than another for accuracy.
 
+use crate::budget;
 use crate::number::rational::Rational;
 use num_traits::{One, Zero};
+
+/// The operations that an entry takes in one step of an elimination.
+const ENTRY: u64 = 16;
 
 /// Brings `rows` to reduced row echelon form in place and returns the pivot columns.
 pub fn reduce(rows: &mut Vec<Vec<Rational>>) -> Vec<usize> {
@@ -21,6 +25,7 @@ pub fn reduce(rows: &mut Vec<Vec<Rational>>) -> Vec<usize> {
         let pivot_row = rows[top].clone();
         for (r, row) in rows.iter_mut().enumerate() {
             if r != top && !row[column].is_zero() {
+                budget::charge(ENTRY * (width - column) as u64);
                 let factor = row[column].clone();
                 for (value, pivot) in row[column..].iter_mut().zip(&pivot_row[column..]) {
                     if !pivot.is_zero() {

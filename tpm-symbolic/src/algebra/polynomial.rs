@@ -4,6 +4,7 @@
 //! not zero. Two equal polynomials are therefore equal as data, and iteration order is deterministic.
 
 use crate::algebra::product;
+use crate::budget;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
@@ -21,6 +22,16 @@ pub(crate) type Terms<V> = SmallVec<[(Monomial<V>, Rational); 1]>;
 
 /// The least number of products of terms for which packing their exponents pays.
 const PACKED: usize = 24;
+
+/// The operations that copying a term takes, and each factor of its monomial.
+const TERM: u64 = 16;
+
+/// The operations that copying the terms of a list takes, whose monomials are about as long as the last one. They stand for the memory
+/// too that the copy takes.
+fn copying<V: Ord + Clone>(terms: &[(Monomial<V>, Rational)]) -> u64 {
+    let factors = terms.last().map_or(0, |term| term.0.factors().count());
+    TERM * (1 + factors as u64) * terms.len() as u64
+}
 
 /// The number of products that are collected before they are sorted and added up.
 const BATCH: usize = 1 << 16;
@@ -49,6 +60,7 @@ fn collected<V: Ord>(mut terms: Terms<V>) -> Terms<V> {
 
 /// The sum of two sorted lists, the second times `factor`.
 fn merged<V: Ord + Clone>(left: &Terms<V>, right: &Terms<V>, factor: &Rational) -> Terms<V> {
+    budget::charge(copying(left) + copying(right));
     let mut sum = Terms::with_capacity(left.len() + right.len());
     let (mut left, mut right) = (left.iter().peekable(), right.iter().peekable());
     loop {
@@ -232,6 +244,7 @@ impl<V: Ord + Clone> Polynomial<V> {
         {
             return Self(product.into());
         }
+        budget::charge(copying(&self.0).saturating_mul(other.len() as u64));
         let mut result = Self::zero();
         let mut products = Terms::with_capacity((self.len() * other.len()).min(BATCH + other.len()));
         for (left, a) in &self.0 {
@@ -251,6 +264,7 @@ impl<V: Ord + Clone> Polynomial<V> {
     }
 
     fn mul_term(&self, monomial: &Monomial<V>, coefficient: &Rational) -> Self {
+        budget::charge(copying(&self.0));
         let times = |(m, c): &(Monomial<V>, Rational)| {
             (m.mul(monomial), if coefficient.is_one() { c.clone() } else { c * coefficient })
         };

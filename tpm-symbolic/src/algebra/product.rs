@@ -7,6 +7,7 @@
 
 use crate::algebra::monomial::{Factorisation, Monomial};
 use crate::algebra::packed::{Key, Layout, ShortKey};
+use crate::budget;
 use crate::number::rational::Rational;
 use num_integer::gcd;
 use num_traits::{FromPrimitive, One, Zero};
@@ -15,6 +16,9 @@ use std::ops::AddAssign;
 
 /// The largest number of sums for which memory is reserved before they are known.
 const LARGEST: usize = 1 << 16;
+
+/// The operations that one product of terms takes, with finding its place among the sums.
+const PRODUCT: u64 = 16;
 
 /// A term of a polynomial.
 type Term<V> = (Monomial<V>, Rational);
@@ -167,6 +171,7 @@ fn times<K: ShortKey, C: Coefficient>(left: &[(K, C)], right: &[(K, C)]) -> Vec<
     if let ([one], many) | (many, [one]) = (left, right) {
         return many.iter().map(|term| product(term, one)).collect();
     }
+    budget::charge((left.len() as u64).saturating_mul(right.len() as u64).saturating_mul(PRODUCT));
     let mut sums = FxHashMap::default();
     sums.reserve(left.len() + right.len());
     for left in left {
@@ -214,6 +219,7 @@ fn products(terms: usize, exponent: u32) -> Option<u64> {
 
 /// The terms of base^exponent by the multinomial theorem, which takes `count` products.
 fn multinomial<K: ShortKey, C: Integer>(base: &[(K, C)], exponent: u32, count: u64) -> Vec<(K, C)> {
+    budget::charge(count.saturating_mul(PRODUCT));
     let mut sums = FxHashMap::default();
     // Many products have equal monomials.
     sums.reserve(usize::try_from(count / 2).unwrap_or(LARGEST).min(LARGEST));
@@ -238,12 +244,17 @@ fn add_products<K: ShortKey, C: Integer>(
         return;
     }
     for (i, (own, value)) in base.iter().enumerate() {
+        let last = i + 1 == base.len();
         // Products with an earlier term are added already; the present term now occurs once, twice, ...
         let (mut key, mut power, mut ways) = (key, coefficient, 1u64);
         for times in 1..=exponent {
             key.add(own, 1);
             power = power * *value;
             ways = ways * u64::from(exponent - times + 1) / u64::from(times);
+            // Nothing comes after the last term: a lower power of it is in no product, and no bound holds for it.
+            if last && times < exponent {
+                continue;
+            }
             let product = power * C::from_u64(ways).expect("invariant: no larger than the sum of all products");
             if times == exponent {
                 *sums.entry(key).or_insert_with(C::zero) += product;

@@ -15,6 +15,7 @@
 //! form, since it is the product of the factors'.
 
 use crate::algebra::fourier::Fourier;
+use crate::budget;
 use crate::number::buffers::{Buffered, Rooms};
 use crate::number::denominator::{Denominator, Factors};
 use crate::number::numerator::Numerator;
@@ -47,6 +48,17 @@ pub(crate) struct Base {
 enum BaseTerms {
     Small(Terms<i64>),
     Big(Vec<(usize, BigInt, BigInt)>),
+}
+
+impl Base {
+    /// The operations that one harmonic of a product with this factor takes, on numbers of one word.
+    fn work(&self) -> u64 {
+        match &self.terms {
+            BaseTerms::Small(terms) => 4 * terms.len() as u64,
+            // Every product and sum of unlimited numbers allocates.
+            BaseTerms::Big(terms) => (2 * terms.len() as u64).saturating_mul(self.norm_bits / 64 + 40),
+        }
+    }
 }
 
 /// Harmonic, C and S.
@@ -423,6 +435,7 @@ impl Spectrum {
             &self.values
         };
         let shape = Shape { first, len, cos, sin };
+        budget::charge(base.work().saturating_mul(shape.size() as u64).saturating_mul(bound / 64 + 1));
         let values = match &base.terms {
             BaseTerms::Small(terms) => {
                 let reach = base.highest;

@@ -7,6 +7,12 @@ use num_traits::{One, Signed};
 /// The most names that stand for a long expression.
 const MOST_NAMES: usize = 8;
 
+/// The most leaves and operations of an expression that an error shows whole.
+const MOST_LEAVES: f64 = 200.0;
+
+/// The most letters of an expression that an error shows.
+const MOST_LETTERS: usize = 400;
+
 impl Graph {
     /// The expression in the model language; `names` has the names of symbols and coordinates.
     pub fn display(&self, expr: ExprId, names: &impl Names) -> String {
@@ -27,6 +33,16 @@ impl Graph {
             list.push("...".to_owned());
         }
         format!("f({})", list.join(", "))
+    }
+
+    /// The expression for an error, which takes a few lines at most: as [`Self::display_short`] has it, and cut where even that is
+    /// long.
+    pub fn display_brief(&self, expr: ExprId, names: &impl Names) -> String {
+        let text = self.display_short(expr, MOST_LEAVES, names);
+        match text.char_indices().nth(MOST_LETTERS) {
+            Some((end, _)) => format!("{}...", &text[..end]),
+            None => text,
+        }
     }
 
     // Binding strength: 0 sum, 1 product, 2 unary minus, 3 power.

@@ -9,12 +9,16 @@
 //!
 //! The graph is an arena of plain data, so that it is `Send + Sync` and can be serialised.
 
+use crate::budget;
 use crate::number::rational::{self, Rational};
 use num_traits::{One, Signed, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
 
 pub use crate::expr::node::{Coordinate, ExprId, Function, Names, Node, Symbol};
+
+/// The operations that a new node takes.
+const NODE: u64 = 100;
 
 /// The arena.
 #[derive(Clone, Debug, Default)]
@@ -91,6 +95,7 @@ impl Graph {
         if let Some(&id) = self.index.get(&node) {
             return id;
         }
+        budget::charge(NODE + node.operands().count() as u64);
         let id = ExprId(u32::try_from(self.nodes.len()).expect("invariant: fewer than 2^32 nodes fit in memory"));
         self.nodes.push(node.clone());
         self.index.insert(node, id);

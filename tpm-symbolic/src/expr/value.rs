@@ -41,6 +41,38 @@ impl Graph {
         values[expr.index()].expect("invariant: the root is evaluated last")
     }
 
+    /// Whether the expression is 0 whatever its unknown leaves are, as far as sums of known values and factors of 0 show it.
+    #[must_use]
+    pub fn vanishes(&self, expr: ExprId, mut leaf: impl FnMut(&Node) -> Option<Rational>) -> bool {
+        let nodes = self.up_to(expr);
+        let mut needed = vec![false; nodes.len()];
+        needed[expr.index()] = true;
+        for i in (0..nodes.len()).rev() {
+            if needed[i] {
+                nodes[i].operands().for_each(|operand| needed[operand.index()] = true);
+            }
+        }
+        let mut values: Vec<Option<Rational>> = vec![None; nodes.len()];
+        for i in (0..nodes.len()).filter(|&i| needed[i]) {
+            let at = |operand: &ExprId| values[operand.index()].clone();
+            values[i] = match &nodes[i] {
+                Node::Number(value) => Some(value.clone()),
+                Node::Pi | Node::Atan2(..) => None,
+                node @ (Node::Symbol(_) | Node::Derivative(..) | Node::Placeholder(_)) => leaf(node),
+                Node::Sum(terms) => terms.iter().map(at).sum::<Option<Rational>>(),
+                Node::Product(factors) if factors.iter().filter_map(at).any(|value| value.is_zero()) => {
+                    Some(Rational::zero())
+                }
+                Node::Product(factors) => factors.iter().map(at).product::<Option<Rational>>(),
+                Node::Power(base, exponent) => at(base)
+                    .filter(|base| *exponent > 0 || !base.is_zero())
+                    .map(|base| rational::power(&base, *exponent)),
+                Node::Function(function, argument) => at(argument).and_then(|value| function.apply_exact(&value)),
+            };
+        }
+        values[expr.index()].as_ref().is_some_and(Zero::is_zero)
+    }
+
     /// The exact value, given exact leaves; `None` when a function without a rational value, pi, or a division by zero
     /// stands in the way.
     #[must_use]

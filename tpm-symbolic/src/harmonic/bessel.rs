@@ -343,7 +343,7 @@ fn numeric_term(
             Node::Function(function @ (Function::Sin | Function::Cos), argument) if exponent > 0 => {
                 let motion = motion_of(model, pattern, argument).map_err(failed)?;
                 let phase = Wave::of(&motion, &mut *value);
-                let amplitude = || BesselError::Amplitude { term: term.source, atom: model.display(atom) };
+                let amplitude = || BesselError::Amplitude { term: term.source, atom: model.display_brief(atom) };
                 let series = jacobi_anger(&phase, usize::MAX - 1).ok_or_else(amplitude)?;
                 let wave = if function == Function::Sin { series.sin } else { series.cos };
                 (wave.spectrum(), series.tail, exponent)

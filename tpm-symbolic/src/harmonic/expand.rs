@@ -25,6 +25,7 @@ mod size;
 mod structured;
 
 use crate::algebra::packed::{Key, Layout, LongKey};
+use crate::budget;
 use crate::harmonic::expand::atoms::Atoms;
 use crate::harmonic::expand::expansion::Expansion;
 use crate::harmonic::expand::structured::multiplied_out;
@@ -34,6 +35,7 @@ use crate::mechanics::model::ExactModel;
 use crate::mechanics::pattern::Pattern;
 use crate::regressor::form::RegressorForm;
 use std::borrow::Cow;
+use std::cell::Cell;
 
 pub use crate::harmonic::error::ExpandError;
 pub use crate::harmonic::options::{ExpandOptions, Progress};
@@ -80,18 +82,21 @@ fn run<K: Key>(
     options: &mut ExpandOptions<'_>,
 ) -> Result<HarmonicTable, ExpandError> {
     expansion.prepare();
-    let form = expansion.form;
+    let (model, form) = (expansion.model, expansion.form);
     for (equation, row) in form.rows.iter().enumerate() {
         let mut terms = Cow::Borrowed(row.terms.as_slice());
         if !terms.is_sorted_by_key(|term| term.column) {
             terms.to_mut().sort_by_key(|term| term.column);
         }
         for column in terms.chunk_by(|a, b| a.column == b.column) {
-            expansion.collect(equation, column, options)?;
+            let name = || column.first().map_or_else(String::new, |term| model.display_source(term.source));
+            budget::within(name, || expansion.collect(equation, column, options))?;
         }
     }
     expansion.refuse_too_large(options)?;
-    expansion.multiply_out(options)?;
+    let present_term = Cell::new(None);
+    let name = || present_term.get().map_or_else(String::new, |term| model.display_source(term));
+    budget::within(name, || expansion.multiply_out(options, &present_term))?;
     let names = [
         form.rows.iter().map(|row| row.name.clone()).collect(),
         form.columns.iter().map(|column| column.name.clone()).collect(),

@@ -51,7 +51,7 @@ pub fn motion_of(model: &ExactModel, pattern: &Pattern, expr: ExprId) -> Result<
 /// # Errors
 /// When the power is no polynomial of the motion or a coordinate has no motion.
 pub fn power_of(model: &ExactModel, pattern: &Pattern, atom: ExprId, exponent: i32) -> Result<Motion, MotionError> {
-    let not_polynomial = || MotionError::NotPolynomial { found: model.display(atom) };
+    let not_polynomial = || MotionError::NotPolynomial { found: model.display_brief(atom) };
     let one = || Fourier::constant(Rational::one());
     match *model.graph.node(atom) {
         Node::Symbol(symbol) => match &model.quantity(symbol).kind {

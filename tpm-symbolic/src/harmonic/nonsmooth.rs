@@ -12,6 +12,7 @@
 
 use crate::algebra::fourier::{Fourier, Trig};
 use crate::algebra::polynomial::Monomial;
+use crate::budget;
 use crate::expr::graph::{ExprId, Function, Node};
 use crate::harmonic::error::ExpandError;
 use crate::harmonic::motion::{motion_of, power_of};
@@ -78,47 +79,62 @@ pub fn expand(
     let mut tails: BTreeMap<Group, Tail> = BTreeMap::new();
     for (equation, row) in form.rows.iter().enumerate() {
         for term in &row.terms {
-            let parts =
-                term_parts(model, pattern, term).map_err(|source| ExpandError::Sign { term: term.source, source })?;
-            for (powers, fourier) in parts.smooth.terms() {
-                let powers: Monomial<usize> = powers.factors().map(|(s, e)| (s.0 as usize, e)).collect();
-                let mean = fourier.scale(&parts.sign.mean());
-                let reach = harmonics + fourier.highest_harmonic();
-                let series = truncated(&parts.sign.series_times_pi(reach).mul(fourier), harmonics);
-                for (pi, fourier) in [(0, &mean), (-1, &series)] {
-                    entries.extend(fourier.terms().map(|(harmonic, function, coefficient)| Entry {
-                        equation,
-                        harmonic,
-                        function,
-                        column: term.column,
-                        coefficient: coefficient.clone(),
-                        pi: pi + parts.pi,
-                        powers: powers.clone(),
-                        sign: parts.flips.clone(),
-                    }));
-                }
-                if parts.sign.is_constant() {
-                    continue;
-                }
-                let scale = std::f64::consts::PI.powi(parts.pi);
-                let rms = root_mean_square(fourier, &mean, &series) * scale;
-                let maximum = maximum(fourier, &parts.sign, harmonics).map(|value| value * scale);
-                let group = (equation, term.column, powers.clone(), parts.flips.clone());
-                match tails.entry(group) {
-                    Slot::Occupied(mut slot) => {
-                        let tail = slot.get_mut();
-                        tail.rms = (tail.rms + rms).next_up();
-                        tail.maximum = tail.maximum.zip(maximum).map(|(a, b)| (a + b).next_up());
-                    }
-                    Slot::Vacant(slot) => {
-                        let (column, sign) = (term.column, parts.flips.clone());
-                        slot.insert(Tail { equation, column, powers, sign, harmonics, rms, maximum });
-                    }
-                }
-            }
+            budget::within(
+                || model.display_source(term.source),
+                || expand_term(model, pattern, (equation, term), harmonics, &mut entries, &mut tails),
+            )?;
         }
     }
     Ok((entries, tails.into_values().collect()))
+}
+
+/// Adds the entries of one term of an equation, and the bound of what is left out of them.
+fn expand_term(
+    model: &ExactModel,
+    pattern: &Pattern,
+    (equation, term): (usize, &Term),
+    harmonics: usize,
+    entries: &mut Vec<Entry>,
+    tails: &mut BTreeMap<Group, Tail>,
+) -> Result<(), ExpandError> {
+    let parts = term_parts(model, pattern, term).map_err(|source| ExpandError::Sign { term: term.source, source })?;
+    for (powers, fourier) in parts.smooth.terms() {
+        let powers: Monomial<usize> = powers.factors().map(|(s, e)| (s.0 as usize, e)).collect();
+        let mean = fourier.scale(&parts.sign.mean());
+        let reach = harmonics + fourier.highest_harmonic();
+        let series = truncated(&parts.sign.series_times_pi(reach).mul(fourier), harmonics);
+        for (pi, fourier) in [(0, &mean), (-1, &series)] {
+            entries.extend(fourier.terms().map(|(harmonic, function, coefficient)| Entry {
+                equation,
+                harmonic,
+                function,
+                column: term.column,
+                coefficient: coefficient.clone(),
+                pi: pi + parts.pi,
+                powers: powers.clone(),
+                sign: parts.flips.clone(),
+            }));
+        }
+        if parts.sign.is_constant() {
+            continue;
+        }
+        let scale = std::f64::consts::PI.powi(parts.pi);
+        let rms = root_mean_square(fourier, &mean, &series) * scale;
+        let maximum = maximum(fourier, &parts.sign, harmonics).map(|value| value * scale);
+        let group = (equation, term.column, powers.clone(), parts.flips.clone());
+        match tails.entry(group) {
+            Slot::Occupied(mut slot) => {
+                let tail = slot.get_mut();
+                tail.rms = (tail.rms + rms).next_up();
+                tail.maximum = tail.maximum.zip(maximum).map(|(a, b)| (a + b).next_up());
+            }
+            Slot::Vacant(slot) => {
+                let (column, sign) = (term.column, parts.flips.clone());
+                slot.insert(Tail { equation, column, powers, sign, harmonics, rms, maximum });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Refuses tables beyond the memory limit; every harmonic of a term takes an entry of its own.
@@ -178,7 +194,7 @@ fn apply_sign(
     motion: &Motion,
     parts: &mut Parts,
 ) -> Result<(), SignError> {
-    let argument = || model.display(argument);
+    let argument = || model.display_brief(argument);
     let mut terms = motion.terms();
     let (Some((monomial, fourier)), None) = (terms.next(), terms.next()) else {
         return Err(SignError::Ratio { argument: argument() });

@@ -1,5 +1,6 @@
 //! What the caller of an expansion chooses, and the limits that follow.
 
+use crate::budget;
 use crate::harmonic::error::ExpandError;
 use crate::mechanics::model::TermId;
 use std::ops::ControlFlow;
@@ -30,16 +31,16 @@ pub struct ExpandOptions<'a> {
 }
 
 impl ExpandOptions<'_> {
-    /// Tables estimated larger than this many bytes are refused unless `allow_large` is set: 256 MB, about two million
-    /// entries of ordinary size.
-    pub const DEFAULT_LIMIT: u128 = 256_000_000;
+    /// Tables estimated larger than this many bytes are refused unless `allow_large` is set, or the run's budget
+    /// allows large tables.
+    pub const DEFAULT_LIMIT: u128 = budget::TABLE_BYTES;
 
     /// What is refused always: beyond the memory of machines.
     pub(crate) const ADDRESSABLE: u128 = 1 << 46;
 
     /// The largest table in bytes.
     pub(crate) fn limit(&self) -> u128 {
-        if self.allow_large { Self::ADDRESSABLE } else { Self::DEFAULT_LIMIT }
+        if self.allow_large || budget::allows_large() { Self::ADDRESSABLE } else { Self::DEFAULT_LIMIT }
     }
 
     /// Refuses estimates beyond the limit, in the name of the term that contributes most.

@@ -156,11 +156,11 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
             let leaves = model.graph.leaves(source.expr);
             let high = leaves.iter().find(|&&leaf| matches!(model.graph.node(leaf), Node::Derivative(_, 3..)));
             if let Some(&leaf) = high {
-                let found = model.display(leaf);
+                let found = model.display_brief(leaf);
                 return Err(LinearizeError::Order { term: source.id, equation: equation.name.clone(), found });
             }
             if let Some(atom) = first_singularity(&mut model.graph, source.expr, &replacement) {
-                let atom = model.display(atom);
+                let atom = model.display_brief(atom);
                 return Err(LinearizeError::NotSmooth { term: source.id, equation: equation.name.clone(), atom });
             }
         }
@@ -173,7 +173,7 @@ pub fn linearize(model: &mut ExactModel, point: &OperatingPoint) -> Result<Linea
         }
         if !trigonometric::is_zero(&mut model.graph, value) {
             let residual = trigonometric::simplify(&mut model.graph, value);
-            let residual = model.display(residual);
+            let residual = model.display_brief(residual);
             return Err(LinearizeError::NotEquilibrium { equation: equation.name.clone(), residual });
         }
         rows.push(row);
@@ -221,7 +221,7 @@ fn replacements(
             _ => true,
         });
         if moves {
-            return Err(LinearizeError::Value { found: model.display(value) });
+            return Err(LinearizeError::Value { found: model.display_brief(value) });
         }
     }
     let zero = model.graph.integer(0);
@@ -502,14 +502,14 @@ pub fn substitute_coordinate(
         _ => false,
     });
     if !constant {
-        return Err(SubstituteError::Offset { coordinate: old, offset: model.display(offset) });
+        return Err(SubstituteError::Offset { coordinate: old, offset: model.display_brief(offset) });
     }
     let shift = offset_motion(model, offset);
     let mut patterns = model.patterns.clone();
     for pattern in &mut patterns {
         if let Some(Some(motion)) = pattern.motions.get_mut(coordinate.0 as usize) {
             let Some(shift) = &shift else {
-                return Err(SubstituteError::Pattern { coordinate: old, offset: model.display(offset) });
+                return Err(SubstituteError::Pattern { coordinate: old, offset: model.display_brief(offset) });
             };
             let one =
                 |value: Rational| Motion::term(Monomial::one(), crate::algebra::fourier::Fourier::constant(value));

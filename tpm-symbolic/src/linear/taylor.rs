@@ -84,7 +84,7 @@ pub fn series(model: &mut ExactModel, function: ExprId, expansions: &[Expansion]
         .collect();
     let mut domain = Expressions(&mut model.graph);
     let jet = Jets { domain: &mut domain, degree, variables }.of(&nodes);
-    let jet = jet.map_err(|Singular(atom)| SeriesError::Singular { term: None, atom: model.display(atom) })?;
+    let jet = jet.map_err(|Singular(atom)| SeriesError::Singular { term: None, atom: model.display_brief(atom) })?;
     let kept = |index: &Index| index.iter().zip(expansions).all(|(&exponent, e)| exponent <= e.order);
     let coefficients = jet.coefficients.into_iter().filter(|(index, _)| kept(index)).collect();
     Ok(TaylorSeries { function, expansions: expansions.to_vec(), coefficients })

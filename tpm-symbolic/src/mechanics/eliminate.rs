@@ -394,14 +394,14 @@ fn explain(model: &mut ExactModel, state: &State, target: Coordinate) -> Elimina
             Reasons::At(monomial, what) => {
                 let holds = |term: &&Substituted| term.value.numerator().terms().any(|(m, _)| *m == monomial);
                 let (id, source) = row.terms.iter().find(holds).map_or((id, source), |term| (term.id, term.source));
-                let found = model.display(source);
+                let found = model.display_brief(source);
                 let reason = match what {
                     What::Derivative => Reason::Derivative(found),
                     What::NonLinear => Reason::NonLinear(found),
                     What::MovingFactor => {
                         let (_, factor) = monomial.partition(|&atom| involves(&model.graph, atom, target));
                         let factor = model.graph.from_polynomial(&Polynomial::term(factor, Rational::one()));
-                        Reason::MovingFactor(model.display(factor))
+                        Reason::MovingFactor(model.display_brief(factor))
                     }
                 };
                 (id, reason)

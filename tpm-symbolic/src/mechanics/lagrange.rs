@@ -229,11 +229,11 @@ fn check_arguments(
             match *model.graph.node(leaf) {
                 Node::Derivative(_, order) if order > highest => {
                     let allowed = if highest == 0 { "the coordinates" } else { "coordinates and velocities" };
-                    let found = model.display(leaf);
+                    let found = model.display_brief(leaf);
                     return Err(LagrangeError::Argument { term: source.id, energy, found, allowed });
                 }
                 Node::Symbol(symbol) if model.quantity(symbol).kind == Kind::Input => {
-                    return Err(LagrangeError::InputInEnergy { term: source.id, input: model.display(leaf) });
+                    return Err(LagrangeError::InputInEnergy { term: source.id, input: model.display_brief(leaf) });
                 }
                 _ => {}
             }
@@ -251,7 +251,10 @@ fn check_quadratic(model: &mut ExactModel, source: &SourceTerm, velocities: &[Ex
             for &right in &velocities[j..] {
                 let third = model.graph.differentiate(second, right);
                 if !trigonometric::is_zero(&mut model.graph, third) {
-                    return Err(LagrangeError::NotQuadratic { term: source.id, found: model.display(source.expr) });
+                    return Err(LagrangeError::NotQuadratic {
+                        term: source.id,
+                        found: model.display_brief(source.expr),
+                    });
                 }
             }
         }

@@ -243,6 +243,35 @@ impl ExactModel {
         self.graph.display_short(expr, LONGEST_DISPLAYED, self)
     }
 
+    /// An expression of this model for an error, which shows its beginning where it is long.
+    #[must_use]
+    pub fn display_brief(&self, expr: ExprId) -> String {
+        self.graph.display_brief(expr, self)
+    }
+
+    /// A source term as it stands in its equation, cut like [`Self::display_brief`].
+    #[must_use]
+    pub fn display_source(&self, id: TermId) -> String {
+        let mut terms = self.equations.iter().flat_map(|equation| &equation.terms);
+        terms.find(|term| term.id == id).map_or_else(String::new, |term| self.display_brief(term.expr))
+    }
+
+    /// Whether the model has a constant whose value is known.
+    #[must_use]
+    pub fn has_known_constants(&self) -> bool {
+        self.symbols.iter().any(|quantity| matches!(quantity.kind, Kind::Constant { value: Some(_) }))
+    }
+
+    /// The value of a leaf that is a constant of known value.
+    #[must_use]
+    pub fn known_value(&self, leaf: &Node) -> Option<Rational> {
+        let Node::Symbol(symbol) = leaf else { return None };
+        match &self.quantity(*symbol).kind {
+            Kind::Constant { value } => value.clone(),
+            _ => None,
+        }
+    }
+
     /// An expression of this model in the model language. Its length may be exponential in the number of nodes.
     #[must_use]
     pub fn display(&self, expr: ExprId) -> String {

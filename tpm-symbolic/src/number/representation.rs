@@ -6,6 +6,7 @@
 //! Invariant of [`Rational`]: lowest terms and a positive denominator; `Small` whenever the magnitudes of numerator and
 //! denominator are at most `i64::MAX`, `Big` otherwise. Equal numbers are therefore equal as data.
 
+use crate::budget;
 use num_bigint::BigInt;
 use num_integer::Integer;
 use num_rational::BigRational;
@@ -14,6 +15,7 @@ use num_traits::{One, Signed, ToPrimitive, Zero};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::fmt;
+use std::hash::{Hash, Hasher};
 use std::num::NonZeroI64;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -22,10 +24,21 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssi
 #[serde(from = "BigRational", into = "BigRational")]
 pub struct Rational(Value);
 
-#[derive(Clone, PartialEq, Eq, Hash)]
+#[derive(Clone, PartialEq, Eq)]
 enum Value {
     Small(i64, NonZeroI64),
     Big(Box<BigRational>),
+}
+
+/// The hash of a quotient in num-rational is that of its continued fraction, a division for every digit; in lowest terms the hash of
+/// the two parts will do.
+impl Hash for Value {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        match self {
+            Self::Small(numerator, denominator) => (numerator, denominator).hash(state),
+            Self::Big(value) => (value.numer(), value.denom()).hash(state),
+        }
+    }
 }
 
 const ONE: NonZeroI64 = NonZeroI64::new(1).expect("one is not zero");
@@ -60,7 +73,10 @@ impl Rational {
     pub fn new(numerator: BigInt, denominator: BigInt) -> Self {
         match (numerator.to_i64(), denominator.to_i64()) {
             (Some(n), Some(d)) if n != i64::MIN && d != i64::MIN && d != 0 => Self::quotient(n, d),
-            _ => BigRational::new(numerator, denominator).into(),
+            _ => {
+                charge_reduction((numerator.bits() + denominator.bits()) / 64);
+                BigRational::new(numerator, denominator).into()
+            }
         }
     }
 
@@ -157,6 +173,20 @@ impl Rational {
         Pow::pow(self, exponent)
     }
 
+    /// The words of numerator and denominator together.
+    fn words(&self) -> u64 {
+        match &self.0 {
+            Value::Small(..) => 2,
+            Value::Big(value) => (value.numer().bits() + value.denom().bits()) / 64 + 2,
+        }
+    }
+
+    /// Announces a power, whose last multiplication takes longest.
+    fn charge_power(&self, exponent: u32) {
+        let words = self.words().saturating_mul(u64::from(exponent));
+        budget::charge(words.saturating_mul(words));
+    }
+
     fn big(&self) -> BigRational {
         match &self.0 {
             Value::Small(n, d) => BigRational::new_raw(BigInt::from(*n), BigInt::from(d.get())),
@@ -200,8 +230,14 @@ impl Rational {
         match (self.is_zero(), other.is_zero()) {
             (true, _) => other.clone(),
             (_, true) => self.clone(),
-            _ if self.is_integer() && other.is_integer() => Self::from_integer(self.numer() + other.numer()),
-            _ => (self.big() + other.big()).into(),
+            _ if self.is_integer() && other.is_integer() => {
+                budget::charge(self.words() + other.words());
+                Self::from_integer(self.numer() + other.numer())
+            }
+            _ => {
+                charge_reduction(self.words() + other.words());
+                (self.big() + other.big()).into()
+            }
         }
     }
 
@@ -212,8 +248,14 @@ impl Rational {
             return Self::zero();
         }
         match (self.is_integer(), other.is_integer()) {
-            (true, true) => Self::from_integer(self.numer() * other.numer()),
-            _ => (self.big() * other.big()).into(),
+            (true, true) => {
+                budget::charge(self.words().saturating_mul(other.words()));
+                Self::from_integer(self.numer() * other.numer())
+            }
+            _ => {
+                charge_reduction(self.words() + other.words());
+                (self.big() * other.big()).into()
+            }
         }
     }
 
@@ -226,6 +268,12 @@ impl Rational {
     fn over(&self, other: &Self) -> Self {
         self.times(&other.recip())
     }
+}
+
+/// Announces that a quotient of so many words is brought into lowest terms. Stein's algorithm goes through the whole numbers once for
+/// every bit, and allocates.
+fn charge_reduction(words: u64) {
+    budget::charge(24u64.saturating_mul(words).saturating_mul(words + 40));
 }
 
 impl From<BigRational> for Rational {
@@ -377,9 +425,15 @@ impl Pow<u32> for &Rational {
             // Powers of numbers in lowest terms are in lowest terms.
             Value::Small(n, d) => match (n.checked_pow(exponent), d.get().checked_pow(exponent)) {
                 (Some(n), Some(d)) if n != i64::MIN => Rational::small(n, d),
-                _ => Pow::pow(&self.big(), exponent).into(),
+                _ => {
+                    self.charge_power(exponent);
+                    Pow::pow(&self.big(), exponent).into()
+                }
             },
-            Value::Big(value) => Pow::pow(&**value, exponent).into(),
+            Value::Big(value) => {
+                self.charge_power(exponent);
+                Pow::pow(&**value, exponent).into()
+            }
         }
     }
 }

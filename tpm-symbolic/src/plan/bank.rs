@@ -15,14 +15,19 @@ pub type TableRow = (usize, usize, Trig);
 pub(crate) fn bank(rows: &[TableRow]) -> Plan {
     let mut carried = BTreeSet::new();
     let mut best = Bank::plan(rows, &carried);
+    // What was refused beside the equations that are carried now: asking again would give the answer again.
+    let mut refused = BTreeSet::new();
     for &(equation, ..) in rows {
-        if carried.insert(equation) {
-            let plan = Bank::plan(rows, &carried);
-            if plan.ops.len() < best.ops.len() {
-                best = plan;
-            } else {
-                carried.remove(&equation);
-            }
+        if refused.contains(&equation) || !carried.insert(equation) {
+            continue;
+        }
+        let plan = Bank::plan(rows, &carried);
+        if plan.ops.len() < best.ops.len() {
+            best = plan;
+            refused.clear();
+        } else {
+            carried.remove(&equation);
+            refused.insert(equation);
         }
     }
     best

@@ -18,6 +18,7 @@
 
 use crate::algebra::characteristic::{self, Matrix};
 use crate::algebra::polynomial::{Monomial, Polynomial};
+use crate::budget;
 use crate::expr::graph::{Coordinate, ExprId, Graph, Node, Symbol};
 use crate::expr::normal_form::NormalForms;
 use crate::expr::size::Sizes;
@@ -135,7 +136,8 @@ const MOST_TERMS: u64 = 1_000_000;
 /// When the model has no input, the equations are too long or do not determine the inputs or the coordinate that an input drives, an
 /// input does not enter linearly, or a term has no value when the joint stands still.
 pub fn split(model: &ExactModel, motions: &[(Symbol, Vec<Coordinate>)]) -> Result<Split, SplitError> {
-    let mut model = model.clone();
+    let whole = model;
+    let mut model = whole.clone();
     let inputs: Vec<Symbol> = model.inputs().collect();
     if inputs.is_empty() {
         return Err(SplitError::NoInput);
@@ -167,11 +169,9 @@ pub fn split(model: &ExactModel, motions: &[(Symbol, Vec<Coordinate>)]) -> Resul
             let Some(weight) = row.weights[index] else { continue };
             for term in &row.rest {
                 let product = model.graph.mul(weight, term.expr);
-                let (stays, moves) = parts_of(&mut model, product, &still).map_err(|atom| SplitError::Singular {
-                    term: term.id,
-                    input: name.clone(),
-                    atom,
-                })?;
+                let parts = budget::within(|| whole.display_source(term.id), || parts_of(&mut model, product, &still));
+                let (stays, moves) =
+                    parts.map_err(|atom| SplitError::Singular { term: term.id, input: name.clone(), atom })?;
                 let add = |list: &mut Vec<SourceTerm>, expr: ExprId| {
                     if expr != zero {
                         list.push(SourceTerm { id: term.id, expr });
@@ -543,7 +543,7 @@ fn parts_of(model: &mut ExactModel, expr: ExprId, still: &HashMap<ExprId, ExprId
     for (monomial, coefficient) in polynomial.terms() {
         let term = one_term(graph, monomial, coefficient);
         if let Some(atom) = without_value(graph, term, still) {
-            return Err(model.display(atom));
+            return Err(model.display_brief(atom));
         }
         let at_rest = graph.substitute(term, still);
         stays.push(at_rest);

@@ -3,12 +3,16 @@
 //! Invariant: every operand slot is smaller than the slot of the operation that uses it; no two operations are equal.
 //! Whoever executes the operations in order with one rounding each gets the same numbers as everybody else.
 
+use crate::budget;
 use crate::number::rational::Rational;
 use crate::plan::leaf::Leaf;
 use crate::plan::operation::{Op, OperationCounts, Slot};
 use num_traits::Zero;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+
+/// The work, in operations on machine words, of putting a new operation into a plan.
+const EMITTED: u64 = 200;
 
 /// A list of operations, some of whose results are asked for. `L` is the type of its leaves.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -112,6 +116,7 @@ impl<L: Clone + PartialEq> Merger<L> {
         if let Some(&slot) = self.known.get(&op) {
             return slot;
         }
+        budget::charge(EMITTED);
         let slot = Slot(u32::try_from(self.ops.len()).expect("invariant: fewer than 2^32 operations"));
         self.ops.push(op.clone());
         self.known.insert(op, slot);

@@ -57,6 +57,14 @@ pub enum RegressorError {
         /// The most that are sorted.
         most: usize,
     },
+    /// A constant whose value is 0 stands in a denominator.
+    #[error("`{divisor}` is 0 and stands in a denominator; give it another value, or take it out")]
+    ZeroDivisor {
+        /// The source term at fault.
+        term: TermId,
+        /// The constant.
+        divisor: String,
+    },
     /// No equation has an input.
     #[error("no equation has an input, so nothing fixes the scale of the parameters")]
     NoInput,
@@ -78,6 +86,7 @@ impl RegressorError {
             Self::InsideFunction { term, .. }
             | Self::InputNotLinear { term, .. }
             | Self::InputFactor { term, .. }
+            | Self::ZeroDivisor { term, .. }
             | Self::TooLarge { term, .. } => Some(*term),
             Self::Empty { term, .. } => *term,
             Self::NoInput => None,
@@ -201,6 +210,12 @@ fn gather_terms(model: &ExactModel, written: &[WrittenTerm]) -> Result<Gathered,
                         return Err(input_not_linear(model, source.id, symbol, source.source));
                     }
                     Class::Parameter => parameters.push((atom, exponent)),
+                    Class::Value(value) if value.is_zero() && exponent < 0 => {
+                        return Err(RegressorError::ZeroDivisor {
+                            term: source.id,
+                            divisor: model.display_brief(atom),
+                        });
+                    }
                     Class::Value(value) => coefficient *= rational::power(&value, exponent),
                     Class::Constant => motion.push((atom, exponent)),
                     Class::Motion => {
@@ -214,7 +229,7 @@ fn gather_terms(model: &ExactModel, written: &[WrittenTerm]) -> Result<Gathered,
                         return Err(RegressorError::InsideFunction {
                             term: source.id,
                             parameter: model.symbol_name(symbol),
-                            inside: model.display(atom),
+                            inside: model.display_brief(atom),
                         });
                     }
                 }
@@ -296,7 +311,7 @@ fn normalise(
             return Err(RegressorError::InputFactor {
                 term: *term,
                 input: model.symbol_name(symbol),
-                factor: graph.display(expr, model),
+                factor: graph.display_brief(expr, model),
             });
         }
     };
@@ -324,7 +339,7 @@ fn normalise(
         return Err(RegressorError::InputFactor {
             term: *term,
             input: model.symbol_name(symbol),
-            factor: graph.display(expr, model),
+            factor: graph.display_brief(expr, model),
         });
     }
     Ok(())

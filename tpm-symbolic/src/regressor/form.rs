@@ -3,12 +3,14 @@
 //! Products of parameters become *lumped* parameters, so that the result is linear in what is estimated; the map from
 //! physical to lumped parameters is kept exactly.
 
+use crate::budget;
 use crate::expr::size::Sizes;
 use crate::mechanics::model::ExactModel;
 use crate::regressor::collect::{Gathered, WrittenTerm, collect_terms, row_of};
 use crate::regressor::gather::Gather;
 use crate::regressor::lump::{assemble, groups_of, merge_by_traces, merge_proportional};
 use crate::regressor::traces::Traces;
+use rustc_hash::FxHashMap;
 
 pub use crate::regressor::collect::RegressorError;
 pub use crate::regressor::entries::{Column, RegressorForm, Row, Term};
@@ -24,14 +26,13 @@ const MOST_TERMS: f64 = 5_000.0;
 /// When a parameter or an input does not enter linearly, or an equation vanishes; the source term is named.
 pub fn regressor_form(model: &ExactModel) -> Result<RegressorForm, RegressorError> {
     // Equations share functions of the motion, such as the elements of an inertia matrix.
-    let terms = model.equations.iter().flat_map(|equation| &equation.terms);
-    let mut polynomials = model.graph.polynomials(terms.map(|term| term.expr)).into_iter();
+    let mut known = FxHashMap::default();
     let mut rows = Vec::with_capacity(model.equations.len());
     for equation in &model.equations {
-        let written = equation.terms.iter().zip(polynomials.by_ref()).map(|(term, polynomial)| WrittenTerm {
-            id: term.id,
-            source: term.expr,
-            polynomial,
+        let written = equation.terms.iter().map(|term| {
+            let name = || model.display_brief(term.expr);
+            let polynomial = budget::within(name, || model.graph.polynomial_beside(term.expr, &mut known));
+            WrittenTerm { id: term.id, source: term.expr, polynomial }
         });
         rows.push(collect_terms(model, &equation.name, &written.collect::<Vec<_>>())?);
     }

@@ -223,7 +223,7 @@ pub fn canonical(model: &ExactModel, definition: &Polynomial<ExprId>) -> String 
     })
 }
 
-/// `m2*c2^2` as `m2_c2_2`, `J1 + m2*l1^2` as `J1_plus_m2_l1_2`.
+/// `m2*c2^2` as `m2_c2_2`, `J1 + m2*l1^2` as `J1_plus_m2_l1_2`, `1/b` as `lumped_1_per_b`.
 fn identifier(expression: &str) -> String {
     let mut name = String::new();
     for c in expression.chars() {
@@ -243,5 +243,7 @@ fn identifier(expression: &str) -> String {
         }
     }
     let name = name.replace("__", "_");
-    name.trim_matches('_').to_owned()
+    let name = name.trim_matches('_');
+    // No language takes a name that begins with a digit.
+    if name.starts_with(char::is_numeric) { format!("lumped_{name}") } else { name.to_owned() }
 }

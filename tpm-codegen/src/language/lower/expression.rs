@@ -102,6 +102,10 @@ impl Environment<'_, '_> {
         if self.model.graph.as_number(id).is_some_and(Zero::is_zero) {
             return Err(Diagnostic::error(span, "a division by zero").help("this divisor is identically 0"));
         }
+        if self.model.has_known_constants() && self.model.graph.vanishes(id, |leaf| self.model.known_value(leaf)) {
+            return Err(Diagnostic::error(span, "a division by zero")
+                .help("this divisor is 0 at the values of the model's constants"));
+        }
         Ok(self.model.graph.pow(id, -1))
     }
 

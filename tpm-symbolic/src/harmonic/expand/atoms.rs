@@ -106,7 +106,7 @@ impl<'a> Atoms<'a> {
                 let atom = self.list[self.index[id.index()] as usize];
                 let magnitude = u64::from(exponent.unsigned_abs());
                 if exponent < 0 && !atom.invertible {
-                    return Err(ExpandError::NotFinite { term: term.source, atom: model.display(id) });
+                    return Err(ExpandError::NotFinite { term: term.source, atom: model.display_brief(id) });
                 }
                 largest = largest.saturating_add(atom.highest.saturating_mul(magnitude));
                 // The number of monomials of degree `magnitude` in the parts.
@@ -193,7 +193,7 @@ impl<'a> Atoms<'a> {
             Node::Pi => self.constant(PI),
             Node::Symbol(symbol) if is_constant(model, symbol) => self.constant(symbol.0 as usize),
             Node::Derivative(coordinate, order) => self.motion(model, pattern, coordinate, order, term)?,
-            _ => return Err(ExpandError::NotFinite { term, atom: model.display(id) }),
+            _ => return Err(ExpandError::NotFinite { term, atom: model.display_brief(id) }),
         }
         let parts = &self.parts[start..];
         let highest = parts.iter().map(|part| part.degree).max().unwrap_or(0).max(1);

@@ -5,15 +5,18 @@
 
 use crate::algebra::packed::Key;
 use crate::algebra::spectrum::Spectrum;
+use crate::budget;
 use crate::harmonic::error::ExpandError;
 use crate::harmonic::expand::expansion::{Contribution, Expansion};
 use crate::harmonic::options::ExpandOptions;
 use crate::harmonic::table::CoefficientSeries;
+use crate::mechanics::model::TermId;
 use crate::number::denominator::{Denominator, Reduction};
 use crate::number::numerator::Numerator;
 use crate::number::scalar::Scalar;
 use crate::number::values::for_width;
 use smallvec::{SmallVec, smallvec};
+use std::cell::Cell;
 
 /// A product of shapes on the way to the present one.
 struct Level {
@@ -22,8 +25,12 @@ struct Level {
 }
 
 impl<K: Key> Expansion<'_, '_, K> {
-    /// Multiplies out every product of shapes once.
-    pub(super) fn multiply_out(&mut self, options: &mut ExpandOptions<'_>) -> Result<(), ExpandError> {
+    /// Multiplies out every product of shapes once. `present_term` is set to the source term that is worked on.
+    pub(super) fn multiply_out(
+        &mut self,
+        options: &mut ExpandOptions<'_>,
+        present_term: &Cell<Option<TermId>>,
+    ) -> Result<(), ExpandError> {
         let mut contributions = std::mem::take(&mut self.contributions);
         contributions.sort_unstable_by(|a, b| (&a.shapes, a.group).cmp(&(&b.shapes, b.group)));
         let total = contributions.len();
@@ -52,6 +59,7 @@ impl<K: Key> Expansion<'_, '_, K> {
                     let already = if shape == differs { present[differs].min(exponents[differs]) } else { 0 };
                     for _ in already..exponents[shape] {
                         let base = &self.bases[shape];
+                        present_term.set(Some(self.groups[contribution.group].term));
                         let spectrum = levels[depth].spectrum.multiply(base, &mut self.rooms);
                         depth += 1;
                         if levels.len() == depth {
@@ -115,6 +123,9 @@ impl<K: Key> Expansion<'_, '_, K> {
         series.start = self.words.len();
         let wide;
         let needed = if matches!(factor, Scalar::Big(_)) { u64::MAX } else { bits };
+        // Bringing a number into lowest terms divides by factors of its denominator.
+        let words = (series.numerator_words + series.denominator_words) as u64;
+        budget::charge((2 * series.len as u64).saturating_mul(words.saturating_mul(words)));
         let values = if spectrum.values().capacity() < needed {
             wide = spectrum.values().widened(needed);
             &wide
