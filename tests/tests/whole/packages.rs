@@ -53,7 +53,10 @@ fn a_package_holds_its_sources_readme_and_licences() {
             let own = ["README.md", "LICENSE-MIT", "LICENSE-APACHE"].contains(&file.as_str());
             let cargos =
                 ["Cargo.toml", "Cargo.toml.orig", "Cargo.lock", ".cargo_vcs_info.json"].contains(&file.as_str());
-            let source = ["src/", "examples/"].iter().any(|folder| file.starts_with(folder)) && file.ends_with(".rs");
+            // A page of reports is a template beside the source that includes it.
+            let kinds = [".rs", ".html"];
+            let source = ["src/", "examples/"].iter().any(|folder| file.starts_with(folder))
+                && kinds.iter().any(|kind| file.ends_with(kind));
             assert!(own || cargos || source, "{name} packages {file}");
             if file.starts_with("examples/") {
                 let text = std::fs::read_to_string(root().join(name).join(file)).expect("an example");
