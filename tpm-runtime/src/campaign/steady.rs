@@ -1,5 +1,7 @@
 //! The settled part of a run, sample by sample.
 
+use crate::estimate::beside_counts;
+use crate::numerics::differences::white_noise;
 use crate::run::Spectra;
 use std::vec::Vec;
 
@@ -23,21 +25,26 @@ pub(crate) struct SteadyRun {
     pub(crate) highest: Vec<f64>,
     /// Step of every coordinate's sensor; zero for a sensor without steps.
     pub(crate) steps: Vec<f64>,
+    /// Whether rounding to counts, whose error repeats with the motion, makes up the noise of a sensor.
+    pub(crate) counted: bool,
 }
 
 impl SteadyRun {
     /// Most samples that are simulated of all runs together, so that no more of a single one are kept.
-    pub(crate) const MOST: usize = 16_000;
+    pub(crate) const MOST: usize = 100_000;
 
     /// The end of a settled part, given whole periods of every channel, the first `coordinates` of which are coordinates.
     pub(super) fn of(run: usize, channels: &[&[f64]], coordinates: usize, period: usize, spectra: &Spectra) -> Self {
+        let steps: Vec<f64> = (0..coordinates).map(|c| spectra.step(c)).collect();
+        let by_counts = |(channel, step): (&&[f64], &f64)| beside_counts(white_noise(channel), *step).is_some();
         SteadyRun {
             run,
             channels: channels.iter().map(|channel| end(channel, Self::MOST).to_vec()).collect(),
             period,
             of: channels.first().map_or(0, |channel| channel.len()),
             highest: (0..coordinates).map(|c| highest(spectra, c)).collect(),
-            steps: (0..coordinates).map(|c| spectra.step(c)).collect(),
+            counted: channels.iter().zip(&steps).any(by_counts),
+            steps,
         }
     }
 

@@ -62,12 +62,12 @@ pub(crate) use information::reduced;
 pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
-#[cfg(feature = "interpret")]
-pub(crate) use output_error::reach_in;
 pub use output_error::{
     Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Signals,
     Simulated,
 };
+#[cfg(feature = "interpret")]
+pub(crate) use output_error::{beside_counts, reach_in};
 pub use pooled::{Contribution, Pooled, pool};
 pub(crate) use response::ErrorResponse;
 pub use result::Estimate;

@@ -319,18 +319,20 @@ impl Session {
     /// The campaign of an experiment before its first run, and what its loop was found to be.
     fn begun(&self, experiment: &Experiment) -> Result<(Campaign<'_>, LoopStability), SessionError> {
         let (campaign, stability) = self.machine.campaign(experiment)?;
-        let campaign = match self.simulation(&campaign) {
+        // Runs of a smooth force are judged by their harmonics, which are right as far as they go.
+        let jumps = self.declared.prepared().model.has_jumps();
+        let campaign = match self.simulation(&campaign).filter(|_| jumps) {
             Some(simulation) => campaign.refining(simulation),
             None => campaign,
         };
         Ok((campaign, stability))
     }
 
-    /// The simulation that refines the estimates of a campaign, where a force jumps, and where that is asked for and can be done.
+    /// The simulation that refines the estimates of a campaign, where that is asked for and can be done.
     fn simulation(&self, campaign: &Campaign<'_>) -> Option<RunSimulation<'_>> {
-        let wanted = self.experiment.refine == Refine::OutputError && self.declared.prepared().model.has_jumps();
-        let own = self.machine.eliminated().is_none();
-        (wanted && own).then(|| RunSimulation::new(&self.declared, self.machine.plant(), campaign.setup()))?
+        let wanted = self.experiment.refine == Refine::OutputError && campaign.estimator().lumped().is_none();
+        let jumps = self.declared.prepared().model.has_jumps();
+        wanted.then(|| RunSimulation::new(&self.machine, jumps, campaign.setup()))?
     }
 
     /// What the estimator gives, refined by the simulation where there is one.

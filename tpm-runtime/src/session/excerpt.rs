@@ -113,10 +113,9 @@ impl<'a> Excerpt<'a> {
         Excerpt { channels, averaged: 1, blocks: 0, joins, middle: half, half, of: whole }
     }
 
-    /// The ends of the settled parts of runs, one behind the other, at most so many samples of each and so many of all together as are
-    /// kept of one.
-    pub(super) fn of_runs(runs: &[&'a SteadyRun], each: usize) -> Self {
-        let each = each.min(SteadyRun::MOST / runs.len().max(1));
+    /// The ends of the settled parts of runs, one behind the other: at most so many samples together, and as many of every run.
+    pub(super) fn of_runs(runs: &[&'a SteadyRun], most: usize) -> Self {
+        let each = most / runs.len().max(1);
         let channels = runs.first().map_or(0, |run| run.channels.len());
         let channel = |c: usize| runs.iter().flat_map(|run| run.last(c, each)).copied().collect();
         let mut ends: Vec<usize> = runs.iter().map(|run| run.len().min(each)).collect();

@@ -8,7 +8,7 @@ use crate::campaign::{Campaign, RunReport, Store};
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{Eliminated, Method, PatternTables, Weights};
 use crate::experiment::{Equations, Experiment, ExperimentError, StageSection};
-use crate::interpret::Interpreted;
+use crate::interpret::{Interpreted, InterpretedDerivatives};
 use crate::machine::stability::LoopStability;
 use crate::run::trajectory::ReferencePattern;
 use crate::session::error::{MachineError, SessionError};
@@ -83,6 +83,11 @@ impl Machine {
             Some(Arc::new(Eliminated::new(prepared, &plant, &settings)?))
         };
         Ok(Machine { plant, pattern, eliminated, source: whole.clone(), tables: OnceLock::new() })
+    }
+
+    /// Exact derivatives of the plant's rows.
+    pub(super) fn derivatives(&self) -> InterpretedDerivatives {
+        InterpretedDerivatives::new(&self.source.model, &self.source.form)
     }
 
     /// The plant: the machine's own equations.

@@ -1,70 +1,82 @@
 //! The estimates of a campaign refined by simulating the model along the ends of all its runs.
 //!
-//! The harmonics of a smooth force fall off quickly, and those that noise drowns are missed by nobody. A force that jumps has many, and
-//! where the velocity is known from a few harmonics its sign changes at the wrong time, by an error that no noise model tells. Between its
-//! samples the simulation solves the equations of motion as they are. It takes the samples themselves and not their mean over the periods:
-//! the mean of a sign of a velocity with noise is not the sign of the mean.
+//! Harmonics say what repeats. A force that jumps has many of them, and where the velocity is known from a few its sign changes at the
+//! wrong time, by an error that no noise model tells. A force that is smooth has few, but the noise of the sensors, which the feedback
+//! passes on to the machine, moves it between the harmonics too, and that motion tells as much of the parameters as any other. Between
+//! its samples the simulation solves the equations of motion as they are. It takes the samples themselves and not their mean over the
+//! periods: the mean of a sign, or of a square, of a velocity with noise is not that of the mean.
+//!
+//! The error of rounding to counts repeats with the motion and falls with no number of samples. Little of it lies at the harmonics of a
+//! smooth force, which therefore have the last word there.
 
 use crate::campaign::{Campaign, Refinement, Setup, SteadyRun};
 use crate::estimate::{Course, Differentiable, Estimate, Method, Weights, reach_in};
-use crate::interpret::{Interpreted, InterpretedDerivatives};
+use crate::interpret::InterpretedDerivatives;
 use crate::log::Refine;
 use crate::session::excerpt::Excerpt;
-use crate::session::model::DeclaredModel;
+use crate::session::machine::Machine;
 use crate::session::refine::{Conditions, Refined, Start, refined};
 use std::sync::OnceLock;
 use std::vec::Vec;
 
-/// Most samples of every run that are simulated to judge it. All that are kept would take four times as long, for every run anew.
+/// Most samples of all runs together where a force jumps, whose instant is looked for between two samples.
+const WITH_JUMPS: usize = 16_000;
+/// Most samples of a run that are simulated to judge it, for every run anew.
 const JUDGED: usize = 4_000;
 
 /// The simulation of a model along the runs of a campaign.
 pub(super) struct RunSimulation<'a> {
-    declared: &'a DeclaredModel,
-    model: &'a Interpreted,
+    machine: &'a Machine,
+    /// Whether a force of the model jumps.
+    jumps: bool,
     setup: Setup,
     /// Derivatives of the rows, made when they are first needed.
     derivatives: OnceLock<InterpretedDerivatives>,
 }
 
 impl<'a> RunSimulation<'a> {
-    /// The simulation of a declared model, evaluated; nothing where the estimator is another than that of the measured motion, and where
-    /// equations are weighed alike or forgotten.
-    pub(super) fn new(declared: &'a DeclaredModel, model: &'a Interpreted, setup: &Setup) -> Option<Self> {
+    /// The simulation of a machine, some force of which jumps or not; nothing where the estimator is another than that of the measured
+    /// motion, and where equations are weighed alike or forgotten.
+    pub(super) fn new(machine: &'a Machine, jumps: bool, setup: &Setup) -> Option<Self> {
         let settings = &setup.estimation;
         let other = setup.method != Method::MeasuredMotion || settings.weights == Weights::Equal || settings.forgets();
-        (!other).then(|| RunSimulation { declared, model, setup: setup.clone(), derivatives: OnceLock::new() })
+        (!other).then(|| RunSimulation { machine, jumps, setup: setup.clone(), derivatives: OnceLock::new() })
     }
 
-    /// The estimate of a campaign, refined by all its pooled runs; nothing before the first estimate.
+    /// The estimate of a campaign, refined by all its pooled runs; nothing before the first estimate, and where a smooth force meets
+    /// readings whose noise is rounding to counts.
     pub(super) fn of_campaign(&self, campaign: &Campaign<'_>) -> Option<Refined> {
         let runs: Vec<&SteadyRun> = campaign.steady().collect();
-        let mut refined = self.of_runs(&runs, campaign.estimate()?, SteadyRun::MOST)?;
+        if !self.jumps && runs.iter().any(|run| run.counted) {
+            return None;
+        }
+        let most = if self.jumps { WITH_JUMPS } else { SteadyRun::MOST };
+        let mut refined = self.of_runs(&runs, campaign.estimate()?, most)?;
         if let Some(report) = &mut refined.report {
             report.runs = runs.len();
         }
         Some(refined)
     }
 
-    /// An estimate, refined by simulating the model along the last samples of runs, at most so many of each; nothing without a run.
-    fn of_runs(&self, runs: &[&SteadyRun], estimate: &Estimate, each: usize) -> Option<Refined> {
+    /// An estimate, refined by simulating the machine along the last samples of runs, at most so many together; nothing without a run.
+    fn of_runs(&self, runs: &[&SteadyRun], estimate: &Estimate, most: usize) -> Option<Refined> {
         let setup = &self.setup;
         let settings = &setup.estimation;
         let sample_time = setup.control.sample_time;
         let coordinates = runs.first()?.highest.len();
-        let excerpt = Excerpt::of_runs(runs, each);
+        let excerpt = Excerpt::of_runs(runs, most);
         let period = runs.iter().map(|run| run.period).min()?;
-        let most = |of: &dyn Fn(&SteadyRun) -> f64| runs.iter().map(|run| of(run)).fold(0.0, f64::max);
+        let largest = |of: &dyn Fn(&SteadyRun) -> f64| runs.iter().map(|run| of(run)).fold(0.0, f64::max);
         let periods: usize = runs.iter().map(|run| run.period).sum();
         let start = Start {
             estimate,
             course: Course::Any {
                 typical_period: period as f64,
                 reach: reach_in(period as f64),
-                highest: (0..coordinates).map(|c| most(&|run| run.highest[c])).collect(),
+                highest: (0..coordinates).map(|c| largest(&|run| run.highest[c])).collect(),
                 copies: excerpt.samples() as f64 / periods.max(1) as f64,
             },
-            steps: (0..coordinates).map(|c| most(&|run| run.steps[c])).collect(),
+            steps: (0..coordinates).map(|c| largest(&|run| run.steps[c])).collect(),
             samples: excerpt.samples(),
             sample_time,
             excerpt,
@@ -76,15 +88,15 @@ impl<'a> RunSimulation<'a> {
             refine: Refine::OutputError,
         };
         let restate = |values, covariance| estimate.refined(values, covariance, settings);
-        let derivatives = self.derivatives.get_or_init(|| self.declared.derivatives());
-        let machine = Differentiable { model: self.model, derivatives };
+        let derivatives = self.derivatives.get_or_init(|| self.machine.derivatives());
+        let machine = Differentiable { model: self.machine.plant(), derivatives };
         Some(refined(Some(machine), start, conditions, settings, &restate))
     }
 }
 
 impl Refinement for RunSimulation<'_> {
     fn refined(&self, runs: &[&SteadyRun], estimate: &Estimate) -> Option<Estimate> {
-        let refined = self.of_runs(runs, estimate, JUDGED)?;
+        let refined = self.of_runs(runs, estimate, JUDGED * runs.len())?;
         refined.report.filter(|report| report.used).map(|_| refined.estimate)
     }
 }

@@ -45,7 +45,7 @@ pub use error::OutputErrorFault;
 pub use fit::OutputError;
 pub use misfit::Misfit;
 pub use problem::Differentiable;
-#[cfg(feature = "interpret")]
-pub(crate) use signals::reach_in;
 pub use signals::{Course, Signals};
+#[cfg(feature = "interpret")]
+pub(crate) use signals::{beside_counts, reach_in};
 pub use simulated::{Divergence, Simulated};

@@ -69,6 +69,13 @@ pub(crate) fn reach_in(samples_per_period: f64) -> usize {
     (samples_per_period / LOCAL) as usize
 }
 
+/// Variance of a sensor's noise beside its rounding to counts, given what is white in its readings and the size of a count. Nothing where
+/// the noise is so large that the errors of rounding do not repeat with the motion, and for a sensor without counts.
+pub(crate) fn beside_counts(white: f64, step: f64) -> Option<f64> {
+    let own = (white * white - step * step / 12.0).max(0.0);
+    (step > 0.0 && own.sqrt() < 0.5 * step).then_some(own)
+}
+
 /// A harmonic on its way through the samples.
 struct Wave {
     /// Angle from one sample to the next, rad.
@@ -286,8 +293,6 @@ impl Signals<'_> {
 
     /// Variance of a sensor's noise beside its rounding to counts, where rounding makes up its noise.
     fn beside_counts(&self, coordinate: usize) -> Option<f64> {
-        let (step, white) = (self.steps[coordinate], self.white[coordinate]);
-        let own = (white * white - step * step / 12.0).max(0.0);
-        (step > 0.0 && own.sqrt() < 0.5 * step).then_some(own)
+        beside_counts(self.white[coordinate], self.steps[coordinate])
     }
 }
