@@ -53,10 +53,8 @@ fn a_package_holds_its_sources_readme_and_licences() {
             let own = ["README.md", "LICENSE-MIT", "LICENSE-APACHE"].contains(&file.as_str());
             let cargos =
                 ["Cargo.toml", "Cargo.toml.orig", "Cargo.lock", ".cargo_vcs_info.json"].contains(&file.as_str());
-            // A page of reports is a template beside the source that includes it.
-            let kinds = [".rs", ".html"];
             let source = ["src/", "examples/"].iter().any(|folder| file.starts_with(folder))
-                && kinds.iter().any(|kind| file.ends_with(kind));
+                && (file.ends_with(".rs") || is_included(&root().join(name), file));
             assert!(own || cargos || source, "{name} packages {file}");
             if file.starts_with("examples/") {
                 let text = std::fs::read_to_string(root().join(name).join(file)).expect("an example");
@@ -75,6 +73,19 @@ fn a_package_holds_its_sources_readme_and_licences() {
             assert!(files.contains(&path), "{name} leaves out {path}");
         }
     }
+}
+
+/// Whether a source in the folder of a package, or in one below it, includes a file, such as the template of a page, as text.
+fn is_included(package: &Path, file: &str) -> bool {
+    let path = package.join(file);
+    let mut sources = Vec::new();
+    rust_files(&package.join("src"), &mut sources);
+    sources.iter().any(|source| {
+        let folder = source.parent().expect("in a folder");
+        let text = std::fs::read_to_string(source).expect("a source");
+        let within = path.strip_prefix(folder).ok().and_then(|path| path.to_str());
+        within.is_some_and(|within| text.contains(&format!("include_str!(\"{within}\")")))
+    })
 }
 
 fn rust_files(folder: &Path, files: &mut Vec<PathBuf>) {

@@ -11,7 +11,7 @@ fn what_init_writes_runs_as_it_is() {
     assert_eq!(names(at), ["my_cart.toml", "my_cart.tpm"]);
     assert!(printed_in(at, &["check", "my_cart.tpm"], 0).contains("model MyCart"));
     let identified = printed_in(at, &["identify", "my_cart.tpm"], 0);
-    assert!(identified.contains("converged; rank 3 of 3"), "{identified}");
+    assert!(identified.contains("\nconverged;") && identified.contains("rank 3 of 3"), "{identified}");
     printed_in(at, &["simulate", "my_cart.tpm", "-o", "run.csv"], 0);
     // The command that is printed for a log is one that runs.
     let said = printed_in(at, &["init", "logged", "--log", "run.csv"], 0);
