@@ -21,6 +21,11 @@ use std::vec::Vec;
 
 /// Most samples of all runs together where a force jumps, whose instant is looked for between two samples.
 const WITH_JUMPS: usize = 16_000;
+/// Most samples of all runs together, times the square of the number of coordinates, where forces are smooth: some seconds of work.
+const WORK: usize = 400_000;
+/// Least share of all samples, as one over this, whose simulation says more than the harmonics of all of them. Their errors are 1.4 to 2.5
+/// times the Cramer-Rao bound.
+const WORTH: usize = 3;
 /// Most samples of a run that are simulated to judge it, for every run anew.
 const JUDGED: usize = 4_000;
 
@@ -43,14 +48,21 @@ impl<'a> RunSimulation<'a> {
         (!other).then(|| RunSimulation { machine, jumps, setup: setup.clone(), derivatives: OnceLock::new() })
     }
 
-    /// The estimate of a campaign, refined by all its pooled runs; nothing before the first estimate, and where a smooth force meets
-    /// readings whose noise is rounding to counts.
+    /// The estimate of a campaign, refined by all its pooled runs; nothing before the first estimate. Smooth forces are left to the
+    /// harmonics where the noise of readings is rounding to counts, and where only a small part of the samples can be simulated.
     pub(super) fn of_campaign(&self, campaign: &Campaign<'_>) -> Option<Refined> {
         let runs: Vec<&SteadyRun> = campaign.steady().collect();
-        if !self.jumps && runs.iter().any(|run| run.counted) {
-            return None;
-        }
-        let most = if self.jumps { WITH_JUMPS } else { SteadyRun::MOST };
+        let most = if self.jumps {
+            WITH_JUMPS
+        } else {
+            let coordinates = runs.first()?.highest.len().max(1);
+            let most = SteadyRun::MOST.min(WORK / (coordinates * coordinates));
+            let all: usize = runs.iter().map(|run| run.of).sum();
+            if WORTH * most < all || runs.iter().any(|run| run.counted) {
+                return None;
+            }
+            most
+        };
         let mut refined = self.of_runs(&runs, campaign.estimate()?, most)?;
         if let Some(report) = &mut refined.report {
             report.runs = runs.len();
