@@ -38,7 +38,7 @@ impl Weighed {
     /// Makes equations that were divided by their standard deviations uncorrelated.
     pub(super) fn whiten(&self, rows: &mut DMatrix<f64>) {
         let regular = self.factor.l_dirty().solve_lower_triangular_mut(rows);
-        debug_assert!(regular, "a Cholesky factor has no zero on its diagonal");
+        assert!(regular, "invariant: a Cholesky factor has no zero on its diagonal");
     }
 
     /// Rows `L' rows` with the Cholesky factor L of the correlations: where `rows' n` has correlated noise n of unit variance,

@@ -1,9 +1,12 @@
 //! Orthogonal elimination in small dense matrices.
 
+use std::vec;
+
 /// Brings the first `pivots` columns of a row-major matrix to upper triangular form by Householder reflections, which leave every
 /// sum of squares of a column as it is. A column without an entry is passed over.
 pub(super) fn triangularise(matrix: &mut [f64], width: usize, pivots: usize) {
     let rows = matrix.len() / width;
+    let mut factors = vec![0.0; width];
     for pivot in 0..pivots.min(rows) {
         let (above, below) = matrix.split_at_mut((pivot + 1) * width);
         let first = &mut above[pivot * width..];
@@ -14,26 +17,32 @@ pub(super) fn triangularise(matrix: &mut [f64], width: usize, pivots: usize) {
         let head = first[pivot];
         let norm = (head * head + tail).sqrt();
         let diagonal = if head > 0.0 { -norm } else { norm };
-        // The reflection I - v v' / (norm * |v_1|) with v = x - diagonal e_1, whose first entry has no cancellation.
+        // The reflection I - v v' / (norm * |v_1|) with v = x - diagonal e_1, whose first entry has no cancellation. Rows are read
+        // one after the other, as they are stored; every column's product with v grows by one row's share at a time.
         let lead = head - diagonal;
         let scale = 1.0 / (diagonal * lead);
-        for column in pivot + 1..width {
-            let mut product = lead * first[column];
-            for row in below.chunks_exact(width) {
-                product += row[pivot] * row[column];
-            }
-            let factor = product * scale;
-            if factor.abs() > 0.0 {
-                first[column] += factor * lead;
-                for row in below.chunks_exact_mut(width) {
-                    row[column] += factor * row[pivot];
-                }
+        let factors = &mut factors[pivot + 1..];
+        for (product, entry) in factors.iter_mut().zip(&first[pivot + 1..]) {
+            *product = lead * entry;
+        }
+        for row in below.chunks_exact(width) {
+            let weight = row[pivot];
+            for (product, entry) in factors.iter_mut().zip(&row[pivot + 1..]) {
+                *product += weight * entry;
             }
         }
-        first[pivot] = diagonal;
+        for (factor, entry) in factors.iter_mut().zip(&mut first[pivot + 1..]) {
+            *factor *= scale;
+            *entry += *factor * lead;
+        }
         for row in below.chunks_exact_mut(width) {
+            let weight = row[pivot];
+            for (factor, entry) in factors.iter().zip(&mut row[pivot + 1..]) {
+                *entry += factor * weight;
+            }
             row[pivot] = 0.0;
         }
+        first[pivot] = diagonal;
     }
 }
 
