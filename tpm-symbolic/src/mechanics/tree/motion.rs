@@ -59,8 +59,8 @@ impl Motion {
         turning[i] = difference(graph, products[i], along[j]);
         turning[j] = difference(graph, along[i], products[j]);
         let mut field = [*along; 3];
-        for row in 0..3 {
-            field[row][k] = along[row];
+        for (row, &component) in field.iter_mut().zip(along) {
+            row[k] = component;
         }
         field[k][i] = difference(graph, products[j], turning[j]);
         field[k][j] = graph.sum_of_wholes(&[products[i], turning[i]]);
