@@ -20,15 +20,15 @@
 //!
 //! | function | additions | multiplications | divisions | function calls |
 //! |---|---|---|---|---|
-//! | `regressor` | 98 | 121 | 0 | 7 |
+//! | `regressor` | 87 | 116 | 0 | 7 |
 //! | `known` | 0 | 0 | 0 | 0 |
 //! | `input_map` | 0 | 0 | 0 | 0 |
-//! | `inverse_dynamics` | 126 | 134 | 0 | 7 |
-//! | `feed_forward` | 126 | 134 | 0 | 7 |
-//! | `gravity` | 18 | 29 | 0 | 4 |
-//! | `mass_matrix` | 54 | 47 | 0 | 4 |
-//! | `forward_dynamics` | 164 | 174 | 0 | 7 |
-//! | `base_regressor` | 84 | 95 | 0 | 7 |
+//! | `inverse_dynamics` | 115 | 121 | 0 | 7 |
+//! | `feed_forward` | 115 | 121 | 0 | 7 |
+//! | `gravity` | 7 | 15 | 0 | 4 |
+//! | `mass_matrix` | 53 | 44 | 0 | 4 |
+//! | `forward_dynamics` | 146 | 148 | 0 | 7 |
+//! | `base_regressor` | 75 | 91 | 0 | 7 |
 //! | `Physical::lump` | 1 | 1 | 0 | 0 |
 //!
 //! Beside `core` it needs the crate `libm`, and nothing else.
@@ -92,7 +92,7 @@ pub const EQUATIONS: [Label<'static>; 3] = [
 ];
 
 /// A number that changes with the model, for logs and results to say what they belong to.
-pub const MODEL_HASH: u64 = 7042922976527440026;
+pub const MODEL_HASH: u64 = 12335623634707543705;
 
 /// The parameters that are estimated; every equation is linear in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -586,14 +586,14 @@ impl<T> Inputs<T> {
     }
 }
 
-/// The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u. Operations: 98
-/// additions, 121 multiplications, 7 function calls.
+/// The regressor Phi, one row per equation and one column per parameter: Phi theta + known = B u. Operations: 87
+/// additions, 116 multiplications, 7 function calls.
 #[must_use]
 pub fn regressor<T: Real>(motion: &Motion<T>) -> [[T; 26]; 3] {
     let mut matrix = [[T::ZERO; 26]; 3];
     // tau1, Izz_column: ddot(q1)
     matrix[0][0] = motion.q1.ddot;
-    // tau1, mx_upper: -2*dot(q1)^2*cos(q2)/25 - 2*sin(q2)*(-ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
+    // tau1, mx_upper: -2*dot(q1)^2*cos(q2)/25 + 2*sin(q2)*(ddot(q2) + dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
     // 2*cos(q2)*(dot(q2)^2 + dot(q1)^2*cos(q2)^2)/25
     let t0 = motion.q1.dot * motion.q1.dot;
     let t1 = motion.q2.value.cos();
@@ -602,173 +602,170 @@ pub fn regressor<T: Real>(motion: &Motion<T>) -> [[T; 26]; 3] {
     let t4 = motion.q1.dot * t1;
     let t5 = motion.q1.dot * t3;
     let t6 = t4 * t5;
-    let t7 = -motion.q2.ddot - t6;
+    let t7 = motion.q2.ddot + t6;
     let t8 = t3 * t7;
     let t9 = motion.q2.dot * motion.q2.dot;
     let t10 = t2 * t1;
     let t11 = t9 + t10;
-    matrix[0][1] = T::from_f64(0.08) * (t1 * t11) - T::from_f64(0.08) * t8
+    matrix[0][1] = T::from_f64(0.08) * t8 + T::from_f64(0.08) * (t1 * t11)
         - T::from_f64(0.08) * t2;
-    // tau1, mz_upper: -2*dot(q1)^2*sin(q2)/25 - 2*cos(q2)*(ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
-    // 2*sin(q2)*(dot(q2)^2 + dot(q1)^2*sin(q2)^2)/25
-    let t12 = t0 * t3;
-    let t13 = t1 * (motion.q2.ddot - t6);
-    let t14 = t12 * t3;
-    matrix[0][2] = T::from_f64(0.08) * (t3 * (t9 + t14)) - T::from_f64(0.08) * t13
-        - T::from_f64(0.08) * t12;
-    // tau1, Ixx_upper: cos(q2)*dot(q1)*sin(q2)*dot(q2) - sin(q2)*(-ddot(q1)*sin(q2) - dot(q1)*cos(q2)*dot(q2))
-    let t15 = t5 * motion.q2.dot;
-    let t16 = motion.q1.ddot * t3;
-    let t17 = t4 * motion.q2.dot;
-    let t18 = -t16 - t17;
-    matrix[0][3] = t1 * t15 - t3 * t18;
-    // tau1, Ixy_upper: sin(q2)*(-ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2)) + cos(q2)*(-dot(q2)^2 +
-    // dot(q1)^2*sin(q2)^2)
-    matrix[0][4] = t8 + t1 * (t14 - t9);
+    // tau1, mz_upper: S(q1, upper).W(mz, upper)
+    let t12 = t1 * (motion.q2.ddot - t6);
+    let t13 = t9 - t10;
+    matrix[0][2] = T::from_f64(0.08) * (t3 * (t0 + t13)) - T::from_f64(0.08) * t12
+        - T::from_f64(0.08) * (t0 * t3);
+    // tau1, Ixx_upper: sin(q2)*(ddot(q1)*sin(q2) + dot(q1)*cos(q2)*dot(q2)) + cos(q2)*dot(q1)*sin(q2)*dot(q2)
+    let t14 = motion.q1.ddot * t3;
+    let t15 = t4 * motion.q2.dot;
+    let t16 = t14 + t15;
+    let t17 = t5 * motion.q2.dot;
+    matrix[0][3] = t3 * t16 + t1 * t17;
+    // tau1, Ixy_upper: -sin(q2)*(ddot(q2) + dot(q1)*cos(q2)*dot(q1)*sin(q2)) + cos(q2)*(dot(q1)^2 - (dot(q2)^2 +
+    // dot(q1)^2*cos(q2)^2))
+    let t18 = t0 - t11;
+    matrix[0][4] = t1 * t18 - t8;
     // tau1, Ixz_upper: S(q1, upper).W(Ixz, upper)
     let t19 = motion.q1.ddot * t1;
-    let t20 = t19 - t15;
-    let t21 = t20 - t15;
-    matrix[0][5] = -(t3 * t21) - t1 * (t17 - t18);
+    let t20 = t19 - t17;
+    let t21 = t20 - t17;
+    matrix[0][5] = -(t3 * t21 + t1 * (t15 + t16));
     // tau1, Iyz_upper: cos(q2)*(ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2)) - sin(q2)*(dot(q2)^2 -
     // dot(q1)^2*cos(q2)^2)
-    matrix[0][7] = t13 - t3 * (t9 - t10);
+    matrix[0][7] = t12 - t3 * t13;
     // tau1, Izz_upper: -sin(q2)*dot(q1)*cos(q2)*dot(q2) + cos(q2)*(ddot(q1)*cos(q2) - dot(q1)*sin(q2)*dot(q2))
-    matrix[0][8] = t1 * t20 - t3 * t17;
+    matrix[0][8] = t1 * t20 - t3 * t15;
     // tau1, m_fore: S(q1, fore).W(m, fore)
-    let t22 = motion.q3.value.sin();
-    let t23 = t1 * t22;
-    let t24 = motion.q3.value.cos();
-    let t25 = t3 * t24;
-    let t26 = -(T::from_f64(0.05) * t23) - T::from_f64(0.05) * t25;
-    let t27 = T::from_f64(9.81) * t1 - T::from_f64(0.08) * t16;
-    let t28 = t17 + t18;
-    let t29 = t27 + (T::from_f64(0.35) * t7 - T::from_f64(0.03) * t28);
-    let t30 = -(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t19;
-    let t31 = -t15 - t20;
-    let t32 = t30 + (-(T::from_f64(0.03) * t31) - T::from_f64(0.35) * t11);
-    let t33 = t24 * t29 + t22 * t32;
-    let t34 = t1 * t24;
-    let t35 = t3 * t22;
-    let t36 = T::from_f64(0.05) * t35 - T::from_f64(0.05) * t34;
-    let t37 = t24 * t32 - t22 * t29;
-    let t38 = T::from_f64(0.35) * t21 + T::from_f64(0.03) * (t10 + t14)
-        - T::from_f64(0.08) * t0;
-    matrix[0][9] = t26 * t33 + t36 * t37 + T::from_f64(0.35) * (t1 * t38);
+    let t22 = T::from_f64(0.03) * t0 + T::from_f64(0.35) * t21 - T::from_f64(0.08) * t0;
+    let t23 = motion.q3.value.cos();
+    let t24 = t1 * t23;
+    let t25 = motion.q3.value.sin();
+    let t26 = t3 * t25;
+    let t27 = T::from_f64(0.05) * t26 - T::from_f64(0.05) * t24;
+    let t28 = T::from_f64(9.81) * t1 - T::from_f64(0.08) * t14;
+    let t29 = t28 + (T::from_f64(0.03) * t14 - T::from_f64(0.35) * t7);
+    let t30 = T::from_f64(9.81) * t3 + T::from_f64(0.08) * t19;
+    let t31 = T::from_f64(0.03) * t19 - T::from_f64(0.35) * t11 - t30;
+    let t32 = t23 * t31 - t25 * t29;
+    let t33 = t1 * t25;
+    let t34 = t3 * t23;
+    let t35 = T::from_f64(0.05) * t33 + T::from_f64(0.05) * t34;
+    let t36 = t23 * t29 + t25 * t31;
+    matrix[0][9] = T::from_f64(0.35) * (t1 * t22) + t27 * t32 - t35 * t36;
     // tau1, mx_fore: S(q1, fore).W(mx, fore)
-    let t39 = motion.q2.ddot + motion.q3.ddot;
-    let t40 = t4 * t24 - t5 * t22;
-    let t41 = -(t4 * t22) - t5 * t24;
-    let t42 = t40 * t41;
-    let t43 = t42 - t39;
-    let t44 = motion.q2.dot + motion.q3.dot;
-    let t45 = t44 * t44;
-    let t46 = t40 * t40;
-    let t47 = t45 + t46;
-    let t48 = t20 * t24 + t18 * t22 + t41 * motion.q3.dot;
-    let t49 = t41 * t44;
-    let t50 = t48 + t49;
-    let t51 = t34 - t35;
-    matrix[0][10] = t43 * t26 + T::from_f64(0.35) * (t1 * t50) - t47 * t36 + t51 * t38;
+    let t37 = t24 - t26;
+    let t38 = motion.q2.ddot + motion.q3.ddot;
+    let t39 = t4 * t23 - t5 * t25;
+    let t40 = t4 * t25 + t5 * t23;
+    let t41 = t39 * t40;
+    let t42 = t38 + t41;
+    let t43 = motion.q2.dot + motion.q3.dot;
+    let t44 = t43 * t43;
+    let t45 = t39 * t39;
+    let t46 = t44 + t45;
+    let t47 = t40 * t43;
+    let t48 = t14 * t25 - t19 * t23;
+    let t49 = t48 + t47;
+    let t50 = t47 + t49;
+    matrix[0][10] = t22 * t37 + (t42 * t35 - t46 * t27 - T::from_f64(0.35) * (t1 * t50));
     // tau1, my_fore: S(q1, fore).W(my, fore)
-    let t52 = t49 - t48;
-    let t53 = t18 * t24 - t20 * t22 - t40 * motion.q3.dot;
-    let t54 = t40 * t44;
-    let t55 = t53 + t54;
-    let t56 = t41 * t41;
-    let t57 = -t23 - t25;
-    matrix[0][11] = t52 * t36 + t55 * t26 - T::from_f64(0.35) * (t1 * (t56 + t46))
-        + (t57 * t33 - t51 * t37);
+    let t51 = t14 * t23 + t19 * t25;
+    let t52 = t33 + t34;
+    matrix[0][11] = t48 * t27 + t51 * t35 - T::from_f64(0.35) * t2
+        - (t37 * t32 + t52 * t36);
     // tau1, mz_fore: S(q1, fore).W(mz, fore)
-    let t58 = t39 + t42;
-    let t59 = t54 - t53;
-    let t60 = t56 + t45;
-    matrix[0][12] = t58 * t36 + T::from_f64(0.35) * (t1 * t59) - t60 * t26 - t57 * t38;
+    let t53 = -t41;
+    let t54 = t38 - t41;
+    let t55 = t44 - t45;
+    let t56 = t0 + t55;
+    let t57 = t39 * t43;
+    let t58 = t51 + t57;
+    let t59 = t57 + t58;
+    matrix[0][12] = t22 * t52 + (t54 * t27 + t56 * t35 + T::from_f64(0.35) * (t1 * t59));
     // tau1, Ixx_fore: S(q1, fore).W(Ixx, fore)
-    matrix[0][13] = t53 * t57 - t49 * t51;
+    matrix[0][13] = t58 * t52 + t47 * t37;
     // tau1, Ixy_fore: S(q1, fore).W(Ixy, fore)
-    matrix[0][14] = t51 * (t56 - t45) - t43 * t57;
+    let t60 = t0 - t46;
+    matrix[0][14] = t60 * t37 - t42 * t52;
     // tau1, Ixz_fore: S(q1, fore).W(Ixz, fore)
-    matrix[0][15] = t50 * t57 - t59 * t51;
+    matrix[0][15] = t50 * t52 - t59 * t37;
     // tau1, Iyz_fore: S(q1, fore).W(Iyz, fore)
-    matrix[0][17] = t57 * (t45 - t46) + t58 * t51;
+    matrix[0][17] = t54 * t37 - t55 * t52;
     // tau1, Izz_fore: S(q1, fore).W(Izz, fore)
-    matrix[0][18] = t54 * t57 + t48 * t51;
+    matrix[0][18] = -(t57 * t52 + t49 * t37);
     // tau1, fv_q1: dot(q1)
     matrix[0][19] = motion.q1.dot;
     // tau1, fc_q1: sign(dot(q1))
     matrix[0][20] = motion.q1.dot.sign();
-    // tau1, m_upper_plus_25_my_upper: -2*cos(q2)*(-981*sin(q2)/100 - 2*ddot(q1)*cos(q2)/25)/25 -
+    // tau1, m_upper_plus_25_my_upper: 2*cos(q2)*(981*sin(q2)/100 + 2*ddot(q1)*cos(q2)/25)/25 -
     // 2*sin(q2)*(981*cos(q2)/100 - 2*ddot(q1)*sin(q2)/25)/25
-    matrix[0][25] = -(T::from_f64(0.08) * (t1 * t30)) - T::from_f64(0.08) * (t3 * t27);
+    matrix[0][25] = T::from_f64(0.08) * (t1 * t30) - T::from_f64(0.08) * (t3 * t28);
     // tau2, mx_upper: -(981*cos(q2)/100 - 2*ddot(q1)*sin(q2)/25)
-    matrix[1][1] = -t27;
-    // tau2, mz_upper: -981*sin(q2)/100 - 2*ddot(q1)*cos(q2)/25
-    matrix[1][2] = t30;
+    matrix[1][1] = -t28;
+    // tau2, mz_upper: -(981*sin(q2)/100 + 2*ddot(q1)*cos(q2)/25)
+    matrix[1][2] = -t30;
     // tau2, Ixx_upper: -dot(q1)^2*cos(q2)*sin(q2)
     let t61 = t2 * t3;
     matrix[1][3] = -t61;
-    // tau2, Ixy_upper: dot(q1)*cos(q2)*dot(q2) - ddot(q1)*sin(q2) - dot(q1)*cos(q2)*dot(q2)
-    matrix[1][4] = t28;
-    // tau2, Ixz_upper: dot(q1)^2*cos(q2)^2 - dot(q1)^2*sin(q2)^2
-    matrix[1][5] = t10 - t14;
+    // tau2, Ixy_upper: -ddot(q1)*sin(q2)
+    matrix[1][4] = -t14;
+    // tau2, Ixz_upper: -(dot(q2)^2 - dot(q1)^2*cos(q2)^2 + dot(q1)^2 - (dot(q2)^2 + dot(q1)^2*cos(q2)^2))
+    matrix[1][5] = -(t13 + t18);
     // tau2, Iyy_upper: ddot(q2)
     matrix[1][6] = motion.q2.ddot;
-    // tau2, Iyz_upper: -(-dot(q1)*sin(q2)*dot(q2) - (ddot(q1)*cos(q2) - dot(q1)*sin(q2)*dot(q2)))
-    matrix[1][7] = -t31;
+    // tau2, Iyz_upper: ddot(q1)*cos(q2)
+    matrix[1][7] = t19;
     // tau2, Izz_upper: dot(q1)^2*cos(q2)*sin(q2)
     matrix[1][8] = t61;
     // tau2, m_fore: S(q2, fore).W(m, fore)
-    matrix[1][9] = T::from_f64(0.35) * (t22 * t37) - T::from_f64(0.35) * (t24 * t33);
+    matrix[1][9] = T::from_f64(0.35) * (t25 * t32) - T::from_f64(0.35) * (t23 * t36);
     // tau2, mx_fore: S(q2, fore).W(mx, fore)
-    matrix[1][10] = -(T::from_f64(0.35) * (t22 * t47)) - T::from_f64(0.35) * (t24 * t43)
-        - t33;
-    // tau2, my_fore: S(q2, fore).W(my, fore)
-    matrix[1][11] = T::from_f64(0.35) * (t22 * t52) - T::from_f64(0.35) * (t24 * t55);
+    matrix[1][10] = T::from_f64(0.35) * (t23 * t42) - T::from_f64(0.35) * (t25 * t46)
+        - t36;
+    // tau2, my_fore: 7*sin(q3)*(ddot(q1)*sin(q2)*sin(q3) - ddot(q1)*cos(q2)*cos(q3))/20 +
+    // 7*cos(q3)*(ddot(q1)*sin(q2)*cos(q3) + ddot(q1)*cos(q2)*sin(q3))/20
+    matrix[1][11] = T::from_f64(0.35) * (t25 * t48) + T::from_f64(0.35) * (t23 * t51);
     // tau2, mz_fore: S(q2, fore).W(mz, fore)
-    matrix[1][12] = T::from_f64(0.35) * (t22 * t58) + T::from_f64(0.35) * (t24 * t60)
-        + t37;
-    // tau2, Ixx_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    matrix[1][12] = T::from_f64(0.35) * (t25 * t54) + T::from_f64(0.35) * (t23 * t56)
+        + t32;
+    // tau2, Ixx_fore: -(dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(dot(q1)*cos(q2)*sin(q3) +
     // dot(q1)*sin(q2)*cos(q3))
-    matrix[1][13] = t42;
-    // tau2, Ixy_fore: S(q2, fore).W(Ixy, fore)
-    matrix[1][14] = t55;
-    // tau2, Ixz_fore: -(-dot(q1)*cos(q2)*sin(q3) - dot(q1)*sin(q2)*cos(q3))^2 + (dot(q1)*cos(q2)*cos(q3) -
-    // dot(q1)*sin(q2)*sin(q3))^2
-    let t62 = t46 - t56;
-    matrix[1][15] = t62;
+    matrix[1][13] = t53;
+    // tau2, Ixy_fore: -(ddot(q1)*sin(q2)*cos(q3) + ddot(q1)*cos(q2)*sin(q3))
+    let t62 = -t51;
+    matrix[1][14] = t62;
+    // tau2, Ixz_fore: S(q2, fore).W(Ixz, fore)
+    let t63 = -(t55 + t60);
+    matrix[1][15] = t63;
     // tau2, Iyy_fore: ddot(q2) + ddot(q3)
-    matrix[1][16] = t39;
-    // tau2, Iyz_fore: S(q2, fore).W(Iyz, fore)
-    let t63 = -t52;
-    matrix[1][17] = t63;
-    // tau2, Izz_fore: -(dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    matrix[1][16] = t38;
+    // tau2, Iyz_fore: -(ddot(q1)*sin(q2)*sin(q3) - ddot(q1)*cos(q2)*cos(q3))
+    let t64 = -t48;
+    matrix[1][17] = t64;
+    // tau2, Izz_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(dot(q1)*cos(q2)*sin(q3) +
     // dot(q1)*sin(q2)*cos(q3))
-    let t64 = -t42;
-    matrix[1][18] = t64;
+    matrix[1][18] = t41;
     // tau2, fv_q2: dot(q2)
     matrix[1][21] = motion.q2.dot;
     // tau2, fc_q2: sign(dot(q2))
     matrix[1][22] = motion.q2.dot.sign();
     // tau3, mx_fore: S(q3, fore).W(mx, fore)
-    matrix[2][10] = -t33;
+    matrix[2][10] = -t36;
     // tau3, mz_fore: S(q3, fore).W(mz, fore)
-    matrix[2][12] = t37;
-    // tau3, Ixx_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    matrix[2][12] = t32;
+    // tau3, Ixx_fore: -(dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(dot(q1)*cos(q2)*sin(q3) +
     // dot(q1)*sin(q2)*cos(q3))
-    matrix[2][13] = t42;
-    // tau3, Ixy_fore: S(q3, fore).W(Ixy, fore)
-    matrix[2][14] = t55;
-    // tau3, Ixz_fore: -(-dot(q1)*cos(q2)*sin(q3) - dot(q1)*sin(q2)*cos(q3))^2 + (dot(q1)*cos(q2)*cos(q3) -
-    // dot(q1)*sin(q2)*sin(q3))^2
-    matrix[2][15] = t62;
+    matrix[2][13] = t53;
+    // tau3, Ixy_fore: -(ddot(q1)*sin(q2)*cos(q3) + ddot(q1)*cos(q2)*sin(q3))
+    matrix[2][14] = t62;
+    // tau3, Ixz_fore: S(q3, fore).W(Ixz, fore)
+    matrix[2][15] = t63;
     // tau3, Iyy_fore: ddot(q2) + ddot(q3)
-    matrix[2][16] = t39;
-    // tau3, Iyz_fore: S(q3, fore).W(Iyz, fore)
-    matrix[2][17] = t63;
-    // tau3, Izz_fore: -(dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    matrix[2][16] = t38;
+    // tau3, Iyz_fore: -(ddot(q1)*sin(q2)*sin(q3) - ddot(q1)*cos(q2)*cos(q3))
+    matrix[2][17] = t64;
+    // tau3, Izz_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(dot(q1)*cos(q2)*sin(q3) +
     // dot(q1)*sin(q2)*cos(q3))
-    matrix[2][18] = t64;
+    matrix[2][18] = t41;
     // tau3, fv_q3: dot(q3)
     matrix[2][23] = motion.q3.dot;
     // tau3, fc_q3: sign(dot(q3))
@@ -805,113 +802,109 @@ pub fn input_map<T: Real>() -> [[T; 3]; 3] {
 
 /// Phi theta + known: the generalised force of every equation that the motion needs.
 ///
-/// Operations: 126 additions, 134 multiplications, 7 function calls.
+/// Operations: 115 additions, 121 multiplications, 7 function calls.
 #[must_use]
 pub fn inverse_dynamics<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> Forces<T> {
-    let t0 = motion.q2.value.cos();
-    let t1 = motion.q1.dot * motion.q1.dot;
-    let t2 = motion.q1.ddot * t0;
-    let t3 = motion.q2.value.sin();
-    let t4 = motion.q1.dot * t3;
-    let t5 = t4 * motion.q2.dot;
-    let t6 = t2 - t5;
-    let t7 = motion.q1.dot * t0;
-    let t8 = t7 * t4;
-    let t9 = motion.q2.ddot - t8;
-    let t10 = motion.q2.dot * motion.q2.dot;
-    let t11 = t1 * (t3 * t3);
-    let t12 = t7 * motion.q2.dot;
-    let t13 = motion.q1.ddot * t3;
-    let t14 = -t13 - t12;
-    let t15 = t6 * parameters.Izz_upper + t9 * parameters.Iyz_upper
-        + (t11 - t10) * parameters.Ixy_upper + t5 * parameters.Ixx_upper
-        - (t12 - t14) * parameters.Ixz_upper - t5 * parameters.Iyy_upper
-        - T::from_f64(0.08) * (t1 * parameters.mx_upper);
-    let t16 = motion.q3.value.cos();
-    let t17 = motion.q2.ddot + motion.q3.ddot;
-    let t18 = motion.q3.value.sin();
-    let t19 = t7 * t16 - t4 * t18;
-    let t20 = -(t7 * t18) - t4 * t16;
-    let t21 = t19 * t20;
-    let t22 = t17 + t21;
-    let t23 = t6 * t16 + t14 * t18 + t20 * motion.q3.dot;
-    let t24 = motion.q2.dot + motion.q3.dot;
-    let t25 = t20 * t24;
-    let t26 = t25 - t23;
-    let t27 = t24 * t24;
-    let t28 = t19 * t19;
-    let t29 = T::from_f64(9.81) * t0 - T::from_f64(0.08) * t13;
-    let t30 = t12 + t14;
-    let t31 = -motion.q2.ddot - t8;
-    let t32 = t29 + (T::from_f64(0.35) * t31 - T::from_f64(0.03) * t30);
-    let t33 = -(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t2;
-    let t34 = -t5 - t6;
-    let t35 = t1 * (t0 * t0);
-    let t36 = t10 + t35;
-    let t37 = t33 + (-(T::from_f64(0.03) * t34) - T::from_f64(0.35) * t36);
-    let t38 = t16 * t37 - t18 * t32;
-    let t39 = t22 * parameters.mz_fore + t26 * parameters.my_fore
-        - (t27 + t28) * parameters.mx_fore + t38 * parameters.m_fore;
-    let t40 = t14 * t16 - t6 * t18 - t19 * motion.q3.dot;
-    let t41 = t19 * t24;
-    let t42 = t40 + t41;
-    let t43 = t21 - t17;
-    let t44 = t20 * t20;
-    let t45 = t16 * t32 + t18 * t37;
-    let t46 = t42 * parameters.my_fore + t43 * parameters.mx_fore
-        - (t44 + t27) * parameters.mz_fore + t45 * parameters.m_fore;
-    let t47 = t16 * t39 + t18 * t46;
-    let t48 = t41 - t40;
-    let t49 = t23 + t25;
-    let t50 = t6 - t5;
-    let t51 = T::from_f64(0.35) * t50 + T::from_f64(0.03) * (t35 + t11)
-        - T::from_f64(0.08) * t1;
-    let t52 = t51 * parameters.mx_fore - t38 * parameters.my_fore
-        + (t23 * parameters.Izz_fore + t22 * parameters.Iyz_fore
-            + t25 * parameters.Iyy_fore + (t44 - t27) * parameters.Ixy_fore
-            - t25 * parameters.Ixx_fore - t48 * parameters.Ixz_fore);
-    let t53 = t45 * parameters.my_fore - t51 * parameters.mz_fore
-        + (t41 * parameters.Izz_fore + (t27 - t28) * parameters.Iyz_fore
-            + t49 * parameters.Ixz_fore + t40 * parameters.Ixx_fore
-            - t43 * parameters.Ixy_fore - t41 * parameters.Iyy_fore);
-    let t54 = T::from_f64(0.03) * t47
-        + T::from_f64(0.35)
-            * (t48 * parameters.mz_fore + t49 * parameters.mx_fore
-                - (t44 + t28) * parameters.my_fore + t51 * parameters.m_fore)
-        + (t16 * t52 - t18 * t53);
-    let t55 = T::from_f64(0.08) * (t1 * parameters.mz_upper)
-        + (t12 * parameters.Izz_upper + (t10 - t35) * parameters.Iyz_upper
-            + t50 * parameters.Ixz_upper + t14 * parameters.Ixx_upper
-            - t31 * parameters.Ixy_upper - t12 * parameters.Iyy_upper);
-    let t56 = t16 * t46 - t18 * t39;
-    let t57 = t0
-        * (t47
-            + (t9 * parameters.mz_upper - t36 * parameters.mx_upper
-                + t33 * parameters.m_upper_plus_25_my_upper))
-        + t3
-            * (t56
-                + (t31 * parameters.mx_upper - (t10 + t11) * parameters.mz_upper
-                    + t29 * parameters.m_upper_plus_25_my_upper));
-    let t58 = t0 * (t15 + t54)
-        - t3 * (t55 + (t16 * t53 + t18 * t52 - T::from_f64(0.03) * t56))
-        - T::from_f64(0.08) * t57 + motion.q1.ddot * parameters.Izz_column;
-    let t59 = t33 * parameters.mz_upper - t29 * parameters.mx_upper
-        + (t8 * parameters.Izz_upper + motion.q2.ddot * parameters.Iyy_upper
-            + (t35 - t11) * parameters.Ixz_upper + t30 * parameters.Ixy_upper
-            - t8 * parameters.Ixx_upper - t34 * parameters.Iyz_upper);
-    let t60 = t38 * parameters.mz_fore - t45 * parameters.mx_fore
-        + (t17 * parameters.Iyy_fore + (t28 - t44) * parameters.Ixz_fore
-            + t42 * parameters.Ixy_fore + t21 * parameters.Ixx_fore
-            - t26 * parameters.Iyz_fore - t21 * parameters.Izz_fore);
+    let t0 = T::from_f64(0.06) * parameters.my_fore;
+    let t1 = parameters.Izz_upper
+        + (T::from_f64(0.1234) * parameters.m_fore + parameters.Izz_fore - t0);
+    let t2 = motion.q2.value.cos();
+    let t3 = motion.q1.dot * t2;
+    let t4 = motion.q2.value.sin();
+    let t5 = motion.q1.dot * t4;
+    let t6 = t3 * t5;
+    let t7 = motion.q2.ddot - t6;
+    let t8 = motion.q1.dot * motion.q1.dot;
+    let t9 = motion.q2.dot * motion.q2.dot;
+    let t10 = t8 * (t2 * t2);
+    let t11 = t9 + t10;
+    let t12 = t8 - t11;
+    let t13 = parameters.Ixy_upper
+        + (T::from_f64(0.0105) * parameters.m_fore
+            - T::from_f64(0.35) * parameters.my_fore);
+    let t14 = t5 * motion.q2.dot;
+    let t15 = parameters.Iyy_upper + T::from_f64(0.1225) * parameters.m_fore;
+    let t16 = parameters.Ixx_upper
+        + (T::from_f64(0.0009) * parameters.m_fore + parameters.Izz_fore - t0) - t1;
+    let t17 = t3 * motion.q2.dot;
+    let t18 = motion.q1.ddot * t4;
+    let t19 = t18 + t17;
+    let t20 = parameters.mx_upper + T::from_f64(0.35) * parameters.m_fore;
+    let t21 = motion.q3.value.cos();
+    let t22 = motion.q2.ddot + motion.q3.ddot;
+    let t23 = motion.q3.value.sin();
+    let t24 = t3 * t21 - t5 * t23;
+    let t25 = t3 * t23 + t5 * t21;
+    let t26 = t24 * t25;
+    let t27 = t22 - t26;
+    let t28 = motion.q2.dot + motion.q3.dot;
+    let t29 = t28 * t28;
+    let t30 = t24 * t24;
+    let t31 = t29 + t30;
+    let t32 = t27 * parameters.mz_fore - t31 * parameters.mx_fore;
+    let t33 = t29 - t30;
+    let t34 = t22 + t26;
+    let t35 = (t8 + t33) * parameters.mz_fore + t34 * parameters.mx_fore;
+    let t36 = t21 * t32 - t23 * t35;
+    let t37 = t24 * t28;
+    let t38 = motion.q1.ddot * t2;
+    let t39 = t18 * t21 + t38 * t23;
+    let t40 = t39 + t37;
+    let t41 = t37 + t40;
+    let t42 = t25 * t28;
+    let t43 = t18 * t23 - t38 * t21;
+    let t44 = t42 + (t43 + t42);
+    let t45 = t38 - t14 - t14;
+    let t46 = T::from_f64(0.03) * t8 + T::from_f64(0.35) * t45 - T::from_f64(0.08) * t8;
+    let t47 = t8 - t31;
+    let t48 = parameters.Ixx_fore - parameters.Izz_fore;
+    let t49 = t46 * parameters.mx_fore
+        + (t27 * parameters.Iyz_fore + t47 * parameters.Ixy_fore
+            - t42 * (parameters.Iyy_fore - t48) - t41 * parameters.Ixz_fore);
+    let t50 = t33 * parameters.Iyz_fore + t34 * parameters.Ixy_fore - t40 * t48
+        - t37 * parameters.Iyy_fore - t44 * parameters.Ixz_fore
+        - t46 * parameters.mz_fore;
+    let t51 = t7 * parameters.Iyz_upper + t12 * t13 - t14 * (t15 - t16)
+        - (t17 + t19) * parameters.Ixz_upper - T::from_f64(0.08) * (t8 * t20)
+        + (T::from_f64(0.03) * t36
+            + T::from_f64(0.35) * (t41 * parameters.mz_fore - t44 * parameters.mx_fore)
+            + (t21 * t49 - t23 * t50));
+    let t52 = t9 - t10;
+    let t53 = motion.q2.ddot + t6;
+    let t54 = t23 * t32 + t21 * t35;
+    let t55 = t52 * parameters.Iyz_upper + t45 * parameters.Ixz_upper + t53 * t13
+        - t19 * t16 - t17 * t15 + T::from_f64(0.08) * (t8 * parameters.mz_upper)
+        + (t21 * t50 + t23 * t49 + T::from_f64(0.03) * t54);
+    let t56 = t2 * t51 - t4 * t55
+        - T::from_f64(0.08)
+            * (t2 * (t36 + (t7 * parameters.mz_upper - t11 * t20))
+                - t4 * (t54 + ((t8 + t52) * parameters.mz_upper + t53 * t20)));
+    let t57 = motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
+        + (motion.q1.ddot
+            * (parameters.Izz_column
+                + (T::from_f64(0.16)
+                    * (parameters.my_fore - T::from_f64(0.03) * parameters.m_fore)
+                    + T::from_f64(0.0064)
+                        * (parameters.m_fore + parameters.m_upper_plus_25_my_upper)
+                    + t1)) + t56);
+    let t58 = T::from_f64(9.81) * t2 - T::from_f64(0.08) * t18;
+    let t59 = T::from_f64(9.81) * t4 + T::from_f64(0.08) * t38;
+    let t60 = motion.q2.ddot * t15 + t38 * parameters.Iyz_upper - t6 * t16 - t18 * t13
+        - (t52 + t12) * parameters.Ixz_upper - (t58 * t20 + t59 * parameters.mz_upper);
+    let t61 = t58 + (T::from_f64(0.03) * t18 - T::from_f64(0.35) * t53);
+    let t62 = T::from_f64(0.03) * t38 - T::from_f64(0.35) * t11 - t59;
+    let t63 = (t21 * t62 - t23 * t61) * parameters.mz_fore
+        - (t21 * t61 + t23 * t62) * parameters.mx_fore
+        + (t22 * parameters.Iyy_fore - t26 * t48 - t39 * parameters.Ixy_fore
+            - (t33 + t47) * parameters.Ixz_fore - t43 * parameters.Iyz_fore);
     Forces {
-        tau1: motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
-            + t58,
+        tau1: t57,
         tau2: motion.q2.dot * parameters.fv_q2 + motion.q2.dot.sign() * parameters.fc_q2
-            + (t59 + (t60 - T::from_f64(0.35) * t56)),
-        tau3: t60
+            + (t60 + (T::from_f64(0.35) * t54 + t63)),
+        tau3: t63
             + (motion.q3.dot * parameters.fv_q3
                 + motion.q3.dot.sign() * parameters.fc_q3),
     }
@@ -919,113 +912,109 @@ pub fn inverse_dynamics<T: Real>(
 
 /// Feed-forward: the inputs that the reference motion needs.
 ///
-/// Operations: 126 additions, 134 multiplications, 7 function calls.
+/// Operations: 115 additions, 121 multiplications, 7 function calls.
 #[must_use]
 pub fn feed_forward<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> Inputs<T> {
-    let t0 = motion.q2.value.cos();
-    let t1 = motion.q1.dot * motion.q1.dot;
-    let t2 = motion.q1.ddot * t0;
-    let t3 = motion.q2.value.sin();
-    let t4 = motion.q1.dot * t3;
-    let t5 = t4 * motion.q2.dot;
-    let t6 = t2 - t5;
-    let t7 = motion.q1.dot * t0;
-    let t8 = t7 * t4;
-    let t9 = motion.q2.ddot - t8;
-    let t10 = motion.q2.dot * motion.q2.dot;
-    let t11 = t1 * (t3 * t3);
-    let t12 = t7 * motion.q2.dot;
-    let t13 = motion.q1.ddot * t3;
-    let t14 = -t13 - t12;
-    let t15 = t6 * parameters.Izz_upper + t9 * parameters.Iyz_upper
-        + (t11 - t10) * parameters.Ixy_upper + t5 * parameters.Ixx_upper
-        - (t12 - t14) * parameters.Ixz_upper - t5 * parameters.Iyy_upper
-        - T::from_f64(0.08) * (t1 * parameters.mx_upper);
-    let t16 = motion.q3.value.cos();
-    let t17 = motion.q2.ddot + motion.q3.ddot;
-    let t18 = motion.q3.value.sin();
-    let t19 = t7 * t16 - t4 * t18;
-    let t20 = -(t7 * t18) - t4 * t16;
-    let t21 = t19 * t20;
-    let t22 = t17 + t21;
-    let t23 = t6 * t16 + t14 * t18 + t20 * motion.q3.dot;
-    let t24 = motion.q2.dot + motion.q3.dot;
-    let t25 = t20 * t24;
-    let t26 = t25 - t23;
-    let t27 = t24 * t24;
-    let t28 = t19 * t19;
-    let t29 = T::from_f64(9.81) * t0 - T::from_f64(0.08) * t13;
-    let t30 = t12 + t14;
-    let t31 = -motion.q2.ddot - t8;
-    let t32 = t29 + (T::from_f64(0.35) * t31 - T::from_f64(0.03) * t30);
-    let t33 = -(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t2;
-    let t34 = -t5 - t6;
-    let t35 = t1 * (t0 * t0);
-    let t36 = t10 + t35;
-    let t37 = t33 + (-(T::from_f64(0.03) * t34) - T::from_f64(0.35) * t36);
-    let t38 = t16 * t37 - t18 * t32;
-    let t39 = t22 * parameters.mz_fore + t26 * parameters.my_fore
-        - (t27 + t28) * parameters.mx_fore + t38 * parameters.m_fore;
-    let t40 = t14 * t16 - t6 * t18 - t19 * motion.q3.dot;
-    let t41 = t19 * t24;
-    let t42 = t40 + t41;
-    let t43 = t21 - t17;
-    let t44 = t20 * t20;
-    let t45 = t16 * t32 + t18 * t37;
-    let t46 = t42 * parameters.my_fore + t43 * parameters.mx_fore
-        - (t44 + t27) * parameters.mz_fore + t45 * parameters.m_fore;
-    let t47 = t16 * t39 + t18 * t46;
-    let t48 = t41 - t40;
-    let t49 = t23 + t25;
-    let t50 = t6 - t5;
-    let t51 = T::from_f64(0.35) * t50 + T::from_f64(0.03) * (t35 + t11)
-        - T::from_f64(0.08) * t1;
-    let t52 = t51 * parameters.mx_fore - t38 * parameters.my_fore
-        + (t23 * parameters.Izz_fore + t22 * parameters.Iyz_fore
-            + t25 * parameters.Iyy_fore + (t44 - t27) * parameters.Ixy_fore
-            - t25 * parameters.Ixx_fore - t48 * parameters.Ixz_fore);
-    let t53 = t45 * parameters.my_fore - t51 * parameters.mz_fore
-        + (t41 * parameters.Izz_fore + (t27 - t28) * parameters.Iyz_fore
-            + t49 * parameters.Ixz_fore + t40 * parameters.Ixx_fore
-            - t43 * parameters.Ixy_fore - t41 * parameters.Iyy_fore);
-    let t54 = T::from_f64(0.03) * t47
-        + T::from_f64(0.35)
-            * (t48 * parameters.mz_fore + t49 * parameters.mx_fore
-                - (t44 + t28) * parameters.my_fore + t51 * parameters.m_fore)
-        + (t16 * t52 - t18 * t53);
-    let t55 = T::from_f64(0.08) * (t1 * parameters.mz_upper)
-        + (t12 * parameters.Izz_upper + (t10 - t35) * parameters.Iyz_upper
-            + t50 * parameters.Ixz_upper + t14 * parameters.Ixx_upper
-            - t31 * parameters.Ixy_upper - t12 * parameters.Iyy_upper);
-    let t56 = t16 * t46 - t18 * t39;
-    let t57 = t0
-        * (t47
-            + (t9 * parameters.mz_upper - t36 * parameters.mx_upper
-                + t33 * parameters.m_upper_plus_25_my_upper))
-        + t3
-            * (t56
-                + (t31 * parameters.mx_upper - (t10 + t11) * parameters.mz_upper
-                    + t29 * parameters.m_upper_plus_25_my_upper));
-    let t58 = t0 * (t15 + t54)
-        - t3 * (t55 + (t16 * t53 + t18 * t52 - T::from_f64(0.03) * t56))
-        - T::from_f64(0.08) * t57 + motion.q1.ddot * parameters.Izz_column;
-    let t59 = t33 * parameters.mz_upper - t29 * parameters.mx_upper
-        + (t8 * parameters.Izz_upper + motion.q2.ddot * parameters.Iyy_upper
-            + (t35 - t11) * parameters.Ixz_upper + t30 * parameters.Ixy_upper
-            - t8 * parameters.Ixx_upper - t34 * parameters.Iyz_upper);
-    let t60 = t38 * parameters.mz_fore - t45 * parameters.mx_fore
-        + (t17 * parameters.Iyy_fore + (t28 - t44) * parameters.Ixz_fore
-            + t42 * parameters.Ixy_fore + t21 * parameters.Ixx_fore
-            - t26 * parameters.Iyz_fore - t21 * parameters.Izz_fore);
+    let t0 = T::from_f64(0.06) * parameters.my_fore;
+    let t1 = parameters.Izz_upper
+        + (T::from_f64(0.1234) * parameters.m_fore + parameters.Izz_fore - t0);
+    let t2 = motion.q2.value.cos();
+    let t3 = motion.q1.dot * t2;
+    let t4 = motion.q2.value.sin();
+    let t5 = motion.q1.dot * t4;
+    let t6 = t3 * t5;
+    let t7 = motion.q2.ddot - t6;
+    let t8 = motion.q1.dot * motion.q1.dot;
+    let t9 = motion.q2.dot * motion.q2.dot;
+    let t10 = t8 * (t2 * t2);
+    let t11 = t9 + t10;
+    let t12 = t8 - t11;
+    let t13 = parameters.Ixy_upper
+        + (T::from_f64(0.0105) * parameters.m_fore
+            - T::from_f64(0.35) * parameters.my_fore);
+    let t14 = t5 * motion.q2.dot;
+    let t15 = parameters.Iyy_upper + T::from_f64(0.1225) * parameters.m_fore;
+    let t16 = parameters.Ixx_upper
+        + (T::from_f64(0.0009) * parameters.m_fore + parameters.Izz_fore - t0) - t1;
+    let t17 = t3 * motion.q2.dot;
+    let t18 = motion.q1.ddot * t4;
+    let t19 = t18 + t17;
+    let t20 = parameters.mx_upper + T::from_f64(0.35) * parameters.m_fore;
+    let t21 = motion.q3.value.cos();
+    let t22 = motion.q2.ddot + motion.q3.ddot;
+    let t23 = motion.q3.value.sin();
+    let t24 = t3 * t21 - t5 * t23;
+    let t25 = t3 * t23 + t5 * t21;
+    let t26 = t24 * t25;
+    let t27 = t22 - t26;
+    let t28 = motion.q2.dot + motion.q3.dot;
+    let t29 = t28 * t28;
+    let t30 = t24 * t24;
+    let t31 = t29 + t30;
+    let t32 = t27 * parameters.mz_fore - t31 * parameters.mx_fore;
+    let t33 = t29 - t30;
+    let t34 = t22 + t26;
+    let t35 = (t8 + t33) * parameters.mz_fore + t34 * parameters.mx_fore;
+    let t36 = t21 * t32 - t23 * t35;
+    let t37 = t24 * t28;
+    let t38 = motion.q1.ddot * t2;
+    let t39 = t18 * t21 + t38 * t23;
+    let t40 = t39 + t37;
+    let t41 = t37 + t40;
+    let t42 = t25 * t28;
+    let t43 = t18 * t23 - t38 * t21;
+    let t44 = t42 + (t43 + t42);
+    let t45 = t38 - t14 - t14;
+    let t46 = T::from_f64(0.03) * t8 + T::from_f64(0.35) * t45 - T::from_f64(0.08) * t8;
+    let t47 = t8 - t31;
+    let t48 = parameters.Ixx_fore - parameters.Izz_fore;
+    let t49 = t46 * parameters.mx_fore
+        + (t27 * parameters.Iyz_fore + t47 * parameters.Ixy_fore
+            - t42 * (parameters.Iyy_fore - t48) - t41 * parameters.Ixz_fore);
+    let t50 = t33 * parameters.Iyz_fore + t34 * parameters.Ixy_fore - t40 * t48
+        - t37 * parameters.Iyy_fore - t44 * parameters.Ixz_fore
+        - t46 * parameters.mz_fore;
+    let t51 = t7 * parameters.Iyz_upper + t12 * t13 - t14 * (t15 - t16)
+        - (t17 + t19) * parameters.Ixz_upper - T::from_f64(0.08) * (t8 * t20)
+        + (T::from_f64(0.03) * t36
+            + T::from_f64(0.35) * (t41 * parameters.mz_fore - t44 * parameters.mx_fore)
+            + (t21 * t49 - t23 * t50));
+    let t52 = t9 - t10;
+    let t53 = motion.q2.ddot + t6;
+    let t54 = t23 * t32 + t21 * t35;
+    let t55 = t52 * parameters.Iyz_upper + t45 * parameters.Ixz_upper + t53 * t13
+        - t19 * t16 - t17 * t15 + T::from_f64(0.08) * (t8 * parameters.mz_upper)
+        + (t21 * t50 + t23 * t49 + T::from_f64(0.03) * t54);
+    let t56 = t2 * t51 - t4 * t55
+        - T::from_f64(0.08)
+            * (t2 * (t36 + (t7 * parameters.mz_upper - t11 * t20))
+                - t4 * (t54 + ((t8 + t52) * parameters.mz_upper + t53 * t20)));
+    let t57 = motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
+        + (motion.q1.ddot
+            * (parameters.Izz_column
+                + (T::from_f64(0.16)
+                    * (parameters.my_fore - T::from_f64(0.03) * parameters.m_fore)
+                    + T::from_f64(0.0064)
+                        * (parameters.m_fore + parameters.m_upper_plus_25_my_upper)
+                    + t1)) + t56);
+    let t58 = T::from_f64(9.81) * t2 - T::from_f64(0.08) * t18;
+    let t59 = T::from_f64(9.81) * t4 + T::from_f64(0.08) * t38;
+    let t60 = motion.q2.ddot * t15 + t38 * parameters.Iyz_upper - t6 * t16 - t18 * t13
+        - (t52 + t12) * parameters.Ixz_upper - (t58 * t20 + t59 * parameters.mz_upper);
+    let t61 = t58 + (T::from_f64(0.03) * t18 - T::from_f64(0.35) * t53);
+    let t62 = T::from_f64(0.03) * t38 - T::from_f64(0.35) * t11 - t59;
+    let t63 = (t21 * t62 - t23 * t61) * parameters.mz_fore
+        - (t21 * t61 + t23 * t62) * parameters.mx_fore
+        + (t22 * parameters.Iyy_fore - t26 * t48 - t39 * parameters.Ixy_fore
+            - (t33 + t47) * parameters.Ixz_fore - t43 * parameters.Iyz_fore);
     Inputs {
-        tau1: motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
-            + t58,
+        tau1: t57,
         tau2: motion.q2.dot * parameters.fv_q2 + motion.q2.dot.sign() * parameters.fc_q2
-            + (t59 + (t60 - T::from_f64(0.35) * t56)),
-        tau3: t60
+            + (t60 + (T::from_f64(0.35) * t54 + t63)),
+        tau3: t63
             + (motion.q3.dot * parameters.fv_q3
                 + motion.q3.dot.sign() * parameters.fc_q3),
     }
@@ -1033,163 +1022,159 @@ pub fn feed_forward<T: Real>(
 
 /// [`feed_forward`] and [`regressor`] in one go: what they share is computed once.
 ///
-/// Operations: 186 additions, 219 multiplications, 7 function calls.
+/// Operations: 173 additions, 203 multiplications, 7 function calls.
 #[must_use]
 pub fn feed_forward_with_regressor<T: Real>(
     motion: &Motion<T>,
     parameters: &Parameters<T>,
 ) -> (Inputs<T>, [[T; 26]; 3]) {
     // tau1, mx_upper
-    let t0 = motion.q2.value.cos();
-    let t1 = motion.q2.dot * motion.q2.dot;
-    let t2 = motion.q1.dot * motion.q1.dot;
-    let t3 = t2 * t0;
-    let t4 = t3 * t0;
-    let t5 = t1 + t4;
-    let t6 = motion.q2.value.sin();
-    let t7 = motion.q1.dot * t0;
-    let t8 = motion.q1.dot * t6;
-    let t9 = t7 * t8;
-    let t10 = -motion.q2.ddot - t9;
-    let t11 = t6 * t10;
+    let t0 = motion.q2.value.sin();
+    let t1 = motion.q2.value.cos();
+    let t2 = motion.q1.dot * t1;
+    let t3 = motion.q1.dot * t0;
+    let t4 = t2 * t3;
+    let t5 = motion.q2.ddot + t4;
+    let t6 = t0 * t5;
+    let t7 = motion.q2.dot * motion.q2.dot;
+    let t8 = motion.q1.dot * motion.q1.dot;
+    let t9 = t8 * t1;
+    let t10 = t9 * t1;
+    let t11 = t7 + t10;
     // tau1, mz_upper
-    let t12 = t2 * t6;
-    let t13 = t12 * t6;
-    let t14 = motion.q2.ddot - t9;
-    let t15 = t0 * t14;
+    let t12 = t7 - t10;
+    let t13 = motion.q2.ddot - t4;
+    let t14 = t1 * t13;
     // tau1, Ixx_upper
-    let t16 = t8 * motion.q2.dot;
-    let t17 = motion.q1.ddot * t6;
-    let t18 = t7 * motion.q2.dot;
-    let t19 = -t17 - t18;
+    let t15 = motion.q1.ddot * t0;
+    let t16 = t2 * motion.q2.dot;
+    let t17 = t15 + t16;
+    let t18 = t3 * motion.q2.dot;
+    // tau1, Ixy_upper
+    let t19 = t8 - t11;
     // tau1, Ixz_upper
-    let t20 = motion.q1.ddot * t0;
-    let t21 = t20 - t16;
-    let t22 = t21 - t16;
-    let t23 = t18 - t19;
+    let t20 = motion.q1.ddot * t1;
+    let t21 = t20 - t18;
+    let t22 = t21 - t18;
+    let t23 = t16 + t17;
     // tau1, m_fore
-    let t24 = motion.q3.value.sin();
-    let t25 = t0 * t24;
-    let t26 = motion.q3.value.cos();
-    let t27 = t6 * t26;
-    let t28 = -(T::from_f64(0.05) * t25) - T::from_f64(0.05) * t27;
-    let t29 = T::from_f64(9.81) * t0 - T::from_f64(0.08) * t17;
-    let t30 = t18 + t19;
-    let t31 = t29 + (T::from_f64(0.35) * t10 - T::from_f64(0.03) * t30);
-    let t32 = t26 * t31;
-    let t33 = -(T::from_f64(9.81) * t6) - T::from_f64(0.08) * t20;
-    let t34 = -t16 - t21;
-    let t35 = -(T::from_f64(0.03) * t34);
-    let t36 = t33 + (t35 - T::from_f64(0.35) * t5);
-    let t37 = t32 + t24 * t36;
-    let t38 = t6 * t24;
-    let t39 = t0 * t26;
-    let t40 = T::from_f64(0.05) * t38 - T::from_f64(0.05) * t39;
-    let t41 = t24 * t31;
-    let t42 = t26 * t36 - t41;
-    let t43 = T::from_f64(0.35) * t22;
-    let t44 = T::from_f64(0.08) * t2;
-    let t45 = t43 + T::from_f64(0.03) * (t4 + t13) - t44;
+    let t24 = T::from_f64(0.03) * t8 + T::from_f64(0.35) * t22 - T::from_f64(0.08) * t8;
+    let t25 = motion.q3.value.sin();
+    let t26 = t0 * t25;
+    let t27 = motion.q3.value.cos();
+    let t28 = t1 * t27;
+    let t29 = T::from_f64(0.05) * t26 - T::from_f64(0.05) * t28;
+    let t30 = T::from_f64(0.03) * t20;
+    let t31 = T::from_f64(9.81) * t0 + T::from_f64(0.08) * t20;
+    let t32 = t30 - T::from_f64(0.35) * t11 - t31;
+    let t33 = T::from_f64(9.81) * t1 - T::from_f64(0.08) * t15;
+    let t34 = t33 + (T::from_f64(0.03) * t15 - T::from_f64(0.35) * t5);
+    let t35 = t25 * t34;
+    let t36 = t27 * t32 - t35;
+    let t37 = t1 * t25;
+    let t38 = t0 * t27;
+    let t39 = T::from_f64(0.05) * t37 + T::from_f64(0.05) * t38;
+    let t40 = t27 * t34;
+    let t41 = t40 + t25 * t32;
     // tau1, mx_fore
-    let t46 = t7 * t26 - t8 * t24;
-    let t47 = -(t7 * t24) - t8 * t26;
-    let t48 = t46 * t47;
-    let t49 = motion.q2.ddot + motion.q3.ddot;
-    let t50 = t48 - t49;
-    let t51 = t21 * t26 + t19 * t24 + t47 * motion.q3.dot;
-    let t52 = motion.q2.dot + motion.q3.dot;
-    let t53 = t47 * t52;
-    let t54 = t51 + t53;
-    let t55 = t52 * t52;
-    let t56 = t46 * t46;
-    let t57 = t55 + t56;
-    let t58 = t39 - t38;
+    let t42 = t28 - t26;
+    let t43 = motion.q2.ddot + motion.q3.ddot;
+    let t44 = t2 * t27 - t3 * t25;
+    let t45 = t2 * t25 + t3 * t27;
+    let t46 = t44 * t45;
+    let t47 = t43 + t46;
+    let t48 = motion.q2.dot + motion.q3.dot;
+    let t49 = t48 * t48;
+    let t50 = t44 * t44;
+    let t51 = t49 + t50;
+    let t52 = t45 * t48;
+    let t53 = t15 * t25 - t20 * t27;
+    let t54 = t53 + t52;
+    let t55 = t52 + t54;
     // tau1, my_fore
-    let t59 = t53 - t51;
-    let t60 = t19 * t26 - t21 * t24 - t46 * motion.q3.dot;
-    let t61 = t46 * t52;
-    let t62 = t60 + t61;
-    let t63 = t47 * t47;
-    let t64 = t63 + t56;
-    let t65 = -t25 - t27;
+    let t56 = t15 * t27 + t20 * t25;
+    let t57 = t37 + t38;
     // tau1, mz_fore
-    let t66 = t49 + t48;
-    let t67 = t61 - t60;
-    let t68 = t63 + t55;
+    let t58 = t43 - t46;
+    let t59 = t49 - t50;
+    let t60 = t8 + t59;
+    let t61 = t44 * t48;
+    let t62 = t56 + t61;
+    let t63 = t61 + t62;
     // tau1, Ixy_fore
-    let t69 = t63 - t55;
-    // tau1, Iyz_fore
-    let t70 = t55 - t56;
+    let t64 = t8 - t51;
     // tau1, fc_q1
-    let t71 = motion.q1.dot.sign();
+    let t65 = motion.q1.dot.sign();
     // tau1
-    let t72 = t2 * (t6 * t6);
-    let t73 = t21 * parameters.Izz_upper + t14 * parameters.Iyz_upper
-        + (t72 - t1) * parameters.Ixy_upper + t16 * parameters.Ixx_upper
-        - t23 * parameters.Ixz_upper - t16 * parameters.Iyy_upper
-        - T::from_f64(0.08) * (t2 * parameters.mx_upper);
-    let t74 = t2 * (t0 * t0);
-    let t75 = t1 + t74;
-    let t76 = t33 + (t35 - T::from_f64(0.35) * t75);
-    let t77 = t26 * t76 - t41;
-    let t78 = t66 * parameters.mz_fore + t59 * parameters.my_fore
-        - t57 * parameters.mx_fore + t77 * parameters.m_fore;
-    let t79 = t32 + t24 * t76;
-    let t80 = t62 * parameters.my_fore + t50 * parameters.mx_fore
-        - t68 * parameters.mz_fore + t79 * parameters.m_fore;
-    let t81 = t26 * t78 + t24 * t80;
-    let t82 = t43 + T::from_f64(0.03) * (t74 + t72) - t44;
-    let t83 = t82 * parameters.mx_fore - t77 * parameters.my_fore
-        + (t51 * parameters.Izz_fore + t66 * parameters.Iyz_fore
-            + t53 * parameters.Iyy_fore + t69 * parameters.Ixy_fore
-            - t53 * parameters.Ixx_fore - t67 * parameters.Ixz_fore);
-    let t84 = t79 * parameters.my_fore - t82 * parameters.mz_fore
-        + (t61 * parameters.Izz_fore + t70 * parameters.Iyz_fore
-            + t54 * parameters.Ixz_fore + t60 * parameters.Ixx_fore
-            - t50 * parameters.Ixy_fore - t61 * parameters.Iyy_fore);
-    let t85 = T::from_f64(0.03) * t81
-        + T::from_f64(0.35)
-            * (t67 * parameters.mz_fore + t54 * parameters.mx_fore
-                - t64 * parameters.my_fore + t82 * parameters.m_fore)
-        + (t26 * t83 - t24 * t84);
-    let t86 = T::from_f64(0.08) * (t2 * parameters.mz_upper)
-        + (t18 * parameters.Izz_upper + (t1 - t74) * parameters.Iyz_upper
-            + t22 * parameters.Ixz_upper + t19 * parameters.Ixx_upper
-            - t10 * parameters.Ixy_upper - t18 * parameters.Iyy_upper);
-    let t87 = t26 * t80 - t24 * t78;
-    let t88 = t0
-        * (t81
-            + (t14 * parameters.mz_upper - t75 * parameters.mx_upper
-                + t33 * parameters.m_upper_plus_25_my_upper))
-        + t6
-            * (t87
-                + (t10 * parameters.mx_upper - (t1 + t72) * parameters.mz_upper
-                    + t29 * parameters.m_upper_plus_25_my_upper));
-    let t89 = t0 * (t73 + t85)
-        - t6 * (t86 + (t26 * t84 + t24 * t83 - T::from_f64(0.03) * t87))
-        - T::from_f64(0.08) * t88 + motion.q1.ddot * parameters.Izz_column;
-    let v0 = motion.q1.dot * parameters.fv_q1 + t71 * parameters.fc_q1 + t89;
+    let t66 = T::from_f64(0.06) * parameters.my_fore;
+    let t67 = parameters.Izz_upper
+        + (T::from_f64(0.1234) * parameters.m_fore + parameters.Izz_fore - t66);
+    let t68 = t8 * (t1 * t1);
+    let t69 = t7 + t68;
+    let t70 = t8 - t69;
+    let t71 = parameters.Ixy_upper
+        + (T::from_f64(0.0105) * parameters.m_fore
+            - T::from_f64(0.35) * parameters.my_fore);
+    let t72 = parameters.Iyy_upper + T::from_f64(0.1225) * parameters.m_fore;
+    let t73 = parameters.Ixx_upper
+        + (T::from_f64(0.0009) * parameters.m_fore + parameters.Izz_fore - t66) - t67;
+    let t74 = parameters.mx_upper + T::from_f64(0.35) * parameters.m_fore;
+    let t75 = t58 * parameters.mz_fore - t51 * parameters.mx_fore;
+    let t76 = t60 * parameters.mz_fore + t47 * parameters.mx_fore;
+    let t77 = t27 * t75 - t25 * t76;
+    let t78 = parameters.Ixx_fore - parameters.Izz_fore;
+    let t79 = t24 * parameters.mx_fore
+        + (t58 * parameters.Iyz_fore + t64 * parameters.Ixy_fore
+            - t52 * (parameters.Iyy_fore - t78) - t63 * parameters.Ixz_fore);
+    let t80 = t59 * parameters.Iyz_fore + t47 * parameters.Ixy_fore - t62 * t78
+        - t61 * parameters.Iyy_fore - t55 * parameters.Ixz_fore
+        - t24 * parameters.mz_fore;
+    let t81 = t13 * parameters.Iyz_upper + t70 * t71 - t18 * (t72 - t73)
+        - t23 * parameters.Ixz_upper - T::from_f64(0.08) * (t8 * t74)
+        + (T::from_f64(0.03) * t77
+            + T::from_f64(0.35) * (t63 * parameters.mz_fore - t55 * parameters.mx_fore)
+            + (t27 * t79 - t25 * t80));
+    let t82 = t7 - t68;
+    let t83 = t25 * t75 + t27 * t76;
+    let t84 = t82 * parameters.Iyz_upper + t22 * parameters.Ixz_upper + t5 * t71
+        - t17 * t73 - t16 * t72 + T::from_f64(0.08) * (t8 * parameters.mz_upper)
+        + (t27 * t80 + t25 * t79 + T::from_f64(0.03) * t83);
+    let t85 = t1 * t81 - t0 * t84
+        - T::from_f64(0.08)
+            * (t1 * (t77 + (t13 * parameters.mz_upper - t69 * t74))
+                - t0 * (t83 + ((t8 + t82) * parameters.mz_upper + t5 * t74)));
+    let t86 = motion.q1.dot * parameters.fv_q1 + t65 * parameters.fc_q1
+        + (motion.q1.ddot
+            * (parameters.Izz_column
+                + (T::from_f64(0.16)
+                    * (parameters.my_fore - T::from_f64(0.03) * parameters.m_fore)
+                    + T::from_f64(0.0064)
+                        * (parameters.m_fore + parameters.m_upper_plus_25_my_upper)
+                    + t67)) + t85);
+    let v0 = t86;
     // tau2, Ixx_upper
-    let t90 = t3 * t6;
+    let t87 = t9 * t0;
+    // tau2, Ixx_fore
+    let t88 = -t46;
+    // tau2, Ixy_fore
+    let t89 = -t56;
     // tau2, Ixz_fore
-    let t91 = t56 - t63;
+    let t90 = t59 + t64;
+    let t91 = -t90;
     // tau2, Iyz_fore
-    let t92 = -t59;
-    // tau2, Izz_fore
-    let t93 = -t48;
+    let t92 = -t53;
     // tau2, fc_q2
-    let t94 = motion.q2.dot.sign();
+    let t93 = motion.q2.dot.sign();
     // tau2
-    let t95 = t33 * parameters.mz_upper - t29 * parameters.mx_upper
-        + (t9 * parameters.Izz_upper + motion.q2.ddot * parameters.Iyy_upper
-            + (t74 - t72) * parameters.Ixz_upper + t30 * parameters.Ixy_upper
-            - t9 * parameters.Ixx_upper - t34 * parameters.Iyz_upper);
-    let t96 = t77 * parameters.mz_fore - t79 * parameters.mx_fore
-        + (t49 * parameters.Iyy_fore + t91 * parameters.Ixz_fore
-            + t62 * parameters.Ixy_fore + t48 * parameters.Ixx_fore
-            - t59 * parameters.Iyz_fore - t48 * parameters.Izz_fore);
-    let v1 = motion.q2.dot * parameters.fv_q2 + t94 * parameters.fc_q2
-        + (t95 + (t96 - T::from_f64(0.35) * t87));
+    let t94 = motion.q2.ddot * t72 + t20 * parameters.Iyz_upper - t4 * t73 - t15 * t71
+        - (t82 + t70) * parameters.Ixz_upper - (t33 * t74 + t31 * parameters.mz_upper);
+    let t95 = t30 - T::from_f64(0.35) * t69 - t31;
+    let t96 = (t27 * t95 - t35) * parameters.mz_fore
+        - (t40 + t25 * t95) * parameters.mx_fore
+        + (t43 * parameters.Iyy_fore - t46 * t78 - t56 * parameters.Ixy_fore
+            - t90 * parameters.Ixz_fore - t53 * parameters.Iyz_fore);
+    let v1 = motion.q2.dot * parameters.fv_q2 + t93 * parameters.fc_q2
+        + (t94 + (T::from_f64(0.35) * t83 + t96));
     // tau3, fc_q3
     let t97 = motion.q3.dot.sign();
     // tau3
@@ -1203,60 +1188,58 @@ pub fn feed_forward_with_regressor<T: Real>(
         [
             [
                 motion.q1.ddot,
-                T::from_f64(0.08) * (t0 * t5) - T::from_f64(0.08) * t11
-                    - T::from_f64(0.08) * t3,
-                T::from_f64(0.08) * (t6 * (t1 + t13)) - T::from_f64(0.08) * t15
-                    - T::from_f64(0.08) * t12,
-                t0 * t16 - t6 * t19,
-                t11 + t0 * (t13 - t1),
-                -(t6 * t22) - t0 * t23,
+                T::from_f64(0.08) * t6 + T::from_f64(0.08) * (t1 * t11)
+                    - T::from_f64(0.08) * t9,
+                T::from_f64(0.08) * (t0 * (t8 + t12)) - T::from_f64(0.08) * t14
+                    - T::from_f64(0.08) * (t8 * t0),
+                t0 * t17 + t1 * t18,
+                t1 * t19 - t6,
+                -(t0 * t22 + t1 * t23),
                 T::ZERO,
-                t15 - t6 * (t1 - t4),
-                t0 * t21 - t6 * t18,
-                t28 * t37 + t40 * t42 + T::from_f64(0.35) * (t0 * t45),
-                t50 * t28 + T::from_f64(0.35) * (t0 * t54) - t57 * t40 + t58 * t45,
-                t59 * t40 + t62 * t28 - T::from_f64(0.35) * (t0 * t64)
-                    + (t65 * t37 - t58 * t42),
-                t66 * t40 + T::from_f64(0.35) * (t0 * t67) - t68 * t28 - t65 * t45,
-                t60 * t65 - t53 * t58,
-                t58 * t69 - t50 * t65,
-                t54 * t65 - t67 * t58,
+                t14 - t0 * t12,
+                t1 * t21 - t0 * t16,
+                T::from_f64(0.35) * (t1 * t24) + t29 * t36 - t39 * t41,
+                t24 * t42 + (t47 * t39 - t51 * t29 - T::from_f64(0.35) * (t1 * t55)),
+                t53 * t29 + t56 * t39 - T::from_f64(0.35) * t9 - (t42 * t36 + t57 * t41),
+                t24 * t57 + (t58 * t29 + t60 * t39 + T::from_f64(0.35) * (t1 * t63)),
+                t62 * t57 + t52 * t42,
+                t64 * t42 - t47 * t57,
+                t55 * t57 - t63 * t42,
                 T::ZERO,
-                t65 * t70 + t66 * t58,
-                t61 * t65 + t51 * t58,
+                t58 * t42 - t59 * t57,
+                -(t61 * t57 + t54 * t42),
                 motion.q1.dot,
-                t71,
+                t65,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
-                -(T::from_f64(0.08) * (t0 * t33)) - T::from_f64(0.08) * (t6 * t29),
+                T::from_f64(0.08) * (t1 * t31) - T::from_f64(0.08) * (t0 * t33),
             ],
             [
                 T::ZERO,
-                -t29,
-                t33,
-                -t90,
-                t30,
-                t4 - t13,
+                -t33,
+                -t31,
+                -t87,
+                -t15,
+                -(t12 + t19),
                 motion.q2.ddot,
-                -t34,
-                t90,
-                T::from_f64(0.35) * (t24 * t42) - T::from_f64(0.35) * (t26 * t37),
-                -(T::from_f64(0.35) * (t24 * t57)) - T::from_f64(0.35) * (t26 * t50)
-                    - t37,
-                T::from_f64(0.35) * (t24 * t59) - T::from_f64(0.35) * (t26 * t62),
-                T::from_f64(0.35) * (t24 * t66) + T::from_f64(0.35) * (t26 * t68) + t42,
-                t48,
-                t62,
+                t20,
+                t87,
+                T::from_f64(0.35) * (t25 * t36) - T::from_f64(0.35) * (t27 * t41),
+                T::from_f64(0.35) * (t27 * t47) - T::from_f64(0.35) * (t25 * t51) - t41,
+                T::from_f64(0.35) * (t25 * t53) + T::from_f64(0.35) * (t27 * t56),
+                T::from_f64(0.35) * (t25 * t58) + T::from_f64(0.35) * (t27 * t60) + t36,
+                t88,
+                t89,
                 t91,
-                t49,
+                t43,
                 t92,
-                t93,
+                t46,
                 T::ZERO,
                 T::ZERO,
                 motion.q2.dot,
-                t94,
+                t93,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
@@ -1272,15 +1255,15 @@ pub fn feed_forward_with_regressor<T: Real>(
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
-                -t37,
+                -t41,
                 T::ZERO,
-                t42,
-                t48,
-                t62,
+                t36,
+                t88,
+                t89,
                 t91,
-                t49,
+                t43,
                 t92,
-                t93,
+                t46,
                 T::ZERO,
                 T::ZERO,
                 T::ZERO,
@@ -1296,33 +1279,24 @@ pub fn feed_forward_with_regressor<T: Real>(
 /// Phi theta + known at rest, where all time derivatives are zero: the generalised force of every equation that
 /// holds the machine against gravity, springs and offsets. Only positions are read.
 ///
-/// Operations: 18 additions, 29 multiplications, 4 function calls.
+/// Operations: 7 additions, 15 multiplications, 4 function calls.
 #[must_use]
 pub fn gravity<T: Real>(motion: &Motion<T>, parameters: &Parameters<T>) -> Forces<T> {
     let t0 = motion.q2.value.cos();
-    let t1 = motion.q3.value.cos();
-    let t2 = t0 * t1;
-    let t3 = motion.q2.value.sin();
-    let t4 = motion.q3.value.sin();
-    let t5 = t3 * t4;
-    let t6 = t0 * t4;
-    let t7 = t3 * t1;
-    let t8 = -(T::from_f64(9.81) * t6) - T::from_f64(9.81) * t7;
-    let t9 = T::from_f64(9.81) * t2 - T::from_f64(9.81) * t5;
-    let t10 = parameters.m_fore
-        * ((T::from_f64(0.05) * t5 - T::from_f64(0.05) * t2) * t8
-            + (-(T::from_f64(0.05) * t6) - T::from_f64(0.05) * t7) * t9)
-        + parameters.my_fore * ((-t6 - t7) * t9 - (t2 - t5) * t8);
-    let t11 = parameters.mz_fore * t8;
-    let t12 = parameters.mx_fore * t9;
-    let t13 = parameters.m_fore
-        * (T::from_f64(0.35) * (t4 * t8) - T::from_f64(0.35) * (t1 * t9)) + t11
-        - T::from_f64(9.81) * (t0 * parameters.mx_upper)
-        - T::from_f64(9.81) * (t3 * parameters.mz_upper) - t12;
+    let t1 = motion.q3.value.sin();
+    let t2 = motion.q2.value.sin();
+    let t3 = motion.q3.value.cos();
+    let t4 = parameters.mz_fore
+        * (-(T::from_f64(9.81) * (t0 * t1)) - T::from_f64(9.81) * (t2 * t3))
+        - parameters.mx_fore
+            * (T::from_f64(9.81) * (t0 * t3) - T::from_f64(9.81) * (t2 * t1));
     Forces {
-        tau1: t10,
-        tau2: t13,
-        tau3: t11 - t12,
+        tau1: T::ZERO,
+        tau2: t4
+            - (T::from_f64(9.81)
+                * (t0 * (parameters.mx_upper + T::from_f64(0.35) * parameters.m_fore))
+                + T::from_f64(9.81) * (t2 * parameters.mz_upper)),
+        tau3: t4,
     }
 }
 
@@ -1332,7 +1306,7 @@ pub fn gravity<T: Real>(motion: &Motion<T>, parameters: &Parameters<T>) -> Force
 /// M = sum over the links of S^T I S, by composite rigid bodies: column j holds what a unit acceleration of joint
 /// j, which moves all links outward of it as one body, asks of every joint; rotors are added.
 ///
-/// Operations: 54 additions, 47 multiplications, 4 function calls.
+/// Operations: 53 additions, 44 multiplications, 4 function calls.
 #[must_use]
 pub fn mass_matrix<T: Real>(
     motion: &Motion<T>,
@@ -1345,62 +1319,60 @@ pub fn mass_matrix<T: Real>(
     let t2 = motion.q3.value.sin();
     let t3 = t1 * parameters.mz_fore - t2 * parameters.mx_fore;
     let t4 = motion.q2.value.sin();
-    let t5 = t1 * parameters.mx_fore;
-    let t6 = t2 * parameters.mz_fore;
-    let t7 = t5 + t6;
-    let t8 = t0 * (parameters.mz_upper + t3)
-        - t4 * (parameters.mx_upper + (T::from_f64(0.35) * parameters.m_fore + t7));
-    let t9 = T::from_f64(0.1) * t8
+    let t5 = t2 * parameters.mz_fore + t1 * parameters.mx_fore;
+    let t6 = t0 * (parameters.mz_upper + t3)
+        - t4 * (parameters.mx_upper + (T::from_f64(0.35) * parameters.m_fore + t5));
+    let t7 = T::from_f64(0.1) * t6
         + T::from_f64(0.08)
             * (parameters.my_fore - T::from_f64(0.03) * parameters.m_fore);
-    let t10 = T::from_f64(0.35) * t7 - T::from_f64(0.03) * parameters.my_fore;
-    let t11 = t10 + t10;
-    let t12 = t2 * (parameters.Izz_fore - parameters.Ixx_fore)
+    let t8 = T::from_f64(0.35) * t5;
+    let t9 = t8 - T::from_f64(0.03) * parameters.my_fore;
+    let t10 = t9 + t9;
+    let t11 = t2 * (parameters.Izz_fore - parameters.Ixx_fore)
         + T::from_f64(2.0) * t1 * parameters.Ixz_fore;
-    let t13 = t2 * t12;
-    let t14 = parameters.Izz_upper
-        + (T::from_f64(0.1234) * parameters.m_fore + t11 + (parameters.Izz_fore - t13));
-    let t15 = t4
-        * (t14
+    let t12 = t2 * t11;
+    let t13 = parameters.Izz_upper
+        + (T::from_f64(0.1234) * parameters.m_fore + t10 + (parameters.Izz_fore - t12));
+    let t14 = t4
+        * (t13
             - (parameters.Ixx_upper
-                + (T::from_f64(0.0009) * parameters.m_fore + t11
-                    + (parameters.Ixx_fore + t13) - T::from_f64(0.7) * t7)))
-        + T::from_f64(2.0) * t0
+                + (T::from_f64(0.0009) * parameters.m_fore + t10
+                    + (parameters.Ixx_fore + t12) - T::from_f64(0.7) * t5)))
+        + (t0 + t0)
             * (parameters.Ixz_upper
-                + (t1 * t12 - parameters.Ixz_fore - T::from_f64(0.35) * t3));
+                + (t1 * t11 - parameters.Ixz_fore - T::from_f64(0.35) * t3));
     matrix[0][0] = parameters.Izz_column
-        + (t9 + t9 + (t14 - t4 * t15)
+        + (t7 + t7 + (t13 - t4 * t14)
             + T::from_f64(0.0064)
                 * (parameters.m_fore + parameters.m_upper_plus_25_my_upper)
-            - T::from_f64(0.2) * t8);
+            - T::from_f64(0.2) * t6);
     // tau1, ddot(q2)
-    let t16 = t1 * parameters.Iyz_fore - t2 * parameters.Ixy_fore
+    let t15 = t1 * parameters.Iyz_fore - t2 * parameters.Ixy_fore
         + T::from_f64(0.03) * t3;
+    let t16 = T::from_f64(0.03) * t5;
     let t17 = t1 * parameters.Ixy_fore + t2 * parameters.Iyz_fore;
-    let t18 = t0 * (parameters.Iyz_upper + t16)
+    let t18 = t0 * (parameters.Iyz_upper + t15)
         - t4
             * (parameters.Ixy_upper
-                + (T::from_f64(0.0105) * parameters.m_fore + t17 + T::from_f64(0.03) * t7
-                    - T::from_f64(0.35) * parameters.my_fore)) - T::from_f64(0.08) * t8;
+                + (T::from_f64(0.0105) * parameters.m_fore + t16 + t17
+                    - T::from_f64(0.35) * parameters.my_fore)) - T::from_f64(0.08) * t6;
     matrix[0][1] = t18;
     // tau1, ddot(q3)
-    let t19 = -t5 - t6;
-    let t20 = t0 * t16 - t4 * (t17 - T::from_f64(0.03) * t19)
-        - T::from_f64(0.08) * (t0 * t3 + t4 * t19);
-    matrix[0][2] = t20;
+    let t19 = t0 * t15 - t4 * (t16 + t17) - T::from_f64(0.08) * (t0 * t3 - t4 * t5);
+    matrix[0][2] = t19;
     // tau2, ddot(q1)
     matrix[1][0] = t18;
     // tau2, ddot(q2)
     matrix[1][1] = parameters.Iyy_upper
         + (T::from_f64(0.1225) * parameters.m_fore
-            + T::from_f64(0.06) * parameters.my_fore + parameters.Iyy_fore + t11);
+            + T::from_f64(0.06) * parameters.my_fore + parameters.Iyy_fore + t10);
     // tau2, ddot(q3)
-    let t21 = parameters.Iyy_fore - T::from_f64(0.35) * t19;
-    matrix[1][2] = t21;
+    let t20 = parameters.Iyy_fore + t8;
+    matrix[1][2] = t20;
     // tau3, ddot(q1)
-    matrix[2][0] = t20;
+    matrix[2][0] = t19;
     // tau3, ddot(q2)
-    matrix[2][1] = t21;
+    matrix[2][1] = t20;
     // tau3, ddot(q3)
     matrix[2][2] = parameters.Iyy_fore;
     matrix
@@ -1436,7 +1408,7 @@ impl<T> Accelerations<T> {
 /// accelerations. The highest derivatives of the motion are not read. M is solved by elimination with row
 /// pivoting.
 ///
-/// Operations: 164 additions, 174 multiplications, 7 function calls.
+/// Operations: 146 additions, 148 multiplications, 7 function calls.
 ///
 /// # Errors
 /// [`SingularMass`] when the mass matrix is singular with these parameters, or a number is not finite.
@@ -1450,150 +1422,127 @@ pub fn forward_dynamics<T: Real>(
     let t2 = motion.q3.value.sin();
     let t3 = t1 * parameters.mz_fore - t2 * parameters.mx_fore;
     let t4 = motion.q2.value.sin();
-    let t5 = t1 * parameters.mx_fore;
-    let t6 = t2 * parameters.mz_fore;
-    let t7 = t5 + t6;
-    let t8 = t0 * (parameters.mz_upper + t3)
-        - t4 * (parameters.mx_upper + (T::from_f64(0.35) * parameters.m_fore + t7));
-    let t9 = T::from_f64(0.1) * t8
+    let t5 = T::from_f64(0.35) * parameters.m_fore;
+    let t6 = t2 * parameters.mz_fore + t1 * parameters.mx_fore;
+    let t7 = t0 * (parameters.mz_upper + t3) - t4 * (parameters.mx_upper + (t5 + t6));
+    let t8 = T::from_f64(0.1) * t7
         + T::from_f64(0.08)
             * (parameters.my_fore - T::from_f64(0.03) * parameters.m_fore);
-    let t10 = T::from_f64(0.35) * t7 - T::from_f64(0.03) * parameters.my_fore;
-    let t11 = t10 + t10;
-    let t12 = t2 * (parameters.Izz_fore - parameters.Ixx_fore)
+    let t9 = T::from_f64(0.1234) * parameters.m_fore;
+    let t10 = T::from_f64(0.35) * t6;
+    let t11 = t10 - T::from_f64(0.03) * parameters.my_fore;
+    let t12 = t11 + t11;
+    let t13 = t2 * (parameters.Izz_fore - parameters.Ixx_fore)
         + T::from_f64(2.0) * t1 * parameters.Ixz_fore;
-    let t13 = t2 * t12;
-    let t14 = parameters.Izz_upper
-        + (T::from_f64(0.1234) * parameters.m_fore + t11 + (parameters.Izz_fore - t13));
-    let t15 = t4
-        * (t14
+    let t14 = t2 * t13;
+    let t15 = parameters.Izz_upper + (t9 + t12 + (parameters.Izz_fore - t14));
+    let t16 = T::from_f64(0.0009) * parameters.m_fore;
+    let t17 = t0 + t0;
+    let t18 = t4
+        * (t15
             - (parameters.Ixx_upper
-                + (T::from_f64(0.0009) * parameters.m_fore + t11
-                    + (parameters.Ixx_fore + t13) - T::from_f64(0.7) * t7)))
-        + T::from_f64(2.0) * t0
+                + (t16 + t12 + (parameters.Ixx_fore + t14) - T::from_f64(0.7) * t6)))
+        + t17
             * (parameters.Ixz_upper
-                + (t1 * t12 - parameters.Ixz_fore - T::from_f64(0.35) * t3));
-    let t16 = t1 * parameters.Iyz_fore - t2 * parameters.Ixy_fore
+                + (t1 * t13 - parameters.Ixz_fore - T::from_f64(0.35) * t3));
+    let t19 = t1 * parameters.Iyz_fore - t2 * parameters.Ixy_fore
         + T::from_f64(0.03) * t3;
-    let t17 = t1 * parameters.Ixy_fore + t2 * parameters.Iyz_fore;
-    let t18 = t0 * (parameters.Iyz_upper + t16)
-        - t4
-            * (parameters.Ixy_upper
-                + (T::from_f64(0.0105) * parameters.m_fore + t17 + T::from_f64(0.03) * t7
-                    - T::from_f64(0.35) * parameters.my_fore)) - T::from_f64(0.08) * t8;
-    let t19 = -t5 - t6;
-    let t20 = t0 * t16 - t4 * (t17 - T::from_f64(0.03) * t19)
-        - T::from_f64(0.08) * (t0 * t3 + t4 * t19);
-    let t21 = parameters.Iyy_fore - T::from_f64(0.35) * t19;
-    let t22 = motion.q2.dot * motion.q2.dot;
-    let t23 = motion.q1.dot * motion.q1.dot;
-    let t24 = motion.q1.dot * t4;
-    let t25 = t24 * t24;
-    let t26 = motion.q1.dot * t0;
-    let t27 = t24 * t26;
-    let t28 = t26 * t26;
-    let t29 = t22 + t28;
-    let t30 = t24 * motion.q2.dot;
-    let t31 = -(T::from_f64(0.35) * t29) - T::from_f64(9.81) * t4;
-    let t32 = T::from_f64(9.81) * t0 - T::from_f64(0.35) * t27;
-    let t33 = t2 * t31 + t1 * t32;
-    let t34 = -(t26 * t2) - t24 * t1;
-    let t35 = t34 * t34;
+    let t20 = T::from_f64(0.0105) * parameters.m_fore;
+    let t21 = T::from_f64(0.35) * parameters.my_fore;
+    let t22 = T::from_f64(0.03) * t6;
+    let t23 = t1 * parameters.Ixy_fore + t2 * parameters.Iyz_fore;
+    let t24 = t0 * (parameters.Iyz_upper + t19)
+        - t4 * (parameters.Ixy_upper + (t20 + t22 + t23 - t21)) - T::from_f64(0.08) * t7;
+    let t25 = t0 * t19 - t4 * (t22 + t23) - T::from_f64(0.08) * (t0 * t3 - t4 * t6);
+    let t26 = T::from_f64(0.1225) * parameters.m_fore;
+    let t27 = T::from_f64(0.06) * parameters.my_fore;
+    let t28 = parameters.Iyy_fore + t10;
+    let t29 = motion.q2.dot * motion.q2.dot;
+    let t30 = motion.q1.dot * motion.q1.dot;
+    let t31 = t30 * t0;
+    let t32 = t31 * t0;
+    let t33 = t29 + t32;
+    let t34 = parameters.mx_upper + t5;
+    let t35 = t31 * t4;
     let t36 = motion.q2.dot + motion.q3.dot;
     let t37 = t36 * t36;
-    let t38 = t26 * t1 - t24 * t2;
-    let t39 = t38 * t34;
-    let t40 = t38 * t36;
-    let t41 = t26 * motion.q2.dot;
-    let t42 = t30 * t2 - t41 * t1 - t38 * motion.q3.dot;
-    let t43 = t40 + t42;
-    let t44 = parameters.m_fore * t33
-        + (t39 * parameters.mx_fore + parameters.my_fore * t43
-            - (t35 + t37) * parameters.mz_fore);
-    let t45 = t1 * t31 - t2 * t32;
-    let t46 = t38 * t38;
-    let t47 = t34 * t36;
-    let t48 = t34 * motion.q3.dot + (-(t30 * t1) - t41 * t2);
-    let t49 = t47 - t48;
-    let t50 = parameters.m_fore * t45
-        + (parameters.my_fore * t49 + t39 * parameters.mz_fore
-            - (t37 + t46) * parameters.mx_fore);
-    let t51 = t1 * t44 - t2 * t50;
-    let t52 = t2 * t44 + t1 * t50;
-    let t53 = t4
-        * (-((t22 + t25) * parameters.mz_upper) - t27 * parameters.mx_upper
-            + T::from_f64(9.81) * (t0 * parameters.m_upper_plus_25_my_upper) + t51)
-        + t0
-            * (-(t29 * parameters.mx_upper) - t27 * parameters.mz_upper
-                - T::from_f64(9.81) * (t4 * parameters.m_upper_plus_25_my_upper) + t52);
-    let t54 = t40 - t42;
-    let t55 = T::from_f64(0.03) * (t28 + t25) - T::from_f64(0.7) * t30
-        - T::from_f64(0.08) * t23;
-    let t56 = t47 * parameters.Iyy_fore + (t35 - t37) * parameters.Ixy_fore
-        + t39 * parameters.Iyz_fore + parameters.Izz_fore * t48
-        - t47 * parameters.Ixx_fore - parameters.Ixz_fore * t54
-        + (parameters.mx_fore * t55 - parameters.my_fore * t45);
-    let t57 = t47 + t48;
-    let t58 = t40 * parameters.Izz_fore + (t37 - t46) * parameters.Iyz_fore
-        + parameters.Ixx_fore * t42 + parameters.Ixz_fore * t57
-        - t40 * parameters.Iyy_fore - t39 * parameters.Ixy_fore
-        + (parameters.my_fore * t33 - parameters.mz_fore * t55);
-    let t59 = t1 * t56 - t2 * t58
-        + (T::from_f64(0.03) * t52
-            + T::from_f64(0.35)
-                * (parameters.m_fore * t55
-                    + (parameters.mx_fore * t57 + parameters.mz_fore * t54
-                        - (t35 + t46) * parameters.my_fore)));
-    let t60 = (t25 - t22) * parameters.Ixy_upper + t30 * parameters.Ixx_upper
-        - t30 * parameters.Iyy_upper - t30 * parameters.Izz_upper
-        - t27 * parameters.Iyz_upper - parameters.Ixz_upper * (t41 + t41)
-        - T::from_f64(0.08) * (t23 * parameters.mx_upper);
-    let t61 = T::from_f64(0.08) * (t23 * parameters.mz_upper)
-        + (t41 * parameters.Izz_upper + (t22 - t28) * parameters.Iyz_upper
-            + t27 * parameters.Ixy_upper - t41 * parameters.Iyy_upper
-            - T::from_f64(2.0) * t30 * parameters.Ixz_upper
-            - t41 * parameters.Ixx_upper);
-    let t62 = motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
-        + (t0 * (t59 + t60) - t4 * (t2 * t56 + t1 * t58 - T::from_f64(0.03) * t51 + t61)
-            - T::from_f64(0.08) * t53);
-    let t63 = (t46 - t35) * parameters.Ixz_fore + t39 * parameters.Ixx_fore
-        + parameters.Ixy_fore * t43 - t39 * parameters.Izz_fore
-        - parameters.Iyz_fore * t49
-        + (parameters.mz_fore * t45 - parameters.mx_fore * t33);
-    let t64 = t26 * t24;
-    let t65 = t63 - T::from_f64(0.35) * t51
-        + (t64 * parameters.Izz_upper + (t28 - t25) * parameters.Ixz_upper
-            - t64 * parameters.Ixx_upper
-            + (-(T::from_f64(9.81) * (t4 * parameters.mz_upper))
-                - T::from_f64(9.81) * (t0 * parameters.mx_upper)));
+    let t38 = motion.q1.dot * t0;
+    let t39 = motion.q1.dot * t4;
+    let t40 = t38 * t1 - t39 * t2;
+    let t41 = t40 * t40;
+    let t42 = t37 + t41;
+    let t43 = t38 * t2 + t39 * t1;
+    let t44 = t40 * t43;
+    let t45 = -(t42 * parameters.mx_fore) - t44 * parameters.mz_fore;
+    let t46 = t37 - t41;
+    let t47 = (t30 + t46) * parameters.mz_fore + t44 * parameters.mx_fore;
+    let t48 = t1 * t45 - t2 * t47;
+    let t49 = t29 - t32;
+    let t50 = t1 * t47 + t2 * t45;
+    let t51 = t30 - t42;
+    let t52 = parameters.Ixx_fore - parameters.Izz_fore;
+    let t53 = t36 + t36;
+    let t54 = t53 * t40;
+    let t55 = motion.q1.dot * motion.q2.dot;
+    let t56 = t55 * t4;
+    let t57 = T::from_f64(0.03) * t30 - T::from_f64(0.7) * t56 - T::from_f64(0.08) * t30;
+    let t58 = t51 * parameters.Ixy_fore - t43 * t36 * (parameters.Iyy_fore - t52)
+        - t44 * parameters.Iyz_fore - t54 * parameters.Ixz_fore
+        + parameters.mx_fore * t57;
+    let t59 = t40 * t36;
+    let t60 = t53 * t43;
+    let t61 = t46 * parameters.Iyz_fore + t44 * parameters.Ixy_fore
+        - t59 * parameters.Iyy_fore - t59 * t52 - t60 * parameters.Ixz_fore
+        - parameters.mz_fore * t57;
+    let t62 = t30 - t33;
+    let t63 = parameters.Ixy_upper + (t20 - t21);
+    let t64 = parameters.Iyy_upper + t26;
+    let t65 = parameters.Ixx_upper + (t16 + parameters.Izz_fore - t27)
+        - (parameters.Izz_upper + (t9 + parameters.Izz_fore - t27));
+    let t66 = t1 * t58 - t2 * t61
+        + (T::from_f64(0.03) * t48
+            + T::from_f64(0.35) * (t54 * parameters.mz_fore - t60 * parameters.mx_fore))
+        + (t62 * t63 - t39 * motion.q2.dot * (t64 - t65) - t35 * parameters.Iyz_upper
+            - t17 * t55 * parameters.Ixz_upper - T::from_f64(0.08) * (t30 * t34));
+    let t67 = T::from_f64(0.08) * (t30 * parameters.mz_upper)
+        + (t49 * parameters.Iyz_upper + t35 * t63 - t38 * motion.q2.dot * t64
+            - T::from_f64(2.0) * t56 * parameters.Ixz_upper - t55 * t0 * t65);
+    let t68 = t0 * t66 - t4 * (T::from_f64(0.03) * t50 + (t2 * t58 + t1 * t61) + t67)
+        - T::from_f64(0.08)
+            * (t0 * (-(t33 * t34) - t35 * parameters.mz_upper + t48)
+                - t4 * ((t30 + t49) * parameters.mz_upper + t35 * t34 + t50));
+    let t69 = T::from_f64(9.81) * t0 - T::from_f64(0.35) * t35;
+    let t70 = T::from_f64(9.81) * t4 + T::from_f64(0.35) * t33;
+    let t71 = -(t44 * t52) - (t46 + t51) * parameters.Ixz_fore
+        + (parameters.mz_fore * (-(t2 * t69) - t1 * t70)
+            - parameters.mx_fore * (t1 * t69 - t2 * t70));
+    let t72 = T::from_f64(0.35) * t50 + t71
+        + (-(t38 * t39 * t65) - (t49 + t62) * parameters.Ixz_upper
+            - (T::from_f64(9.81) * (t0 * t34)
+                + T::from_f64(9.81) * (t4 * parameters.mz_upper)));
     let matrix = [
         [
             parameters.Izz_column
-                + (t9 + t9 + (t14 - t4 * t15)
+                + (t8 + t8 + (t15 - t4 * t18)
                     + T::from_f64(0.0064)
                         * (parameters.m_fore + parameters.m_upper_plus_25_my_upper)
-                    - T::from_f64(0.2) * t8),
-            t18,
-            t20,
+                    - T::from_f64(0.2) * t7),
+            t24,
+            t25,
         ],
-        [
-            t18,
-            parameters.Iyy_upper
-                + (T::from_f64(0.1225) * parameters.m_fore
-                    + T::from_f64(0.06) * parameters.my_fore + parameters.Iyy_fore
-                    + t11),
-            t21,
-        ],
-        [t20, t21, parameters.Iyy_fore],
+        [t24, parameters.Iyy_upper + (t26 + t27 + parameters.Iyy_fore + t12), t28],
+        [t25, t28, parameters.Iyy_fore],
     ];
     let right = [
-        inputs.tau1 - t62,
+        inputs.tau1
+            - (motion.q1.dot * parameters.fv_q1 + motion.q1.dot.sign() * parameters.fc_q1
+                + t68),
         inputs.tau2
             - (motion.q2.dot * parameters.fv_q2 + motion.q2.dot.sign() * parameters.fc_q2
-                + t65),
+                + t72),
         inputs.tau3
             - (motion.q3.dot * parameters.fv_q3 + motion.q3.dot.sign() * parameters.fc_q3
-                + t63),
+                + t71),
     ];
     accelerations(matrix, right, &COORDINATES).map(Accelerations::from_array)
 }
@@ -1812,13 +1761,13 @@ impl<T: Real> BaseParameters<T> {
 /// The regressor in base parameters, one row per equation: its columns are those of [`regressor`] that lead a
 /// base parameter, so that Phi theta is this matrix times the base parameters.
 ///
-/// Operations: 84 additions, 95 multiplications, 7 function calls.
+/// Operations: 75 additions, 91 multiplications, 7 function calls.
 #[must_use]
 pub fn base_regressor<T: Real>(motion: &Motion<T>) -> [[T; 21]; 3] {
     let mut matrix = [[T::ZERO; 21]; 3];
     // tau1, Izz_column: ddot(q1)
     matrix[0][0] = motion.q1.ddot;
-    // tau1, mx_upper: -2*dot(q1)^2*cos(q2)/25 - 2*sin(q2)*(-ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
+    // tau1, mx_upper: -2*dot(q1)^2*cos(q2)/25 + 2*sin(q2)*(ddot(q2) + dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
     // 2*cos(q2)*(dot(q2)^2 + dot(q1)^2*cos(q2)^2)/25
     let t0 = motion.q1.dot * motion.q1.dot;
     let t1 = motion.q2.value.cos();
@@ -1827,145 +1776,141 @@ pub fn base_regressor<T: Real>(motion: &Motion<T>) -> [[T; 21]; 3] {
     let t4 = motion.q1.dot * t1;
     let t5 = motion.q1.dot * t3;
     let t6 = t4 * t5;
-    let t7 = -motion.q2.ddot - t6;
+    let t7 = motion.q2.ddot + t6;
     let t8 = t3 * t7;
     let t9 = motion.q2.dot * motion.q2.dot;
     let t10 = t2 * t1;
     let t11 = t9 + t10;
-    matrix[0][1] = T::from_f64(0.08) * (t1 * t11) - T::from_f64(0.08) * t8
+    matrix[0][1] = T::from_f64(0.08) * t8 + T::from_f64(0.08) * (t1 * t11)
         - T::from_f64(0.08) * t2;
-    // tau1, mz_upper: -2*dot(q1)^2*sin(q2)/25 - 2*cos(q2)*(ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2))/25 +
-    // 2*sin(q2)*(dot(q2)^2 + dot(q1)^2*sin(q2)^2)/25
-    let t12 = t0 * t3;
-    let t13 = t1 * (motion.q2.ddot - t6);
-    let t14 = t12 * t3;
-    matrix[0][2] = T::from_f64(0.08) * (t3 * (t9 + t14)) - T::from_f64(0.08) * t13
-        - T::from_f64(0.08) * t12;
-    // tau1, Ixx_upper: cos(q2)*dot(q1)*sin(q2)*dot(q2) - sin(q2)*(-ddot(q1)*sin(q2) - dot(q1)*cos(q2)*dot(q2))
-    let t15 = t5 * motion.q2.dot;
-    let t16 = motion.q1.ddot * t3;
-    let t17 = t4 * motion.q2.dot;
-    let t18 = -t16 - t17;
-    matrix[0][3] = t1 * t15 - t3 * t18;
-    // tau1, Ixy_upper: sin(q2)*(-ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2)) + cos(q2)*(-dot(q2)^2 +
-    // dot(q1)^2*sin(q2)^2)
-    matrix[0][4] = t8 + t1 * (t14 - t9);
+    // tau1, mz_upper: S(q1, upper).W(mz, upper)
+    let t12 = t1 * (motion.q2.ddot - t6);
+    let t13 = t9 - t10;
+    matrix[0][2] = T::from_f64(0.08) * (t3 * (t0 + t13)) - T::from_f64(0.08) * t12
+        - T::from_f64(0.08) * (t0 * t3);
+    // tau1, Ixx_upper: sin(q2)*(ddot(q1)*sin(q2) + dot(q1)*cos(q2)*dot(q2)) + cos(q2)*dot(q1)*sin(q2)*dot(q2)
+    let t14 = motion.q1.ddot * t3;
+    let t15 = t4 * motion.q2.dot;
+    let t16 = t14 + t15;
+    let t17 = t5 * motion.q2.dot;
+    matrix[0][3] = t3 * t16 + t1 * t17;
+    // tau1, Ixy_upper: -sin(q2)*(ddot(q2) + dot(q1)*cos(q2)*dot(q1)*sin(q2)) + cos(q2)*(dot(q1)^2 - (dot(q2)^2 +
+    // dot(q1)^2*cos(q2)^2))
+    let t18 = t0 - t11;
+    matrix[0][4] = t1 * t18 - t8;
     // tau1, Ixz_upper: S(q1, upper).W(Ixz, upper)
     let t19 = motion.q1.ddot * t1;
-    let t20 = t19 - t15;
-    let t21 = t20 - t15;
-    matrix[0][5] = -(t3 * t21) - t1 * (t17 - t18);
+    let t20 = t19 - t17 - t17;
+    matrix[0][5] = -(t3 * t20 + t1 * (t15 + t16));
     // tau1, Iyz_upper: cos(q2)*(ddot(q2) - dot(q1)*cos(q2)*dot(q1)*sin(q2)) - sin(q2)*(dot(q2)^2 -
     // dot(q1)^2*cos(q2)^2)
-    matrix[0][7] = t13 - t3 * (t9 - t10);
+    matrix[0][7] = t12 - t3 * t13;
     // tau1, mx_fore: S(q1, fore).W(mx, fore)
-    let t22 = motion.q3.value.sin();
+    let t21 = T::from_f64(0.03) * t0 + T::from_f64(0.35) * t20 - T::from_f64(0.08) * t0;
+    let t22 = motion.q3.value.cos();
     let t23 = t1 * t22;
-    let t24 = motion.q3.value.cos();
+    let t24 = motion.q3.value.sin();
     let t25 = t3 * t24;
-    let t26 = -(T::from_f64(0.05) * t23) - T::from_f64(0.05) * t25;
-    let t27 = T::from_f64(9.81) * t1 - T::from_f64(0.08) * t16;
-    let t28 = t17 + t18;
-    let t29 = t27 + (T::from_f64(0.35) * t7 - T::from_f64(0.03) * t28);
-    let t30 = -(T::from_f64(9.81) * t3) - T::from_f64(0.08) * t19;
-    let t31 = -t15 - t20;
-    let t32 = t30 + (-(T::from_f64(0.03) * t31) - T::from_f64(0.35) * t11);
-    let t33 = t24 * t29 + t22 * t32;
-    let t34 = t1 * t24;
-    let t35 = t3 * t22;
-    let t36 = T::from_f64(0.05) * t35 - T::from_f64(0.05) * t34;
-    let t37 = t24 * t32 - t22 * t29;
-    let t38 = T::from_f64(0.35) * t21 + T::from_f64(0.03) * (t10 + t14)
-        - T::from_f64(0.08) * t0;
-    let t39 = motion.q2.ddot + motion.q3.ddot;
-    let t40 = t4 * t24 - t5 * t22;
-    let t41 = -(t4 * t22) - t5 * t24;
-    let t42 = t40 * t41;
-    let t43 = t42 - t39;
-    let t44 = motion.q2.dot + motion.q3.dot;
-    let t45 = t44 * t44;
-    let t46 = t40 * t40;
-    let t47 = t45 + t46;
-    let t48 = t20 * t24 + t18 * t22 + t41 * motion.q3.dot;
-    let t49 = t41 * t44;
-    let t50 = t48 + t49;
-    let t51 = t34 - t35;
-    matrix[0][8] = t43 * t26 + T::from_f64(0.35) * (t1 * t50) - t47 * t36 + t51 * t38;
+    let t26 = T::from_f64(0.05) * t25 - T::from_f64(0.05) * t23;
+    let t27 = T::from_f64(9.81) * t1 - T::from_f64(0.08) * t14;
+    let t28 = t27 + (T::from_f64(0.03) * t14 - T::from_f64(0.35) * t7);
+    let t29 = T::from_f64(9.81) * t3 + T::from_f64(0.08) * t19;
+    let t30 = T::from_f64(0.03) * t19 - T::from_f64(0.35) * t11 - t29;
+    let t31 = t22 * t30 - t24 * t28;
+    let t32 = t1 * t24;
+    let t33 = t3 * t22;
+    let t34 = T::from_f64(0.05) * t32 + T::from_f64(0.05) * t33;
+    let t35 = t22 * t28 + t24 * t30;
+    let t36 = t23 - t25;
+    let t37 = motion.q2.ddot + motion.q3.ddot;
+    let t38 = t4 * t22 - t5 * t24;
+    let t39 = t4 * t24 + t5 * t22;
+    let t40 = t38 * t39;
+    let t41 = t37 + t40;
+    let t42 = motion.q2.dot + motion.q3.dot;
+    let t43 = t42 * t42;
+    let t44 = t38 * t38;
+    let t45 = t43 + t44;
+    let t46 = t39 * t42;
+    let t47 = t14 * t24 - t19 * t22;
+    let t48 = t46 + (t47 + t46);
+    matrix[0][8] = t21 * t36 + (t41 * t34 - t45 * t26 - T::from_f64(0.35) * (t1 * t48));
     // tau1, mz_fore: S(q1, fore).W(mz, fore)
-    let t52 = t18 * t24 - t20 * t22 - t40 * motion.q3.dot;
-    let t53 = t40 * t44;
-    let t54 = t52 + t53;
-    let t55 = t41 * t41;
-    let t56 = -t23 - t25;
-    let t57 = t39 + t42;
-    let t58 = t53 - t52;
-    let t59 = t55 + t45;
-    matrix[0][9] = t57 * t36 + T::from_f64(0.35) * (t1 * t58) - t59 * t26 - t56 * t38;
+    let t49 = t14 * t22 + t19 * t24;
+    let t50 = t32 + t33;
+    let t51 = -t40;
+    let t52 = t37 - t40;
+    let t53 = t43 - t44;
+    let t54 = t0 + t53;
+    let t55 = t38 * t42;
+    let t56 = t49 + t55;
+    let t57 = t55 + t56;
+    matrix[0][9] = t21 * t50 + (t52 * t26 + t54 * t34 + T::from_f64(0.35) * (t1 * t57));
     // tau1, Ixx_fore: S(q1, fore).W(Ixx, fore)
-    matrix[0][10] = t52 * t56 - t49 * t51;
+    matrix[0][10] = t56 * t50 + t46 * t36;
     // tau1, Ixy_fore: S(q1, fore).W(Ixy, fore)
-    matrix[0][11] = t51 * (t55 - t45) - t43 * t56;
+    let t58 = t0 - t45;
+    matrix[0][11] = t58 * t36 - t41 * t50;
     // tau1, Ixz_fore: S(q1, fore).W(Ixz, fore)
-    matrix[0][12] = t50 * t56 - t58 * t51;
+    matrix[0][12] = t48 * t50 - t57 * t36;
     // tau1, Iyz_fore: S(q1, fore).W(Iyz, fore)
-    matrix[0][14] = t56 * (t45 - t46) + t57 * t51;
+    matrix[0][14] = t52 * t36 - t53 * t50;
     // tau1, fv_q1: dot(q1)
     matrix[0][15] = motion.q1.dot;
     // tau1, fc_q1: sign(dot(q1))
     matrix[0][16] = motion.q1.dot.sign();
     // tau2, mx_upper: -(981*cos(q2)/100 - 2*ddot(q1)*sin(q2)/25)
     matrix[1][1] = -t27;
-    // tau2, mz_upper: -981*sin(q2)/100 - 2*ddot(q1)*cos(q2)/25
-    matrix[1][2] = t30;
+    // tau2, mz_upper: -(981*sin(q2)/100 + 2*ddot(q1)*cos(q2)/25)
+    matrix[1][2] = -t29;
     // tau2, Ixx_upper: -dot(q1)^2*cos(q2)*sin(q2)
     matrix[1][3] = -(t2 * t3);
-    // tau2, Ixy_upper: dot(q1)*cos(q2)*dot(q2) - ddot(q1)*sin(q2) - dot(q1)*cos(q2)*dot(q2)
-    matrix[1][4] = t28;
-    // tau2, Ixz_upper: dot(q1)^2*cos(q2)^2 - dot(q1)^2*sin(q2)^2
-    matrix[1][5] = t10 - t14;
+    // tau2, Ixy_upper: -ddot(q1)*sin(q2)
+    matrix[1][4] = -t14;
+    // tau2, Ixz_upper: -(dot(q2)^2 - dot(q1)^2*cos(q2)^2 + dot(q1)^2 - (dot(q2)^2 + dot(q1)^2*cos(q2)^2))
+    matrix[1][5] = -(t13 + t18);
     // tau2, Iyy_upper: ddot(q2)
     matrix[1][6] = motion.q2.ddot;
-    // tau2, Iyz_upper: -(-dot(q1)*sin(q2)*dot(q2) - (ddot(q1)*cos(q2) - dot(q1)*sin(q2)*dot(q2)))
-    matrix[1][7] = -t31;
+    // tau2, Iyz_upper: ddot(q1)*cos(q2)
+    matrix[1][7] = t19;
     // tau2, mx_fore: S(q2, fore).W(mx, fore)
-    matrix[1][8] = -(T::from_f64(0.35) * (t22 * t47)) - T::from_f64(0.35) * (t24 * t43)
-        - t33;
+    matrix[1][8] = T::from_f64(0.35) * (t22 * t41) - T::from_f64(0.35) * (t24 * t45)
+        - t35;
     // tau2, mz_fore: S(q2, fore).W(mz, fore)
-    matrix[1][9] = T::from_f64(0.35) * (t22 * t57) + T::from_f64(0.35) * (t24 * t59)
-        + t37;
-    // tau2, Ixx_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    matrix[1][9] = T::from_f64(0.35) * (t24 * t52) + T::from_f64(0.35) * (t22 * t54)
+        + t31;
+    // tau2, Ixx_fore: -(dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(dot(q1)*cos(q2)*sin(q3) +
     // dot(q1)*sin(q2)*cos(q3))
-    matrix[1][10] = t42;
-    // tau2, Ixy_fore: S(q2, fore).W(Ixy, fore)
-    matrix[1][11] = t54;
-    // tau2, Ixz_fore: -(-dot(q1)*cos(q2)*sin(q3) - dot(q1)*sin(q2)*cos(q3))^2 + (dot(q1)*cos(q2)*cos(q3) -
-    // dot(q1)*sin(q2)*sin(q3))^2
-    let t60 = t46 - t55;
+    matrix[1][10] = t51;
+    // tau2, Ixy_fore: -(ddot(q1)*sin(q2)*cos(q3) + ddot(q1)*cos(q2)*sin(q3))
+    let t59 = -t49;
+    matrix[1][11] = t59;
+    // tau2, Ixz_fore: S(q2, fore).W(Ixz, fore)
+    let t60 = -(t53 + t58);
     matrix[1][12] = t60;
     // tau2, Iyy_fore: ddot(q2) + ddot(q3)
-    matrix[1][13] = t39;
-    // tau2, Iyz_fore: S(q2, fore).W(Iyz, fore)
-    let t61 = -(t49 - t48);
+    matrix[1][13] = t37;
+    // tau2, Iyz_fore: -(ddot(q1)*sin(q2)*sin(q3) - ddot(q1)*cos(q2)*cos(q3))
+    let t61 = -t47;
     matrix[1][14] = t61;
     // tau2, fv_q2: dot(q2)
     matrix[1][17] = motion.q2.dot;
     // tau2, fc_q2: sign(dot(q2))
     matrix[1][18] = motion.q2.dot.sign();
     // tau3, mx_fore: S(q3, fore).W(mx, fore)
-    matrix[2][8] = -t33;
+    matrix[2][8] = -t35;
     // tau3, mz_fore: S(q3, fore).W(mz, fore)
-    matrix[2][9] = t37;
-    // tau3, Ixx_fore: (dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(-dot(q1)*cos(q2)*sin(q3) -
+    matrix[2][9] = t31;
+    // tau3, Ixx_fore: -(dot(q1)*cos(q2)*cos(q3) - dot(q1)*sin(q2)*sin(q3))*(dot(q1)*cos(q2)*sin(q3) +
     // dot(q1)*sin(q2)*cos(q3))
-    matrix[2][10] = t42;
-    // tau3, Ixy_fore: S(q3, fore).W(Ixy, fore)
-    matrix[2][11] = t54;
-    // tau3, Ixz_fore: -(-dot(q1)*cos(q2)*sin(q3) - dot(q1)*sin(q2)*cos(q3))^2 + (dot(q1)*cos(q2)*cos(q3) -
-    // dot(q1)*sin(q2)*sin(q3))^2
+    matrix[2][10] = t51;
+    // tau3, Ixy_fore: -(ddot(q1)*sin(q2)*cos(q3) + ddot(q1)*cos(q2)*sin(q3))
+    matrix[2][11] = t59;
+    // tau3, Ixz_fore: S(q3, fore).W(Ixz, fore)
     matrix[2][12] = t60;
     // tau3, Iyy_fore: ddot(q2) + ddot(q3)
-    matrix[2][13] = t39;
-    // tau3, Iyz_fore: S(q3, fore).W(Iyz, fore)
+    matrix[2][13] = t37;
+    // tau3, Iyz_fore: -(ddot(q1)*sin(q2)*sin(q3) - ddot(q1)*cos(q2)*cos(q3))
     matrix[2][14] = t61;
     // tau3, fv_q3: dot(q3)
     matrix[2][19] = motion.q3.dot;

@@ -445,8 +445,11 @@ fn faults_of_a_description_are_named_at_their_lines() {
     check(&two_links("<origin xyz=\"0 0\"/><limit/>"), 6, &["not three numbers"]);
     let moved = two_links(SOUND).replace("revolute", "floating");
     check(&moved, 4, &["of the type `floating`", "prismatic"]);
+    assert!(!faults(&moved, &options).contains("roots"));
+    check("<robot name=\"r\">\n</robot>", 1, &["has no link", "export the description again"]);
     let missing = two_links(SOUND).replace("<child link=\"b\"/>", "<child link=\"c\"/>");
     check(&missing, 4, &["joins `c`, which is no link"]);
+    assert!(!faults(&missing, &options).contains("roots"));
     let roots = two_links(SOUND).replace("<link name=\"b\"/>", "<link name=\"b\"/>\n<link name=\"c\"/>");
     check(&roots, 4, &["2 roots: `a`, `c`", "name the base"]);
     let twice = "<joint name=\"k\" type=\"fixed\"><parent link=\"a\"/><child link=\"b\"/></joint>\n</robot>";
@@ -496,6 +499,19 @@ fn what_is_left_out_or_read_otherwise_is_said() {
     let experiment = tpm_runtime::experiment::Experiment::parse(&imported.experiment).expect("an experiment");
     assert_eq!(experiment.limits.inputs["tau_j_2_j"], 5.0);
     parsed(&imported);
+    // A link of which there is a mesh alone, on a joint without limits.
+    let mesh = "<link name=\"b\"><visual><geometry><mesh filename=\"b.stl\"/></geometry></visual></link>";
+    let text = two_links("<axis xyz=\"0 0 1\"/>").replace("<link name=\"b\"/>", mesh);
+    let source = Source::new("robot.urdf", text);
+    let imported = urdf(&source, &Options::default()).unwrap_or_else(|faults| panic!("{}", faults.render(&source)));
+    for (words, help) in [
+        ("the joint `j` has no limits", "add its limits to the experiment"),
+        ("the link `b` moves and has no mass in the description", "add an `inertial`"),
+    ] {
+        let found = imported.warnings.iter().find(|warning| warning.message.contains(words));
+        let warning = found.unwrap_or_else(|| panic!("{words}: {:#?}", imported.warnings));
+        assert!(warning.help.as_ref().is_some_and(|text| text.contains(help)), "{warning:?}");
+    }
 }
 
 /// A chain of bodies on three branches: two arms on a torso.

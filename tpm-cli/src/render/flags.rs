@@ -19,6 +19,7 @@ pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
         Remedy::TimeDomain => "--domain time uses every sample instead".to_owned(),
         Remedy::HarmonicsOfOneStretch => "--domain harmonics uses the longest stretch that repeats instead".to_owned(),
         Remedy::Harmonics { highest } => format!("--harmonics {highest} takes them in"),
+        Remedy::Simulation => "--refine output-error does it all the same".to_owned(),
         Remedy::DrivenCoordinate { input } => format!("--motion {input}=COORDINATE"),
         Remedy::Stopped => "--stopped".to_owned(),
         Remedy::HoldParameter { parameter } => format!("--freeze {parameter}=VALUE"),

@@ -7,3 +7,4 @@ pub(crate) mod flags;
 pub(crate) mod method;
 pub(crate) mod result;
 pub(crate) mod roots;
+pub(crate) mod showing;

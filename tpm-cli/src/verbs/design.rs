@@ -3,11 +3,12 @@
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
 use crate::output::file;
+use crate::render::showing::showing_harmonics;
 use std::path::PathBuf;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number, or_dash};
-use tpm_runtime::session::SessionError;
-use tpm_runtime::study::{Candidate, Design, design};
+use tpm_runtime::session::{Session, SessionError};
+use tpm_runtime::study::{Candidate, Design, Showing, design};
 
 /// Options of `tpm design`.
 #[derive(clap::Args)]
@@ -33,6 +34,17 @@ struct Report<'a> {
     model: &'a str,
     #[serde(flatten)]
     design: &'a Design,
+    /// Of a mechanism: the harmonics of the best candidate that show each base parameter.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    showing: Vec<Showing>,
+}
+
+/// The harmonics of the best candidate that show each base parameter of a mechanism; nothing for other models.
+fn showing(session: &Session, found: &Design) -> Vec<Showing> {
+    let (declared, machine) = (session.model(), session.machine());
+    let best = found.candidates.first().filter(|_| declared.parsed().mechanism.is_some());
+    let value = |name: &str| session.experiment().constants.get(name).copied();
+    best.map(|best| best.showing(declared.prepared(), machine.plant(), value)).unwrap_or_default()
 }
 
 /// Runs the command.
@@ -40,10 +52,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let session = args.simulated.session(&args.file)?;
     let (machine, experiment) = (session.machine(), session.experiment());
     let found = design(machine.plant(), machine.pattern(), experiment).map_err(SessionError::from)?;
+    let showing = showing(&session, &found);
     let text = if args.json {
-        file::json(&Report { schema: "tpm.design/1", model: machine.plant().name(), design: &found })?
+        file::json(&Report { schema: "tpm.design/1", model: machine.plant().name(), design: &found, showing })?
     } else {
-        describe(&found, args.best)
+        let showing = showing.iter().map(|one| (one.parameter.as_str(), one.harmonics.as_slice()));
+        describe(&found, args.best) + &showing_harmonics(showing)
     };
     file::emit(args.output.as_deref(), &text)?;
     if found.candidates.iter().all(|candidate| candidate.passed.is_some()) {

@@ -6,6 +6,7 @@ use crate::failure::{Failure, Outcome};
 use crate::input::load::Loaded;
 use crate::output::file;
 use crate::render::combination::{not_counted, sum};
+use crate::render::showing::showing_harmonics;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable, or_dash};
@@ -254,6 +255,8 @@ fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Stri
             let _ = writeln!(text, "  {}{rest}{band}", one.parameter);
         }
     }
+    let base = report.base.iter().flatten();
+    text.push_str(&showing_harmonics(base.map(|one| (one.parameter.as_str(), one.shown_by.as_slice()))));
     if let Some(physical) =
         physical.filter(|p| p.parameters != report.parameters.iter().map(|r| r.name.clone()).collect::<Vec<_>>())
     {

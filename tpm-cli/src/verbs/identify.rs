@@ -47,7 +47,7 @@ pub(crate) struct Args {
     /// when not given.
     #[arg(long, value_enum, requires = "log")]
     domain: Option<DomainChoice>,
-    /// Whether the estimates are refined by simulating the model sample by sample.
+    /// Whether the estimates are refined by simulating the model sample by sample; where that takes no long time when not given.
     #[arg(long, value_enum)]
     refine: Option<RefineChoice>,
     #[command(flatten)]
@@ -85,7 +85,7 @@ enum WeightsChoice {
 /// How estimates are refined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum RefineChoice {
-    /// By output error, where the model can be simulated (the default).
+    /// By output error, where the model can be simulated, however long it takes.
     OutputError,
     /// Not at all.
     None,

@@ -165,11 +165,18 @@ impl<'a> Arranger<'a, '_, '_> {
                 }
                 Some(&root.name)
             }
+            [] if links.is_empty() => {
+                let message = "the description has no link".to_owned();
+                self.error(self.description.span, message, "export the description again, links and joints with it");
+                None
+            }
             [] => {
                 let message = "every link hangs on another one, in a loop".to_owned();
                 self.error(self.description.span, message, "a mechanism is a tree: remove a joint of the loop");
                 None
             }
+            // A joint that could not be read leaves its link without a parent.
+            [_, _, ..] if self.diagnostics.has_errors() => None,
             [first, second, ..] => {
                 let message = format!("the description has {} roots: `{}`, `{}`", roots.len(), first.name, second.name);
                 let fault = Diagnostic::error(second.span, message).label(first.span, "the first one");

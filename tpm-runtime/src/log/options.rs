@@ -60,8 +60,10 @@ pub enum Domain {
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Refine {
-    /// By output error, where the model can be simulated.
+    /// By output error, where the model can be simulated and that takes no long time.
     #[default]
+    Auto,
+    /// By output error, where the model can be simulated, however long it takes.
     OutputError,
     /// Not at all.
     None,

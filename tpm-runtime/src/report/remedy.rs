@@ -49,6 +49,8 @@ pub enum Remedy {
         /// The highest harmonic.
         highest: usize,
     },
+    /// Refine by a simulation, however long it takes.
+    Simulation,
     /// State which coordinate an input drives.
     DrivenCoordinate {
         /// The input, as the model names it.

@@ -330,7 +330,7 @@ impl Session {
 
     /// The simulation that refines the estimates of a campaign, where that is asked for and can be done.
     fn simulation(&self, campaign: &Campaign<'_>) -> Option<RunSimulation<'_>> {
-        let wanted = self.experiment.refine == Refine::OutputError && campaign.estimator().lumped().is_none();
+        let wanted = self.experiment.refine != Refine::None && campaign.estimator().lumped().is_none();
         let jumps = self.declared.prepared().model.has_jumps();
         wanted.then(|| RunSimulation::new(&self.machine, jumps, campaign.setup()))?
     }

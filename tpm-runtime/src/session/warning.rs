@@ -53,6 +53,13 @@ pub enum Warning {
         /// Share of the force that the better hold leaves unexplained.
         left_by_better: f64,
     },
+    /// The estimates are not refined by a simulation, because that would take long.
+    LongSimulation {
+        /// Floating-point operations of one step.
+        work: f64,
+        /// The most that are spent without being asked for.
+        most: f64,
+    },
     /// The log holds one whole period only.
     OnePeriod,
     /// Single readings of a coordinate were far from their neighbours, and were replaced by what these say.
@@ -291,6 +298,7 @@ impl Warning {
             Warning::InLog { warning, .. } => warning.remedy(),
             Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
+            Warning::LongSimulation { .. } => Some(Remedy::Simulation),
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
             _ => None,
         }
@@ -305,6 +313,10 @@ impl fmt::Display for Warning {
                 "hold {better} explains the log clearly better: it leaves {:.3} % of the force, hold {stated} leaves {:.3} %",
                 100.0 * left_by_better,
                 100.0 * left
+            ),
+            Warning::LongSimulation { work, most } => write!(
+                f,
+                "the estimates are not refined by simulating the model sample by sample: a step of that takes {work:.1e} operations, more than the {most:.1e} that are spent without being asked for"
             ),
             Warning::OnePeriod => f.write_str(
                 "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four",

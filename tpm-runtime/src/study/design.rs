@@ -16,6 +16,7 @@ use crate::numerics::fourier::analyse;
 use crate::numerics::singular::{Singular, unit_columns};
 use crate::run::trajectory::{HarmonicSeries, Line, ReferencePattern, Trajectory};
 use crate::run::{Record, RunEnding, Trial, TrialError, TrialSettings};
+use crate::study::content::{entries_along, showing};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
 use std::f64::consts::PI;
@@ -25,6 +26,9 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 use tpm_core::model::{EvalError, Model};
+use tpm_symbolic::harmonic::report::ShowingHarmonic;
+use tpm_symbolic::regressor::base_parameters::{BaseParameter, Motions, base_parameters};
+use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Factors on the last stage's amplitudes and frequency that are tried.
 const SHARES: [f64; 4] = [0.4, 0.6, 0.8, 1.0];
@@ -37,6 +41,8 @@ const RANK: f64 = 1e-9;
 /// Highest harmonic to which the derivatives of the motion are followed, as a multiple of the motion's highest
 /// harmonic.
 const REACH: usize = 2;
+/// Highest harmonic that is said to show a parameter, as a multiple of the motion's highest harmonic.
+const SHOWN: usize = 4;
 /// Harmonics of an encoder's error that are added up; those that are left out hold less than a hundredth of its variance.
 const REPEATED_HARMONICS: u32 = 100;
 /// Noise that is assumed of a sensor without noise, as a share of the amplitude.
@@ -104,6 +110,40 @@ pub struct Candidate {
     pub near_mode: Option<NearMode>,
     /// The sample that passes a limit the most; nothing when all inputs keep within the stated share.
     pub passed: Option<Passed>,
+    /// The motion.
+    #[serde(skip)]
+    pub trajectory: Trajectory,
+}
+
+/// What shows a base parameter: the leading one of a combination of parameters that any motion shows together only.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Showing {
+    /// The leading parameter.
+    pub parameter: String,
+    /// The harmonics of its regressor that are not zero for certain, up to four times the highest of the motion.
+    pub harmonics: Vec<ShowingHarmonic>,
+}
+
+impl Candidate {
+    /// The harmonics that show each base parameter of a mechanism along the candidate's motion; empty where the base parameters have no
+    /// exact factors. `model` is that of the rows; `value` gives its run-time constants by their names.
+    #[must_use]
+    pub fn showing(
+        &self,
+        prepared: &Prepared,
+        model: &dyn Model<f64>,
+        value: impl Fn(&str) -> Option<f64>,
+    ) -> Vec<Showing> {
+        let found = base_parameters(&prepared.model, &prepared.form, &Motions::default());
+        let Some(base) = found.ok().and_then(|found| found.base) else { return Vec::new() };
+        let entries = entries_along(prepared, model, &self.trajectory, value);
+        let highest = SHOWN * self.trajectory.highest_harmonic() as usize;
+        let of = |own: &BaseParameter| Showing {
+            parameter: prepared.form.columns[own.column].name.to_string(),
+            harmonics: showing(model, &entries, own.column, highest, "the candidate"),
+        };
+        base.iter().map(of).filter(|own| !own.harmonics.is_empty()).collect()
+    }
 }
 
 fn by_name<T: Serialize, S: Serializer>(pairs: &[(String, T)], serializer: S) -> Result<S::Ok, S::Error> {
@@ -435,6 +475,7 @@ fn judge(
         input_harmonics: input_harmonics(trial, model.dims().inputs),
         near_mode: near_mode(model, trial),
         passed: (limited && most >= share).then_some(passed),
+        trajectory: trial.trajectory.clone(),
     }
 }
 

@@ -16,6 +16,7 @@ use crate::numerics::{DMatrix, DVector};
 use crate::report::number;
 use crate::run::trajectory::{PatternError, ReferencePattern, Trajectory};
 use crate::run::{CompletionError, OpenReason, complete};
+use crate::study::content::{entries_along, showing};
 use std::collections::BTreeMap;
 use std::format;
 use std::string::{String, ToString};
@@ -24,6 +25,7 @@ use std::vec::Vec;
 use tpm_core::model::{EvalError, Model};
 use tpm_symbolic::algebra::fourier::Trig;
 use tpm_symbolic::algebra::generic_point;
+use tpm_symbolic::harmonic::content::EntryContent;
 use tpm_symbolic::harmonic::identifiability::PhysicalIdentifiability;
 use tpm_symbolic::harmonic::report::{Means, Report, ReportedBase, ReportedParameter, ReportedRow, SCHEMA};
 use tpm_symbolic::mechanics::pattern::Pattern;
@@ -126,7 +128,21 @@ pub fn numerical_identifiability(
     // The first of those with the largest rank.
     let best = settings.iter().rev().max_by_key(|setting| setting.rank()).ok_or(fault)?;
     let alike: Vec<&Setting> = settings.iter().filter(|other| other.free() == best.free()).collect();
-    Ok((best.report(&model, patterns, &alike), best.physical.clone()))
+    let contents = contents(prepared, &model, &best.harmonics, &best.symbols);
+    Ok((best.report(&model, patterns, &alike, &contents), best.physical.clone()))
+}
+
+/// By pattern: the harmonics of the regressor's entries, with bounds of their errors.
+fn contents(
+    prepared: &Prepared,
+    model: &Interpreted,
+    harmonics: &Harmonics,
+    symbols: &Symbols,
+) -> Vec<Vec<EntryContent>> {
+    let of = |(trajectory, values): (&Trajectory, &BTreeMap<String, f64>)| {
+        entries_along(prepared, model, trajectory, |name| values.get(name).copied())
+    };
+    harmonics.trajectories.iter().zip(&symbols.values).map(of).collect()
 }
 
 /// The values at one setting.
@@ -211,10 +227,12 @@ struct Harmonics {
     sizes: DMatrix<f64>,
     /// Whether the motion depends on the values of the parameters.
     completed: bool,
+    /// The motion of every pattern.
+    trajectories: Vec<Trajectory>,
 }
 
 /// A row of the harmonics.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct HarmonicRow {
     pattern: usize,
     equation: usize,
@@ -248,6 +266,7 @@ impl Harmonics {
         let empty = || DMatrix::zeros(rows.len(), dims.parameters);
         let (mut fine, mut coarse, mut sizes) = (empty(), empty(), empty());
         let (mut at, mut completed) = (0, false);
+        let mut trajectories = Vec::with_capacity(patterns.len());
         for (played, values) in patterns.iter().zip(&symbols.values) {
             let value = |name: &str| values.get(name).copied();
             let reference = ReferencePattern::of_rows(played.pattern, &prepared.model, &prepared.form, value)?;
@@ -293,8 +312,9 @@ impl Harmonics {
                 }
             }
             at += dims.rows * (2 * played.harmonics + 1);
+            trajectories.push(trajectory);
         }
-        Ok(Harmonics { rows, fine, coarse, sizes, completed })
+        Ok(Harmonics { rows, fine, coarse, sizes, completed, trajectories })
     }
 }
 
@@ -457,7 +477,13 @@ impl Setting {
         self.directions.iter().map(|(free, _)| *free).collect()
     }
 
-    fn report(&self, model: &Interpreted, patterns: &[PlayedPattern<'_>], alike: &[&Setting]) -> Report {
+    fn report(
+        &self,
+        model: &Interpreted,
+        patterns: &[PlayedPattern<'_>],
+        alike: &[&Setting],
+        contents: &[Vec<EntryContent>],
+    ) -> Report {
         let dims = Model::<f64>::dims(model);
         let names: Vec<String> =
             (0..dims.parameters).map(|j| Model::<f64>::parameter(model, j).name.to_string()).collect();
@@ -487,6 +513,11 @@ impl Setting {
                 .map(|which| (names[free[which]].clone(), coefficient(which, column).negated().text()))
                 .collect(),
             harmonics_up_to: bands[column],
+            shown_by: patterns
+                .iter()
+                .zip(contents)
+                .flat_map(|(played, entries)| showing(model, entries, column, played.harmonics, &played.name))
+                .collect(),
         });
         let rows = &self.harmonics.rows;
         let observable = determined(&self.scaled.null(|_| true));
@@ -660,15 +691,18 @@ fn whole(parts: &[(i64, u32)]) -> Vec<i64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{PlayedPattern, numerical_identifiability, rational, whole};
+    use super::{Harmonics, PlayedPattern, Symbols, contents, numerical_identifiability, rational, whole};
+    use crate::interpret::Interpreted;
     use crate::session::DeclaredModel;
     use std::collections::BTreeMap;
     use std::format;
     use std::string::{String, ToString};
     use std::vec::Vec;
+    use tpm_symbolic::algebra::fourier::Trig;
     use tpm_symbolic::harmonic::expand::expand;
     use tpm_symbolic::harmonic::identifiability::{Experiment, PhysicalIdentifiability, identifiability};
     use tpm_symbolic::harmonic::report::{Means, Report};
+    use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
     fn numerical(model: &DeclaredModel, harmonics: usize) -> (Report, PhysicalIdentifiability) {
         let pattern = model.pattern(None).expect("a pattern");
@@ -776,6 +810,60 @@ mod tests {
         let plus = |name: &str| &base.iter().find(|base| base.parameter == name).expect("in the base").plus;
         assert_eq!(plus("s1")["o"], "1/2");
         assert!(plus("g1").is_empty());
+    }
+
+    #[test]
+    fn harmonics_by_series_are_those_of_the_samples_within_their_bounds() {
+        let arm = parsed(
+            "model Arm {
+                coordinate q1 [rad], q2 [rad], q3 [rad];
+                input t1 [N*m], t2 [N*m], t3 [N*m];
+                mechanism {
+                    gravity (0, 0, -9.81);
+                    body a { revolute q1 about z; inertia parameters; }
+                    body b on a { revolute q2 about y at (0, 0.1, 0.2); inertia parameters; }
+                    body c on b { revolute q3 about y at (0.1, 0, 0.4) turned (2*atan2(3, 20), 0, 0); inertia parameters; }
+                    drive q1 by t1;
+                    drive q2 by t2;
+                    drive q3 by t3;
+                }
+                pattern {
+                    amplitude A1 [rad], A2 [rad], A3 [rad];
+                    frequency w [rad/s];
+                    q1 = A1*sin(w*t);
+                    q2 = A2*cos(2*w*t) + 1/5*A1*sin(w*t);
+                    q3 = A3*cos(3*w*t) + 1/2;
+                }
+            }",
+        );
+        let prepared = arm.prepared();
+        let values = [("A1", 1.1), ("A2", 0.7), ("A3", 0.9), ("w", 1.5)].map(|(name, value)| (name.to_string(), value));
+        let pattern = arm.pattern(None).expect("a pattern");
+        let played = [PlayedPattern { name: "it".to_string(), pattern, values: BTreeMap::from(values), harmonics: 60 }];
+        let model = Interpreted::new(&prepared.model, &prepared.form);
+        let map = ParameterMap::new(prepared);
+        let symbols = Symbols::new(prepared, &map, &played, 0, 1.0).expect("values");
+        let sampled = Harmonics::new(prepared, &map, &model, &played, &symbols).expect("finite");
+        let series = contents(prepared, &model, &sampled, &symbols);
+        assert!(series[0].len() >= 20, "{}", series[0].len());
+        let mut compared = 0;
+        for entry in &series[0] {
+            assert!(entry.error < 1e-9, "{}", entry.error);
+            for (row, label) in sampled.rows.iter().enumerate().filter(|(_, label)| label.equation == entry.row) {
+                let part = if label.function == Trig::Cos { &entry.wave.cos } else { &entry.wave.sin };
+                let value = part.get(label.harmonic).copied().unwrap_or(0.0);
+                let off = (value - sampled.fine[(row, entry.column)]).abs();
+                let rounding = 1e-13 * (1.0 + sampled.sizes[(row, entry.column)]);
+                assert!(off <= entry.error + rounding, "{} {label:?} {off} {}", entry.column, entry.error);
+                compared += 1;
+            }
+        }
+        assert!(compared > 1000);
+        // What is certain by the series is what stands out of the rounding of the samples.
+        let (report, _) = numerical_identifiability(prepared, &played).expect("finite");
+        let base = report.base.expect("short");
+        assert!(base.iter().all(|own| !own.shown_by.is_empty()));
+        assert!(base.iter().flat_map(|own| &own.shown_by).all(|shown| shown.amplitude > shown.error));
     }
 
     #[test]

@@ -5,6 +5,7 @@
 #[cfg(test)]
 mod bound_tests;
 mod campaigns;
+mod content;
 mod design;
 mod identifiability;
 mod path;
@@ -14,7 +15,7 @@ mod trajectories_figure;
 mod updates;
 
 pub use campaigns::{Identify, ParameterStudy, Study, study, study_campaigns, study_session};
-pub use design::{Candidate, Design, Passed, Predicted, design};
+pub use design::{Candidate, Design, Passed, Predicted, Showing, design};
 pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
 pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};
 pub use trajectories::{CoordinateUse, InputUse, Moved, StrokeError, Trajectories, trajectories};

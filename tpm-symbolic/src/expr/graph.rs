@@ -271,7 +271,8 @@ impl Graph {
         }
     }
 
-    /// The sum in which an operand that is a sum itself stays whole. Like terms are collected, as in [`Graph::sum`].
+    /// The sum in which an operand that is a sum itself stays whole. Like terms are collected, as in [`Graph::sum`]. A sum of negative
+    /// terms alone is minus the sum of positive ones, so that whatever uses it subtracts and nothing is negated.
     pub fn sum_of_wholes(&mut self, terms: &[ExprId]) -> ExprId {
         let mut constant = Rational::zero();
         let mut collected: BTreeMap<ExprId, Rational> = BTreeMap::new();
@@ -281,7 +282,14 @@ impl Graph {
                 (value, Some(rest)) => *collected.entry(rest).or_insert_with(Rational::zero) += value,
             }
         }
-        self.sum_of_collected(constant, collected)
+        collected.retain(|_, coefficient| !coefficient.is_zero());
+        let all_negative = !constant.is_positive() && collected.values().all(Signed::is_negative);
+        if !all_negative || collected.len() + usize::from(!constant.is_zero()) < 2 {
+            return self.sum_of_collected(constant, collected);
+        }
+        collected.values_mut().for_each(|coefficient| *coefficient = -&*coefficient);
+        let positive = self.sum_of_collected(-constant, collected);
+        self.with_coefficient(-Rational::one(), positive)
     }
 
     /// The product in which an operand that is a product itself stays whole, but for its coefficient. Numbers and powers are

@@ -104,7 +104,7 @@ impl Wave {
         wave
     }
 
-    fn spectrum(&self) -> Spectrum {
+    pub(super) fn spectrum(&self) -> Spectrum {
         let top = self.cos.len().max(self.sin.len()).saturating_sub(1);
         let mut values = vec![(0.0, 0.0); 2 * top + 1];
         for k in 0..=top {
@@ -119,14 +119,14 @@ impl Wave {
 
 /// Complex coefficients of e^{j n theta}, n = -top..=top.
 #[derive(Clone)]
-struct Spectrum(Vec<(f64, f64)>);
+pub(super) struct Spectrum(pub(super) Vec<(f64, f64)>);
 
 impl Spectrum {
-    fn top(&self) -> usize {
+    pub(super) fn top(&self) -> usize {
         self.0.len() / 2
     }
 
-    fn times(&self, other: &Self) -> Self {
+    pub(super) fn times(&self, other: &Self) -> Self {
         let mut product = vec![(0.0, 0.0); self.0.len() + other.0.len() - 1];
         for (i, a) in self.0.iter().enumerate().filter(|(_, a)| **a != (0.0, 0.0)) {
             for (j, b) in other.0.iter().enumerate() {
@@ -137,12 +137,39 @@ impl Spectrum {
         Self(product)
     }
 
-    fn norm(&self) -> f64 {
+    /// The derivative of an order with respect to time, at a fundamental frequency in rad/s.
+    pub(super) fn derivative(&self, frequency: f64, order: u32) -> Self {
+        let top = self.top();
+        let turned = |(at, &(re, im)): (usize, &(f64, f64))| {
+            let rate = ((at as f64 - top as f64) * frequency).powi(order as i32);
+            // Multiplied by j for every time.
+            let (re, im) = [(re, im), (-im, re), (-re, -im), (im, -re)][order as usize % 4];
+            (rate * re, rate * im)
+        };
+        Self(self.0.iter().enumerate().map(turned).collect())
+    }
+
+    /// Real and imaginary part of the function: (E + E*)/2 and (E - E*)/(2j), with E*_n = conj(E_-n).
+    pub(super) fn real_and_imaginary(&self) -> (Self, Self) {
+        let top = self.top();
+        let pair = |i: usize| (self.0[i], self.0[2 * top - i]);
+        let real = (0..=2 * top).map(|i| {
+            let (a, b) = pair(i);
+            ((a.0 + b.0) / 2.0, (a.1 - b.1) / 2.0)
+        });
+        let imaginary = (0..=2 * top).map(|i| {
+            let (a, b) = pair(i);
+            ((a.1 + b.1) / 2.0, (b.0 - a.0) / 2.0)
+        });
+        (Self(real.collect()), Self(imaginary.collect()))
+    }
+
+    pub(super) fn norm(&self) -> f64 {
         self.0.iter().map(|(re, im)| re.hypot(*im)).sum()
     }
 
     /// The real function whose spectrum this is.
-    fn wave(&self) -> Wave {
+    pub(super) fn wave(&self) -> Wave {
         let top = self.top();
         let mut wave = Wave { cos: vec![0.0; top + 1], sin: vec![0.0; top + 1] };
         for k in 0..=top {
@@ -169,18 +196,8 @@ pub struct JacobiAnger {
 #[must_use]
 pub fn jacobi_anger(phase: &Wave, harmonics: usize) -> Option<JacobiAnger> {
     let (spectrum, tail) = exponential(phase)?;
-    // cos = (E + E*)/2, sin = (E - E*)/(2j), with E*_n = conj(E_-n).
-    let top = spectrum.top();
-    let pair = |i: usize| (spectrum.0[i], spectrum.0[2 * top - i]);
-    let cosine = (0..=2 * top).map(|i| {
-        let (a, b) = pair(i);
-        ((a.0 + b.0) / 2.0, (a.1 - b.1) / 2.0)
-    });
-    let sine = (0..=2 * top).map(|i| {
-        let (a, b) = pair(i);
-        ((a.1 + b.1) / 2.0, (b.0 - a.0) / 2.0)
-    });
-    let (mut cos, mut sin) = (Spectrum(cosine.collect()).wave(), Spectrum(sine.collect()).wave());
+    let (cosine, sine) = spectrum.real_and_imaginary();
+    let (mut cos, mut sin) = (cosine.wave(), sine.wave());
     let left_out = cut(&mut cos, harmonics).max(cut(&mut sin, harmonics));
     Some(JacobiAnger { cos, sin, tail: tail + left_out })
 }
@@ -203,31 +220,37 @@ fn exponential(phase: &Wave) -> Option<(Spectrum, f64)> {
     for k in 1..top {
         for (cosine, amplitude) in [(true, phase.cos.get(k)), (false, phase.sin.get(k))] {
             let Some(&amplitude) = amplitude.filter(|value| **value != 0.0) else { continue };
-            if amplitude.is_nan() || amplitude.abs() > MAX_ARGUMENT {
-                return None;
-            }
-            let (order, tail) = truncation(amplitude);
-            let mut factor = vec![(0.0, 0.0); 2 * order * k + 1];
-            for n in 0..=order {
-                let value = bessel_j(u32::try_from(n).ok()?, amplitude)?;
-                let odd = if n % 2 == 1 { -value } else { value };
-                // j^n and j^-n J_-n = j^-n (-1)^n J_n = j^n J_n for the cosine.
-                let (plus, minus) = if cosine {
-                    let turned = [(value, 0.0), (0.0, value), (-value, 0.0), (0.0, -value)][n % 4];
-                    (turned, turned)
-                } else {
-                    ((value, 0.0), (odd, 0.0))
-                };
-                factor[(order + n) * k] = plus;
-                factor[(order - n) * k] = minus;
-            }
-            let factor = Spectrum(factor);
+            let (factor, tail) = factor(k, cosine, amplitude)?;
             // |(p + dp)(f + df) - p f| <= |p| |df| + |dp| (|f| + |df|)
             error = product.norm() * tail + error * (factor.norm() + tail);
             product = product.times(&factor);
         }
     }
     Some((product, error))
+}
+
+/// e^{j a cos(k theta)}, or that of the sine, and a bound of what its truncation leaves out; `None` when the amplitude exceeds
+/// [`MAX_ARGUMENT`] or is no number.
+pub(super) fn factor(k: usize, cosine: bool, amplitude: f64) -> Option<(Spectrum, f64)> {
+    if amplitude.is_nan() || amplitude.abs() > MAX_ARGUMENT {
+        return None;
+    }
+    let (order, tail) = truncation(amplitude);
+    let mut factor = vec![(0.0, 0.0); 2 * order * k + 1];
+    for n in 0..=order {
+        let value = bessel_j(u32::try_from(n).ok()?, amplitude)?;
+        let odd = if n % 2 == 1 { -value } else { value };
+        // j^n and j^-n J_-n = j^-n (-1)^n J_n = j^n J_n for the cosine.
+        let (plus, minus) = if cosine {
+            let turned = [(value, 0.0), (0.0, value), (-value, 0.0), (0.0, -value)][n % 4];
+            (turned, turned)
+        } else {
+            ((value, 0.0), (odd, 0.0))
+        };
+        factor[(order + n) * k] = plus;
+        factor[(order - n) * k] = minus;
+    }
+    Some((Spectrum(factor), tail))
 }
 
 /// The order at which the series for an amplitude is cut, and a bound of the rest: 2 sum_{n > order} |a/2|^n / n!.

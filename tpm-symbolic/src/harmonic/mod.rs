@@ -1,6 +1,7 @@
 //! Regressors under a pattern: their exact harmonic coefficients, and what these show of the parameters.
 
 pub mod bessel;
+pub mod content;
 mod error;
 pub mod expand;
 pub mod identifiability;

@@ -22,7 +22,7 @@ pub enum Means {
 }
 
 /// What experiments show, as plain data. Of an [`Identifiability`], coefficients are exact, in the model language.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// [`SCHEMA`].
     pub schema: String,
@@ -51,7 +51,7 @@ pub struct Report {
 }
 
 /// `parameter + sum plus[other] * other` is observable.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReportedBase {
     /// The leading parameter.
     pub parameter: String,
@@ -60,6 +60,25 @@ pub struct ReportedBase {
     /// The least harmonic up to which the combination is determined; of numerical answers only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub harmonics_up_to: Option<usize>,
+    /// The harmonics of its regressor that are not zero for certain, by Jacobi-Anger series; of numerical answers only, and empty where
+    /// the regressor has other functions of the motion than sines and cosines in it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shown_by: Vec<ShowingHarmonic>,
+}
+
+/// A harmonic that shows a base parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ShowingHarmonic {
+    /// The experiment.
+    pub experiment: String,
+    /// The equation.
+    pub equation: String,
+    /// The harmonic.
+    pub harmonic: usize,
+    /// Its amplitude in the equation per unit of the base parameter.
+    pub amplitude: f64,
+    /// A bound of the amplitude's error: tails of series and rounding.
+    pub error: f64,
 }
 
 /// What makes a parameter observable.
@@ -111,6 +130,7 @@ impl Identifiability {
                     .map(|(column, factor)| (self.parameters[*column].clone(), factor.display(name)))
                     .collect(),
                 harmonics_up_to: None,
+                shown_by: Vec::new(),
             };
             base.iter().map(one).collect()
         });

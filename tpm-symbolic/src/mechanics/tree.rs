@@ -15,6 +15,10 @@
 //! U = [e]x + [w]x [w]x ,       force f = m a + U h ,       moment n = I e + w x I w + h x a ,       h = (mx, my, mz) .
 //! ```
 //!
+//! Points of the axis of a revolute joint move alike on both links that it joins. Along an axis of both frames U e_k is therefore the
+//! carrier's, and two components of e follow from it. Masses on such an axis belong to the carrier as much as to the link: before torques
+//! are computed with the inertias in them, they are passed inward.
+//!
 //! The torque of joint j is the power of these wrenches along its screw: with the angular velocity and the velocity (s, v) that a
 //! unit rate of joint j alone gives to the frame of a body outward of it, the body adds s.n + v.f. The screws are sent outward,
 //! six numbers for all ten parameters of a body, rather than the ten wrenches inward.

@@ -2,7 +2,7 @@
 
 use crate::expr::graph::{ExprId, Graph};
 use crate::mechanics::tree::rotation::Rotation;
-use crate::mechanics::tree::vector::{Vector, dot, outward_in, sum_of_products};
+use crate::mechanics::tree::vector::{Vector, difference, dot, outward_in, sum_of_products};
 use crate::number::rational::{Rational, integer};
 use num_traits::{Signed, Zero};
 use serde::{Deserialize, Serialize};
@@ -100,6 +100,26 @@ fn sum_of_products_with(graph: &mut Graph, value: ExprId, terms: &[(ExprId, Expr
 /// The sum of two bodies' parameters about one frame.
 pub(super) fn together(graph: &mut Graph, a: &[ExprId; 10], b: &[ExprId; 10]) -> [ExprId; 10] {
     std::array::from_fn(|k| graph.sum_of_wholes(&[a[k], b[k]]))
+}
+
+/// The parameters of a body as those of two about the same frame: what a turn about an axis of the frame moves, and masses on that axis.
+/// With the other axes i and j these are the mass, the first moment along the axis and I_jj, once about i and once about j; I_ii - I_jj
+/// is left. Where I_ii or I_jj is zero the moments of inertia stay where they are.
+pub(super) fn parted(graph: &mut Graph, inertia: &[ExprId; 10], axis: usize) -> ([ExprId; 10], [ExprId; 10]) {
+    let zero = graph.integer(0);
+    let (i, j) = [(7, 9), (4, 9), (4, 7)][axis];
+    let (mut kept, mut on_axis) = (*inertia, [zero; 10]);
+    for place in [0, 1 + axis] {
+        on_axis[place] = inertia[place];
+        kept[place] = zero;
+    }
+    if inertia[i] != zero && inertia[j] != zero {
+        on_axis[i] = inertia[j];
+        on_axis[j] = inertia[j];
+        kept[i] = difference(graph, inertia[i], inertia[j]);
+        kept[j] = zero;
+    }
+    (kept, on_axis)
 }
 
 /// Why no body has an inertia.

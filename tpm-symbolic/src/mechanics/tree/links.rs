@@ -7,7 +7,7 @@
 use crate::expr::graph::{ExprId, Graph};
 use crate::mechanics::tree::bodies::{Joint, Tree};
 use crate::mechanics::tree::inertia::{Inertia, moved, together};
-use crate::mechanics::tree::rotation::Rotation;
+use crate::mechanics::tree::rotation::{Rotation, frame_axis};
 use crate::mechanics::tree::vector::{Vector, add, outward_in, zero};
 
 /// A link and its place on the link that carries it.
@@ -24,6 +24,16 @@ pub(super) struct Link {
     pub(super) unknown: Option<usize>,
     /// The known inertia about the frame of the link.
     pub(super) known: Option<[ExprId; 10]>,
+}
+
+impl Link {
+    /// The axis of its own frame that a link turns about, when its joint is revolute and the axis is one of the carrier's frame too.
+    pub(super) fn shared_axis(&self) -> Option<usize> {
+        match &self.joint {
+            Joint::Revolute { axis, .. } => frame_axis(axis).filter(|&axis| self.rotation.keeps_axis(axis)),
+            Joint::Fixed | Joint::Prismatic { .. } => None,
+        }
+    }
 }
 
 /// Where the frame of a body is: in the frame of a link, or of the base.

@@ -4,7 +4,7 @@ use crate::expr::graph::{ExprId, Graph};
 use crate::mechanics::tree::bodies::{Joint, Tree};
 use crate::mechanics::tree::links::Link;
 use crate::mechanics::tree::vector::{
-    Turn, Vector, add, constant, cross, negated, outward_in, scale, sum_of_products, times, zero,
+    Turn, Vector, add, constant, cross, difference, negated, outward_in, scale, sum_of_products, times, zero,
 };
 use crate::number::rational::integer;
 
@@ -19,17 +19,15 @@ pub(super) struct Motion {
     pub(super) acceleration: Vector,
     /// U = [e]x + [w]x [w]x: the acceleration of the point p is a + U p.
     pub(super) field: [Vector; 3],
-    /// Squares of the components of the angular velocity.
-    squares: Vector,
+    /// w_x^2 - w_y^2, w_y^2 - w_z^2, w_z^2 - w_x^2.
+    differences: Vector,
     /// w_y w_z, w_z w_x, w_x w_y.
     products: Vector,
 }
 
 impl Motion {
     fn new(graph: &mut Graph, velocity: Vector, turning: Vector, acceleration: Vector) -> Self {
-        let squares = velocity.map(|component| graph.product_of_wholes(&[component, component]));
-        let products: Vector =
-            std::array::from_fn(|i| graph.product_of_wholes(&[velocity[(i + 1) % 3], velocity[(i + 2) % 3]]));
+        let (squares, products) = second_powers(graph, &velocity);
         let mut field = [[velocity[0]; 3]; 3];
         // Entries on both sides of the diagonal are written together.
         #[expect(clippy::needless_range_loop, reason = "rows i and j are written in one turn")]
@@ -41,18 +39,54 @@ impl Motion {
             field[i][j] = graph.sum_of_wholes(&[products[k], minus]);
             field[j][i] = graph.sum_of_wholes(&[products[k], turning[k]]);
         }
-        Self { velocity, turning, acceleration, field, squares, products }
+        let differences = differences(graph, &squares);
+        Self { velocity, turning, acceleration, field, differences, products }
+    }
+
+    /// The motion of a link that turns about axis k of its own frame against the link that carries it. Points of the axis move alike on
+    /// both, so that U e_k, given in the link's frame, is known from the carrier, and with it two components of the angular acceleration.
+    fn about(
+        graph: &mut Graph,
+        k: usize,
+        velocity: Vector,
+        turning_about: ExprId,
+        along: &Vector,
+        acceleration: Vector,
+    ) -> Self {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let (squares, products) = second_powers(graph, &velocity);
+        let mut turning = [turning_about; 3];
+        turning[i] = difference(graph, products[i], along[j]);
+        turning[j] = difference(graph, along[i], products[j]);
+        let mut field = [*along; 3];
+        for (row, &component) in field.iter_mut().zip(along) {
+            row[k] = component;
+        }
+        field[k][i] = difference(graph, products[j], turning[j]);
+        field[k][j] = graph.sum_of_wholes(&[products[i], turning[i]]);
+        field[i][j] = difference(graph, products[k], turning[k]);
+        field[j][i] = graph.sum_of_wholes(&[products[k], turning[k]]);
+        let sum = graph.sum_of_wholes(&[squares[i], squares[k]]);
+        field[j][j] = negated(graph, sum);
+        let mut differences = differences(graph, &squares);
+        if [i, j].iter().all(|&other| graph.as_number(velocity[other]).is_none()) {
+            // U_kk is minus the sum of the squares i and j, so that the square j need not be known.
+            field[i][i] = difference(graph, along[k], differences[k]);
+            differences[j] = difference(graph, field[j][j], along[k]);
+            let sum = graph.sum_of_wholes(&[differences[j], differences[k]]);
+            differences[i] = negated(graph, sum);
+        } else {
+            let sum = graph.sum_of_wholes(&[squares[j], squares[k]]);
+            field[i][i] = negated(graph, sum);
+        }
+        Self { velocity, turning, acceleration, field, differences, products }
     }
 
     /// The moments per unit of the moments of inertia, columns of I e + w x I w in the order xx, xy, xz, yy, yz, zz.
     pub(super) fn moments(&self, graph: &mut Graph) -> [Vector; 6] {
         let [yz, zx, xy] = self.products;
         let [minus_yz, minus_zx, minus_xy] = self.products.map(|product| negated(graph, product));
-        let minus = |graph: &mut Graph, i: usize, j: usize| {
-            let negative = negated(graph, self.squares[j]);
-            graph.sum_of_wholes(&[self.squares[i], negative])
-        };
-        let [x_y, y_z, z_x] = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| minus(graph, i, j));
+        let [x_y, y_z, z_x] = self.differences;
         let negative = |graph: &mut Graph, i: usize, j: usize| negated(graph, self.field[i][j]);
         [
             [self.turning[0], zx, minus_xy],
@@ -63,6 +97,36 @@ impl Motion {
             [yz, minus_zx, self.turning[2]],
         ]
     }
+
+    /// I e + w x I w for moments of inertia that stand from place 4 on.
+    pub(super) fn moment(&self, graph: &mut Graph, inertia: &[ExprId; 10]) -> Vector {
+        let diagonal = [inertia[4], inertia[7], inertia[9]];
+        let columns = self.moments(graph);
+        std::array::from_fn(|i| {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let spread = difference(graph, diagonal[k], diagonal[j]);
+            let products = [
+                (self.turning[i], diagonal[i]),
+                (self.products[i], spread),
+                (columns[1][i], inertia[5]),
+                (columns[2][i], inertia[6]),
+                (columns[4][i], inertia[8]),
+            ];
+            sum_of_products(graph, &products)
+        })
+    }
+}
+
+/// Squares of the components of an angular velocity, and w_y w_z, w_z w_x, w_x w_y.
+fn second_powers(graph: &mut Graph, velocity: &Vector) -> (Vector, Vector) {
+    let squares = velocity.map(|component| graph.product_of_wholes(&[component, component]));
+    let products = std::array::from_fn(|i| graph.product_of_wholes(&[velocity[(i + 1) % 3], velocity[(i + 2) % 3]]));
+    (squares, products)
+}
+
+/// The differences of the squares x and y, y and z, z and x.
+fn differences(graph: &mut Graph, squares: &Vector) -> Vector {
+    std::array::from_fn(|i| difference(graph, squares[i], squares[(i + 1) % 3]))
 }
 
 /// What a joint does to vectors of its parent's frame.
@@ -138,7 +202,6 @@ pub(super) fn motions(graph: &mut Graph, tree: &Tree, links: &[Link]) -> (Vec<St
 /// The motion of a link from the motion of the link that carries it.
 fn carried(graph: &mut Graph, link: &Link, step: &Step, parent: &Motion) -> Motion {
     let velocity = step.outward(graph, link, &parent.velocity);
-    let turning = step.outward(graph, link, &parent.turning);
     let lever = times(graph, &parent.field, &link.origin);
     let acceleration = add(graph, &parent.acceleration, &lever);
     let acceleration = step.outward(graph, link, &acceleration);
@@ -146,9 +209,24 @@ fn carried(graph: &mut Graph, link: &Link, step: &Step, parent: &Motion) -> Moti
         [0, 1, 2].map(|order| graph.derivative_of(coordinate, order))
     };
     match &link.joint {
-        Joint::Fixed => Motion::new(graph, velocity, turning, acceleration),
+        Joint::Fixed => {
+            let turning = step.outward(graph, link, &parent.turning);
+            Motion::new(graph, velocity, turning, acceleration)
+        }
         Joint::Revolute { coordinate, axis } => {
             let [_, rate, second] = rates(graph, *coordinate);
+            let turning = step.outward(graph, link, &parent.turning);
+            if let Some(k) = link.shared_axis() {
+                let sign = graph.number(axis[k].clone());
+                let [own, own_turning] = [rate, second].map(|rate| graph.product_of_wholes(&[sign, rate]));
+                let direction = constant(graph, &[0, 1, 2].map(|row| link.rotation.entry(row, k).clone()));
+                let along = times(graph, &parent.field, &direction);
+                let along = step.outward(graph, link, &along);
+                let turning = graph.sum_of_wholes(&[turning[k], own_turning]);
+                let mut velocity = velocity;
+                velocity[k] = graph.sum_of_wholes(&[velocity[k], own]);
+                return Motion::about(graph, k, velocity, turning, &along, acceleration);
+            }
             let axis = constant(graph, axis);
             let [own, own_turning] = [rate, second].map(|rate| scale(graph, &axis, rate));
             let gyration = cross(graph, &velocity, &own);
@@ -158,6 +236,7 @@ fn carried(graph: &mut Graph, link: &Link, step: &Step, parent: &Motion) -> Moti
         }
         Joint::Prismatic { coordinate, axis } => {
             let [position, rate, second] = rates(graph, *coordinate);
+            let turning = step.outward(graph, link, &parent.turning);
             let axis = constant(graph, axis);
             let mut motion = Motion::new(graph, velocity, turning, acceleration);
             let lever = times(graph, &motion.field, &axis);

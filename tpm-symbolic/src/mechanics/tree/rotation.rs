@@ -79,11 +79,25 @@ impl Rotation {
         Self(std::array::from_fn(|i| std::array::from_fn(|j| self.0[j][i].clone())))
     }
 
+    /// Whether an axis of the turned frame lies along an axis of the frame that it was turned from.
+    #[must_use]
+    pub fn keeps_axis(&self, axis: usize) -> bool {
+        frame_axis(&[0, 1, 2].map(|row| self.entry(row, axis).clone())).is_some()
+    }
+
     /// The entry of a row and a column, both from 0.
     #[must_use]
     pub fn entry(&self, row: usize, column: usize) -> &Rational {
         &self.0[row][column]
     }
+}
+
+/// The axis of the frame (0, 1, 2) that a unit vector lies along, in either direction; `None` when it lies along none.
+#[must_use]
+pub fn frame_axis(direction: &[Rational; 3]) -> Option<usize> {
+    let mut present = (0..3).filter(|&k| !direction[k].is_zero());
+    let axis = present.next()?;
+    present.next().is_none().then_some(axis)
 }
 
 /// The direction of a vector as a unit vector, where that is rational; `None` for the zero vector and where the length is not

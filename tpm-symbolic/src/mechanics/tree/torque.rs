@@ -2,8 +2,8 @@
 
 use crate::expr::graph::{Coordinate, ExprId, Graph};
 use crate::mechanics::tree::bodies::{Joint, Tree};
-use crate::mechanics::tree::inertia::together;
-use crate::mechanics::tree::links::links;
+use crate::mechanics::tree::inertia::{moved, parted, together};
+use crate::mechanics::tree::links::{Link, links};
 use crate::mechanics::tree::motion::{Motion, motions};
 use crate::mechanics::tree::vector::{Vector, add, constant, cross, dot, scale, times, zero};
 
@@ -14,19 +14,15 @@ impl Tree {
     pub fn torques(&self, graph: &mut Graph, parameters: impl Fn(usize) -> [ExprId; 10]) -> Vec<(Coordinate, ExprId)> {
         let links = links(graph, self);
         let (steps, motions) = motions(graph, self, &links);
+        let inertias = passed_inward(graph, &links, parameters);
         let none = zero(graph);
         let mut wrenches = vec![(none, none); links.len()];
         let mut torques = Vec::new();
         for index in (0..links.len()).rev() {
             let link = &links[index];
-            let unknown = link.unknown.map(&parameters);
-            let inertia = match (link.known, unknown) {
-                (Some(known), Some(unknown)) => Some(together(graph, &known, &unknown)),
-                (known, unknown) => known.or(unknown),
-            };
             let (mut force, mut moment) = wrenches[index];
-            if let Some(inertia) = inertia {
-                let own = wrench(graph, &motions[index], &inertia);
+            if let Some(inertia) = &inertias[index] {
+                let own = wrench(graph, &motions[index], inertia);
                 force = add(graph, &force, &own.0);
                 moment = add(graph, &moment, &own.1);
             }
@@ -60,20 +56,49 @@ impl Tree {
     }
 }
 
+/// Components of the origin of a frame beyond which moving an inertia inward takes more operations than it saves.
+const MOST_COMPONENTS: usize = 2;
+
+/// The inertias of the links, of which a joint's carrier has got what the joint does not turn: masses on an axis move alike on both links
+/// that the axis joins. This is how inertias are grouped into base parameters (Gautier and Khalil 1990).
+fn passed_inward(
+    graph: &mut Graph,
+    links: &[Link],
+    parameters: impl Fn(usize) -> [ExprId; 10],
+) -> Vec<Option<[ExprId; 10]>> {
+    let own = |link: &Link| (link.known, link.unknown.map(&parameters));
+    let mut inertias: Vec<Option<[ExprId; 10]>> = links.iter().map(|link| sum(graph, own(link))).collect();
+    for index in (0..links.len()).rev() {
+        let link = &links[index];
+        let (Some(inertia), Some(axis)) = (inertias[index], link.shared_axis()) else { continue };
+        let nothing = graph.integer(0);
+        if link.origin.iter().filter(|&&component| component != nothing).count() > MOST_COMPONENTS {
+            continue;
+        }
+        let (kept, on_axis) = parted(graph, &inertia, axis);
+        inertias[index] = Some(kept);
+        if let Some(parent) = link.parent {
+            let passed = moved(graph, &on_axis, &link.origin, &link.rotation);
+            inertias[parent] = sum(graph, (inertias[parent], Some(passed)));
+        }
+    }
+    inertias
+}
+
+/// The parameters of two bodies about one frame, each of which may be none.
+fn sum(graph: &mut Graph, (a, b): (Option<[ExprId; 10]>, Option<[ExprId; 10]>)) -> Option<[ExprId; 10]> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(together(graph, &a, &b)),
+        (a, b) => a.or(b),
+    }
+}
+
 /// Force and moment about the origin that move a body.
 fn wrench(graph: &mut Graph, motion: &Motion, inertia: &[ExprId; 10]) -> (Vector, Vector) {
     let first: Vector = [inertia[1], inertia[2], inertia[3]];
     let pushed = scale(graph, &motion.acceleration, inertia[0]);
     let swung = times(graph, &motion.field, &first);
-    let columns = motion.moments(graph);
-    let turned: Vector = std::array::from_fn(|i| {
-        let products: Vec<ExprId> = columns
-            .iter()
-            .zip(&inertia[4..])
-            .map(|(column, &value)| graph.product_of_wholes(&[column[i], value]))
-            .collect();
-        graph.sum_of_wholes(&products)
-    });
+    let turned = motion.moment(graph, inertia);
     let lever = cross(graph, &first, &motion.acceleration);
     (add(graph, &pushed, &swung), add(graph, &turned, &lever))
 }

@@ -1,9 +1,8 @@
 //! Vectors of expressions. Zeros and ones fold, and intermediate values stay whole, so that each is computed once.
 
 use crate::expr::graph::{ExprId, Function, Graph};
-use crate::mechanics::tree::rotation::Rotation;
+use crate::mechanics::tree::rotation::{Rotation, frame_axis};
 use crate::number::rational::Rational;
-use num_traits::{One, Zero};
 
 /// A vector in some frame.
 pub type Vector = [ExprId; 3];
@@ -21,6 +20,11 @@ pub(super) fn zero(graph: &mut Graph) -> Vector {
 pub(super) fn negated(graph: &mut Graph, value: ExprId) -> ExprId {
     let minus_one = graph.integer(-1);
     graph.product_of_wholes(&[minus_one, value])
+}
+
+pub(super) fn difference(graph: &mut Graph, a: ExprId, b: ExprId) -> ExprId {
+    let minus = negated(graph, b);
+    graph.sum_of_wholes(&[a, minus])
 }
 
 pub(super) fn add(graph: &mut Graph, a: &Vector, b: &Vector) -> Vector {
@@ -92,7 +96,7 @@ impl Turn {
         let [mass, x, y, z, xx, xy, xz, yy, yz, zz] = *inertia;
         let first = self.backward(graph, &[x, y, z]);
         let moments = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-        let turned = match self.along() {
+        let turned = match frame_axis(&self.axis) {
             Some(k) => self.moments_about(graph, k, &moments),
             None => {
                 // R I, whose transpose is turned once more.
@@ -132,15 +136,9 @@ impl Turn {
         turned
     }
 
-    /// The axis of the frame that the joint turns about, when there is one.
-    fn along(&self) -> Option<usize> {
-        let k = self.axis.iter().position(|component| !component.is_zero())?;
-        (&self.axis[k] * &self.axis[k]).is_one().then_some(k)
-    }
-
     /// v cos q + (a x v) sin q + a (a.v) (1 - cos q), with a cheap form for the axes of the frame.
     fn turned(&self, graph: &mut Graph, vector: &Vector, sine: ExprId) -> Vector {
-        if let Some(k) = self.along() {
+        if let Some(k) = frame_axis(&self.axis) {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
             let sign = graph.number(self.axis[k].clone());
             let sine = graph.product_of_wholes(&[sign, sine]);

@@ -1,16 +1,23 @@
-"""The recursion of a robot description written by hand in CasADi (SX, cse), inertias at run time: its operations beside tpm's.
+"""Inverse dynamics and regressors of arms beside CasADi and Pinocchio: operations, instructions and times of one run, as one table.
 
-usage: casadi_counts.py ARMS DESCRIPTIONS MODELS FIXTURES [--time]
+usage: beside_casadi.py TPM ARMS DESCRIPTIONS FIXTURES
 
-FIXTURES is tests/fixtures/robots: the torques are compared with Pinocchio's first. ARMS is the program `arms` (cargo build --release -p tpm-benches --bin arms), DESCRIPTIONS the folder of the URDF files, MODELS that of
-what `tpm import ROBOT.urdf --with none` made of them. Needs the package casadi. Angles are read as `tpm import` reads them, so that
-CasADi has the same exact zeros and ones, and it makes the columns of tpm's base parameters and no others.
+TPM is the program `tpm`, ARMS the program `arms` (cargo build --release -p tpm-cli -p tpm-benches), DESCRIPTIONS the folder of the URDF
+files, FIXTURES tests/fixtures/robots: the torques are compared with Pinocchio's first. Needs the package casadi, gcc and valgrind; with the
+package pin, Pinocchio is timed too (through its Python interface).
+
+The models are what `tpm import --with none` reads: inertias at run time, no friction, the panda's fingers locked. CasADi is given the
+recursion written by hand (SX, cse), with angles as `tpm import` reads them, so that it has the same exact zeros and ones, and it makes the
+columns of tpm's base parameters and no others. Instructions are those of one call by callgrind, sines and cosines included; both C files
+are compiled by `gcc -O2`. Times are the shortest of a hundred means over 4000 calls.
 """
 
 import json
 import math
+import re
 import subprocess
 import sys
+import tempfile
 import time
 import xml.etree.ElementTree as xml
 from pathlib import Path
@@ -221,39 +228,135 @@ def check(links, fixture, prior, description):
         assert worst < 1e-9, f"{fixture.stem}: {found} beside {wanted}"
 
 
+HARNESS = """
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+@HEAD@
+static double in[512], out[4096];
+__attribute__((noinline)) static void once(void) { @CALL@; }
+int main(int count, char **words) {
+    int calls = atoi(words[1]), parts = atoi(words[2]);
+    for (int i = 0; i < 512; i++) in[i] = 0.1 + 0.7 * ((i * 7919) % 101) / 101.0;
+    double best = 1e9, sum = 0;
+    for (int part = 0; part < parts; part++) {
+        struct timespec a, b;
+        clock_gettime(CLOCK_MONOTONIC, &a);
+        for (int i = 0; i < calls; i++) { in[i % 18] += 1e-6; once(); sum += out[0]; }
+        clock_gettime(CLOCK_MONOTONIC, &b);
+        double each = ((b.tv_sec - a.tv_sec) * 1e9 + (b.tv_nsec - a.tv_nsec)) / calls;
+        if (each < best) best = each;
+    }
+    printf("%.1f %g\\n", best, sum);
+    return count < 3;
+}
+"""
+
+
+def measured(folder, name, head, call, sources):
+    """Instructions of one call, and its time in ns."""
+    source, program = folder / f"{name}_main.c", folder / f"{name}_main"
+    source.write_text(HARNESS.replace("@HEAD@", head).replace("@CALL@", call))
+    subprocess.run(["gcc", "-O2", "-I", folder, "-o", program, source, *sources, "-lm"], check=True)
+
+    def instructions(calls):
+        command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder / 'callgrind'}", program, str(calls), "1"]
+        said = subprocess.run(command, check=True, capture_output=True, text=True).stderr
+        return int(re.search(r"Collected : (\d+)", said).group(1))
+
+    each = (instructions(1100) - instructions(100)) / 1000
+    times = subprocess.run([program, "4000", "100"], check=True, capture_output=True, text=True).stdout
+    return round(each), float(times.split()[0])
+
+
+def by_casadi(folder, name, function):
+    generated = function.generate(f"{name}.c", {"with_header": True})
+    for kind in (".c", ".h"):
+        Path(generated).with_suffix(kind).replace(folder / f"{name}{kind}")
+    places = [0]
+    for i in range(function.n_in()):
+        places.append(places[-1] + function.nnz_in(i))
+    arguments = ", ".join(f"in + {place}" for place in places[:-1])
+    call = f"const double *arg[] = {{{arguments}}}; double *res[] = {{out}}; {function.name()}(arg, res, iw, w, 0)"
+    head = f'#include "{name}.h"\nstatic casadi_int iw[{max(function.sz_iw(), 1)}]; static double w[{max(function.sz_w(), 1)}];'
+    return measured(folder, name, head, call, [folder / f"{name}.c"])
+
+
+def by_tpm(folder, tpm, name, model, function):
+    subprocess.run([tpm, "generate", model, "--lang", "c", "--prefix", name, "--with", "base_regressor", "-o", folder],
+                   check=True, capture_output=True)
+    call = {
+        "inverse_dynamics": f"{name}_inverse_dynamics((const {name}_motion *)in, (const {name}_parameters *)(in + 30), ({name}_forces *)out)",
+        "base_regressor": f"{name}_base_regressor((const {name}_motion *)in, (void *)out)",
+    }[function]
+    return measured(folder, f"{name}_{function}", f'#include "{name}.h"', call, [folder / f"{name}.c"])
+
+
+def by_pinocchio(path, locked):
+    """Times of inverse dynamics and of the full regressor through Python, in ns; nothing without the package."""
+    try:
+        import pinocchio
+    except ImportError:
+        return None
+    model = pinocchio.buildModelFromUrdf(str(path))
+    if locked:
+        model = pinocchio.buildReducedModel(model, [model.getJointId(joint) for joint in locked], pinocchio.neutral(model))
+    data = model.createData()
+    q, v, a = pinocchio.randomConfiguration(model), np.random.rand(model.nv), np.random.rand(model.nv)
+
+    def each(call):
+        best = math.inf
+        for _ in range(5):
+            start = time.perf_counter()
+            for _ in range(2000):
+                call(model, data, q, v, a)
+            best = min(best, (time.perf_counter() - start) / 2000)
+        return 1e9 * best
+
+    return each(pinocchio.rnea), each(pinocchio.computeJointTorqueRegressor)
+
+
 def main():
-    arms, descriptions, models, fixtures = sys.argv[1], *(Path(word) for word in sys.argv[2:5])
-    work = ["all parameters", "base parameters", "regressor"]
-    print("| arm | base | work | CasADi | tpm | ratio |\n|---|---|---|---|---|---|")
+    tpm, arms, descriptions, fixtures = (Path(word).resolve() for word in sys.argv[1:5])
+    work = ["inverse dynamics, all parameters", "inverse dynamics, base parameters", "regressor, base columns"]
+    print("| arm | base | work | operations: CasADi | tpm | ratio | instructions: CasADi | tpm | ratio | ns: CasADi | tpm | Pinocchio |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     for name, (file, locked) in ROBOTS.items():
-        model = models / f"{name}.tpm"
-        leading = set(subprocess.run([arms, "--columns", model], check=True, capture_output=True, text=True).stdout.split())
-        own = subprocess.run([arms, model], check=True, capture_output=True, text=True).stdout.split()
-        links = chain(descriptions / f"{file}.urdf", locked)
-        n = len(links)
-        q, v, a = (ca.SX.sym(letter, n) for letter in "qva")
-        split = lambda x: [x[i] for i in range(n)]
-        theta = ca.SX.sym("theta", n, 10)
-        kept = {(i, k) for i in range(n) for k in range(10) if f"{NAMES[k]}_{links[i][0]}" in leading}
-        everything = [[theta[i, k] for k in range(10)] for i in range(n)]
-        alone = [[theta[i, k] if (i, k) in kept else 0 for k in range(10)] for i in range(n)]
-        state = [split(x) for x in (q, v, a)]
-        check(links, fixtures / f"{name}.json", models / f"{name}.prior.toml", descriptions / f"{file}.urdf")
-        functions = [torques(links, *state, everything), torques(links, *state, alone), regressor(links, *state, kept)]
-        assert len(kept) == int(own[1]), (name, len(kept), own[1])
-        for what, outputs, ours in zip(work, functions, own[2:]):
-            inputs = [q, v, a] + ([theta] if what != "regressor" else [])
-            theirs, function = counts(f"{name}_{work.index(what)}", inputs, outputs)
-            mine = [int(x) for x in ours.split("/")]
-            ratio = sum(mine[:2]) / sum(theirs[:2])
-            line = f"| {name} | {own[1]} | {what} | {'/'.join(map(str, theirs))} | {ours} | {ratio:.2f} |"
-            if "--time" in sys.argv:
-                values = [np.random.rand(*x.shape) for x in inputs]
-                start = time.perf_counter()
-                for _ in range(1000):
-                    function(*values)
-                line += f" {1e3 * (time.perf_counter() - start):.1f} us through Python"
-            print(line, flush=True)
+        with tempfile.TemporaryDirectory() as made:
+            folder = Path(made)
+            model, description = folder / f"{name}.tpm", descriptions / f"{file}.urdf"
+            locks = [word for joint in locked for word in ("--lock", f"{joint}=0")]
+            subprocess.run([tpm, "import", description, "--with", "none", *locks, "-o", model], check=True, capture_output=True)
+            leading = set(subprocess.run([arms, "--columns", model], check=True, capture_output=True, text=True).stdout.split())
+            own = subprocess.run([arms, model], check=True, capture_output=True, text=True).stdout.split()
+            links = chain(description, locked)
+            n = len(links)
+            q, v, a = (ca.SX.sym(letter, n) for letter in "qva")
+            split = lambda x: [x[i] for i in range(n)]
+            theta = ca.SX.sym("theta", n, 10)
+            kept = {(i, k) for i in range(n) for k in range(10) if f"{NAMES[k]}_{links[i][0]}" in leading}
+            everything = [[theta[i, k] for k in range(10)] for i in range(n)]
+            alone = [[theta[i, k] if (i, k) in kept else 0 for k in range(10)] for i in range(n)]
+            state = [split(x) for x in (q, v, a)]
+            check(links, fixtures / f"{name}.json", folder / f"{name}.prior.toml", description)
+            functions = [torques(links, *state, everything), torques(links, *state, alone), regressor(links, *state, kept)]
+            assert len(kept) == int(own[1]), (name, len(kept), own[1])
+            pinocchio = by_pinocchio(description, locked)
+            for what, outputs, ours in zip(work, functions, own[2:]):
+                inputs = [q, v, a] + ([theta] if outputs is not functions[2] else [])
+                theirs, function = counts(f"{name}_{work.index(what)}", inputs, outputs)
+                mine = [int(x) for x in ours.split("/")]
+                ratio = sum(mine[:2]) / sum(theirs[:2])
+                line = f"| {name} | {own[1]} | {what} | {'/'.join(map(str, theirs))} | {ours} | {ratio:.2f} |"
+                casadi = by_casadi(folder, f"casadi_{work.index(what)}", function)
+                made = {0: "inverse_dynamics", 2: "base_regressor"}.get(work.index(what))
+                if made:
+                    here = by_tpm(folder, tpm, name, model, made)
+                    beside = f"{pinocchio[work.index(what) // 2]:.0f}" if pinocchio else "-"
+                    line += f" {casadi[0]} | {here[0]} | {here[0] / casadi[0]:.2f} | {casadi[1]:.0f} | {here[1]:.0f} | {beside} |"
+                else:
+                    line += f" {casadi[0]} | - | - | {casadi[1]:.0f} | - | - |"
+                print(line, flush=True)
 
 
 if __name__ == "__main__":
