@@ -99,6 +99,12 @@ pub(super) fn noise_along(
     Ok(Some(NoiseAlong { variance, shifts }))
 }
 
+/// Power that rounding to counts gives every line of each coordinate because it repeats with the motion.
+pub(super) fn repeating_power(spectra: &Spectra, hold: Hold, dims: Dims) -> Vec<f64> {
+    let sensors = Bins::of(spectra, hold, dims).map(|bins| bins.sensors(dims.coordinates));
+    sensors.map_or_else(|| vec![0.0; dims.coordinates], |sensors| sensors.repeating)
+}
+
 /// What the sensors of a record add to its transforms.
 pub(super) struct Sensors {
     /// Power of every sensor's white noise in a bin.

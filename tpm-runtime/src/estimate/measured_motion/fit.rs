@@ -132,7 +132,7 @@ fn solve_records(
         let correction = (pass > 0).then_some(gradient.as_slice());
         solution = information.scaled().solve(&prior_free, correction, &hidden);
         let before = theta.clone();
-        free.put(&solution.values, &mut theta);
+        free.put(&solution.explaining, &mut theta);
         if free.indices.len() == p
             && let Some(explained) = structure.explain(&information, &gradient)
         {
