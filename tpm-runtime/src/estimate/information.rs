@@ -148,7 +148,8 @@ impl Scaled<'_> {
         let (matrix, target, extra) = match &nuisance {
             Some(nuisance) => (Cow::Borrowed(&nuisance.matrix), &nuisance.target, nuisance.gradient.clone()),
             None => {
-                let extra = extra.map(|extra| shown.as_ref().map_or_else(|| extra.clone(), |basis| basis.tr_mul(&extra)));
+                let extra =
+                    extra.map(|extra| shown.as_ref().map_or_else(|| extra.clone(), |basis| basis.tr_mul(&extra)));
                 (self.in_terms_of(shown.as_ref()), &target, extra)
             }
         };
@@ -529,6 +530,32 @@ mod tests {
         let condition = |hidden: &[Vec<f64>]| information.scaled().condition(hidden);
         assert!((condition(&[]) - scaled_condition(&information)).abs() < 1e-10);
         assert!(condition(&hidden) <= condition(&[]));
+    }
+
+    /// The sum of two parameters is shown and their difference is hidden by the reference, but a run that tracks badly feels it.
+    #[test]
+    fn what_is_felt_of_a_hidden_direction_widens_what_is_shown() {
+        let (truth, prior, hidden) = ([2.0, 3.0], [3.0, 2.0], [std::vec![1.0, -1.0]]);
+        let solved = |rows: &[[f64; 2]]| {
+            let a = DMatrix::from_fn(rows.len(), 2, |r, c| 1e3 * rows[r][c]);
+            let b: Vec<f64> = (0..rows.len()).map(|r| a[(r, 0)] * truth[0] + a[(r, 1)] * truth[1]).collect();
+            let solved = Information::of(beside(&a, &b)).scaled().solve(&prior, None, &hidden);
+            assert_eq!((solved.rank, solved.unobservable.len()), (1, 1));
+            // No number moves along the hidden direction.
+            assert!((solved.values[0] - solved.values[1] - 1.0).abs() < 0.1, "{solved:?}");
+            let variance = solved.covariance.sum();
+            (solved.values[0] + solved.values[1] - 5.0, variance.sqrt(), solved.explaining)
+        };
+        // One run cannot tell the hidden difference from the sum: its prior is off, and the deviation says so.
+        let (error, deviation, _) = solved(&[[1.02, 0.98]]);
+        assert!(error.abs() < 0.06 && error.abs() < deviation && deviation < 0.1, "{error} {deviation}");
+        // Two that feel it in different ways can, and need no prior.
+        let (error, deviation, explaining) = solved(&[[1.02, 0.98], [0.98, 1.02]]);
+        assert!(error.abs() < 1e-4 && deviation < 2e-3, "{error} {deviation}");
+        assert!(explaining.iter().zip(truth).all(|(found, truth)| (found - truth).abs() < 0.01), "{explaining:?}");
+        // Where it is not felt at all the prior does nothing.
+        let (error, deviation, _) = solved(&[[1.0, 1.0]]);
+        assert!(error.abs() < 1e-9 && (deviation - 1e-3).abs() < 1e-6, "{error} {deviation}");
     }
 
     fn scaled_condition(information: &Information) -> f64 {

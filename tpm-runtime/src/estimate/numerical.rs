@@ -20,7 +20,7 @@ use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::first_order::fed_back;
 use crate::estimate::information::reduced;
-use crate::estimate::noise::{ROUNDING, noise_along, repeating_power};
+use crate::estimate::noise::{ROUNDING, noise_along, rounding_shares};
 use crate::estimate::response::answer;
 use crate::estimate::result::Estimate;
 use crate::estimate::run::{Run, error_lines};
@@ -92,6 +92,8 @@ struct Base {
     zero: Vec<Vec<bool>>,
     /// What noise makes of the mean of the error; nothing where it is not known.
     shift: Option<MeanShift>,
+    /// Rounding to counts that other runs on the reference repeat, per coordinate, as a share of the variance.
+    repeated: Vec<f64>,
 }
 
 /// What the motion that noise causes makes of the means of the tracking error.
@@ -192,6 +194,7 @@ impl Base {
             dependent,
             zero: (0..dims.parameters).map(zero).collect(),
             shift: MeanShift::new(model, run, &along, highest)?,
+            repeated: rounding_shares(run.spectra, run.hold, dims).iter().map(|(_, repeated)| *repeated).collect(),
             error,
         })
     }
@@ -248,15 +251,13 @@ fn squares(step: &[f64]) -> f64 {
 
 /// Variances of the error's lines: noise, and rounding to counts as far as it repeats with the motion.
 fn variances(model: &dyn Model<f64>, run: &Run<'_>, highest: usize) -> Vec<Vec<f64>> {
-    let repeating = repeating_power(run.spectra, run.hold, model.dims());
-    let of = |(c, repeating): (usize, &f64)| {
+    let shares = rounding_shares(run.spectra, run.hold, model.dims());
+    let of = |(c, (rounding, _)): (usize, &(f64, f64))| {
         let peak = run.spectra.lines[c].iter().map(|line| line.norm()).fold(0.0, f64::max);
         let least = (ROUNDING * peak).powi(2) + f64::MIN_POSITIVE;
-        // A one-sided phasor is twice the coefficient.
-        let counts = |k: usize| if k == 0 { *repeating } else { 4.0 * repeating };
-        (0..=highest).map(|k| run.spectra.variance(c, k) + counts(k) + least).collect()
+        (0..=highest).map(|k| run.spectra.variance(c, k) * (1.0 + rounding) + least).collect()
     };
-    repeating.iter().enumerate().map(of).collect()
+    shares.iter().enumerate().map(of).collect()
 }
 
 /// The power of an error of the linearisation, in that of an update of the length one: the update with these squares was foreseen by
@@ -355,7 +356,12 @@ impl Numerical {
         let current = self.updates.last().map_or(&[][..], |update| update.base.parameters.as_slice());
         let rank = unknowns(&self.settings, current.len())?.0.len();
         solve_reweighted(&self.settings, current, |theta| {
-            self.updates.iter().map(|update| update.equations(theta, &self.settings, rank)).collect()
+            let of = |update: &Measured| {
+                let same = |other: &&Measured| other.base.reference == update.base.reference;
+                let others = self.updates.iter().filter(same).count() - 1;
+                update.equations(theta, &self.settings, rank, others)
+            };
+            self.updates.iter().map(of).collect()
         })
     }
 }
@@ -367,8 +373,9 @@ impl Measured {
         self.curvature.map(|curvature| curvature * ratio.powi(4))
     }
 
-    /// `E = M (theta' - theta)`, with the variances where the parameters are about `theta`.
-    fn equations(&self, theta: &[f64], settings: &Settings, rank: usize) -> Equations {
+    /// `E = M (theta' - theta)`, with the variances where the parameters are about `theta`, beside so many other updates on the same
+    /// reference.
+    fn equations(&self, theta: &[f64], settings: &Settings, rank: usize, others: usize) -> Equations {
         let NumericalSettings { cleared, reduced, .. } = settings.numerical;
         let base = &self.base;
         let update: Vec<f64> = base.parameters.iter().zip(theta).map(|(now, to)| now - to).collect();
@@ -393,7 +400,8 @@ impl Measured {
                 }
                 let mut right: Complex<f64> = phi.iter().zip(&base.parameters).map(|(m, value)| m * *value).sum();
                 right -= line;
-                let mut variance = base.variance[c][k] * noise + missed;
+                // What all updates repeat counts in each as often as there are updates.
+                let mut variance = base.variance[c][k] * (noise + others as f64 * base.repeated[c]) + missed;
                 if let Some(MeanShift { coordinates, uncertainty }) = base.shift.as_ref().filter(|_| k == 0) {
                     let (own, known) = coordinates[c].split_at(phi.len());
                     let known: f64 = known.iter().sum();
