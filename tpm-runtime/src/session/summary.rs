@@ -20,6 +20,8 @@ use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Components of a direction below this one are rounding.
 const NOTHING: f64 = 1e-9;
+/// A last update of more than so many of its own deviations went where its linearisation does not hold.
+const MOVING: f64 = 3.0;
 
 /// Name and version of the program.
 pub(super) fn provenance() -> Provenance {
@@ -135,7 +137,10 @@ fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campai
     }));
     if let Some(outcome) = campaign.outcome().filter(|outcome| !outcome.is_normal()) {
         warnings.push(Warning::EndedEarly { outcome, limit: campaign.stop().cloned() });
-        if estimate.is_some() && !campaign.estimator().is_final() {
+        let moves = |(moved, estimate): (&[f64], &Estimate)| {
+            moved.iter().zip(&estimate.std).any(|(moved, std)| std.is_finite() && moved.abs() > MOVING * std)
+        };
+        if !campaign.estimator().is_final() && campaign.unsettled().zip(campaign.estimate()).is_some_and(moves) {
             warnings.push(Warning::FarFromLinear { estimator: campaign.estimator().name() });
         }
     }

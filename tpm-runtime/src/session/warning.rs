@@ -214,7 +214,7 @@ pub enum Warning {
         /// How the simulation went.
         message: String,
     },
-    /// The updates of a linearised estimator ended where the linearisation leaves out more than the noise.
+    /// The updates of a linearised estimator ended while they still moved by more than their deviations.
     FarFromLinear {
         /// The estimator.
         estimator: &'static str,
@@ -442,7 +442,7 @@ impl fmt::Display for Warning {
             ),
             Warning::FarFromLinear { estimator } => write!(
                 f,
-                "the updates of {estimator} ended where its linearisation leaves out more than the noise: no value is to be trusted; begin nearer, or with a slower and smaller stage, allow more runs, or take measured-motion"
+                "the updates of {estimator} ended while each still moved by more than its deviations, so that the linearisation does not hold: no value is to be trusted; begin nearer, or with a slower and smaller stage, allow more runs, or take measured-motion"
             ),
             Warning::EndOfInterval { parameter, end, interval: [from, to] } => write!(
                 f,
