@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::error::Error;
 use tpm_runtime::estimate::Method;
-use tpm_runtime::session::Identification;
+use tpm_runtime::session::{Identification, Warning};
 
 /// Campaigns of one estimator on one machine, for successive seeds.
 #[derive(Clone, Debug, Default)]
@@ -71,6 +71,11 @@ impl Campaigns {
         }
         let touched = |name: &String| result.unobservable.iter().any(|direction| direction.contains_key(name));
         self.hidden_numbers += result.parameters.iter().filter(|p| p.value.is_some() && touched(&p.name)).count();
+        let is_far = |warning: &&Warning| matches!(warning, Warning::FarFromLinear { .. });
+        if let Some(warning) = result.warnings.iter().find(is_far) {
+            *self.refused.entry(warning.to_string()).or_default() += 1;
+            return;
+        }
         let mut worst = None;
         for (name, value, std, truth) in numbers(result) {
             stds.entry(name.clone()).or_default().push(std);

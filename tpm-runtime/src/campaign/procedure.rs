@@ -13,7 +13,7 @@ use crate::campaign::refinement::{OneRun, Refinement};
 use crate::campaign::settling::settled_from;
 use crate::campaign::steady::SteadyRun;
 use crate::estimate::{Alone, Combination, Estimate, EstimateError, Estimator, Method, Run, Settings, Status};
-use crate::machine::actuator::{Demand, LimitUse, Mounted, requirements, strongest};
+use crate::machine::actuator::{Demand, LimitUse, Limited, Mounted, requirements, strongest};
 use crate::numerics::fourier::analyse;
 use crate::run::held;
 use crate::run::stroke::{Stroke, repeated};
@@ -149,6 +149,8 @@ pub struct Procedure {
     pub velocity_bounds: Vec<f64>,
     /// Motor of each input, whose limits count beside the limit of the input; empty when there is no motor.
     pub motors: Vec<Option<Mounted>>,
+    /// Limits of the actuator of each input, of whatever kind it is; empty when there are none.
+    pub limited: Vec<Option<Limited>>,
     /// Share of an input's limit at which the campaign ends.
     pub effort_share: f64,
     /// Factor on the amplitudes after an aborted run.
@@ -357,6 +359,14 @@ pub enum CampaignError {
         /// The fault of the trial.
         source: TrialError,
     },
+    /// The actuator cannot follow the reference, whatever the parameters are.
+    #[error("run {run} cannot work: {limit}")]
+    Unreachable {
+        /// Number of the run, from 1.
+        run: usize,
+        /// The limit that the run would pass.
+        limit: Box<LimitUse>,
+    },
     /// The harmonics of the record cannot be computed.
     #[error("run {run}: {source}")]
     Spectrum {
@@ -386,6 +396,8 @@ pub struct Campaign<'m> {
     refinement: Option<Box<dyn Refinement + 'm>>,
     /// The last estimate, refined; nothing where it was not.
     refined: Option<Estimate>,
+    /// What the last update changed; nothing before the second one.
+    moved: Option<Vec<f64>>,
     reports: Vec<RunReport>,
     /// Index among the reports of every run that the estimator has taken in.
     taken: Vec<usize>,
@@ -455,6 +467,7 @@ impl<'m> Campaign<'m> {
             estimate: None,
             refinement: None,
             refined: None,
+            moved: None,
             reports: Vec::new(),
             taken: Vec::new(),
             steady: Vec::new(),
@@ -519,6 +532,11 @@ impl<'m> Campaign<'m> {
     #[must_use]
     pub const fn estimate(&self) -> Option<&Estimate> {
         self.estimate.as_ref()
+    }
+
+    /// What the last update of a campaign changed that ended before its estimates had settled; nothing for any other campaign.
+    pub(crate) fn unsettled(&self) -> Option<&[f64]> {
+        self.moved.as_deref().filter(|_| self.outcome == Some(Outcome::RunsUsed))
     }
 
     /// The estimator that is at work, with what it reports beside the estimate.
@@ -643,7 +661,8 @@ impl<'m> Campaign<'m> {
         report.periods = periods;
         report.tracking_rms = tracking_rms(&trial, record, from * samples);
         report.harmonics = Some(self.estimator.harmonics());
-        if let Some(used) = self.motor_use(&trial, &spectra) {
+        let used = self.motor_use(&trial, &spectra).into_iter().chain(self.limited_use(&trial, &spectra));
+        if let Some(used) = used.fold(None, most_used) {
             report.limit = most_used(report.limit.take(), used);
             report.effort_share = report.limit.as_ref().map(|limit| limit.share);
         }
@@ -654,6 +673,10 @@ impl<'m> Campaign<'m> {
             let refined = self.refine(&estimate, pooled);
             let judged = refined.as_ref().unwrap_or(&estimate);
             let converged = pooled && (self.converged(judged) || self.tracks_well(&trial, &spectra));
+            if pooled && self.estimate.is_some() {
+                let known = self.refined.as_ref().map_or(&self.current, |refined| &refined.values);
+                self.moved = Some(judged.values.iter().zip(known).map(|(now, before)| now - before).collect());
+            }
             self.current.clone_from(&estimate.values);
             self.refined = refined;
             report.updated = pooled;
@@ -690,7 +713,8 @@ impl<'m> Campaign<'m> {
     fn decide(&mut self, trial: &Trial, record: &Record, report: &RunReport, converged: bool) {
         let procedure = &self.setup.procedure;
         let share = report.effort_share.unwrap_or(0.0);
-        if record.saturated > 0 && trial.input_limits.iter().any(|limit| limit.is_finite()) || share > 1.0 {
+        let is_limited = trial.input_limits.iter().any(|limit| limit.is_finite()) || self.limited().next().is_some();
+        if record.saturated > 0 && is_limited || share > 1.0 {
             self.outcome = Some(Outcome::InputLimit);
             self.stop.clone_from(&report.limit);
         } else if report.effort_share.is_some() && share >= procedure.effort_share {
@@ -777,12 +801,21 @@ impl<'m> Campaign<'m> {
         let procedure = &self.setup.procedure;
         let run = self.reports.len() + 1;
         let share = procedure.effort_share;
+        let limited = self.limited_plan(&trial);
+        // Speed and bandwidth are those of the reference; a force and a power are the prior's as long as nothing is known.
+        if let Some(limit) = &limited
+            && limit.share > 1.0
+            && matches!(limit.limit, "speed" | "bandwidth")
+            && self.estimate.is_none()
+        {
+            return Err(CampaignError::Unreachable { run, limit: Box::new(limit.clone()) });
+        }
         let planned = if self.estimate.is_some() {
             let motor = self.motor_plan(&trial).map_err(|source| CampaignError::Trial { run, source })?;
             let inputs = trial.input_limits.len();
             let column = |i: usize| trial.feed_forward.iter().skip(i).step_by(inputs).copied().collect();
             let command = self.command_use(&trial, &(0..inputs).map(column).collect::<Vec<Vec<f64>>>());
-            motor.into_iter().fold(command, most_used)
+            motor.into_iter().chain(limited).fold(command, most_used)
         } else {
             None
         };
@@ -828,6 +861,7 @@ impl<'m> Campaign<'m> {
                 sample: at % samples,
                 time: (at % samples) as f64 * trial.control.sample_time,
                 harmonic: harmonic.map(|(k, size)| (k, size * per_unit)),
+                remedy: None,
             };
             most = most_used(most, used);
         }
@@ -852,6 +886,40 @@ impl<'m> Campaign<'m> {
             Some(mounted.planned(self.model, requirement, trial.samples_per_period))
         });
         Ok(uses.fold(None, most_used))
+    }
+
+    /// The largest share of an actuator's limit that the feed-forward of a trial would take.
+    fn limited_plan(&self, trial: &Trial) -> Option<LimitUse> {
+        let Dims { inputs, .. } = self.model.dims();
+        let width = self.model.dims().motion_len();
+        let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+        let reach = reach.min(trial.samples_per_period / 2);
+        let of = |(i, limited): (usize, &Limited)| {
+            let force = analyse(&trial.feed_forward, i, inputs, reach);
+            let motion = analyse(&trial.reference, limited.coordinate, width, reach);
+            let fundamental = trial.trajectory.frequency;
+            limited.used(self.model, i, (&force, &motion), fundamental, trial.samples_per_period)
+        };
+        self.limited().map(of).fold(None, most_used)
+    }
+
+    /// The largest share of an actuator's limit that a measured run took.
+    fn limited_use(&self, trial: &Trial, spectra: &Spectra) -> Option<LimitUse> {
+        let coordinates = self.model.dims().coordinates;
+        let reach = MOTOR_REACH * trial.trajectory.highest_harmonic().max(1) as usize;
+        let reach = reach.min(spectra.highest());
+        let of = |(i, limited): (usize, &Limited)| {
+            let force = &spectra.lines[coordinates + i][..=reach];
+            let motion = &spectra.lines[limited.coordinate][..=reach];
+            limited.used(self.model, i, (force, motion), spectra.fundamental, trial.samples_per_period)
+        };
+        self.limited().map(of).fold(None, most_used)
+    }
+
+    /// The inputs whose actuators are limited.
+    fn limited(&self) -> impl Iterator<Item = (usize, &Limited)> {
+        let all = self.setup.procedure.limited.iter().enumerate();
+        all.filter_map(|(i, limited)| Some((i, limited.as_ref()?)))
     }
 
     /// The largest share of a motor's limit that a measured run took.

@@ -57,6 +57,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             velocity_bounds: Vec::new(),
             input_limits: vec![f64::INFINITY],
             motors: vec![],
+            limited: vec![],
             effort_share: 0.7,
             back_off: 0.5,
             max_aborts: 3,

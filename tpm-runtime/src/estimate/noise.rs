@@ -58,6 +58,8 @@ const SHIFT_UNCERTAINTY: f64 = 0.02;
 pub(super) struct NoiseAlong {
     /// Variance of every row's phasors by harmonic.
     pub(super) variance: Vec<Vec<f64>>,
+    /// Variance of an error of every row's phasors that other runs of the same motion repeat.
+    pub(super) repeated: Vec<Vec<f64>>,
     /// Per row, the shifts of the means of the regressors and, last, of the known term by the motion that noise causes on its
     /// way round the loop. Beside them the standard deviation of a shift as a share of it. Nothing where that motion is not
     /// known.
@@ -86,17 +88,39 @@ pub(super) fn noise_along(
     let maps: Vec<Vec<f64>> = along.map.chunks_exact(dims.inputs.max(1)).map(<[f64]>::to_vec).collect();
     let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| along.gains(row, theta)).collect();
     let of_row = |row: usize| {
-        let (variance, apart) = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &sensors);
-        variance.iter().zip(&apart).map(|(noise, apart)| noise + apart).collect()
+        let found = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &sensors);
+        let whole: Vec<f64> = found.noise.iter().zip(&found.apart).map(|(noise, apart)| noise + apart).collect();
+        (whole, found.repeated)
     };
-    let variance = (0..dims.rows).map(of_row).collect();
+    let (variance, repeated) = (0..dims.rows).map(of_row).unzip();
     let shifts = match true_motion(&bins, &maps, slots, &gains, dims.coordinates) {
         Some((motion, uncertainty)) => {
             Some((shifts(model, &run.trial.constants, spectra, highest, slots, &motion)?, uncertainty))
         }
         None => None,
     };
-    Ok(Some(NoiseAlong { variance, shifts }))
+    Ok(Some(NoiseAlong { variance, repeated, shifts }))
+}
+
+/// What rounding to counts adds to every line of each coordinate, as a share of the variance that the noise of its sensor makes: in one
+/// run, because it repeats with the motion, and alike in every run of the same motion.
+pub(super) fn rounding_shares(spectra: &Spectra, hold: Hold, dims: Dims) -> Vec<(f64, f64)> {
+    let Some(sensors) = Bins::of(spectra, hold, dims).map(|bins| bins.sensors(dims.coordinates)) else {
+        return vec![(0.0, 0.0); dims.coordinates];
+    };
+    let share = |power: f64, white: f64| if white > 0.0 { power / white } else { 0.0 };
+    let of = |c: usize| (share(sensors.repeating[c], sensors.white[c]), share(sensors.repeated[c], sensors.white[c]));
+    (0..dims.coordinates).map(of).collect()
+}
+
+/// E|n|^2 of a row's phasors by harmonic.
+pub(super) struct RowVariance {
+    /// That of the sensors' white noise.
+    pub(super) noise: Vec<f64>,
+    /// What the nearest bins show besides: motion that leaks where the rows hardly feel it, errors of counts.
+    pub(super) apart: Vec<f64>,
+    /// That of the errors of counts which other runs of the same motion repeat.
+    pub(super) repeated: Vec<f64>,
 }
 
 /// What the sensors of a record add to its transforms.
@@ -105,6 +129,9 @@ pub(super) struct Sensors {
     pub(super) white: Vec<f64>,
     /// Power that rounding to counts gives every line of a sensor because it repeats with the motion.
     repeating: Vec<f64>,
+    /// Power of the rounding that repeats with the motion however little it is: noise of the sensor hides it in one run, but it is alike
+    /// in all runs of the same motion and does not average out over them.
+    repeated: Vec<f64>,
     /// Whether rounding to counts makes up so much of the noise that it repeats.
     pub(super) counted: bool,
 }
@@ -140,8 +167,8 @@ impl<'a> Bins<'a> {
     /// What the sensors of the first `coordinates` channels add.
     pub(super) fn sensors(&self, coordinates: usize) -> Sensors {
         let white: Vec<f64> = (0..coordinates).map(|c| self.white(c)).collect();
-        let repeating = (0..coordinates).map(|c| self.repeating(c)).collect();
-        Sensors { repeating, counted: self.counted(&white), white }
+        let (repeating, repeated) = (0..coordinates).map(|c| self.repeating(c)).unzip();
+        Sensors { repeating, repeated, counted: self.counted(&white), white }
     }
 
     /// Whether rounding to counts makes up so much of the sensors' noise, given in every bin, that it repeats.
@@ -152,12 +179,13 @@ impl<'a> Bins<'a> {
         white.iter().zip(&self.spectra.steps).any(|(power, step)| step * step / 12.0 > share * power)
     }
 
-    /// Power that rounding to counts gives every line of a sensor because it repeats with the motion.
+    /// Power that rounding to counts gives every line of a sensor because it repeats with the motion: as far as noise of the sensor does
+    /// not hide it, and the whole.
     ///
     /// The part of the error that follows from the motion is the same in every period, and in successive samples whose rounding errors are
     /// alike. Where the motion rests, one error lasts so long that even the small share that noise of the sensor leaves counts.
-    fn repeating(&self, channel: usize) -> f64 {
-        let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
+    fn repeating(&self, channel: usize) -> (f64, f64) {
+        let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return (0.0, 0.0) };
         let per_period = self.spectra.samples_per_period;
         let samples = per_period * self.spectra.periods as f64;
         // Noise of the sensor and motion that differs from period to period alike bring the counts out of step with the period. The
@@ -168,16 +196,15 @@ impl<'a> Bins<'a> {
         let between = power / f64::max(number, 1.0) * samples / self.spectra.window.bandwidth();
         let own = between / (step * step) - 1.0 / 12.0;
         let share = repeating(own.max(0.0)) / repeating(0.0);
-        if share < UNDITHERED && !self.spectra.rests.get(channel).copied().unwrap_or(false) {
-            return 0.0;
-        }
+        let hidden = share < UNDITHERED && !self.spectra.rests.get(channel).copied().unwrap_or(false);
         // The motion without the lines of its rounding.
         let rounding = CERTAIN * step * step / 3.0 / per_period;
         let of_motion = |line: &Complex<f64>| if line.norm_sqr() > rounding { *line } else { Complex::new(0.0, 0.0) };
         let lines: Vec<Complex<f64>> = self.spectra.lines[channel].iter().map(of_motion).collect();
         let motion = synthesise(&lines, 0, self.spectra.fundamental, lines.len(), per_period.round() as usize);
         let squares: usize = alike(&motion, *step).iter().map(|length| length * length).sum();
-        step * step / 12.0 * share * squares as f64 / (per_period * per_period)
+        let whole = step * step / 12.0 * share * squares as f64 / (per_period * per_period);
+        (if hidden { 0.0 } else { whole }, whole)
     }
 
     /// Whether anything stands between the lowest lines of the coordinates.
@@ -277,16 +304,15 @@ fn response(
     }
 }
 
-/// E|n|^2 of a row's phasors, harmonics 0 to `highest`, in two parts: that of the sensors' white noise, and what the nearest
-/// bins show besides (motion that leaks where the rows hardly feel it, errors of counts). `map` has the inputs' factors.
+/// E|n|^2 of a row's phasors, harmonics 0 to `highest`. `map` has the inputs' factors.
 pub(super) fn row_variance(
     bins: &Bins<'_>,
     (map, highest): (&[f64], usize),
     slots: &[(usize, usize)],
     gain: &[Vec<Complex<f64>>],
     sensors: &Sensors,
-) -> (Vec<f64>, Vec<f64>) {
-    let Sensors { white, repeating, counted } = sensors;
+) -> RowVariance {
+    let Sensors { white, repeating, repeated, counted } = sensors;
     let coordinates = white.len();
     let mixing = mixing(gain);
     let mut through = vec![Complex::new(0.0, 0.0); coordinates];
@@ -307,7 +333,8 @@ pub(super) fn row_variance(
         (residual.norm_sqr(), shape)
     };
     let mut felt = vec![Complex::new(0.0, 0.0); coordinates];
-    let mut variances = (Vec::with_capacity(highest + 1), Vec::with_capacity(highest + 1));
+    let none = || Vec::with_capacity(highest + 1);
+    let mut variances = RowVariance { noise: none(), apart: none(), repeated: none() };
     for k in 0..=highest {
         let mut sum = |least: usize| {
             let pairs = bins.around(k, least).map(&mut pair);
@@ -323,12 +350,15 @@ pub(super) fn row_variance(
         let scale = if k == 0 { 1.0 } else { 4.0 };
         let line = k as isize * bins.periods;
         let (_, shape) = pair(line);
+        let mut alike = 0.0;
         for &m in &mixing {
             response(slots, gain, m, bins.frequency(line - m * bins.periods), &mut felt);
             apart += felt.iter().zip(repeating).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
+            alike += felt.iter().zip(repeated).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
         }
-        variances.0.push(scale * level * shape);
-        variances.1.push(scale * apart);
+        variances.noise.push(scale * level * shape);
+        variances.apart.push(scale * apart);
+        variances.repeated.push(scale * alike);
     }
     variances
 }

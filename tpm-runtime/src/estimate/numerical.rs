@@ -7,7 +7,9 @@
 //! (secant). Invariant: M belongs to one reference; another reference begins anew.
 //!
 //! M is measured, so that its own noise counts in every equation: that of a column as often as the update is longer than the step behind
-//! the column. What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update.
+//! the column. What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update, and,
+//! as M is a quotient of differences, with the product of update and step. The noise of the sensors moves the machine on its way round the
+//! loop, and terms that are even in a velocity have a mean there, which is in the error of the base and in none of the differences.
 
 use crate::estimate::along::Along;
 use crate::estimate::applies::{check_reference, check_runs};
@@ -18,12 +20,14 @@ use crate::estimate::error::EstimateError;
 use crate::estimate::estimator::Estimator;
 use crate::estimate::first_order::fed_back;
 use crate::estimate::information::reduced;
-use crate::estimate::noise::ROUNDING;
+use crate::estimate::noise::{ROUNDING, noise_along, rounding_shares};
+use crate::estimate::response::answer;
 use crate::estimate::result::Estimate;
 use crate::estimate::run::{Run, error_lines};
 use crate::estimate::settings::{NumericalSettings, Settings};
 use crate::estimate::stack::solve_reweighted;
 use crate::estimate::table::LineTable;
+use crate::numerics::DMatrix;
 use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
@@ -86,6 +90,40 @@ struct Base {
     dependent: Vec<(usize, Vec<f64>)>,
     /// Entries that are zero in the exact table, per parameter and harmonic.
     zero: Vec<Vec<bool>>,
+    /// What noise makes of the mean of the error; nothing where it is not known.
+    shift: Option<MeanShift>,
+    /// Rounding to counts that other runs on the reference repeat, per coordinate, as a share of the variance.
+    repeated: Vec<f64>,
+}
+
+/// What the motion that noise causes makes of the means of the tracking error.
+#[derive(Clone)]
+struct MeanShift {
+    /// Per coordinate: for every parameter of value one and, last, for the known term.
+    coordinates: Vec<Vec<f64>>,
+    /// Standard deviation of the whole, as a share of it.
+    uncertainty: f64,
+}
+
+impl MeanShift {
+    fn new(
+        model: &dyn Model<f64>,
+        run: &Run<'_>,
+        along: &Along,
+        highest: usize,
+    ) -> Result<Option<Self>, EstimateError> {
+        let theta = &run.trial.parameters;
+        let found = noise_along(model, run, along, theta, highest)?;
+        let Some((rows, uncertainty)) = found.and_then(|noise| noise.shifts) else { return Ok(None) };
+        let width = theta.len() + 1;
+        let forces = DMatrix::from_fn(rows.len(), width, |row, j| Complex::new(rows[row][j], 0.0));
+        let moved = answer(along, run.trial, theta, run.hold, 0, &forces);
+        let of = |moved: DMatrix<Complex<f64>>| {
+            let coordinates = moved.row_iter().map(|row| row.iter().map(|shift| shift.re).collect()).collect();
+            MeanShift { coordinates, uncertainty }
+        };
+        Ok(moved.map(of))
+    }
 }
 
 /// A matrix with the run that it was applied to.
@@ -114,7 +152,7 @@ impl Base {
         let power = |lines: &[Complex<f64>]| lines.iter().map(|z| z.norm_sqr()).sum::<f64>();
         let force =
             run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
-        let variance = variances(run, dims.coordinates, highest);
+        let variance = variances(model, run, highest);
         let noise = variance.iter().flatten().sum::<f64>().sqrt();
         let size = error.iter().map(|lines| power(lines)).sum::<f64>().sqrt();
         let target = (SMALL * size).max(ABOVE_NOISE * noise);
@@ -155,6 +193,8 @@ impl Base {
             perturbed,
             dependent,
             zero: (0..dims.parameters).map(zero).collect(),
+            shift: MeanShift::new(model, run, &along, highest)?,
+            repeated: rounding_shares(run.spectra, run.hold, dims).iter().map(|(_, repeated)| *repeated).collect(),
             error,
         })
     }
@@ -209,12 +249,21 @@ fn squares(step: &[f64]) -> f64 {
     step.iter().map(|step| step * step).sum()
 }
 
-fn variances(run: &Run<'_>, coordinates: usize, highest: usize) -> Vec<Vec<f64>> {
-    let of = |c: usize| {
+/// Variances of the error's lines: noise, and rounding to counts as far as it repeats with the motion.
+fn variances(model: &dyn Model<f64>, run: &Run<'_>, highest: usize) -> Vec<Vec<f64>> {
+    let shares = rounding_shares(run.spectra, run.hold, model.dims());
+    let of = |(c, (rounding, _)): (usize, &(f64, f64))| {
         let peak = run.spectra.lines[c].iter().map(|line| line.norm()).fold(0.0, f64::max);
-        (0..=highest).map(|k| run.spectra.variance(c, k) + (ROUNDING * peak).powi(2) + f64::MIN_POSITIVE).collect()
+        let least = (ROUNDING * peak).powi(2) + f64::MIN_POSITIVE;
+        (0..=highest).map(|k| run.spectra.variance(c, k) * (1.0 + rounding) + least).collect()
     };
-    (0..coordinates).map(of).collect()
+    shares.iter().enumerate().map(of).collect()
+}
+
+/// The power of an error of the linearisation, in that of an update of the length one: the update with these squares was foreseen by
+/// quotients of differences over steps of the length one.
+fn bent(squares: f64) -> f64 {
+    (squares + squares.sqrt()).powi(2)
 }
 
 impl Numerical {
@@ -252,28 +301,28 @@ impl Numerical {
 
     /// Compares a run on the reference of the base with the prediction of M: what it missed is the error of the linearisation in the last
     /// update.
-    fn check_prediction(&mut self, run: &Run<'_>, error: &Lines) {
+    fn check_prediction(&mut self, model: &dyn Model<f64>, run: &Run<'_>, error: &Lines) {
         let Some(base) = &self.base else { return };
         let (missed, step) = self.missed(base, run, error);
         let length = squares(&step);
-        let variance = variances(run, error.len(), self.harmonics);
+        let variance = variances(model, run, self.harmonics);
         let noise = |c: usize, k: usize| variance[c][k] + base.variance[c][k];
         let lines =
             missed.iter().enumerate().flat_map(|(c, lines)| lines.iter().enumerate().map(move |(k, z)| (c, k, z)));
         let certain = lines.filter(|(c, k, line)| line.norm_sqr() > CERTAIN * noise(*c, *k));
         let worst = certain.map(|(.., line)| line.norm_sqr()).fold(0.0, f64::max);
         if let Some(last) = self.updates.last_mut().filter(|_| length > 0.0) {
-            last.curvature = Some(last.curvature.unwrap_or(0.0).max(worst / (length * length)));
+            last.curvature = Some(last.curvature.unwrap_or(0.0).max(worst / bent(length)));
         }
     }
 
     /// Corrects M by what a run shows beyond its prediction (Broyden's update, every parameter scaled by its step), and makes the run the
     /// base.
-    fn correct(&mut self, run: &Run<'_>, error: Lines) {
+    fn correct(&mut self, model: &dyn Model<f64>, run: &Run<'_>, error: Lines) {
         let Some(base) = &self.base else { return };
         let (missed, step) = self.missed(base, run, &error);
         let length = squares(&step);
-        let variance = variances(run, error.len(), self.harmonics);
+        let variance = variances(model, run, self.harmonics);
         // Noise is no change of M: the share of what was missed that stands out of it corrects M.
         let all: f64 = missed.iter().flatten().map(|line| line.norm_sqr()).sum();
         let of_noise: f64 = variance.iter().chain(&base.variance).flatten().sum();
@@ -307,7 +356,12 @@ impl Numerical {
         let current = self.updates.last().map_or(&[][..], |update| update.base.parameters.as_slice());
         let rank = unknowns(&self.settings, current.len())?.0.len();
         solve_reweighted(&self.settings, current, |theta| {
-            self.updates.iter().map(|update| update.equations(theta, &self.settings, rank)).collect()
+            let of = |update: &Measured| {
+                let same = |other: &&Measured| other.base.reference == update.base.reference;
+                let others = self.updates.iter().filter(same).count() - 1;
+                update.equations(theta, &self.settings, rank, others)
+            };
+            self.updates.iter().map(of).collect()
         })
     }
 }
@@ -319,8 +373,9 @@ impl Measured {
         self.curvature.map(|curvature| curvature * ratio.powi(4))
     }
 
-    /// `E = M (theta' - theta)`, with the variances where the parameters are about `theta`.
-    fn equations(&self, theta: &[f64], settings: &Settings, rank: usize) -> Equations {
+    /// `E = M (theta' - theta)`, with the variances where the parameters are about `theta`, beside so many other updates on the same
+    /// reference.
+    fn equations(&self, theta: &[f64], settings: &Settings, rank: usize, others: usize) -> Equations {
         let NumericalSettings { cleared, reduced, .. } = settings.numerical;
         let base = &self.base;
         let update: Vec<f64> = base.parameters.iter().zip(theta).map(|(now, to)| now - to).collect();
@@ -329,7 +384,7 @@ impl Measured {
         // The noise of the perturbed runs, and that of the base, with which all of them were compared.
         let noise = length + (1.0 + steps.iter().sum::<f64>().abs()).powi(2);
         let missed = match self.curvature {
-            Some(curvature) => curvature * length * length,
+            Some(curvature) => curvature * bent(length),
             // Nothing is known of the linearisation: it may miss as much as there is.
             None => base.error.iter().flatten().map(|line| line.norm_sqr()).fold(0.0, f64::max),
         };
@@ -339,12 +394,23 @@ impl Measured {
                 let entry = |(column, zero): (&Lines, &Vec<bool>)| {
                     if cleared && zero[k] { Complex::new(0.0, 0.0) } else { column[c][k] }
                 };
-                let phi: Vec<Complex<f64>> = self.matrix.iter().zip(&base.zero).map(entry).collect();
+                let mut phi: Vec<Complex<f64>> = self.matrix.iter().zip(&base.zero).map(entry).collect();
                 if cleared && base.zero.iter().all(|zero| zero[k]) {
                     continue;
                 }
-                let at: Complex<f64> = phi.iter().zip(&base.parameters).map(|(m, value)| m * *value).sum();
-                equations.push(c, k, &phi, at - line, base.variance[c][k] * noise + missed);
+                let mut right: Complex<f64> = phi.iter().zip(&base.parameters).map(|(m, value)| m * *value).sum();
+                right -= line;
+                // What all updates repeat counts in each as often as there are updates.
+                let mut variance = base.variance[c][k] * (noise + others as f64 * base.repeated[c]) + missed;
+                if let Some(MeanShift { coordinates, uncertainty }) = base.shift.as_ref().filter(|_| k == 0) {
+                    let (own, known) = coordinates[c].split_at(phi.len());
+                    let known: f64 = known.iter().sum();
+                    phi.iter_mut().zip(own).for_each(|(phi, shift)| *phi += shift);
+                    right -= known;
+                    let whole = known + own.iter().zip(theta).map(|(shift, value)| shift * value).sum::<f64>();
+                    variance += (uncertainty * whole).powi(2);
+                }
+                equations.push(c, k, &phi, right, variance);
             }
         }
         if reduced { equations.reduced(rank) } else { equations }
@@ -402,13 +468,13 @@ impl Estimator for Numerical {
         let same = |base: &&Base| base.error[0].len() == highest + 1 && base.is_of(run);
         let perturbs = self.base.as_ref().filter(same).is_some() && !self.known;
         let power = |lines: &Lines| lines.iter().flatten().map(|line| line.norm_sqr()).sum::<f64>();
-        let (size, noise) = (power(&error), variances(run, dims.coordinates, highest).iter().flatten().sum::<f64>());
+        let (size, noise) = (power(&error), variances(model, run, highest).iter().flatten().sum::<f64>());
         let better = perturbs || self.damping.judge(run.trial, size, noise);
         let Some(before) = self.base.as_ref().filter(same).map(|base| power(&base.error)) else {
             return self.begin(model, run, error);
         };
         if self.known {
-            self.check_prediction(run, &error);
+            self.check_prediction(model, run, &error);
             if !better {
                 // The next run goes less far; where that helps no more, the matrix is measured anew.
                 if self.damping.is_exhausted() {
@@ -422,7 +488,7 @@ impl Estimator for Numerical {
             if !self.settings.numerical.secant || (floor && !fresh) || (!floor && WORTH * size > before) {
                 return self.begin(model, run, error);
             }
-            self.correct(run, error);
+            self.correct(model, run, error);
         } else if let Some(base) = &self.base {
             let step = base.steps[base.perturbed[self.columns.len()]];
             let column = error

@@ -60,6 +60,15 @@ impl Estimate {
         self.with_values(values, covariance, settings, felt)
     }
 
+    /// The estimate of updates that have not settled: what the last one moved is one standard deviation more.
+    pub(crate) fn moving(&self, moved: &[f64], settings: &Settings) -> Self {
+        let count = self.values.len();
+        let entry = |r: usize, c: usize| self.covariance[(r, c)] + moved[r] * moved[c];
+        let rows: Vec<Vec<f64>> = (0..count).map(|r| (0..count).map(|c| entry(r, c)).collect()).collect();
+        let covariance = Matrix::from_rows(&rows).unwrap_or_else(|| self.covariance.clone());
+        self.refined(self.values.clone(), covariance, settings)
+    }
+
     /// The estimate of the first parameters alone, whatever the others are.
     pub(crate) fn of_first(&self, count: usize) -> Self {
         let first = |values: &[f64]| values.iter().take(count).copied().collect::<Vec<f64>>();

@@ -6,7 +6,7 @@
 use crate::experiment::error::ExperimentError;
 use crate::experiment::file::{ActuatorSection, Experiment, MotorsSection};
 use crate::experiment::names::{coordinates, inputs, positive, require};
-use crate::machine::actuator::{FileFault, MotorFile, Mounted};
+use crate::machine::actuator::{FileFault, Limited, MotorFile, Mounted};
 use crate::run::Dynamics;
 use crate::run::LowPass;
 use std::collections::BTreeMap;
@@ -139,6 +139,60 @@ impl Experiment {
         overlaid(stated, "actuators", &self.actuators, model)
     }
 
+    /// Known limits of each input's actuator; nothing for an input without any.
+    ///
+    /// # Errors
+    /// [`ExperimentError::UnknownName`] for a name that the model does not have, [`ExperimentError::Motors`] where it is not known
+    /// which coordinate the actuator moves.
+    pub fn known_limits(&self, model: &dyn Model<f64>) -> Result<Vec<Option<Limited>>, ExperimentError> {
+        self.limits_of("actuators", &self.actuators, vec![None; model.dims().inputs], model)
+    }
+
+    /// Limits of each actuator of the simulated machine: the known ones where `plant.actuators` does not state the input.
+    ///
+    /// # Errors
+    /// The conditions of [`known_limits`](Self::known_limits).
+    pub fn plant_limits(&self, model: &dyn Model<f64>) -> Result<Vec<Option<Limited>>, ExperimentError> {
+        self.limits_of("plant.actuators", &self.plant.actuators, self.known_limits(model)?, model)
+    }
+
+    fn limits_of(
+        &self,
+        place: &str,
+        sections: &BTreeMap<String, ActuatorSection>,
+        mut limits: Vec<Option<Limited>>,
+        model: &dyn Model<f64>,
+    ) -> Result<Vec<Option<Limited>>, ExperimentError> {
+        if sections.is_empty() {
+            return Ok(limits);
+        }
+        let (inputs, turned) = (inputs(model), self.turned(model)?);
+        for (name, section) in sections {
+            let at = inputs.index(place, name)?;
+            let stated = [section.force, section.speed, section.power, section.bandwidth];
+            if stated.iter().all(Option::is_none) {
+                limits[at] = None;
+                continue;
+            }
+            let moved = turned[at].as_slice();
+            let coordinate = match (moved, section.speed.or(section.power)) {
+                ([coordinate], _) => *coordinate,
+                (_, None) => 0,
+                _ => {
+                    return Err(ExperimentError::Motors {
+                        message: format!(
+                            "{} coordinates are fed back to `{name}`; say which one the actuator of {place}.{name} moves, whose speed is limited: motion = {{ {name} = \"COORDINATE\" }}",
+                            moved.len()
+                        ),
+                    });
+                }
+            };
+            let [force, speed, power, bandwidth] = stated.map(|limit| limit.unwrap_or(f64::INFINITY));
+            limits[at] = Some(Limited { coordinate, force, speed, power, bandwidth });
+        }
+        Ok(limits)
+    }
+
     /// Actuator dynamics of each input of the simulated machine.
     ///
     /// # Errors
@@ -166,6 +220,9 @@ fn overlaid(
             ("natural_frequency", section.natural_frequency),
             ("quality", section.quality),
             ("bandwidth", section.bandwidth),
+            ("force", section.force),
+            ("speed", section.speed),
+            ("power", section.power),
         ];
         for (field, value) in given {
             if let Some(value) = value {
@@ -297,6 +354,43 @@ mod tests {
     }
 
     #[test]
+    fn limits_of_any_actuator_end_a_campaign_by_name() {
+        for (limit, name) in
+            [("{ force = 60.0 }", "force"), ("{ speed = 1.5 }", "speed"), ("{ power = 60.0 }", "power")]
+        {
+            let mut experiment = experiment(&[("actuators.u", limit)]);
+            let found = identified(&experiment);
+            assert_eq!(found.outcome, Some(Outcome::EffortShare), "{limit} {:?}", found.warnings);
+            let stop = found.stop.clone().expect("named");
+            assert_eq!((stop.limit, stop.input.as_str()), (name, "u"));
+            assert!(stop.share >= 0.7 && stop.to_string().contains("lower the"), "{stop}");
+            assert!(found.is_complete() && found.runs.len() < 8);
+            // Only the last stage is played: the reference that is too fast is refused, and the run itself passes the other limits.
+            experiment.schedule.stages.drain(..3);
+            let setup = experiment.setup(&MassSpringDrag, &rest_to_rest_3(), Hold::Zoh).expect("fits");
+            match Campaign::new(&MassSpringDrag, setup) {
+                Err(refused) => {
+                    let text = refused.to_string();
+                    assert!(text.contains(&std::format!("the {name} of u")) && text.contains("lower the"), "{text}");
+                }
+                Ok(_) => {
+                    let stop = identified(&experiment).stop.expect("named");
+                    assert!(stop.limit == name && stop.share >= 0.7, "{stop}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_simulated_actuator_keeps_its_power() {
+        let weak = experiment(&[("plant.actuators.u", "{ power = 60.0 }")]);
+        let found = identified(&weak);
+        assert_eq!(found.outcome, Some(Outcome::InputLimit), "{:?}", found.warnings);
+        let strong = experiment(&[("plant.actuators.u", "{ power = 4e4, force = 1e4, speed = 1e3 }")]);
+        assert!(identified(&strong).is_complete());
+    }
+
+    #[test]
     fn faults_name_their_place() {
         let fault = |sets: &[(&str, &str)]| {
             let experiment = experiment(sets);
@@ -311,6 +405,7 @@ mod tests {
         assert!(fault(&[("actuators.u", "{ delay = -1e-3 }")]).starts_with("actuators.u.delay = -0.001"));
         assert!(fault(&[("plant.actuators.u", "{ quality = 2.0 }")]).contains("natural_frequency"));
         assert!(fault(&[("plant.actuators.u", "{ bandwidth = 0.0 }")]).starts_with("plant.actuators.u.bandwidth"));
+        assert!(fault(&[("actuators.u", "{ power = -3.0 }")]).starts_with("actuators.u.power = -3"));
         assert!(fault(&[("motors", "none.toml")]).contains("none.toml was not read"));
         assert!(fault(&[("motors", "{ u = { resistance = 4.0 } }")]).contains("[motors.u] lacks `torque_constant`"));
         assert!(fault(&[("motion", "{ u = \"y\" }"), ("motors", "{ u = {} }")]).contains("no coordinate `y`"));

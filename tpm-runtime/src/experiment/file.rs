@@ -107,9 +107,20 @@ pub struct ActuatorSection {
     /// Quality factor of the low pass; 1/sqrt(2) when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub quality: Option<f64>,
-    /// Bandwidth of a current loop, a lag of first order, rad/s; none when not given.
+    /// Bandwidth of a current loop, a lag of first order, rad/s; none when not given. A run whose force needs higher harmonics passes
+    /// this limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bandwidth: Option<f64>,
+    /// Largest magnitude of the force, unit of the input; without a limit when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force: Option<f64>,
+    /// Largest magnitude of the speed of the coordinate that the actuator moves, unit of the coordinate per second; the actuator drives no
+    /// faster. Without a limit when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed: Option<f64>,
+    /// Largest power into the machine, force times speed; without a limit when not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub power: Option<f64>,
 }
 
 /// The simulated machine.

@@ -210,6 +210,7 @@ impl Experiment {
         let steps = inputs.fill("plant.input_steps", &self.plant.input_steps, 0.0)?;
         let dynamics = self.plant_actuators(model)?;
         let limits = limited(limits, &self.mounted(model)?);
+        let of_motion = self.plant_limits(model)?;
         require(
             self.plant.sub_steps > 0,
             "plant.sub_steps".into(),
@@ -233,8 +234,8 @@ impl Experiment {
             parameters,
             constants,
             sensors,
-            actuators: (limits.into_iter().zip(steps).zip(dynamics))
-                .map(|((limit, step), dynamics)| Actuator { limit, step, dynamics })
+            actuators: (limits.into_iter().zip(steps).zip(dynamics).zip(of_motion))
+                .map(|(((limit, step), dynamics), limited)| Actuator { limit, step, dynamics, limited })
                 .collect(),
             sub_steps: self.plant.sub_steps,
             seed: self.seed,
@@ -480,6 +481,7 @@ impl Experiment {
                 velocity_bounds,
                 input_limits: limited(input_limits, &motors),
                 motors,
+                limited: self.known_limits(model)?,
                 effort_share: share,
                 back_off,
                 max_aborts: self.limits.max_aborts,

@@ -20,6 +20,8 @@ use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Components of a direction below this one are rounding.
 const NOTHING: f64 = 1e-9;
+/// A last update of more than so many of its own deviations went where its linearisation does not hold.
+const MOVING: f64 = 3.0;
 
 /// Name and version of the program.
 pub(super) fn provenance() -> Provenance {
@@ -66,6 +68,9 @@ fn of_estimate(
 ) -> Identification {
     let model = campaign.model();
     let setup = campaign.setup();
+    // What the last update still moved is what is not known.
+    let widened = estimate.zip(campaign.unsettled()).map(|(found, moved)| found.moving(moved, &setup.estimation));
+    let estimate = widened.as_ref().or(estimate);
     let own = EstimateReport::new(model, &setup.stated_prior(), estimate);
     // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
     let (linear, found, report, physical, physical_covariance) = match campaign.estimator().lumped() {
@@ -114,6 +119,7 @@ fn of_estimate(
         }
         position.truncate(model.dims().coordinates);
         warn_of_negative_inertias(&mut result, model, &setup.constants, &position);
+        distrust(&mut result);
     }
     result
 }
@@ -131,6 +137,12 @@ fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campai
     }));
     if let Some(outcome) = campaign.outcome().filter(|outcome| !outcome.is_normal()) {
         warnings.push(Warning::EndedEarly { outcome, limit: campaign.stop().cloned() });
+        let moves = |(moved, estimate): (&[f64], &Estimate)| {
+            moved.iter().zip(&estimate.std).any(|(moved, std)| std.is_finite() && moved.abs() > MOVING * std)
+        };
+        if !campaign.estimator().is_final() && campaign.unsettled().zip(campaign.estimate()).is_some_and(moves) {
+            warnings.push(Warning::FarFromLinear { estimator: campaign.estimator().name() });
+        }
     }
     let plant = campaign.model();
     for (i, mounted) in campaign.setup().procedure.motors.iter().enumerate() {
@@ -213,13 +225,21 @@ pub(super) fn warn_of_negative_inertias(
 /// Trusts parameters no more of which halves of the record contradict each other, and none where nothing follows the record.
 pub(super) fn distrust(result: &mut Identification) {
     for warning in &result.warnings {
-        let all = matches!(warning, Warning::Unsettled { .. } | Warning::EndOfInterval { .. });
+        let all = is_about_all(warning);
+        for parameter in result.physical.iter_mut().filter(|_| all) {
+            parameter.status = parameter.status.in_result(false);
+        }
         for parameter in &mut result.parameters {
             if all || matches!(warning, Warning::Halves { parameter: name, .. } if *name == parameter.name) {
                 parameter.status = parameter.status.in_result(false);
             }
         }
     }
+}
+
+/// Whether a warning says that no number of a result is to be trusted.
+const fn is_about_all(warning: &Warning) -> bool {
+    matches!(warning, Warning::Unsettled { .. } | Warning::FarFromLinear { .. } | Warning::EndOfInterval { .. })
 }
 
 /// A model whose parameters were lumped.
@@ -275,7 +295,7 @@ impl<'a> Lumped<'a> {
         let count = found.parameters.len();
         let entry = |r: usize, c: usize| (known(r) && known(c)).then(|| found.covariance[(r, c)]);
         result.physical_covariance = (0..count).map(|r| (0..count).map(|c| entry(r, c)).collect()).collect();
-        let explained = estimate.is_explained();
+        let explained = estimate.is_explained() && !result.warnings.iter().any(is_about_all);
         result.physical = found.parameters;
         for parameter in &mut result.physical {
             parameter.status = parameter.status.in_result(explained);

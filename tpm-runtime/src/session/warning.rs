@@ -221,6 +221,11 @@ pub enum Warning {
         /// How the simulation went.
         message: String,
     },
+    /// The updates of a linearised estimator ended while they still moved by more than their deviations.
+    FarFromLinear {
+        /// The estimator.
+        estimator: &'static str,
+    },
     /// An input was cut off at a limit behind the place where it was recorded.
     Limited {
         /// The limit.
@@ -284,6 +289,7 @@ impl Warning {
             Warning::NegativeInertia { .. }
             | Warning::Halves { .. }
             | Warning::Unsettled { .. }
+            | Warning::FarFromLinear { .. }
             | Warning::EndOfInterval { .. }
             | Warning::LogsDisagree { .. } => true,
             Warning::InLog { warning, .. } => warning.is_distrust(),
@@ -445,6 +451,10 @@ impl fmt::Display for Warning {
             Warning::Unsettled { message } => write!(
                 f,
                 "{message}; no values of the parameters make the model follow the log: it lacks something large, or a channel is not what it is taken for"
+            ),
+            Warning::FarFromLinear { estimator } => write!(
+                f,
+                "the updates of {estimator} ended while each still moved by more than its deviations, so that the linearisation does not hold: no value is to be trusted; begin nearer, or with a slower and smaller stage, allow more runs, or take measured-motion"
             ),
             Warning::EndOfInterval { parameter, end, interval: [from, to] } => write!(
                 f,

@@ -13,6 +13,7 @@ mod drive;
 #[cfg(feature = "plot")]
 mod figure;
 mod file;
+mod limited;
 mod loop_file;
 #[cfg(feature = "interpret")]
 mod machine;
@@ -29,6 +30,7 @@ pub use figure::{torque_speed, tracking_errors};
 #[cfg(feature = "schema")]
 pub use file::schema as motor_schema;
 pub use file::{MotorFile, Motors};
+pub use limited::Limited;
 pub use loop_file::LoopFile;
 #[cfg(feature = "interpret")]
 pub use machine::{MotorizedMachine, MotorizedMachineError};

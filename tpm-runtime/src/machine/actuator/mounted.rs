@@ -30,7 +30,8 @@ pub struct Mounted {
 pub struct LimitUse {
     /// Name of the input.
     pub input: String,
-    /// Name of the limit: command (of the input itself), current, voltage or power.
+    /// Name of the limit: command (of the input itself), current, voltage or power of a motor; force, speed, power or bandwidth of any
+    /// other actuator.
     pub limit: &'static str,
     /// Unit of value and limit, when it is known.
     pub unit: Option<String>,
@@ -47,6 +48,9 @@ pub struct LimitUse {
     /// The harmonic with the largest amplitude, and this amplitude; nothing for a power, whose harmonics are not those of the
     /// motion.
     pub harmonic: Option<(usize, f64)>,
+    /// What to do; nothing for motors, whose sizing says it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remedy: Option<&'static str>,
 }
 
 impl fmt::Display for LimitUse {
@@ -63,11 +67,14 @@ impl fmt::Display for LimitUse {
             self.sample,
             self.time
         )?;
-        match self.harmonic {
+        let written = match self.harmonic {
+            Some((harmonic, _)) if self.limit == "bandwidth" => write!(f, ", by harmonic {harmonic} of its force"),
             Some((0, value)) => write!(f, ", {value:.4}{unit} of it as its mean"),
             Some((harmonic, value)) => write!(f, ", {value:.4}{unit} of it by harmonic {harmonic}"),
             None => Ok(()),
-        }
+        };
+        written?;
+        self.remedy.map_or(Ok(()), |remedy| write!(f, "; {remedy}"))
     }
 }
 
@@ -108,6 +115,7 @@ impl Mounted {
             sample: sample % samples.max(1),
             time: worst.time,
             harmonic,
+            remedy: None,
         }
     }
 
@@ -165,6 +173,7 @@ impl Mounted {
                 Limit::Voltage => sizes(&voltage),
                 Limit::Power => None,
             },
+            remedy: None,
         }
     }
 }

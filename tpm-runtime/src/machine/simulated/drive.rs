@@ -41,7 +41,7 @@ pub fn drive(model: &dyn Model<f64>, rig: &Rig, sample_time: f64, inputs: &[Vec<
         for (value, column) in applied.iter_mut().zip(inputs) {
             *value = column[sample];
         }
-        record.saturated += usize::from(apply(&rig.actuators, &mut applied, &mut record.inputs));
+        record.saturated += usize::from(apply(&rig.actuators, (plant.motion(), n), &mut applied, &mut record.inputs));
         if transmission.advance(&mut plant, &applied)? {
             record.ending = Ending::Diverged { sample };
             break;

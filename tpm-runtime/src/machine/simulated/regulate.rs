@@ -90,7 +90,8 @@ pub fn regulate(model: &dyn Model<f64>, rig: &Rig, regulation: &Regulation<'_>) 
         for (i, input) in inputs.iter_mut().enumerate() {
             *input = -regulation.regulator.gain().dense().row(i).iter().zip(&state).map(|(k, x)| k * x).sum::<f64>();
         }
-        found.record.saturated += usize::from(apply(&rig.actuators, &mut inputs, &mut found.record.inputs));
+        found.record.saturated +=
+            usize::from(apply(&rig.actuators, (plant.motion(), n), &mut inputs, &mut found.record.inputs));
         for (column, value) in found.record.coordinates.iter_mut().zip(&state) {
             column.push(*value);
         }

@@ -4,6 +4,7 @@
 //! sensor's range, then waits `delay` samples. Noise and jitter are white and Gaussian and come from one seeded stream per run,
 //! drawn coordinate by coordinate, so that a run depends on its seed and number alone.
 
+use crate::machine::actuator::Limited;
 use crate::run::Dynamics;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -40,29 +41,41 @@ pub struct Actuator {
     pub step: f64,
     /// What lies between this value and the force.
     pub dynamics: Dynamics,
+    /// Limits that depend on the motion; nothing for a drive that does not feel it.
+    pub limited: Option<Limited>,
 }
 
 impl Default for Actuator {
     fn default() -> Self {
-        Actuator { limit: f64::INFINITY, step: 0.0, dynamics: Dynamics::default() }
+        Actuator { limit: f64::INFINITY, step: 0.0, dynamics: Dynamics::default(), limited: None }
     }
 }
 
 impl Actuator {
-    /// The value that is applied, and whether the limit cut it.
+    /// The value that is applied in a motion (positions, then velocities), and whether a limit cut it.
     #[must_use]
-    pub fn apply(&self, wanted: f64) -> (f64, bool) {
+    pub fn apply(&self, wanted: f64, motion: &[f64], coordinates: usize) -> (f64, bool) {
         let stepped = quantise(wanted, self.step);
-        let applied = stepped.clamp(-self.limit, self.limit);
+        let mut applied = stepped.clamp(-self.limit, self.limit);
+        if let Some(limited) = &self.limited {
+            let speed = motion.get(coordinates + limited.coordinate).copied().unwrap_or(0.0);
+            applied = limited.applied(applied, speed);
+        }
         (applied, applied.abs() < stepped.abs())
     }
 }
 
-/// Gives every drive its wanted value, which becomes the applied one, and records it; whether a limit cut any.
-pub(super) fn apply(actuators: &[Actuator], wanted: &mut [f64], recorded: &mut [Vec<f64>]) -> bool {
+/// Gives every drive its wanted value, which becomes the one that is applied in a motion of so many coordinates, and records it;
+/// whether a limit cut any.
+pub(super) fn apply(
+    actuators: &[Actuator],
+    (motion, coordinates): (&[f64], usize),
+    wanted: &mut [f64],
+    recorded: &mut [Vec<f64>],
+) -> bool {
     let mut cut = false;
     for ((value, actuator), column) in wanted.iter_mut().zip(actuators).zip(recorded) {
-        let (applied, limited) = actuator.apply(*value);
+        let (applied, limited) = actuator.apply(*value, motion, coordinates);
         *value = applied;
         cut |= limited;
         column.push(applied);
@@ -207,8 +220,8 @@ mod tests {
     #[test]
     fn the_drive_cuts_at_its_limit() {
         let drive = Actuator { limit: 2.0, step: 0.25, ..Actuator::default() };
-        assert_eq!(drive.apply(1.1), (1.0, false));
-        assert_eq!(drive.apply(-7.0), (-2.0, true));
-        assert_eq!(Actuator::default().apply(1e9), (1e9, false));
+        assert_eq!(drive.apply(1.1, &[], 0), (1.0, false));
+        assert_eq!(drive.apply(-7.0, &[], 0), (-2.0, true));
+        assert_eq!(Actuator::default().apply(1e9, &[], 0), (1e9, false));
     }
 }

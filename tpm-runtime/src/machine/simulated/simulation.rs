@@ -102,7 +102,8 @@ impl<'a> SimulatedRun<'a> {
             None => motion.get(n + c).copied(),
         };
         self.controller.step(&self.measured, rate, &mut self.wanted)?;
-        self.saturated += usize::from(apply(&self.rig.actuators, &mut self.wanted, &mut self.inputs));
+        self.saturated +=
+            usize::from(apply(&self.rig.actuators, (self.plant.motion(), n), &mut self.wanted, &mut self.inputs));
         for (&value, column) in self.measured.iter().zip(&mut self.coordinates) {
             column.push(value);
         }
