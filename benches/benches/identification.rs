@@ -7,9 +7,12 @@
 //! noise. The update, `Estimator::update`, needs only harmonics, their noise, the parameters behind the feed-forward and
 //! the pool of earlier runs. It consists of right-hand sides, weights, least squares, pooling, rank and covariance.
 //! With measured motion, the update is repeated with weights at the new parameters until the parameters stand still.
+//!
+//! A log of two million rows is identified from its file on.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
+use std::io::Write as _;
 use tpm_models::mass_spring_drag;
 use tpm_runtime::campaign::Campaign;
 use tpm_runtime::estimate::{Method, Run};
@@ -17,7 +20,7 @@ use tpm_runtime::experiment::Experiment;
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::machine::simulated::simulate;
 use tpm_runtime::run::Spectra;
-use tpm_runtime::session::Machine;
+use tpm_runtime::session::{DeclaredModel, Machine, from_log};
 use tpm_symbolic::regressor::prepare::prepare;
 
 const MODEL: &str = include_str!("../../models/mass_spring_drag.tpm");
@@ -99,5 +102,41 @@ fn update(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, campaign, update);
+/// A pendulum driven by a motor, to and fro for 4,000 s, as a file: read, identified by its harmonics, refined.
+fn long_log(criterion: &mut Criterion) {
+    // Tests of benchmarks run a short one.
+    let rows = if std::env::args().any(|argument| argument == "--bench") { 2_000_000 } else { 20_000 };
+    const PENDULUM: &str = "model Pendulum {
+        coordinate q [rad];
+        input u [N*m];
+        parameter J [kg*m^2], d [N*m*s/rad], fc [N*m], mgl [N*m];
+
+        J*ddot(q) + d*dot(q) + fc*sign(dot(q)) + mgl*sin(q) = u;
+    }";
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    let mut out = std::io::BufWriter::new(file.reopen().expect("a file"));
+    let mut state = 1_u64;
+    let mut noise = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        12.0_f64.sqrt() * ((state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)
+    };
+    writeln!(out, "t_s,q,u").expect("a disk with room");
+    for k in 0..rows {
+        let t = 0.002 * k as f64 + 7e-4;
+        let ((s, c), (s3, c3)) = ((4.0 * t).sin_cos(), (12.0 * t).sin_cos());
+        let [q, v, a] = [0.8 * (c - c3 / 9.0), 3.2 * (s3 / 3.0 - s), 12.8 * (c3 - c)];
+        let u = 0.01 * a + 0.005 * v + 0.03 * v.signum() + 0.5 * q.sin();
+        writeln!(out, "{t:.4},{:.7},{:.6}", q + 1e-4 * noise(), u + 1e-3 * noise()).expect("a disk with room");
+    }
+    drop(out);
+    let model = DeclaredModel::parse("Pendulum", PENDULUM).expect("a model");
+    let mut group = criterion.benchmark_group("a log of two million rows");
+    group.sample_size(10);
+    group.bench_function("from the file to parameters", |b| {
+        b.iter(|| from_log(black_box(&model), file.path()).expect("identifies").rank);
+    });
+    group.finish();
+}
+
+criterion_group!(benches, campaign, update, long_log);
 criterion_main!(benches);

@@ -57,9 +57,10 @@ pub(crate) struct Rig {
 /// Correlation of successive values of coloured noise.
 pub(crate) const COLOUR: f64 = 0.88;
 
-/// Position and force, sample by sample.
+/// Position and force, sample by sample, and the velocity as it is.
 pub(crate) struct Recorded {
     pub(crate) position: Vec<f64>,
+    pub(crate) velocity: Vec<f64>,
     pub(crate) force: Vec<f64>,
 }
 
@@ -94,7 +95,11 @@ impl Rig {
             [c - c3 / 9.0, w * (s3 / 3.0 - s), w * w * (c3 - c)].map(|value| AMPLITUDE * value)
         };
         let samples = self.periods * PERIOD;
-        let mut recorded = Recorded { position: Vec::with_capacity(samples), force: Vec::with_capacity(samples) };
+        let mut recorded = Recorded {
+            position: Vec::with_capacity(samples),
+            velocity: Vec::with_capacity(samples),
+            force: Vec::with_capacity(samples),
+        };
         let [mut x, mut v, _] = reference(0.0);
         let (mut colour, mut slope) = (0.0, 0.0);
         let mut before: Option<f64> = None;
@@ -114,6 +119,7 @@ impl Rig {
             let noise = self.force_noise * normal();
             if i >= SETTLING {
                 recorded.position.push(y);
+                recorded.velocity.push(v);
                 recorded.force.push(u + noise + self.offset);
             }
             waiting.push(u);

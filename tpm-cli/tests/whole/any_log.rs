@@ -113,3 +113,31 @@ fn logs_of_different_machines_and_a_log_twice_are_named() {
     assert!(messages.contains("the same log"), "{messages}");
     fails(&["identify", "models/mass_spring_drag.tpm", "--log", "none.csv", "--log", "none.csv"], 2, &["none.csv"]);
 }
+
+#[test]
+fn recordings_in_one_file_without_a_gap_are_told_apart() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    sweep(folder.path(), "a.csv", TRUTH, 15.0, 0.06);
+    sweep(folder.path(), "b.csv", TRUTH, 10.0, 0.11);
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("written");
+    let mut joined: String = read("a.csv").lines().take(2_991).map(|line| format!("{line}\n")).collect();
+    for (k, line) in read("b.csv").lines().skip(40).enumerate() {
+        let (_, rest) = line.split_once(',').expect("columns");
+        joined.push_str(&format!("{},{rest}\n", 0.005 * (2_990 + k) as f64));
+    }
+    std::fs::write(folder.path().join("joined.csv"), joined).expect("writable");
+    let (code, json, messages) = identify(folder.path(), &["--log", "joined.csv"]);
+    assert_eq!(code, Some(0), "{messages}");
+    let cut = &json["log"]["reading"]["segments"][1];
+    assert_eq!((cut["cut"]["kind"].as_str(), cut["from_line"].as_u64()), (Some("joined"), Some(2_992)), "{json}");
+    for ((value, std), truth) in parameters(&json).into_iter().zip(TRUTH) {
+        assert!((value - truth).abs() < 4.0 * std && (value / truth - 1.0).abs() < 5e-3, "{value} +- {std}: {truth}");
+    }
+    let model = model();
+    // A period that the two need not share is not taken for one of both.
+    let (_, _, messages) = identify(folder.path(), &["--log", "joined.csv", "--period", "2"]);
+    assert!(messages.contains("period of 2 s is not used: the record has 2 stretches"), "{messages}");
+    assert!(messages.contains("--domain harmonics"), "{messages}");
+    let text = crate::support::printed_in(folder.path(), &["inspect", "joined.csv", &model], 0);
+    assert!(text.contains("x jumps by") && text.contains("line 2992"), "{text}");
+}

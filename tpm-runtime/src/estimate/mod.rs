@@ -63,8 +63,8 @@ pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
 pub use output_error::{
-    Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Signals,
-    Simulated,
+    Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Rate,
+    RateFault, RateUse, Signals, Simulated,
 };
 #[cfg(feature = "interpret")]
 pub(crate) use output_error::{beside_counts, reach_in};

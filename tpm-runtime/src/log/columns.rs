@@ -32,6 +32,11 @@ pub(super) trait Columns {
     /// Line of the header, for messages.
     fn header_line(&self) -> u64;
 
+    /// Line of the units of the columns, for messages: that of the header where they have no row of their own.
+    fn units_line(&self) -> u64 {
+        self.header_line()
+    }
+
     /// Says which columns [`next_row`](Self::next_row) delivers, in this order. The first of them is the time.
     fn select(&mut self, wanted: &[usize]);
 

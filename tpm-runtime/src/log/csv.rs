@@ -210,10 +210,30 @@ impl<R: Read> Csv<R> {
         &self.lines.buffer[self.last.start + from as usize..self.last.start + to as usize]
     }
 
+    /// Whether a text is a number whose fraction begins with the other sign than those before.
+    fn has_other_sign(&self, text: &str) -> bool {
+        let other = match self.dialect.decimal {
+            Some(b',') => b'.',
+            Some(_) => b',',
+            None => return false,
+        };
+        text.as_bytes().contains(&other) && number(text.as_bytes(), other).is_some_and(f64::is_finite)
+    }
+
     /// The fault of a field that is neither a number nor missing.
     fn fault(&self, field: usize) -> LogError {
         let path = self.path.clone();
         match std::str::from_utf8(self.field(field)) {
+            // Dialects do not change within a file.
+            Ok(text) if self.has_other_sign(text) => LogError::Csv {
+                path,
+                line: self.line,
+                message: format!(
+                    "column `{}` holds `{text}`, while fractions begin with a {} before; write all numbers alike",
+                    self.dialect.header[self.wanted[field]].text,
+                    if self.dialect.decimal == Some(b',') { "comma" } else { "point" },
+                ),
+            },
             Ok(text) => LogError::NotANumber {
                 path,
                 line: self.line,
@@ -236,6 +256,14 @@ impl<R: Read> Columns for Csv<R> {
 
     fn header_line(&self) -> u64 {
         self.dialect.header_line
+    }
+
+    fn units_line(&self) -> u64 {
+        let row = self.dialect.assumptions.iter().find_map(|of| match of {
+            Assumption::UnitsRow { line } => Some(*line),
+            _ => None,
+        });
+        row.unwrap_or(self.dialect.header_line)
     }
 
     fn select(&mut self, wanted: &[usize]) {
@@ -263,7 +291,9 @@ impl<R: Read> Columns for Csv<R> {
                     self.cut = Some(self.line);
                     return Ok(None);
                 }
+                let quotes = self.lines.buffer[self.last.clone()].iter().filter(|byte| **byte == b'"').count();
                 return Err(LogError::FieldCount {
+                    quote: quotes % 2 == 1,
                     path: self.path.clone(),
                     line: self.line,
                     found: self.fields.len() as u64,

@@ -217,7 +217,10 @@ pub enum LogError {
         value: f64,
     },
     /// A line has more or fewer fields than the header.
-    #[error("{path}:{line}: {found} fields, the header has {expected}; every line needs all columns")]
+    #[error(
+        "{path}:{line}: {found} fields, the header has {expected}; {}",
+        if *.quote { "a quote is opened there and not closed" } else { "every line needs all columns" }
+    )]
     FieldCount {
         /// The file.
         path: String,
@@ -227,6 +230,8 @@ pub enum LogError {
         found: u64,
         /// Fields in the header.
         expected: u64,
+        /// Whether a quote is opened in the line and not closed.
+        quote: bool,
     },
     /// A field is empty: one column is shorter than the others.
     #[error(
@@ -255,10 +260,7 @@ pub enum LogError {
         text: String,
     },
     /// Time does not advance evenly.
-    #[error(
-        "{path}:{line}: time advances by {step} s here, by {expected} s elsewhere ({:.3} % off); resample the log evenly with its true time stamps first",
-        100.0 * (.step / .expected - 1.0)
-    )]
+    #[error("{path}:{line}: {}", uneven(*.step, *.expected))]
     Jitter {
         /// The file.
         path: String,
@@ -407,6 +409,20 @@ fn columns(available: &[String]) -> String {
     format!("the columns are {}; name the right one", shown.join(", "))
 }
 
+/// What is wrong with a step of the time, and what to do.
+fn uneven(step: f64, expected: f64) -> String {
+    if expected > 0.0 {
+        let off = 100.0 * (step / expected - 1.0);
+        return format!(
+            "time advances by {step} s here, by {expected} s elsewhere ({off:.3} % off); resample the log evenly with its true time stamps first"
+        );
+    }
+    if expected < 0.0 {
+        return "time goes back from row to row; sort the rows by time, or name the right column of the time".into();
+    }
+    "time stands still from row to row; name the right column of the time".into()
+}
+
 /// Why two periods do not count as following each other, and what would help.
 fn not_periodic(period: f64, mismatch: &Mismatch) -> String {
     match mismatch.noise {
@@ -435,6 +451,7 @@ impl LogError {
             LogError::BadRange { remedy, .. } => Some(remedy.clone()),
             LogError::AmbiguousColumn { name, .. } => Some(Remedy::MapColumn { signal: name.clone() }),
             LogError::Unit { mismatch, .. } => Some(Remedy::Scale { signal: mismatch.name.clone() }),
+            LogError::Jitter { expected, .. } if *expected <= 0.0 => Some(Remedy::MapColumn { signal: "t_s".into() }),
             LogError::TimeUnit { .. } => Some(Remedy::Scale { signal: "t_s".into() }),
             LogError::RunsAway { .. } => Some(Remedy::TimeDomain),
             LogError::Constants { names, .. } => Some(Remedy::Constants { names: names.clone() }),

@@ -95,8 +95,24 @@ pub(super) fn open_columns<'a>(input: impl Read + 'a, path: &str) -> Result<Box<
         Format::Hdf5 => Ok(Box::new(crate::log::mat73::read(lines.into_rest(), path)?)),
         #[cfg(not(feature = "mat73"))]
         Format::Hdf5 => Err(without(path, "HDF5, such as a MAT-file of MATLAB 7.3", "mat73", RESAVE)),
-        Format::Other(what, remedy) => Err(fault(what, remedy)),
+        Format::Other(what, remedy) => match lone_zero(head) {
+            Some(line) => Err(LogError::Csv {
+                path: path.into(),
+                line,
+                message: "the text holds a byte of value zero; cut the log around it or repair the recording".into(),
+            }),
+            None => Err(fault(what, remedy)),
+        },
     }
+}
+
+/// Line of a zero byte in what is text otherwise, such as a log that was damaged while it was written.
+fn lone_zero(head: &[u8]) -> Option<u64> {
+    let at = head.iter().position(|byte| *byte == 0)?;
+    let text = |byte: &u8| *byte != 0 && (!byte.is_ascii_control() || byte.is_ascii_whitespace());
+    let lines = head[..at].iter().filter(|byte| **byte == b'\n').count() as u64;
+    let is_text = lines > 0 && head[..at].iter().all(text) && std::str::from_utf8(&head[..at]).is_ok();
+    is_text.then_some(lines + 1)
 }
 
 /// The fault of a format that this build does not read.

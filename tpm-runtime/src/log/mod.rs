@@ -13,6 +13,7 @@ mod dialect;
 mod error;
 mod fingerprint;
 mod format;
+mod joins;
 mod lone;
 #[cfg(feature = "mat")]
 mod mat;

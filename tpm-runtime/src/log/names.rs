@@ -104,6 +104,8 @@ pub(super) struct Names<'a> {
     pub(super) header: &'a [ColumnName],
     /// Line of the header.
     pub(super) line: u64,
+    /// Line of the units of the columns where they have a row of their own, otherwise that of the header.
+    pub(super) units_line: u64,
     pub(super) options: &'a LogOptions,
 }
 
@@ -314,7 +316,9 @@ impl Names<'_> {
                 UnitFault::Cycles => "turns or radians may be counted",
             },
         };
-        LogError::Unit { path: self.path.into(), line: self.line, mismatch: Box::new(mismatch) }
+        let in_row = |of: &ColumnName| of.text == column && of.unit.as_deref() == Some(unit);
+        let line = if self.header.iter().any(in_row) { self.units_line } else { self.line };
+        LogError::Unit { path: self.path.into(), line, mismatch: Box::new(mismatch) }
     }
 
     fn time(&self, said: &mut Vec<Assumption>) -> Result<Time, LogError> {

@@ -55,6 +55,7 @@ impl Log {
         for channel in &channels {
             if channel.len() != samples {
                 return Err(LogError::FieldCount {
+                    quote: false,
                     path: name.into(),
                     line: channel.len().min(samples) as u64 + 1,
                     found: channel.len() as u64,

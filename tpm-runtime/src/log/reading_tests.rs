@@ -42,7 +42,8 @@ impl Style<'_> {
 
 fn read(text: &[u8], options: &LogOptions) -> Result<Recording, LogError> {
     let signal = |name: &str, unit: &str| Signal { name: name.into(), unit: Some(unit.into()) };
-    Recording::read_signals(text, "run.csv", &[signal("x", "m"), signal("u", "N")], &[signal("dot(x)", "m/s")], options)
+    let signals = [signal("x", "m"), signal("u", "N")];
+    Recording::read_signals(text, "run.csv", (&signals[..1], &signals), &[signal("dot(x)", "m/s")], options)
 }
 
 fn mapped(map: &[(&str, &str)]) -> LogOptions {
@@ -320,13 +321,24 @@ fn faults_name_place_and_remedy() {
         ("t_s,x,u\n", vec!["run.csv:1: the log ends after 0 samples"]),
         ("t_s\n0\n1\n2\n", vec!["no column `x`"]),
         ("t_s,x,u\n0,1,off\n", vec!["run.csv:2: column `u` holds `off`"]),
-        ("t_s,x,u\n0,1,2\n0.1,\"2,3\n", vec!["run.csv:3: 2 fields, the header has 3"]),
+        ("t_s,x,u\n0,1,2\n0.1,\"2,3\n", vec!["run.csv:3: 2 fields, the header has 3", "a quote is opened"]),
+        ("t_s,x,u\ns,kg,N\n0,1,2\n", vec!["run.csv:2: column `x` is in `kg`", "different quantities", "factor"]),
+        ("t_s;x;u\n0;1,5;2\n1;2,5;3\n2;2.5;3\n", vec!["run.csv:4: column `x` holds `2.5`", "comma before"]),
+        ("t_s,x,u\n0,1,2\n1,\u{0}2,3\n", vec!["run.csv:3: the text holds a byte of value zero"]),
         ("just a text\nof two lines\n", vec!["no column `t_s`"]),
         ("t_s;x;u\n0;1.234,5;2\n1;2,5;3\n2;2,5;3\n", vec!["run.csv:2: column `x` holds `1.234,5`"]),
         ("\u{1}\u{2}\u{3}\u{4}", vec!["run.csv: the file is no text"]),
     ] {
         let message = read(text.as_bytes(), &LogOptions::default()).expect_err(text).to_string();
         assert!(parts.iter().all(|part| message.contains(part)), "{text:?}: {message}");
+    }
+    for (step, part) in
+        [(-0.002, "run.csv:3: time goes back from row to row; sort"), (0.0, "run.csv:3: time stands still")]
+    {
+        let row = |k: usize| format!("{},{},{}\n", 1.0 + step * k as f64, k % 7, k % 5);
+        let text: String = "t_s,x,u\n".to_owned() + &(0..40).map(row).collect::<String>();
+        let message = read(text.as_bytes(), &LogOptions::default()).expect_err("no time").to_string();
+        assert!(message.starts_with(part), "{message}");
     }
     for magic in [
         &b"\x89MCAP0\r\n...."[..],

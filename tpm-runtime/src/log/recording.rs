@@ -7,6 +7,7 @@ use crate::log::assumption::Assumption;
 use crate::log::error::LogError;
 use crate::log::fingerprint::FingerprintReader;
 use crate::log::format::open_columns;
+use crate::log::joins::joins;
 use crate::log::names::Signal;
 use crate::log::options::LogOptions;
 use crate::log::read::{LEAST, Log, jitter, open_file, rate_signals, signals};
@@ -67,7 +68,8 @@ impl Recording {
     /// # Errors
     /// Those of [`open`](Self::open).
     pub fn read(input: impl Read, name: &str, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
-        Self::read_signals(input, name, &signals(model), &rate_signals(model), options)
+        let (signals, rates) = (signals(model), rate_signals(model));
+        Self::read_signals(input, name, (&signals[..model.dims().coordinates], &signals), &rates, options)
     }
 
     /// Reads the named signals of a file, in this order, without a model.
@@ -76,21 +78,22 @@ impl Recording {
     /// Those of [`open`](Self::open).
     pub fn open_signals(path: &Path, names: &[String], options: &LogOptions) -> Result<Self, LogError> {
         let signals: Vec<Signal> = names.iter().map(|name| Signal { name: name.clone(), unit: None }).collect();
-        Self::read_signals(open_file(path)?, &path.display().to_string(), &signals, &[], options)
+        Self::read_signals(open_file(path)?, &path.display().to_string(), (&[], &signals), &[], options)
     }
 
-    /// Reads signals and, where they have a column, rates, from bytes of any format; messages call them `name`.
+    /// Reads signals, of which the first are coordinates, and, where they have a column, rates, from bytes of any format; messages call
+    /// them `name`.
     pub(super) fn read_signals(
         input: impl Read,
         name: &str,
-        signals: &[Signal],
+        (coordinates, signals): (&[Signal], &[Signal]),
         rates: &[Signal],
         options: &LogOptions,
     ) -> Result<Self, LogError> {
         let mut columns = open_columns(input, name)?;
         let table = Table::read(&mut *columns, name, signals, rates, options)?;
         drop(columns);
-        Self::of(table, rates, |table| table.constant(signals).map_or(Ok(()), Err))
+        Self::of(table, (coordinates, rates), |table| table.constant(signals).map_or(Ok(()), Err))
     }
 
     /// Number of samples in all segments.
@@ -105,10 +108,11 @@ impl Recording {
         self.len() == 0
     }
 
-    /// Splits a table where readings are missing or time jumps; `check` may refuse what it holds.
+    /// Splits a table where readings are missing, time jumps or a coordinate does, which are the first channels; `check` may refuse what
+    /// it holds.
     pub(super) fn of(
         mut table: Table,
-        rates: &[Signal],
+        (coordinates, rates): (&[Signal], &[Signal]),
         check: impl FnOnce(&Table) -> Result<(), LogError>,
     ) -> Result<Self, LogError> {
         let rows = table.time.len() + table.holes.iter().map(|hole| hole.rows).sum::<usize>();
@@ -126,7 +130,7 @@ impl Recording {
             let step = table.time[sample] - table.time[sample - 1];
             return Err(jitter(&table, Uneven::Step { sample, step, expected: usual }));
         }
-        let cuts = cuts(&table, usual);
+        let cuts = cuts(&table, coordinates, usual);
         let pieces = pieces(&cuts, table.time.len());
         let good: Vec<&(Range<usize>, Option<Cut>)> = pieces.iter().filter(|(piece, _)| piece.len() >= LEAST).collect();
         if good.is_empty() {
@@ -146,7 +150,7 @@ impl Recording {
         let logs = if grid.resampled { resampled(&table, &ranges, grid.step) } else { stretches(&mut table, &ranges) };
         let segments: Vec<Log> = logs.into_iter().map(|log| Log { sample_time, ..log }).collect();
         for ((log, start), (_, cut)) in segments.iter().zip(starts).zip(&good) {
-            report.segments.push(SegmentReport::of(log, start, *cut));
+            report.segments.push(SegmentReport::of(log, start, cut.clone()));
         }
         for log in &segments {
             let (from_line, to_line) = (log.lines[0], log.lines[log.len() - 1]);
@@ -162,7 +166,7 @@ impl Recording {
 }
 
 /// Samples before which the record is split, with the reasons.
-fn cuts(table: &Table, usual: f64) -> Vec<(usize, Cut)> {
+fn cuts(table: &Table, coordinates: &[Signal], usual: f64) -> Vec<(usize, Cut)> {
     let mut cuts: Vec<(usize, Cut)> = table
         .holes
         .iter()
@@ -175,10 +179,19 @@ fn cuts(table: &Table, usual: f64) -> Vec<(usize, Cut)> {
             (sample, if seconds > 0.0 { Cut::Gap { seconds } } else { Cut::Back { seconds: -seconds } })
         };
         cuts.extend(stamps.jumps(usual).map(jump));
-        // Missing readings explain the gap that they leave.
-        cuts.sort_by_key(|(sample, cut)| (*sample, !matches!(cut, Cut::Missing { .. })));
-        cuts.dedup_by_key(|(sample, _)| *sample);
     }
+    for (signal, channel) in coordinates.iter().zip(&table.channels) {
+        let joined = |(sample, by)| (sample, Cut::Joined { signal: signal.name.clone(), by });
+        cuts.extend(joins(channel).into_iter().map(joined));
+    }
+    // What is missing explains the gap that it leaves, and a gap that the motion is elsewhere behind it.
+    let rank = |cut: &Cut| match cut {
+        Cut::Missing { .. } => 0,
+        Cut::Gap { .. } | Cut::Back { .. } => 1,
+        Cut::Joined { .. } => 2,
+    };
+    cuts.sort_by_key(|(sample, cut)| (*sample, rank(cut)));
+    cuts.dedup_by_key(|(sample, _)| *sample);
     cuts
 }
 
@@ -190,7 +203,7 @@ fn pieces(cuts: &[(usize, Cut)], samples: usize) -> Vec<(Range<usize>, Option<Cu
         if let Some((last, _)) = pieces.last_mut() {
             last.end = *sample;
         }
-        pieces.push((*sample..samples, Some(*cut)));
+        pieces.push((*sample..samples, Some(cut.clone())));
     }
     pieces
 }
@@ -216,7 +229,7 @@ fn left_out(table: &Table, pieces: &[(Range<usize>, Option<Cut>)]) -> Vec<LeftOu
 
 fn no_segment(table: &Table, rows: usize, pieces: &[(Range<usize>, Option<Cut>)]) -> LogError {
     let hole = table.holes.first();
-    let cut = pieces.get(1).map(|(piece, cut)| (table.lines[piece.start], *cut));
+    let cut = pieces.get(1).map(|(piece, cut)| (table.lines[piece.start], cut.as_ref()));
     let (line, why) = match (hole, cut) {
         (Some(hole), cut) if cut.is_none_or(|(line, _)| hole.from_line <= line) => {
             let missing: usize = table.holes.iter().map(|hole| hole.rows).sum();
@@ -226,6 +239,7 @@ fn no_segment(table: &Table, rows: usize, pieces: &[(Range<usize>, Option<Cut>)]
             );
             (hole.from_line, why)
         }
+        (_, Some((line, Some(cut @ Cut::Joined { .. })))) => (line, format!("{cut}; identify longer recordings")),
         (_, Some((line, Some(cut)))) => (line, format!("{cut}; resample the log evenly with its true time stamps")),
         _ => (table.header_line, "no row is whole".into()),
     };

@@ -14,7 +14,7 @@ use std::vec::Vec;
 const LISTED: usize = 4;
 
 /// Why a record is split.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Cut {
@@ -35,6 +35,13 @@ pub enum Cut {
         /// By how much, s.
         seconds: f64,
     },
+    /// A coordinate is elsewhere from one sample to the next.
+    Joined {
+        /// The coordinate.
+        signal: String,
+        /// How much farther it is than its motion goes in a sample, unit of the coordinate.
+        by: f64,
+    },
 }
 
 impl fmt::Display for Cut {
@@ -46,6 +53,11 @@ impl fmt::Display for Cut {
             }
             Cut::Gap { seconds } => write!(f, "time jumps ahead by {} s", number(*seconds)),
             Cut::Back { seconds } if *seconds == 0.0 => f.write_str("time stands still"),
+            Cut::Joined { signal, by } => write!(
+                f,
+                "`{signal}` jumps by {} from one sample to the next: another recording begins there, or the reading wraps around",
+                number(*by)
+            ),
             Cut::Back { seconds } => write!(f, "time goes back by {} s", number(*seconds)),
         }
     }

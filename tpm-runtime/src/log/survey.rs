@@ -73,7 +73,7 @@ impl Survey {
         let mut columns = open_columns(open_file(path)?, &name)?;
         let table = Table::read(&mut *columns, &name, &needed, &rates, options)?;
         drop(columns);
-        let recording = Recording::of(table, &rates, |_| Ok(()))?;
+        let recording = Recording::of(table, (&needed[..model.dims().coordinates], &rates), |_| Ok(()))?;
         let dims = model.dims();
         let channels = needed.into_iter().chain(rates).enumerate().map(|(at, signal)| {
             let role = match at {
@@ -110,7 +110,7 @@ impl Survey {
             let why = || "it has no number in most rows".to_string();
             unread.extend(empty.into_iter().map(|column| Unread { column, why: why() }));
             let channels = signals.into_iter().map(|of| Surveyed { name: of.name, unit: of.unit, role: Role::Column });
-            let recording = Recording::of(table, &[], |_| Ok(()))?;
+            let recording = Recording::of(table, (&[], &[]), |_| Ok(()))?;
             return Ok(Survey { recording, channels: channels.collect(), unread });
         }
     }

@@ -102,6 +102,8 @@ pub(super) fn identify(
             warnings.push(Warning::RateDiffers { coordinate: model.coordinate(c).name.into(), gain });
         }
     }
+    let period = options.period.map(|period| Warning::PeriodNotUsed { period, stretches: segments.len() });
+    warnings.extend(period);
     warnings.extend(refined.warnings);
     Ok(Found {
         harmonics: 0,

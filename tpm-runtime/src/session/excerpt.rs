@@ -1,7 +1,7 @@
 //! What is simulated of a log or a campaign.
 
 use crate::campaign::SteadyRun;
-use crate::estimate::{Course, Signals, Stretch};
+use crate::estimate::{Course, Rate, Signals, Stretch};
 use crate::log::Periodic;
 use crate::numerics::differences::white_noise;
 use std::borrow::Cow;
@@ -23,8 +23,10 @@ const BLOCKS: usize = 8;
 
 /// A record, or what stands for it where it is too long to be simulated sample by sample.
 pub(super) struct Excerpt<'a> {
-    /// Coordinates, then inputs.
+    /// Coordinates, then inputs, then measured rates.
     channels: Vec<Cow<'a, [f64]>>,
+    /// Coordinates whose rates were measured.
+    rates: Vec<usize>,
     /// Stretches of the record of which each simulated one is the mean.
     pub(super) averaged: usize,
     /// Blocks of a record of which the rest is not simulated; none where all of it is, or a mean or its last periods.
@@ -43,12 +45,15 @@ impl<'a> Excerpt<'a> {
     /// samples; a short record as it is.
     ///
     /// The motion at the end of a mean is not that at the beginning of the next, because a loop passes the noise of its sensors on.
-    pub(super) fn of_periods(channels: &[&'a [f64]], periodic: &Periodic) -> Self {
+    ///
+    /// Behind coordinates and inputs the channels are the measured rates of the coordinates in `rates`.
+    pub(super) fn of_periods(channels: &[&'a [f64]], rates: Vec<usize>, periodic: &Periodic) -> Self {
         let samples = channels.first().map_or(0, |channel| channel.len());
         let exact = periodic.samples_per_period;
         let period = exact.round() as usize;
         let part = |from: usize| Excerpt {
             channels: channels.iter().map(|channel| Cow::Borrowed(&channel[from..])).collect(),
+            rates: rates.clone(),
             averaged: 1,
             blocks: 0,
             joins: Vec::new(),
@@ -79,7 +84,7 @@ impl<'a> Excerpt<'a> {
         let joins = (1..means).map(|mean| mean * length).collect();
         let channels = channels.iter().map(mean).collect();
         let middle = periodic.from as f64 + half;
-        Excerpt { channels, averaged, blocks: 0, joins, middle, half, of: samples }
+        Excerpt { channels, rates, averaged, blocks: 0, joins, middle, half, of: samples }
     }
 
     /// The stretches of a record one behind the other; of a long one, blocks that are evenly spread over them.
@@ -101,8 +106,13 @@ impl<'a> Excerpt<'a> {
             parts => Cow::Owned(parts.iter().flat_map(|part| of(part).iter()).copied().collect()),
         };
         let (coordinates, inputs) = parts.first().map_or((0, 0), |first| (first.coordinates.len(), first.inputs.len()));
+        // A rate that is missing in one of the stretches is not used.
+        let measured = |c: &usize| parts.iter().all(|part| part.rates.get(*c).is_some_and(Option::is_some));
+        let rates: Vec<usize> = (0..coordinates).filter(measured).collect();
         let coordinates = (0..coordinates).map(|c| channel(&|stretch| stretch.coordinates[c]));
-        let channels = coordinates.chain((0..inputs).map(|i| channel(&|stretch| stretch.inputs[i]))).collect();
+        let inputs = (0..inputs).map(|i| channel(&|stretch| stretch.inputs[i]));
+        let of_rates = rates.iter().map(|&c| channel(&|stretch| stretch.rates[c].unwrap_or_default()));
+        let channels = coordinates.chain(inputs).chain(of_rates).collect();
         let mut joins = Vec::new();
         let mut end = 0;
         for part in parts {
@@ -110,7 +120,7 @@ impl<'a> Excerpt<'a> {
             end += samples(part);
         }
         let half = 0.5 * whole as f64;
-        Excerpt { channels, averaged: 1, blocks: 0, joins, middle: half, half, of: whole }
+        Excerpt { channels, rates, averaged: 1, blocks: 0, joins, middle: half, half, of: whole }
     }
 
     /// The ends of the settled parts of runs, one behind the other: at most so many samples together, and as many of every run.
@@ -123,6 +133,7 @@ impl<'a> Excerpt<'a> {
         let half = 0.5 * ends.pop().unwrap_or(0) as f64;
         Excerpt {
             channels: (0..channels).map(|c| Cow::Owned(channel(c))).collect(),
+            rates: Vec::new(),
             averaged: 1,
             blocks: 0,
             joins: ends,
@@ -147,11 +158,15 @@ impl<'a> Excerpt<'a> {
         unexplained: f64,
     ) -> Signals<'_> {
         let channels: Vec<&[f64]> = self.channels.iter().map(AsRef::as_ref).collect();
+        let (channels, rates) = channels.split_at(channels.len() - self.rates.len());
         let (coordinates, inputs) = channels.split_at(coordinates);
+        let rates = self.rates.iter().zip(rates);
+        let rates = rates.map(|(&coordinate, &readings)| Rate { coordinate, readings, noise: white_noise(readings) });
         Signals {
             sample_time,
             hold,
             coordinates: coordinates.to_vec(),
+            rates: rates.collect(),
             inputs: inputs.to_vec(),
             course,
             white: coordinates.iter().map(|signal| white_noise(signal)).collect(),

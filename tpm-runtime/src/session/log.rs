@@ -294,7 +294,12 @@ fn of_pieces(error: LogError, report: &ReadingReport) -> LogError {
             to: last.to_line,
             segments: report.segments.len(),
             longest: report.segments.iter().map(|segment| segment.samples).max().unwrap_or(0),
-            cut: report.segments.iter().find_map(|segment| segment.cut).map(|cut| cut.to_string()).unwrap_or_default(),
+            cut: report
+                .segments
+                .iter()
+                .find_map(|segment| segment.cut.as_ref())
+                .map(|cut| cut.to_string())
+                .unwrap_or_default(),
         },
         (error, _) => error,
     }

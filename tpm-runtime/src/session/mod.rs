@@ -85,7 +85,7 @@ pub use method_report::{
 };
 pub use model::{DeclaredModel, Identifiable, ModelFault};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
-pub use refinement_report::{MissingTerm, RefinementReport};
+pub use refinement_report::{MissingTerm, RateReport, RefinementReport};
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
 pub use summary::of_campaign;
 #[cfg(feature = "document")]

@@ -63,10 +63,12 @@ pub(super) fn identify(
     let hold_residuals = HoldResiduals::of(options.hold, estimate.residual, other);
     let whole = (periodic.samples_per_period * periodic.periods as f64).round() as usize;
     let samples = whole.min(log.len() - periodic.from);
-    let used: Vec<&[f64]> = log.channels.iter().map(|c| &c[periodic.from..periodic.from + samples]).collect();
+    let rates: Vec<usize> = (0..dims.coordinates).filter(|&c| log.rates.get(c).is_some_and(Option::is_some)).collect();
+    let channels = log.channels.iter().chain(log.rates.iter().flatten());
+    let used: Vec<&[f64]> = channels.map(|c| &c[periodic.from..periodic.from + samples]).collect();
     let start = Start {
         estimate: &estimate,
-        excerpt: Excerpt::of_periods(&used, periodic),
+        excerpt: Excerpt::of_periods(&used, rates, periodic),
         course: Course::Periodic {
             samples_per_period: periodic.samples_per_period,
             lines: (0..dims.coordinates).map(|c| motion(spectra, c, record.motion_harmonics())).collect(),

@@ -7,7 +7,7 @@ use crate::log::{LogOptions, Refine};
 use crate::numerics::Matrix;
 use crate::run::Dynamics;
 use crate::session::excerpt::Excerpt;
-use crate::session::refinement_report::{MissingTerm, RefinementReport};
+use crate::session::refinement_report::{MissingTerm, RateReport, RefinementReport};
 use crate::session::warning::Warning;
 use std::borrow::Cow;
 use std::format;
@@ -164,6 +164,7 @@ fn refine(
         steps: found.iterations.unwrap_or(0),
         sensor_noise: found.sensor_noise.clone(),
         input_noise: found.input_noise.clone(),
+        rates: found.rates.iter().map(|rate| RateReport::of(model, rate)).collect(),
         residual: found.residual.clone(),
         before: estimate.values.clone(),
         missing: misfit.terms.iter().map(|term| missing(model, term)).collect(),

@@ -1,10 +1,12 @@
 //! What a refinement by output error did with a log or a campaign.
 
-use crate::estimate::OutputErrorFault;
+use crate::estimate::{OutputErrorFault, RateFault, RateUse};
+use crate::report::number;
 use serde::Serialize;
 use std::format;
 use std::string::String;
 use std::vec::Vec;
+use tpm_core::model::Model;
 
 /// What the refinement did with a log or a campaign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -32,12 +34,53 @@ pub struct RefinementReport {
     pub sensor_noise: Vec<f64>,
     /// Standard deviation of every recorded input's noise, unit of the input; zero for an exact record.
     pub input_noise: Vec<f64>,
+    /// Measured rates, where there are any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub rates: Vec<RateReport>,
     /// Root mean square of measured less simulated motion, unit of the coordinate.
     pub residual: Vec<f64>,
     /// Values before the refinement, by parameter.
     pub before: Vec<f64>,
     /// Terms whose lack the residual shows.
     pub missing: Vec<MissingTerm>,
+}
+
+/// What a measured rate was to the refinement.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RateReport {
+    /// The coordinate.
+    pub coordinate: String,
+    /// Whether its readings were used: they are the rate of the motion but for white noise.
+    pub used: bool,
+    /// Standard deviation of their noise, unit of the coordinate per second; nothing where they were not compared with the motion.
+    pub noise: Option<f64>,
+    /// Why they were not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
+}
+
+impl RateReport {
+    /// What a rate was to a fit.
+    pub(super) fn of(model: &dyn Model<f64>, found: &RateUse) -> Self {
+        let why = found.fault.map(|fault| match fault {
+            RateFault::Gain(gain) => format!("it is {} times the rate of the measured position", number(gain)),
+            RateFault::Late(late) if late < 0.0 => {
+                format!("it comes {} ms before the motion", number(-1e3 * late))
+            }
+            RateFault::Late(late) => format!("it comes {} ms after the motion", number(1e3 * late)),
+            RateFault::Offset(offset) => format!("it is off by {}", number(offset)),
+            RateFault::Coloured(by) => {
+                format!("its errors are correlated by {} from sample to sample", number(by))
+            }
+            _ => "the simulation found no motion with which it could be compared".into(),
+        });
+        RateReport {
+            coordinate: model.coordinate(found.coordinate).name.into(),
+            used: why.is_none(),
+            noise: found.noise,
+            why,
+        }
+    }
 }
 
 /// A term that would take what a model leaves unexplained.
@@ -88,6 +131,7 @@ impl RefinementReport {
             steps: 0,
             sensor_noise: Vec::new(),
             input_noise: Vec::new(),
+            rates: Vec::new(),
             residual: Vec::new(),
             before: values.to_vec(),
             missing: Vec::new(),

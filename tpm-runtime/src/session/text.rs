@@ -5,6 +5,7 @@ use crate::machine::stability::LoopStability;
 use crate::report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash};
 use crate::session::identification::{Identification, Source};
 use crate::session::log_report::{LogReport, PoolReport, Way};
+use crate::session::refinement_report::RateReport;
 use std::borrow::ToOwned;
 use std::fmt::{self, Write as _};
 use std::format;
@@ -235,6 +236,16 @@ fn log_head(result: &Identification, log: &LogReport) -> String {
             stretches => format!("{} samples, means of {stretches} stretches each", refined.samples),
         };
         text.push_str(&format!("refined by a simulation of {part}, because the log is long\n\n"));
+    }
+    for rate in log.refinement.iter().flat_map(|refined| &refined.rates) {
+        let RateReport { coordinate, noise, why, .. } = rate;
+        text.push_str(&match (why, noise) {
+            (Some(why), _) => format!("the simulation does not use the measured dot({coordinate}): {why}\n\n"),
+            (None, noise) => {
+                let noise = noise.map_or(String::new(), |noise| format!(", with noise of {}", number(noise)));
+                format!("the simulation uses the measured dot({coordinate}) as a reading of the motion{noise}\n\n")
+            }
+        });
     }
     for (input, known) in &log.actuators {
         let mut parts = Vec::new();

@@ -2,7 +2,7 @@
 
 use crate::campaign::{NearMode, Outcome};
 use crate::machine::actuator::LimitUse;
-use crate::report::{Remedy, displayed, plus_minus};
+use crate::report::{Remedy, displayed, number, plus_minus};
 use crate::run::RunEnding;
 use crate::session::refinement_report::MissingTerm;
 use serde::Serialize;
@@ -62,6 +62,13 @@ pub enum Warning {
     },
     /// The log holds one whole period only.
     OnePeriod,
+    /// A period was stated, and the record is used in the time domain, where it does not count.
+    PeriodNotUsed {
+        /// The stated period, s.
+        period: f64,
+        /// Stretches of the record.
+        stretches: usize,
+    },
     /// Single readings of a coordinate were far from their neighbours, and were replaced by what these say.
     LoneReadings {
         /// The coordinate.
@@ -303,6 +310,7 @@ impl Warning {
         match self {
             Warning::InLog { warning, .. } => warning.remedy(),
             Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
+            Warning::PeriodNotUsed { .. } => Some(Remedy::HarmonicsOfOneStretch),
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
             Warning::LongSimulation { .. } => Some(Remedy::Simulation),
             Warning::HarmonicsLeftOut { to, .. } => Some(Remedy::Harmonics { highest: *to }),
@@ -326,6 +334,14 @@ impl fmt::Display for Warning {
             ),
             Warning::OnePeriod => f.write_str(
                 "one period only: it cannot be tested whether the motion had settled, and noise is read from the highest harmonics; record at least four",
+            ),
+            Warning::PeriodNotUsed { period, stretches: 1 } => {
+                write!(f, "the stated period of {} s does not count in the time domain", number(*period))
+            }
+            Warning::PeriodNotUsed { period, stretches } => write!(
+                f,
+                "the stated period of {} s is not used: the record has {stretches} stretches, which need not share it and are used together in the time domain",
+                number(*period)
             ),
             Warning::LoneReadings { coordinate, count, line, farthest, unit } => {
                 let unit = unit.as_ref().map(|unit| format!(" {unit}")).unwrap_or_default();

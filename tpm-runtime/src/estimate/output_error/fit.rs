@@ -5,6 +5,7 @@ use crate::estimate::output_error::clipping::{self, Limit};
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::misfit::{self, Examined, Misfit};
 use crate::estimate::output_error::problem::{Differentiable, Problem, Trajectory};
+use crate::estimate::output_error::rates::{self, RateUse};
 use crate::estimate::output_error::signals::Signals;
 use crate::estimate::output_error::smoother::Smoothed;
 use crate::estimate::output_error::solution::Solution;
@@ -40,6 +41,8 @@ pub struct OutputError {
     pub input_noise: Vec<f64>,
     /// Correlation of each sensor's noise from one sample to the next.
     pub colour: Vec<f64>,
+    /// What every measured rate is to the fit.
+    pub rates: Vec<RateUse>,
     /// Root mean square of measured less simulated motion, unit of the coordinate.
     pub residual: Vec<f64>,
     /// What is not explained, as a share: the largest of that residual beside the motion, and of what the inputs are taken to have
@@ -68,10 +71,11 @@ impl OutputError {
         free: &[usize],
         hidden: &[Vec<f64>],
     ) -> Result<Self, OutputErrorFault> {
-        let outputs = signals.coordinates.len();
+        let (signals, rates, start) = rates::trusted(machine, constants, signals, start, free, hidden);
+        let signals = &signals;
         let noise = signals.noise();
         let mut problem = Problem::new(machine, constants, signals, &noise, free, hidden)?;
-        let begun = State::begun(&problem, signals, noise, start);
+        let begun = State::begun(&problem, signals, noise, &start);
         problem.steps = problem.needed_steps(&begun.trajectory, &begun.theta)?;
         let whole = fitted(&problem, signals, begun.clone());
         let exact = whole.as_ref().is_ok_and(|fitted| fitted.iterations.is_some() && fitted.state.noise.is_plain());
@@ -83,8 +87,10 @@ impl OutputError {
             _ => whole?,
         };
         over_limits(&problem, &mut state, &mut examined)?;
-        let residual: Vec<f64> =
-            (0..outputs).map(|c| root_mean_square(examined.errors.iter().skip(c).step_by(outputs).copied())).collect();
+        let outputs = problem.sensors.len();
+        let residual: Vec<f64> = (0..signals.coordinates.len())
+            .map(|c| root_mean_square(examined.errors.iter().skip(c).step_by(outputs).copied()))
+            .collect();
         let by_motion = residual.iter().zip(&signals.coordinates).map(|(left, signal)| left / spread(signal));
         let inputs = signals.inputs.len();
         let by_input = signals.inputs.iter().enumerate().map(|(i, input)| {
@@ -101,7 +107,8 @@ impl OutputError {
             iterations,
             sensor_noise: signals.sensor_noise(&problem.scale, scale),
             input_noise: state.noise.inputs.iter().map(|sigma| sigma * scale.sqrt()).collect(),
-            colour: state.noise.colour,
+            colour: state.noise.colour.into_iter().take(signals.coordinates.len()).collect(),
+            rates,
             residual,
             misfit: examined.misfit,
         })

@@ -2,7 +2,8 @@
 
 use crate::estimate::output_error::fit::OutputError;
 use crate::estimate::output_error::problem::Differentiable;
-use crate::estimate::output_error::signals::{Course, Signals};
+use crate::estimate::output_error::rates::RateFault;
+use crate::estimate::output_error::signals::{Course, Rate, Signals};
 use crate::interpret::{Interpreted, InterpretedDerivatives};
 use crate::numerics::differences::white_noise;
 use crate::numerics::{DMatrix, root_mean_square};
@@ -10,6 +11,9 @@ use crate::run::Spectra;
 use crate::test_models::differentiable;
 use crate::test_rig::{MODEL, PERIOD, Recorded, Rig, SAMPLE_TIME, TRUTH};
 use num_complex::Complex;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use std::vec;
 use std::vec::Vec;
@@ -31,10 +35,20 @@ fn band(fits: usize) -> std::ops::Range<f64> {
 const START: [f64; 3] = [1.04 * TRUTH[0], 0.9 * TRUTH[1], 1.02 * TRUTH[2]];
 
 fn fit(
+    machine: (&Interpreted, &InterpretedDerivatives),
+    recorded: &Recorded,
+    periods: usize,
+    start: [f64; 3],
+) -> OutputError {
+    fit_with_rate(machine, recorded, periods, start, None)
+}
+
+fn fit_with_rate(
     (model, derivatives): (&Interpreted, &InterpretedDerivatives),
     recorded: &Recorded,
     periods: usize,
     start: [f64; 3],
+    rate: Option<&[f64]>,
 ) -> OutputError {
     let channels = [recorded.position.as_slice(), recorded.force.as_slice()];
     let spectra = Spectra::analyse(&channels, SAMPLE_TIME, PERIOD as f64, periods).expect("whole periods");
@@ -49,6 +63,10 @@ fn fit(
         sample_time: SAMPLE_TIME,
         hold: Hold::Zoh,
         coordinates: vec![channels[0]],
+        rates: rate
+            .into_iter()
+            .map(|readings| Rate { coordinate: 0, readings, noise: white_noise(readings) })
+            .collect(),
         inputs: vec![channels[1]],
         course: Course::Periodic {
             samples_per_period: PERIOD as f64,
@@ -108,20 +126,22 @@ fn transition([m, d, k]: [f64; 3]) -> ([[f64; 2]; 2], [f64; 2]) {
     ([[sum[0][0], sum[0][1]], [sum[1][0], sum[1][1]]], [sum[0][2], sum[1][2]])
 }
 
-/// Positions of the linear machine under a held force, from parameters and starting state.
-fn positions(unknown: &[f64; 5], force: &[f64]) -> Vec<f64> {
+/// Positions, then velocities of the linear machine under a held force, in units of their noise, from parameters and starting state.
+fn readings(unknown: &[f64; 5], force: &[f64], [of_position, of_velocity]: [f64; 2]) -> Vec<f64> {
     let (a, b) = transition([unknown[0], unknown[1], unknown[2]]);
     let [mut x, mut v] = [unknown[3], unknown[4]];
     let step = |u: &f64| {
-        let before = x;
+        let before = (x / of_position, v / of_velocity);
         (x, v) = (a[0][0] * x + a[0][1] * v + b[0] * u, a[1][0] * x + a[1][1] * v + b[1] * u);
         before
     };
-    force.iter().map(step).collect()
+    let (mut positions, velocities): (Vec<f64>, Vec<f64>) = force.iter().map(step).unzip();
+    positions.extend(velocities);
+    positions
 }
 
-/// Least deviations of the parameters for white noise of the sensor and a force that is known, the starting state unknown.
-fn cramer_rao(force: &[f64], sigma: f64) -> [f64; 3] {
+/// Least deviations of the parameters for white noise of the sensors and a force that is known, the starting state unknown.
+fn cramer_rao(force: &[f64], noise: [f64; 2]) -> [f64; 3] {
     let at = [TRUTH[0], TRUTH[1], TRUTH[2], 0.266, 0.0];
     let sensitivity = DMatrix::from_columns(
         &[1e-4, 1e-4, 1e-3, 1e-4, 1e-4]
@@ -131,18 +151,18 @@ fn cramer_rao(force: &[f64], sigma: f64) -> [f64; 3] {
                 let moved = |by: f64| {
                     let mut unknown = at;
                     unknown[j] += by;
-                    positions(&unknown, force)
+                    readings(&unknown, force, noise)
                 };
                 let (after, before) = (moved(*step), moved(-step));
                 crate::numerics::DVector::from_iterator(
-                    force.len(),
+                    after.len(),
                     after.iter().zip(&before).map(|(a, b)| (a - b) / (2.0 * step)),
                 )
             })
             .collect::<Vec<_>>(),
     );
     let covariance = sensitivity.tr_mul(&sensitivity).cholesky().expect("all show").inverse();
-    [0, 1, 2].map(|j| sigma * covariance[(j, j)].sqrt())
+    [0, 1, 2].map(|j| covariance[(j, j)].sqrt())
 }
 
 #[test]
@@ -151,7 +171,7 @@ fn white_noise_is_met_at_the_cramer_rao_bound() {
     let fits = fits(rig, SEEDS);
     let covered = calibrated("white", &fits);
     assert!((0.91..0.99).contains(&covered), "{covered}");
-    let bound = cramer_rao(&rig.play(0).force, rig.white);
+    let bound = cramer_rao(&rig.play(0).force, [rig.white, f64::INFINITY]);
     for (j, bound) in bound.iter().enumerate() {
         let errors: Vec<f64> = fits.iter().map(|found| found.values[j] - TRUTH[j]).collect();
         let efficiency = root_mean_square(errors) / bound;
@@ -164,6 +184,59 @@ fn white_noise_is_met_at_the_cramer_rao_bound() {
         assert!((0.93..1.07).contains(&(found.sensor_noise[0] / rig.white)), "{:?}", found.sensor_noise);
         assert_eq!((found.input_noise.as_slice(), found.colour.as_slice()), ([0.0].as_slice(), [0.0].as_slice()));
         assert!(found.iterations.is_some_and(|steps| steps <= 8));
+    }
+}
+
+/// A measured velocity is worth what its noise allows, and one that is no reading of the motion is left out.
+#[test]
+fn a_measured_rate_is_used_as_a_reading_with_its_own_noise() {
+    let rig = Rig::default();
+    let (model, derivatives) = differentiable(MODEL);
+    let noise = 5e-4;
+    let of = |seed: u64, recorded: &Recorded, gain: f64, late: usize| -> Vec<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(1000 + seed);
+        let velocity = |k: usize| gain * recorded.velocity[k.saturating_sub(late)];
+        (0..recorded.velocity.len())
+            .map(|k| {
+                let random: f64 = StandardNormal.sample(&mut rng);
+                velocity(k) + noise * random
+            })
+            .collect()
+    };
+    let found = |seed: u64, gain: f64, late: usize| {
+        let recorded = rig.play(seed);
+        let rate = of(seed, &recorded, gain, late);
+        fit_with_rate((&model, &derivatives), &recorded, rig.periods, START, Some(&rate))
+    };
+    let fits: Vec<OutputError> = (0..SEEDS).into_par_iter().map(|seed| found(seed, 1.0, 0)).collect();
+    let covered = calibrated("rates", &fits);
+    assert!((0.9..0.99).contains(&covered), "{covered}");
+    let force = rig.play(0).force;
+    let (bound, without) = (cramer_rao(&force, [rig.white, noise]), cramer_rao(&force, [rig.white, f64::INFINITY]));
+    for j in 0..3 {
+        let errors: Vec<f64> = fits.iter().map(|found| found.values[j] - TRUTH[j]).collect();
+        assert!(root_mean_square(errors) < 1.2 * bound[j], "{j}");
+        let stated = fits.iter().map(|found| deviation(found, j)).sum::<f64>() / fits.len() as f64;
+        assert!((0.95..1.05).contains(&(stated / bound[j])), "{j}: {}", stated / bound[j]);
+        assert!(stated < 0.8 * without[j], "{j}: {stated} {}", without[j]);
+    }
+    for found in &fits {
+        let [rate] = found.rates[..] else { panic!("one rate: {:?}", found.rates) };
+        assert!(rate.fault.is_none() && rate.noise.is_some_and(|of| (of / noise - 1.0).abs() < 0.12), "{rate:?}");
+    }
+    let alone = fit((&model, &derivatives), &rig.play(2), rig.periods, START);
+    for (late, gain) in [(1, 1.0), (0, 1.01)] {
+        let found = found(2, gain, late);
+        let fault = found.rates[0].fault;
+        match late {
+            0 => assert!(matches!(fault, Some(RateFault::Gain(by)) if (by - gain).abs() < 2e-3), "{fault:?}"),
+            _ => {
+                assert!(matches!(fault, Some(RateFault::Late(by)) if (by / SAMPLE_TIME - 1.0).abs() < 0.2), "{fault:?}")
+            }
+        }
+        for j in 0..3 {
+            assert!((found.values[j] - alone.values[j]).abs() < 0.05 * deviation(&alone, j), "{j}");
+        }
     }
 }
 

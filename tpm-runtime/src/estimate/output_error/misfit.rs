@@ -80,7 +80,7 @@ pub(super) fn examine(
     let p = problem.free.len();
     let (usual, better, chain) = Explanation::all(problem, signals, state)?;
     let best = better.as_ref().unwrap_or(&usual);
-    let innovations = best.innovations(signals.coordinates.len());
+    let innovations = best.innovations(chain.outputs.len());
     let counted = signals.counted();
     let correlation = innovations.neighbours();
     let periodic = innovations.at_harmonics(signals.samples_per_period());

@@ -7,7 +7,7 @@
 //! model is evaluated on the estimated motion; an input that is exact is one whose noise is found to be none.
 //!
 //! ```text
-//! signals, problem (record, model) -> chain (linearised) -> smoother, solution (one step) -> tuning (noise) -> state (iteration)
+//! signals, problem (record, model), rates (which are readings) -> chain (linearised) -> smoother, solution (one step) -> tuning (noise) -> state (iteration)
 //!   -> explanation (which terms are missing), residuals -> misfit (what is left) -> fit
 //! state (given parameters) -> predictor (one step ahead) -> simulated (free run)
 //! ```
@@ -27,6 +27,7 @@ mod predictor;
 mod problem;
 #[cfg(all(test, feature = "interpret"))]
 mod problem_tests;
+mod rates;
 mod reflect;
 mod residuals;
 mod signals;
@@ -45,7 +46,8 @@ pub use error::OutputErrorFault;
 pub use fit::OutputError;
 pub use misfit::Misfit;
 pub use problem::Differentiable;
-pub use signals::{Course, Signals};
+pub use rates::{RateFault, RateUse};
+pub use signals::{Course, Rate, Signals};
 #[cfg(feature = "interpret")]
 pub(crate) use signals::{beside_counts, reach_in};
 pub use simulated::{Divergence, Simulated};

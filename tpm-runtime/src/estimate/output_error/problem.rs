@@ -20,6 +20,12 @@ const AT_REST: f64 = 0.02;
 const TURNING: f64 = 0.05;
 /// How much larger than friction's impulse the unknown force of a machine at rest may be.
 const FREE: f64 = 5.0;
+/// How much of the force is unsure in the transitions beside one in which a sign jumps, as multiples of half the jump. The jump lies
+/// anywhere within its sample, which moves the position by up to an eighth of what it would move in a sample with the whole jump.
+const BESIDE: [f64; 2] = [0.25, 0.0];
+/// What is added where an input that jumps with the sign is interpolated: the mean errors of the polynomial through six samples of a
+/// step.
+const INTERPOLATED: [f64; 2] = [0.114, 0.016];
 /// Shortest time between two stops of a machine, as a share of the period.
 const SHORTEST_PASSAGE: f64 = 0.02;
 /// Most steps of integration from one sample to the next.
@@ -85,6 +91,10 @@ pub(super) struct Problem<'a> {
     pub(super) hold: Hold,
     pub(super) sample_time: f64,
     pub(super) coordinates: Vec<&'a [f64]>,
+    /// The readings of every sensor: the coordinates, then measured rates.
+    pub(super) readings: Vec<&'a [f64]>,
+    /// State that every sensor reads.
+    pub(super) sensors: Vec<usize>,
     pub(super) inputs: Vec<&'a [f64]>,
     /// Parameters that are estimated.
     pub(super) free: Vec<usize>,
@@ -145,7 +155,11 @@ impl<'a> Problem<'a> {
     ) -> Result<Self, OutputErrorFault> {
         let states = Problem::states(machine.model).ok_or(OutputErrorFault::NotSimulable)?;
         let samples = signals.coordinates.first().map_or(0, |c| c.len());
-        let outputs = signals.coordinates.len();
+        let place = |of: (usize, usize)| states.iter().position(|state| *state == of);
+        let sensors: Vec<usize> =
+            signals.sensors().map(place).collect::<Option<_>>().ok_or(OutputErrorFault::NotSimulable)?;
+        let rates = signals.rates.iter().map(|rate| rate.readings);
+        let outputs = sensors.len();
         let mut breaks = vec![false; samples.saturating_sub(1)];
         for &join in signals.joins.iter().filter(|join| (1..samples).contains(*join)) {
             breaks[join - 1] = true;
@@ -156,6 +170,8 @@ impl<'a> Problem<'a> {
             hold: signals.hold,
             sample_time: signals.sample_time,
             coordinates: signals.coordinates.clone(),
+            readings: signals.coordinates.iter().copied().chain(rates).collect(),
+            sensors,
             inputs: signals.inputs.clone(),
             free: free.to_vec(),
             states,
@@ -329,6 +345,7 @@ impl<'a> Problem<'a> {
         let p = self.free.len() + columns.len();
         let width = p + dims.inputs + switches;
         let transitions = samples.saturating_sub(1);
+        let outputs = self.sensors.len();
         let mut chain = Chain {
             samples,
             sample_time: self.sample_time,
@@ -337,15 +354,13 @@ impl<'a> Problem<'a> {
             inputs: dims.inputs,
             switches,
             states: self.states.clone(),
-            outputs: (0..dims.coordinates)
-                .map(|c| self.states.iter().position(|&of| of == (c, 0)).unwrap_or_default())
-                .collect(),
+            outputs: self.sensors.clone(),
             scale: self.scale.clone(),
             breaks: self.breaks.clone(),
             transition: vec![0.0; transitions * n * n],
             forcing: vec![0.0; transitions * n * width],
             defect: vec![0.0; transitions * n],
-            errors: vec![0.0; samples * dims.coordinates],
+            errors: vec![0.0; samples * outputs],
             reading_columns: Vec::new(),
             loose: self.loose(trajectory, theta)?,
             turns: self.turns(trajectory),
@@ -372,17 +387,17 @@ impl<'a> Problem<'a> {
             }
             Ok(())
         })?;
-        for (k, errors) in chain.errors.chunks_exact_mut(dims.coordinates).enumerate() {
+        for (k, errors) in chain.errors.chunks_exact_mut(outputs).enumerate() {
             for (c, error) in errors.iter_mut().enumerate() {
-                *error = self.coordinates[c][k] - trajectory.states[k * n + chain.outputs[c]];
+                *error = self.readings[c][k] - trajectory.states[k * n + chain.outputs[c]];
             }
         }
         if columns.iter().any(|column| matches!(column.place, Place::Reading(_))) {
-            chain.reading_columns = vec![0.0; samples * dims.coordinates * p];
+            chain.reading_columns = vec![0.0; samples * outputs * p];
             for (j, column) in columns.iter().enumerate() {
                 let Place::Reading(c) = column.place else { continue };
                 for (k, value) in column.values.iter().enumerate() {
-                    chain.reading_columns[(k * dims.coordinates + c) * p + self.free.len() + j] = *value;
+                    chain.reading_columns[(k * outputs + c) * p + self.free.len() + j] = *value;
                 }
             }
         }
@@ -392,7 +407,7 @@ impl<'a> Problem<'a> {
                 *defect += value * forcing[at];
             }
             if let Place::Reading(c) = columns[j].place {
-                let errors = chain.errors.iter_mut().skip(c).step_by(dims.coordinates);
+                let errors = chain.errors.iter_mut().skip(c).step_by(outputs);
                 for (error, own) in errors.zip(&columns[j].values) {
                     *error -= value * own;
                 }
@@ -546,6 +561,14 @@ impl<'a> Problem<'a> {
         })
     }
 
+    /// How much of the force is unsure one and two transitions beside one in which a sign jumps.
+    fn unsure_beside(&self) -> [f64; 2] {
+        match self.hold {
+            Hold::Zoh => BESIDE,
+            Hold::None => [BESIDE[0] + INTERPOLATED[0], BESIDE[1] + INTERPOLATED[1]],
+        }
+    }
+
     /// Whether a coordinate turns in a transition, or moves slowly beside its root mean square velocity.
     fn turns(&self, trajectory: &Trajectory) -> Vec<bool> {
         let (n, samples) = (self.states.len(), self.samples());
@@ -602,6 +625,15 @@ impl<'a> Problem<'a> {
                 let size = FREE * ((k - first) as f64).sqrt();
                 for transition in first..k {
                     loose[transition * switches + s] = size;
+                }
+                if k > first {
+                    for (distance, share) in self.unsure_beside().into_iter().enumerate() {
+                        for beside in [first.checked_sub(distance + 1), Some(k + distance)].into_iter().flatten() {
+                            if let Some(at) = loose.get_mut(beside * switches + s) {
+                                *at = at.max(FREE * share);
+                            }
+                        }
+                    }
                 }
                 k += 1;
             }

@@ -56,6 +56,8 @@ impl Bench {
             hold,
             sample_time: self.sample_time,
             coordinates: vec![&self.zeros, &self.zeros],
+            readings: vec![&self.zeros, &self.zeros],
+            sensors: vec![0, 2],
             inputs: vec![&self.force],
             free: FREE.to_vec(),
             states,

@@ -84,7 +84,7 @@ impl Innovations {
     /// Frequency, in Hz, at which the innovations have more power than chance allows beside the harmonics of the motion.
     pub(super) fn vibration(&self, signals: &Signals<'_>) -> Option<f64> {
         let mut worst: Option<(f64, f64)> = None;
-        for (c, sensor) in self.sensors.iter().enumerate() {
+        for ((c, _), sensor) in signals.sensors().zip(&self.sensors) {
             let mut series: Vec<f64> = sensor.iter().map(|(_, e)| *e).collect();
             let samples = series.len();
             if samples < 16 * SMOOTHED {

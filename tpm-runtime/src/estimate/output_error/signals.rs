@@ -41,6 +41,17 @@ pub enum Course {
     },
 }
 
+/// A measured rate of a coordinate.
+#[derive(Clone, Debug)]
+pub struct Rate<'a> {
+    /// The coordinate.
+    pub coordinate: usize,
+    /// Readings, unit of the coordinate per second.
+    pub readings: &'a [f64],
+    /// Standard deviation of their white noise.
+    pub noise: f64,
+}
+
 /// The signals of a record.
 #[derive(Clone, Debug)]
 pub struct Signals<'a> {
@@ -50,6 +61,8 @@ pub struct Signals<'a> {
     pub hold: Hold,
     /// Measured coordinates.
     pub coordinates: Vec<&'a [f64]>,
+    /// Measured rates, where there are any. The fit uses those that are the rates of the motion but for white noise.
+    pub rates: Vec<Rate<'a>>,
     /// Recorded inputs.
     pub inputs: Vec<&'a [f64]>,
     /// What is known of the motion beforehand.
@@ -86,6 +99,12 @@ struct Wave {
 }
 
 impl Signals<'_> {
+    /// Coordinate and derivative that every sensor reads: those of the coordinates first.
+    pub(super) fn sensors(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let coordinates = (0..self.coordinates.len()).map(|c| (c, 0));
+        coordinates.chain(self.rates.iter().map(|rate| (rate.coordinate, 1)))
+    }
+
     fn samples(&self) -> usize {
         self.coordinates.first().map_or(0, |c| c.len())
     }
@@ -246,9 +265,14 @@ impl Signals<'_> {
     ///
     /// Readings whose rounding errors are alike are one reading, and readings that repeat from period to period are those of one period.
     pub(super) fn noise(&self) -> Noise {
-        let outputs = self.coordinates.len();
+        let outputs = self.sensors().count();
         let samples = self.samples();
         let mut readings = vec![0.0; samples * outputs];
+        for (sensor, rate) in (self.coordinates.len()..).zip(&self.rates) {
+            let least = ROUNDING * root_mean_square(rate.readings.iter().copied());
+            let sigma = rate.noise.max(least).max(f64::MIN_POSITIVE);
+            readings.iter_mut().skip(sensor).step_by(outputs).for_each(|slot| *slot = sigma);
+        }
         for (c, signal) in self.coordinates.iter().enumerate() {
             let least = (ROUNDING * root_mean_square(signal.iter().copied())).powi(2).max(f64::MIN_POSITIVE);
             let step = self.steps[c];

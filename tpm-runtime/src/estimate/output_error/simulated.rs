@@ -69,6 +69,7 @@ impl Simulated {
         signals: &Signals<'_>,
         parameters: &[f64],
     ) -> Result<Self, OutputErrorFault> {
+        let signals = &Signals { rates: Vec::new(), ..signals.clone() };
         let noise = signals.noise();
         let mut problem = Problem::new(machine, constants, signals, &noise, &[], &[])?;
         let mut state = State::begun(&problem, signals, noise, parameters);

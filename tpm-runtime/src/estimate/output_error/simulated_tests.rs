@@ -59,6 +59,7 @@ fn signals<'a>(position: &'a [f64], force: &'a [f64], joins: &[usize], highest: 
         sample_time: H,
         hold: Hold::Zoh,
         coordinates: vec![position],
+        rates: Vec::new(),
         inputs: vec![force],
         course: Course::Any { typical_period: 120.0, reach: 6, highest: vec![highest], copies: 1.0 },
         joins: joins.to_vec(),

@@ -45,7 +45,12 @@ pub(super) fn tune(chain: &Chain, before: &Noise, signals: &Signals<'_>) -> Nois
     if best != white {
         bases.push(best.clone());
     }
-    let coloured = |base: &Noise, colour: f64| Noise { colour: vec![colour; outputs], ..base.clone() };
+    // A rate is a reading where its noise is white.
+    let of_sensor = |sensor: usize, colour: f64| if sensor < signals.coordinates.len() { colour } else { 0.0 };
+    let coloured = |base: &Noise, colour: f64| Noise {
+        colour: (0..outputs).map(|sensor| of_sensor(sensor, colour)).collect(),
+        ..base.clone()
+    };
     let mut start: Option<(&Noise, (f64, f64))> = None;
     for base in &bases {
         for colour in COLOURS {

@@ -127,7 +127,8 @@ pub(super) fn measured(signal: &Signal<'_>, sample_time: f64) -> ChannelReport {
     // A motion that is slower than the record is long is no motion to and fro.
     let seen = |period: &f64| *period < 2.0 * count * sample_time;
     report.typical_period = Some(swiftness.typical_period).filter(seen);
-    report.plateaus = plateaus(&signal.parts, sensor.step);
+    let noise = report.noise.filter(|_| !report.noise_at_most);
+    report.plateaus = plateaus(&signal.parts, sensor.step, noise);
     let may_rest = signal.role != Role::Input;
     let period = to_and_fro(signal, mean, deviation);
     let still = may_rest.then(|| at_rest(&signal.parts, sensor.noise, period)).flatten();

@@ -49,6 +49,15 @@ pub enum Finding {
         #[serde(skip)]
         domain: Option<Domain>,
     },
+    /// A coordinate is elsewhere from one sample to the next.
+    Joined {
+        /// The coordinate.
+        channel: String,
+        /// How much farther it is than its motion goes in a sample, unit of the coordinate.
+        by: f64,
+        /// Line of the first sample behind the jump.
+        line: u64,
+    },
     /// Time stamps are uneven.
     Uneven {
         /// Root mean square of the deviation of a step, as a share of the sample time.
@@ -245,6 +254,7 @@ impl Finding {
         match self {
             Finding::NoChannel
             | Finding::Clipped { .. }
+            | Finding::Joined { .. }
             | Finding::Repeated { .. }
             | Finding::Lone { .. }
             | Finding::Drift { .. }
@@ -273,6 +283,9 @@ impl Finding {
             }
             Finding::Gaps { .. } => {
                 "nothing is filled in: all stretches are used together, in the time domain, and each loses a little at its ends".into()
+            }
+            Finding::Joined { .. } => {
+                "recordings that were written one behind the other are used as stretches of their own. A reading that wraps around must be unwrapped where more than its sine and cosine counts, as with a stiffness".into()
             }
             Finding::Uneven { resampled: false, .. } => {
                 "the readings are smoother as even ones: they were taken evenly and stamped late, and are used as even".into()
@@ -437,6 +450,9 @@ impl fmt::Display for Finding {
                 f,
                 "gaps split the record into {segments} stretches, the longest of {longest} samples; {left_out} rows are in none"
             ),
+            Finding::Joined { channel, by, line } => {
+                write!(f, "{channel} jumps by {} from one sample to the next in line {line}", number(rounded(*by)))
+            }
             Finding::Uneven { rms, largest, resampled, error } => {
                 write!(
                     f,

@@ -1,6 +1,6 @@
 //! From a log to what it holds.
 
-use crate::log::{Domain, LogError, LogOptions, Role, Survey};
+use crate::log::{Cut, Domain, LogError, LogOptions, Role, Survey};
 use crate::session::error::SessionError;
 use crate::session::inspect::channel::{ChannelReport, measured};
 use crate::session::inspect::finding::Finding;
@@ -161,6 +161,11 @@ fn of_record(inspection: &Inspection, survey: &Survey, signals: &[Signal<'_>], o
             left_out,
             domain: options.domain,
         });
+    }
+    for segment in &reading.segments {
+        if let Some(Cut::Joined { signal, by }) = &segment.cut {
+            findings.push(Finding::Joined { channel: signal.clone(), by: *by, line: segment.from_line });
+        }
     }
     if let Some(uneven) = &reading.uneven {
         findings.push(Finding::Uneven {

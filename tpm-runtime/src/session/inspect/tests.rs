@@ -133,6 +133,44 @@ fn a_channel_that_is_cut_off_is_told_from_one_that_turns_rests_or_switches() {
 }
 
 #[test]
+fn a_noisy_channel_that_is_cut_off_is_told_from_one_that_turns_rests_or_switches() {
+    // From end to end at a constant speed, slowing down over a tenth of the way, and a rest of half a second.
+    let trapezoid = |t: f64| {
+        let x = (t.rem_euclid(3.0)).min(2.5);
+        let stroke = |s: f64| match s {
+            s if s <= 0.0 => 0.0,
+            s if s < 0.2 => 2.5 * s * s,
+            s if s < 0.8 => 0.1 + (s - 0.2),
+            s if s < 1.0 => 0.8 - 2.5 * (1.0 - s).powi(2),
+            _ => 0.8,
+        };
+        stroke(x) - stroke(x - 1.5)
+    };
+    for (seed, noise) in (0..3).flat_map(|seed| [1e-4, 1e-3, 1e-2].map(|noise| (seed, noise))) {
+        let of = |signal: Vec<f64>, number: u64| noisy(signal, noise, 10 * seed + number);
+        let shape = |t: f64| motion(t) + 0.1 * sweep(t);
+        let clipped = sampled(9000, |t| shape(t).clamp(-0.9, 0.8));
+        let share = clipped.iter().filter(|x| **x >= 0.8).count() as f64 / 9000.0;
+        let found = inspected(&[
+            ("clipped", of(clipped, 0)),
+            ("turns", of(sampled(9000, shape), 1)),
+            ("sweep", of(sampled(9000, sweep), 2)),
+            ("rests", of(sampled(9000, |t| (motion(t) * 3.0).tanh()), 3)),
+            ("switches", of(sampled(9000, |t| motion(t).signum()), 4)),
+            ("trapezoid", of(sampled(9000, trapezoid), 5)),
+            ("held", of(sampled(9000, |t| shape((t / 0.02).floor() * 0.02)), 6)),
+        ]);
+        let plateaus = &found.channels[0].plateaus;
+        assert!(plateaus.len() == 2, "{noise} {seed}: {plateaus:?}");
+        assert!((plateaus[0].level + 0.9).abs() < noise && (plateaus[1].level - 0.8).abs() < noise, "{plateaus:?}");
+        assert!((plateaus[1].share - share).abs() < 0.02, "{noise}: {} {share}", plateaus[1].share);
+        for channel in &found.channels[1..] {
+            assert!(channel.plateaus.is_empty(), "{noise} {seed} {}: {:?}", channel.name, channel.plateaus);
+        }
+    }
+}
+
+#[test]
 fn the_delay_of_a_measured_rate_is_told_to_a_part_of_a_sample() {
     for delay in [0.0, 0.5 * SAMPLE_TIME, 0.0073] {
         let position = noisy(sampled(9000, motion), 1e-4, 4);
