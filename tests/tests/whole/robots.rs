@@ -465,6 +465,18 @@ fn faults_of_a_description_are_named_at_their_lines() {
 }
 
 #[test]
+fn a_joint_without_an_axis_is_told_how_one_is_written() {
+    let text =
+        "model M {\ncoordinate q [rad];\ninput u [N*m];\nmechanism {\nbody a {\nrevolute q;\n}\ndrive q by u;\n}\n}\n";
+    let source = Source::new("m.tpm", text);
+    let Err(faults) = parse_model(&source) else { panic!("no fault") };
+    let said = faults.render(&source);
+    for words in ["m.tpm:6:11", "expected `about` and the axis of the joint", "such as `revolute q about z`"] {
+        assert!(said.contains(words), "`{words}`:\n{said}");
+    }
+}
+
+#[test]
 fn what_is_left_out_or_read_otherwise_is_said() {
     let inertial = "<link name=\"b\"><inertial><mass value=\"2\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"9\"/></inertial><visual/></link>";
     let joint = "<origin xyz=\"1e-17 0 .5\" rpy=\"1.5708 0 0.3\"/><limit effort=\"5\"/><mimic joint=\"k\"/><dynamics damping=\"0.5\"/>";

@@ -30,7 +30,7 @@ pub struct Experiment {
     #[serde(default)]
     pub weights: Weights,
     /// Whether the estimates of measured-motion are refined by simulating the model along the runs, where a force jumps:
-    /// output-error (default), or none.
+    /// auto (default) and output-error do, none does not.
     #[serde(default, skip_serializing_if = "Refine::is_default")]
     pub refine: Refine,
     /// How the estimator numerical uses its matrix.

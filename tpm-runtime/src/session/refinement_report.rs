@@ -107,11 +107,9 @@ const fn none(count: &usize) -> bool {
 }
 
 impl RefinementReport {
-    /// A refinement that was not begun, because it would take so many times as long as is worth while.
-    pub(super) fn left_out(values: &[f64], times: f64) -> Self {
-        let note =
-            Some(format!("not refined by a simulation, which would take {times:.0} times as long as is worth while"));
-        RefinementReport { note, ..Self::refused(values, &OutputErrorFault::NotSimulable) }
+    /// A refinement that was not begun.
+    pub(super) fn left_out(values: &[f64], why: String) -> Self {
+        RefinementReport { note: Some(why), ..Self::refused(values, &OutputErrorFault::NotSimulable) }
     }
 
     /// A refinement that came to nothing.

@@ -145,6 +145,17 @@ impl Parser<'_, '_> {
         Ok(body)
     }
 
+    /// The word before the axis of a joint.
+    fn before_axis(&mut self, word: &str, example: &str) -> Parse<()> {
+        if self.is_word(0, word) {
+            self.bump();
+            return Ok(());
+        }
+        let (note, span) = (self.found(), self.peek().span);
+        let fault = Diagnostic::error(span, format!("expected `{word}` and the axis of the joint"));
+        Err(self.report(fault.note(note).help(format!("write a direction, such as `{example}`"))))
+    }
+
     fn joint(&mut self) -> Parse<JointDeclaration> {
         let keyword = self.peek().span;
         let motion = if self.is_word(0, "fixed") {
@@ -153,12 +164,12 @@ impl Parser<'_, '_> {
         } else if self.is_word(0, "revolute") {
             self.bump();
             let coordinate = self.name("a coordinate")?;
-            self.word("about")?;
+            self.before_axis("about", "revolute q about z")?;
             JointMotion::Revolute(coordinate, self.axis()?)
         } else if self.is_word(0, "prismatic") {
             self.bump();
             let coordinate = self.name("a coordinate")?;
-            self.word("along")?;
+            self.before_axis("along", "prismatic q along z")?;
             JointMotion::Prismatic(coordinate, self.axis()?)
         } else {
             return Err(self.no_statement("a body", &BODY_STATEMENTS));
