@@ -534,9 +534,11 @@ impl<'m> Campaign<'m> {
         self.estimate.as_ref()
     }
 
-    /// What the last update of a campaign changed that ended before its estimates had settled; nothing for any other campaign.
+    /// What the last update of a campaign changed that ended before its estimates had settled; nothing for any other campaign, and for
+    /// `measured-motion`, whose estimates need no earlier ones: the change is the noise of the runs before.
     pub(crate) fn unsettled(&self) -> Option<&[f64]> {
-        self.moved.as_deref().filter(|_| self.outcome == Some(Outcome::RunsUsed))
+        let updates = self.setup.method != Method::MeasuredMotion;
+        self.moved.as_deref().filter(|_| updates && self.outcome == Some(Outcome::RunsUsed))
     }
 
     /// The estimator that is at work, with what it reports beside the estimate.
