@@ -534,9 +534,12 @@ impl<'m> Campaign<'m> {
         self.estimate.as_ref()
     }
 
-    /// What the last update of a campaign changed that ended before its estimates had settled; nothing for any other campaign.
+    /// What the last update of `numerical` changed in a campaign that ended before its estimates had settled; nothing for any other
+    /// campaign. The other estimators need no such addition: `measured-motion` is not linearised, and the deviations of the rest contain
+    /// what their linearisation leaves out.
     pub(crate) fn unsettled(&self) -> Option<&[f64]> {
-        self.moved.as_deref().filter(|_| self.outcome == Some(Outcome::RunsUsed))
+        let measures_its_matrix = self.setup.method == Method::Numerical;
+        self.moved.as_deref().filter(|_| measures_its_matrix && self.outcome == Some(Outcome::RunsUsed))
     }
 
     /// The estimator that is at work, with what it reports beside the estimate.

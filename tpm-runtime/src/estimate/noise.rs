@@ -58,8 +58,6 @@ const SHIFT_UNCERTAINTY: f64 = 0.02;
 pub(super) struct NoiseAlong {
     /// Variance of every row's phasors by harmonic.
     pub(super) variance: Vec<Vec<f64>>,
-    /// Variance of an error of every row's phasors that other runs of the same motion repeat.
-    pub(super) repeated: Vec<Vec<f64>>,
     /// Per row, the shifts of the means of the regressors and, last, of the known term by the motion that noise causes on its
     /// way round the loop. Beside them the standard deviation of a shift as a share of it. Nothing where that motion is not
     /// known.
@@ -89,17 +87,16 @@ pub(super) fn noise_along(
     let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| along.gains(row, theta)).collect();
     let of_row = |row: usize| {
         let found = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &sensors);
-        let whole: Vec<f64> = found.noise.iter().zip(&found.apart).map(|(noise, apart)| noise + apart).collect();
-        (whole, found.repeated)
+        found.noise.iter().zip(&found.apart).map(|(noise, apart)| noise + apart).collect()
     };
-    let (variance, repeated) = (0..dims.rows).map(of_row).unzip();
+    let variance = (0..dims.rows).map(of_row).collect();
     let shifts = match true_motion(&bins, &maps, slots, &gains, dims.coordinates) {
         Some((motion, uncertainty)) => {
             Some((shifts(model, &run.trial.constants, spectra, highest, slots, &motion)?, uncertainty))
         }
         None => None,
     };
-    Ok(Some(NoiseAlong { variance, repeated, shifts }))
+    Ok(Some(NoiseAlong { variance, shifts }))
 }
 
 /// What rounding to counts adds to every line of each coordinate, as a share of the variance that the noise of its sensor makes: in one

@@ -31,8 +31,6 @@ pub(in crate::estimate) struct Linearised {
     table: Option<Arc<dyn LineTable>>,
     /// The runs so far, reduced.
     runs: Vec<Reduced>,
-    /// Their references, by number: runs with the same number had the same one.
-    references: Vec<usize>,
     /// Whether the last run was reduced.
     ready: bool,
     /// The last estimate.
@@ -42,8 +40,6 @@ pub(in crate::estimate) struct Linearised {
     better: bool,
     /// The rows along the reference of the last run, which is often that of the next run too.
     reference: Option<Reference>,
-    /// Number of references so far.
-    played: usize,
     harmonics: usize,
 }
 
@@ -56,13 +52,11 @@ impl Linearised {
             designs: Designs::default(),
             table,
             runs: Vec::new(),
-            references: Vec::new(),
             ready: false,
             estimate: None,
             damping: Damping::default(),
             better: true,
             reference: None,
-            played: 0,
             harmonics: 0,
         }
     }
@@ -74,14 +68,7 @@ impl Linearised {
         let runs: Vec<&Reduced> = self.runs.iter().chain(latest).collect();
         let current = runs.last().map_or(&[][..], |run| run.parameters.as_slice());
         solve_reweighted(&self.settings, current, |theta| {
-            let of = |(i, run): (usize, &&Reduced)| {
-                let mut equations = run.weighted(theta, self.better && i + 1 == runs.len());
-                if let Some(own) = self.references.get(i) {
-                    let all = self.references.iter().filter(|other| *other == own).count();
-                    run.repeat(&mut equations, all - 1);
-                }
-                equations
-            };
+            let of = |(i, run): (usize, &&Reduced)| run.weighted(theta, self.better && i + 1 == runs.len());
             runs.iter().enumerate().map(of).collect()
         })
     }
@@ -138,7 +125,6 @@ impl Estimator for Linearised {
         let reference = match self.reference.take().filter(|reference| reference.is_of(run.trial, highest)) {
             Some(reference) => reference,
             None => {
-                self.played += 1;
                 let reference = Reference::new(model, run.trial, highest, self.table.as_deref())?;
                 self.settings = self.designs.take(model, run.trial, &self.settings)?;
                 reference
@@ -165,9 +151,6 @@ impl Estimator for Linearised {
             if self.kind != FirstOrder::Effort {
                 reduced.equations.set_variance(own, &noise.variance);
             }
-            if self.kind != FirstOrder::Effort {
-                reduced.set_repeated(own, &noise.repeated);
-            }
             if let Some((shifts, uncertainty)) = &noise.shifts {
                 reduced.shift_means(shifts, &first, *uncertainty);
             }
@@ -175,9 +158,7 @@ impl Estimator for Linearised {
         // Older runs count less and less where runs are forgotten.
         let kept = self.settings.kept(self.runs.len());
         self.runs.drain(..self.runs.len() - kept);
-        self.references.drain(..self.references.len() - kept);
         self.runs.push(reduced);
-        self.references.push(self.played);
         self.ready = true;
         Ok(())
     }
@@ -193,7 +174,6 @@ impl Estimator for Linearised {
             }
             Err(error) => {
                 self.runs.pop();
-                self.references.pop();
                 self.ready = false;
                 Err(error)
             }

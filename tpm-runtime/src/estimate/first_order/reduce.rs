@@ -58,8 +58,6 @@ pub(super) struct Reduced {
     missed: Vec<Complex<f64>>,
     /// Square of the size of `H^-1`: what an error of one makes of an equation.
     size: Vec<f64>,
-    /// Variance of an error that other runs of the same reference repeat.
-    repeated: Vec<f64>,
     /// theta', the parameters of the feed-forward.
     pub(super) parameters: Vec<f64>,
 }
@@ -108,21 +106,6 @@ impl Reduced {
             *variance += largest[equations.row[e]] * self.size[e];
         }
         (equations, largest)
-    }
-
-    /// Sets the variance of what other runs of the same reference repeat in the first `count` equations, by row and harmonic.
-    pub(super) fn set_repeated(&mut self, count: usize, repeated: &[Vec<f64>]) {
-        let of = |(&row, &harmonic): (&usize, &usize)| repeated.get(row).and_then(|row| row.get(harmonic)).copied();
-        let equations = self.equations.row.iter().zip(&self.equations.harmonic);
-        self.repeated = equations.take(count).map(|equation| of(equation).unwrap_or(0.0)).collect();
-    }
-
-    /// Adds to equations what this run and so many others of its reference repeat: it counts as often in each as there are runs, so that
-    /// it is as large in their mean as in one.
-    pub(super) fn repeat(&self, equations: &mut Equations, others: usize) {
-        for (variance, repeated) in equations.variance.iter_mut().zip(&self.repeated) {
-            *variance += others as f64 * repeated;
-        }
     }
 
     /// Sum of squares of the tracking error, as far as the equations show it, and of the noise in it.
@@ -265,7 +248,6 @@ impl FirstOrder {
             certain: Vec::new(),
             missed: Vec::new(),
             size: Vec::new(),
-            repeated: Vec::new(),
             parameters: trial.parameters.clone(),
         };
         let mut phi = vec![Complex::new(0.0, 0.0); dims.parameters];
