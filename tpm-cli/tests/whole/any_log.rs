@@ -135,9 +135,8 @@ fn recordings_in_one_file_without_a_gap_are_told_apart() {
     }
     let model = model();
     // A period that the two need not share is not taken for one of both.
-    let (_, _, messages) = identify(folder.path(), &["--log", "joined.csv", "--period", "2"]);
-    assert!(messages.contains("period of 2 s is not used: the record has 2 stretches"), "{messages}");
-    assert!(messages.contains("--domain harmonics"), "{messages}");
+    let (_, json, _) = identify(folder.path(), &["--log", "joined.csv", "--period", "2"]);
+    assert!(json["warnings"].to_string().contains("the record has 2 stretches"), "{json}");
     let text = crate::support::printed_in(folder.path(), &["inspect", "joined.csv", &model], 0);
     assert!(text.contains("x jumps by") && text.contains("line 2992"), "{text}");
 }
