@@ -35,8 +35,6 @@ pub(super) struct Scaled<'a> {
 pub(super) struct Solution {
     /// Values; along unobservable directions those of the prior.
     pub(super) values: Vec<f64>,
-    /// The values with which the equations are explained best: along known hidden directions too.
-    pub(super) explaining: Vec<f64>,
     /// Covariance over the observable directions.
     pub(super) covariance: DMatrix<f64>,
     /// Independent combinations that the equations show.
@@ -124,9 +122,9 @@ impl Scaled<'_> {
     /// [`Information::solve`] without a step along directions that are known not to be shown.
     ///
     /// Equations feel a hidden direction as far as they are not those of the reference that hides it: a run that tracks badly moves
-    /// otherwise. A prior along it is no truth, but says the size of a parameter, so that these directions are nuisance parameters:
-    /// with the prior as their mean and its size as their deviation they explain what they can, and their uncertainty enters the
-    /// covariance of what is shown.
+    /// otherwise. Values stay at the prior along such a direction, so that the prior's error enters what is shown. A prior is as
+    /// uncertain as it is large, and the covariance contains what this uncertainty does to the shown combinations (Schmidt's
+    /// considered parameters).
     pub(super) fn solve(&self, prior: &[f64], gradient: Option<&[f64]>, hidden: &[Vec<f64>]) -> Solution {
         if hidden.is_empty()
             && let Some(inverse) = inverse_of_full_rank(&self.factor)
@@ -139,54 +137,46 @@ impl Scaled<'_> {
         let mut target = of.right().into_owned();
         target.gemv(-1.0, factor, &start, 1.0);
         let shown = beside(hidden, scale);
+        let singular = Singular::new(&self.in_terms_of(shown.as_ref()), RANK_TOLERANCE);
+        let mut step = DVector::zeros(n);
+        let mut covariance = DMatrix::zeros(n, n);
         let extra = gradient.map(|g| DVector::from_fn(n, |i, _| g[i] / scale[i]));
-        let nuisance = shown.as_ref().and_then(|basis| Nuisance::new(factor, &target, extra.as_ref(), basis, &start));
         let whole = |directions: DMatrix<f64>| match &shown {
             Some(basis) => basis * directions,
             None => directions,
         };
-        let (matrix, target, extra) = match &nuisance {
-            Some(nuisance) => (Cow::Borrowed(&nuisance.matrix), &nuisance.target, nuisance.gradient.clone()),
-            None => {
-                let extra =
-                    extra.map(|extra| shown.as_ref().map_or_else(|| extra.clone(), |basis| basis.tr_mul(&extra)));
-                (self.in_terms_of(shown.as_ref()), &target, extra)
-            }
-        };
-        let singular = Singular::new(&matrix, RANK_TOLERANCE);
-        let mut step = DVector::zeros(matrix.ncols());
+        let null = whole(singular.null());
+        let lost: Vec<Vec<f64>> = null.column_iter().map(|direction| direction.iter().copied().collect()).collect();
+        let rank = singular.rank();
+        let felt = shown.as_ref().and_then(|shown| self.felt(shown, &start));
+        let mut considered = DMatrix::zeros(n, felt.as_ref().map_or(0, DMatrix::nrows));
+        let directions = whole(singular.right);
         for ((value, direction), left) in
-            singular.values.iter().zip(singular.right.column_iter()).zip(singular.left.column_iter())
+            singular.values.iter().zip(directions.column_iter()).zip(singular.left.column_iter())
         {
-            let mut share = left.dot(target) / value;
+            let mut share = left.dot(&target) / value;
             if let Some(extra) = &extra {
                 share += direction.dot(extra) / (value * value);
             }
             step.axpy(share, &direction, 1.0);
-        }
-        let beyond = nuisance.as_ref().map(|nuisance| nuisance.along(&step));
-        let null = whole(singular.null());
-        let lost: Vec<Vec<f64>> = null.column_iter().map(|direction| direction.iter().copied().collect()).collect();
-        let rank = singular.rank();
-        let mut covariance = DMatrix::zeros(n, n);
-        for (value, direction) in singular.values.iter().zip(whole(singular.right).column_iter()) {
             covariance.ger(1.0 / (value * value), &direction, &direction, 1.0);
+            if let Some(felt) = &felt {
+                considered.ger(1.0 / value, &direction, &(felt * left), 1.0);
+            }
         }
-        let total = start + shown.as_ref().map_or_else(|| step.clone(), |basis| basis * &step);
+        covariance += &considered * considered.transpose();
+        let total = start + step;
         for r in 0..n {
             for c in 0..n {
                 covariance[(r, c)] /= scale[r] * scale[c];
             }
         }
-        let explaining = beyond.map_or_else(|| total.clone(), |beyond| &total + beyond);
         let mut misfit = of.right().into_owned();
-        misfit.gemv(-1.0, factor, &explaining, 1.0);
+        misfit.gemv(-1.0, factor, &total, 1.0);
         let known = if shown.is_some() { hidden } else { &[] };
         let unobservable = known.iter().cloned().chain(beside_known(known, lost, scale)).collect();
-        let unscaled = |scaled: &DVector<f64>| scaled.iter().zip(scale).map(|(t, s)| t / s).collect();
         Solution {
-            values: unscaled(&total),
-            explaining: unscaled(&explaining),
+            values: total.iter().zip(scale).map(|(t, s)| t / s).collect(),
             covariance,
             rank,
             unobservable,
@@ -208,10 +198,8 @@ impl Scaled<'_> {
         let values = inverse * target;
         let scale = &self.scale;
         let n = scale.len();
-        let values: Vec<f64> = values.iter().zip(scale).map(|(value, s)| value / s).collect();
         Solution {
-            explaining: values.clone(),
-            values,
+            values: values.iter().zip(scale).map(|(value, s)| value / s).collect(),
             covariance: DMatrix::from_fn(n, n, |r, c| inverse.row(r).dot(&inverse.row(c)) / (scale[r] * scale[c])),
             rank: n,
             unobservable: Vec::new(),
@@ -225,6 +213,23 @@ impl Scaled<'_> {
         condition(&self.in_terms_of(beside(hidden, &self.scale).as_ref()), RANK_TOLERANCE)
     }
 
+    /// What the equations feel of the prior's uncertainty along what is orthogonal to `shown`: a row for every independent deviation. All
+    /// parameters are scaled. The prior `start` has the deviations of its own size, a parameter whose prior is zero those of the largest.
+    /// Nothing where no prior is stated.
+    fn felt(&self, shown: &DMatrix<f64>, start: &DVector<f64>) -> Option<DMatrix<f64>> {
+        let largest = start.amax();
+        if !(largest > 0.0 && largest.is_finite()) {
+            return None;
+        }
+        let hidden = complement(shown);
+        let size = |j: usize| if start[j] == 0.0 { largest } else { start[j].abs() };
+        // With the deviations S of all parameters, those along the hidden directions N alone have the covariance (N' S^-2 N)^-1.
+        let weighed = DMatrix::from_fn(hidden.nrows(), hidden.ncols(), |j, c| hidden[(j, c)] / size(j));
+        let mut felt = (&self.factor * &hidden).transpose();
+        let regular = Cholesky::new(weighed.tr_mul(&weighed))?.l_dirty().solve_lower_triangular_mut(&mut felt);
+        regular.then_some(felt)
+    }
+
     /// The factor for the coordinates of a basis in place of the scaled parameters; the factor itself without a basis.
     fn in_terms_of(&self, basis: Option<&DMatrix<f64>>) -> Cow<'_, DMatrix<f64>> {
         basis.map_or(Cow::Borrowed(&self.factor), |basis| Cow::Owned(&self.factor * basis))
@@ -233,83 +238,6 @@ impl Scaled<'_> {
     /// Which parameters belong to an unobservable direction.
     pub(super) fn touched(&self, unobservable: &[Vec<f64>]) -> Vec<bool> {
         touched(unobservable, &self.scale)
-    }
-}
-
-/// Equations of the shown combinations, from which steps along hidden directions were eliminated.
-struct Nuisance {
-    /// Equations of the step along the shown combinations.
-    matrix: DMatrix<f64>,
-    target: DVector<f64>,
-    /// Correction of the right of their normal equations.
-    gradient: Option<DVector<f64>>,
-    /// `[R C r]` of the eliminated steps z: `R z = r - C a` with the step a along the shown combinations.
-    eliminated: DMatrix<f64>,
-    /// An orthonormal basis, by columns, of the hidden directions.
-    hidden: DMatrix<f64>,
-}
-
-impl Nuisance {
-    /// Eliminates, all in scaled parameters, what is orthogonal to `shown`. The prior `start` has the deviations of its own size; a
-    /// parameter whose prior is zero that of the parameter whose prior is felt most. Nothing where no prior is stated.
-    fn new(
-        factor: &DMatrix<f64>,
-        target: &DVector<f64>,
-        gradient: Option<&DVector<f64>>,
-        shown: &DMatrix<f64>,
-        start: &DVector<f64>,
-    ) -> Option<Self> {
-        let largest = start.amax();
-        if !(largest > 0.0 && largest.is_finite()) {
-            return None;
-        }
-        let n = start.len();
-        let hidden = complement(shown);
-        let (h, m) = (hidden.ncols(), shown.ncols());
-        // N' S^-2 (theta - prior) has the covariance N' S^-2 N: the prior along the hidden directions N alone.
-        let size = |j: usize| if start[j] == 0.0 { largest } else { start[j].abs() };
-        let weighed = DMatrix::from_fn(h, n, |c, j| hidden[(j, c)] / (size(j) * size(j)));
-        let mut stated = weighed.clone();
-        let regular = Cholesky::new(&weighed * &hidden)?.l_dirty().solve_lower_triangular_mut(&mut stated);
-        let mut rows = DMatrix::zeros(n + h, n + 1);
-        for (from, part) in [(0, factor), (n, &stated)].into_iter().filter(|_| regular) {
-            rows.view_mut((from, 0), (part.nrows(), h)).copy_from(&(part * &hidden));
-            rows.view_mut((from, h), (part.nrows(), m)).copy_from(&(part * shown));
-        }
-        rows.view_mut((0, n), (n, 1)).copy_from(target);
-        let mut triangle = rows.qr().unpack_r();
-        let eliminated = triangle.rows(0, h).into_owned();
-        let own = eliminated.columns(0, h).upper_triangle();
-        let mut gradient_left = None;
-        if let Some(gradient) = gradient {
-            // R' R y = R' r + g is R y = r + R'^-1 g, block by block.
-            let mut shift = hidden.tr_mul(gradient);
-            if !own.tr_solve_upper_triangular_mut(&mut shift) {
-                return None;
-            }
-            gradient_left = Some(shown.tr_mul(gradient) - eliminated.columns(h, m).tr_mul(&shift));
-            let mut right = triangle.view_mut((0, n), (h, 1));
-            right += shift;
-        }
-        let eliminated = triangle.rows(0, h).into_owned();
-        Some(Nuisance {
-            matrix: triangle.view((h, h), (n + 1 - h, m)).into_owned(),
-            target: triangle.view((h, n), (n + 1 - h, 1)).column(0).into_owned(),
-            gradient: gradient_left,
-            eliminated,
-            hidden,
-        })
-    }
-
-    /// The step along the hidden directions that belongs to one along the shown combinations.
-    fn along(&self, step: &DVector<f64>) -> DVector<f64> {
-        let h = self.hidden.ncols();
-        let mut right = self.eliminated.column(h + step.len()) - self.eliminated.columns(h, step.len()) * step;
-        if self.eliminated.columns(0, h).upper_triangle().solve_upper_triangular_mut(&mut right) {
-            &self.hidden * right
-        } else {
-            DVector::zeros(self.hidden.nrows())
-        }
     }
 }
 
@@ -543,18 +471,16 @@ mod tests {
             assert_eq!((solved.rank, solved.unobservable.len()), (1, 1));
             // No number moves along the hidden direction.
             assert!((solved.values[0] - solved.values[1] - 1.0).abs() < 0.1, "{solved:?}");
-            let variance = solved.covariance.sum();
-            (solved.values[0] + solved.values[1] - 5.0, variance.sqrt(), solved.explaining)
+            (solved.values[0] + solved.values[1] - 5.0, solved.covariance.sum().sqrt())
         };
-        // One run cannot tell the hidden difference from the sum: its prior is off, and the deviation says so.
-        let (error, deviation, _) = solved(&[[1.02, 0.98]]);
-        assert!(error.abs() < 0.06 && error.abs() < deviation && deviation < 0.1, "{error} {deviation}");
-        // Two that feel it in different ways can, and need no prior.
-        let (error, deviation, explaining) = solved(&[[1.02, 0.98], [0.98, 1.02]]);
-        assert!(error.abs() < 1e-4 && deviation < 2e-3, "{error} {deviation}");
-        assert!(explaining.iter().zip(truth).all(|(found, truth)| (found - truth).abs() < 0.01), "{explaining:?}");
+        // The prior is off, and the deviation says so.
+        let (error, deviation) = solved(&[[1.02, 0.98]]);
+        assert!(error.abs() > 0.03 && error.abs() < deviation && deviation < 0.1, "{error} {deviation}");
+        // Of two runs that feel it in opposite ways the mean needs no prior.
+        let (error, deviation) = solved(&[[1.02, 0.98], [0.98, 1.02]]);
+        assert!(error.abs() < 1e-9 && deviation < 2e-3, "{error} {deviation}");
         // Where it is not felt at all the prior does nothing.
-        let (error, deviation, _) = solved(&[[1.0, 1.0]]);
+        let (error, deviation) = solved(&[[1.0, 1.0]]);
         assert!(error.abs() < 1e-9 && (deviation - 1e-3).abs() < 1e-6, "{error} {deviation}");
     }
 

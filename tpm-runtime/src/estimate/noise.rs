@@ -86,8 +86,8 @@ pub(super) fn noise_along(
     let maps: Vec<Vec<f64>> = along.map.chunks_exact(dims.inputs.max(1)).map(<[f64]>::to_vec).collect();
     let gains: Vec<Vec<Vec<Complex<f64>>>> = (0..dims.rows).map(|row| along.gains(row, theta)).collect();
     let of_row = |row: usize| {
-        let found = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &sensors);
-        found.noise.iter().zip(&found.apart).map(|(noise, apart)| noise + apart).collect()
+        let (variance, apart) = row_variance(&bins, (&maps[row], highest), slots, &gains[row], &sensors);
+        variance.iter().zip(&apart).map(|(noise, apart)| noise + apart).collect()
     };
     let variance = (0..dims.rows).map(of_row).collect();
     let shifts = match true_motion(&bins, &maps, slots, &gains, dims.coordinates) {
@@ -108,16 +108,6 @@ pub(super) fn rounding_shares(spectra: &Spectra, hold: Hold, dims: Dims) -> Vec<
     let share = |power: f64, white: f64| if white > 0.0 { power / white } else { 0.0 };
     let of = |c: usize| (share(sensors.repeating[c], sensors.white[c]), share(sensors.repeated[c], sensors.white[c]));
     (0..dims.coordinates).map(of).collect()
-}
-
-/// E|n|^2 of a row's phasors by harmonic.
-pub(super) struct RowVariance {
-    /// That of the sensors' white noise.
-    pub(super) noise: Vec<f64>,
-    /// What the nearest bins show besides: motion that leaks where the rows hardly feel it, errors of counts.
-    pub(super) apart: Vec<f64>,
-    /// That of the errors of counts which other runs of the same motion repeat.
-    pub(super) repeated: Vec<f64>,
 }
 
 /// What the sensors of a record add to its transforms.
@@ -301,15 +291,16 @@ fn response(
     }
 }
 
-/// E|n|^2 of a row's phasors, harmonics 0 to `highest`. `map` has the inputs' factors.
+/// E|n|^2 of a row's phasors, harmonics 0 to `highest`, in two parts: that of the sensors' white noise, and what the nearest
+/// bins show besides (motion that leaks where the rows hardly feel it, errors of counts). `map` has the inputs' factors.
 pub(super) fn row_variance(
     bins: &Bins<'_>,
     (map, highest): (&[f64], usize),
     slots: &[(usize, usize)],
     gain: &[Vec<Complex<f64>>],
     sensors: &Sensors,
-) -> RowVariance {
-    let Sensors { white, repeating, repeated, counted } = sensors;
+) -> (Vec<f64>, Vec<f64>) {
+    let Sensors { white, repeating, counted, .. } = sensors;
     let coordinates = white.len();
     let mixing = mixing(gain);
     let mut through = vec![Complex::new(0.0, 0.0); coordinates];
@@ -330,8 +321,7 @@ pub(super) fn row_variance(
         (residual.norm_sqr(), shape)
     };
     let mut felt = vec![Complex::new(0.0, 0.0); coordinates];
-    let none = || Vec::with_capacity(highest + 1);
-    let mut variances = RowVariance { noise: none(), apart: none(), repeated: none() };
+    let mut variances = (Vec::with_capacity(highest + 1), Vec::with_capacity(highest + 1));
     for k in 0..=highest {
         let mut sum = |least: usize| {
             let pairs = bins.around(k, least).map(&mut pair);
@@ -347,15 +337,12 @@ pub(super) fn row_variance(
         let scale = if k == 0 { 1.0 } else { 4.0 };
         let line = k as isize * bins.periods;
         let (_, shape) = pair(line);
-        let mut alike = 0.0;
         for &m in &mixing {
             response(slots, gain, m, bins.frequency(line - m * bins.periods), &mut felt);
             apart += felt.iter().zip(repeating).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
-            alike += felt.iter().zip(repeated).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
         }
-        variances.noise.push(scale * level * shape);
-        variances.apart.push(scale * apart);
-        variances.repeated.push(scale * alike);
+        variances.0.push(scale * level * shape);
+        variances.1.push(scale * apart);
     }
     variances
 }

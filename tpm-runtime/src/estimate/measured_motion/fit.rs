@@ -70,10 +70,6 @@ pub(in crate::estimate) fn estimate_structured(
     let Some(dims) = records.first().map(|r| r.dims) else {
         return Err(EstimateError::NoSignal);
     };
-    let references: Vec<Option<usize>> = records.iter().map(|record| record.reference).collect();
-    for record in records.iter_mut().filter(|record| record.reference.is_some()) {
-        record.copies = references.iter().filter(|other| **other == record.reference).count();
-    }
     let mut fitted = solve_records(records, dims, settings, structure)?;
     if settings.harmonics.is_none() {
         // Each cut lowers the median of what remains, so the loop is short; it ends at half of the lines at the latest.
@@ -136,7 +132,7 @@ fn solve_records(
         let correction = (pass > 0).then_some(gradient.as_slice());
         solution = information.scaled().solve(&prior_free, correction, &hidden);
         let before = theta.clone();
-        free.put(&solution.explaining, &mut theta);
+        free.put(&solution.values, &mut theta);
         if free.indices.len() == p
             && let Some(explained) = structure.explain(&information, &gradient)
         {

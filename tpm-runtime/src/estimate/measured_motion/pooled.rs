@@ -12,7 +12,6 @@ use crate::estimate::result::Estimate;
 use crate::estimate::run::{Run, reach};
 use crate::estimate::settings::Settings;
 use crate::run::trajectory::Trajectory;
-use std::vec::Vec;
 use tpm_core::model::Model;
 
 /// The estimator `measured-motion`, over all runs that agree.
@@ -21,34 +20,19 @@ pub(in crate::estimate) struct PooledMotion {
     records: Records,
     /// What the reference of every run shows.
     designs: Designs,
-    /// The reference of every run.
-    references: Vec<Trajectory>,
 }
 
 impl PooledMotion {
     /// The estimator before any run.
     pub(in crate::estimate) fn new(settings: &Settings) -> Self {
-        PooledMotion {
-            settings: settings.clone(),
-            records: Records::new(settings),
-            designs: Designs::default(),
-            references: Vec::new(),
-        }
-    }
-
-    /// Keeps what is known of the first runs.
-    fn forget_behind(&mut self, runs: usize) {
-        self.designs.truncate(runs);
-        self.references.truncate(runs);
+        PooledMotion { settings: settings.clone(), records: Records::new(settings), designs: Designs::default() }
     }
 
     /// [`Estimator::reduce`] of a run whose design stands in the list already.
     fn reduce_last(&mut self, model: &dyn Model<f64>, run: &Run<'_>, motion: &Trajectory) -> Result<(), EstimateError> {
         let last = self.designs.len() - 1;
         let own = Settings { reach: reach(motion), ..self.designs.hidden(&self.settings, |run| run == last)? };
-        let mut record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &own)?;
-        let same = |known: &Trajectory| known.prescribes_as(&run.trial.trajectory, &run.trial.open);
-        record.reference = self.references.iter().position(same);
+        let record = MeasuredMotion::new(model, &run.trial.constants, run.spectra, run.hold, &own)?;
         let refine = |records: &mut [MeasuredMotion], settings: &Settings| {
             let mut first = |records: &mut [MeasuredMotion]| Ok(estimate_measured_motion(records, settings)?.values);
             refine_last(records, model, &run.trial.constants, run.spectra, run.hold, &mut first)
@@ -76,9 +60,8 @@ impl Estimator for PooledMotion {
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
         let motion = run.judged_motion();
         self.designs.push(model, &run.trial.constants, &motion, &self.settings)?;
-        self.references.push(run.trial.trajectory.clone());
         let reduced = self.reduce_last(model, run, &motion);
-        self.forget_behind(self.records.len());
+        self.designs.truncate(self.records.len());
         reduced
     }
 
@@ -87,7 +70,7 @@ impl Estimator for PooledMotion {
         let estimate = self.records.pooled(|records| estimate_measured_motion(records, &settings));
         if estimate.is_err() {
             self.records.pop();
-            self.forget_behind(self.records.len());
+            self.designs.truncate(self.records.len());
         }
         estimate.map(Some)
     }

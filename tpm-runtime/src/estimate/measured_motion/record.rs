@@ -8,7 +8,6 @@ use crate::estimate::information::Information;
 use crate::estimate::measured_motion::coupled::Coupled;
 use crate::estimate::measured_motion::path::NoisePath;
 use crate::estimate::measured_motion::sampling::{Context, Lines, drive_lines, hold_corrected};
-use crate::estimate::noise::RowVariance;
 use crate::estimate::select::{ALONE, highest_visible, strongest, unexplained_tail, visible, without_stragglers};
 use crate::estimate::settings::Settings;
 use crate::run::Spectra;
@@ -51,12 +50,6 @@ pub struct MeasuredMotion {
     pub(super) refined: Option<Vec<Vec<f64>>>,
     /// Variance of the rows' phasors by harmonic that does not come from the sensors' noise; no two equations share it.
     pub(super) apart: Vec<Vec<f64>>,
-    /// Variance of the rows' phasors by harmonic that every record of the same reference repeats.
-    pub(super) repeated: Vec<Vec<f64>>,
-    /// The first run of a campaign that had the reference of this record; nothing for other records.
-    pub(super) reference: Option<usize>,
-    /// Number of records with this reference that are solved together.
-    pub(super) copies: usize,
     /// Relative level of the white noise of every coordinate's sensor, where the sensors are known to be the only source of noise.
     white: Option<Vec<f64>>,
     /// Correlations of the used equations' noise, where they are known.
@@ -128,9 +121,6 @@ impl MeasuredMotion {
             tail: None,
             refined: None,
             apart: vec![Vec::new(); dims.rows],
-            repeated: vec![Vec::new(); dims.rows],
-            reference: None,
-            copies: 1,
             white: None,
             coupled: None,
         };
@@ -164,17 +154,16 @@ impl MeasuredMotion {
         self.path.jacobian.gains(row, theta)
     }
 
-    /// Sets the variance of the rows' phasors, from harmonic 0 on. `white` has the sensors' relative levels where their noise is white.
-    pub(in crate::estimate) fn set_variance(&mut self, rows: Vec<RowVariance>, white: Option<Vec<f64>>) {
-        let mut refined = Vec::with_capacity(rows.len());
-        self.apart.clear();
-        self.repeated.clear();
-        for RowVariance { noise, apart, repeated } in rows {
-            refined.push(noise);
-            self.apart.push(apart);
-            self.repeated.push(repeated);
-        }
-        self.refined = Some(refined);
+    /// Sets the variance of the rows' phasors, from harmonic 0 on: that of the coordinates' sensors, and `apart` what every phasor
+    /// has besides. `white` has the sensors' relative levels where their noise is white.
+    pub(in crate::estimate) fn set_variance(
+        &mut self,
+        variance: Vec<Vec<f64>>,
+        apart: Vec<Vec<f64>>,
+        white: Option<Vec<f64>>,
+    ) {
+        self.refined = Some(variance);
+        self.apart = apart;
         self.white = white;
     }
 

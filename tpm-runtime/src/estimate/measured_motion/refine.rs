@@ -2,7 +2,7 @@
 
 use crate::estimate::error::EstimateError;
 use crate::estimate::measured_motion::record::MeasuredMotion;
-use crate::estimate::noise::{Bins, RowVariance, row_variance, shifts, true_motion};
+use crate::estimate::noise::{Bins, row_variance, shifts, true_motion};
 use crate::run::Spectra;
 use num_complex::Complex;
 use std::vec::Vec;
@@ -39,8 +39,8 @@ pub(in crate::estimate) fn refine_last(
         let highest = record.used(row).last().copied().unwrap_or(0);
         row_variance(&bins, (&maps[row], highest), &slots, &gains[row], &sensors)
     };
-    let found: Vec<RowVariance> = (0..dims.rows).map(of_row).collect();
-    record.set_variance(found, (!sensors.counted).then_some(sensors.white));
+    let (variance, apart) = (0..dims.rows).map(of_row).unzip();
+    record.set_variance(variance, apart, (!sensors.counted).then_some(sensors.white));
     let motion = true_motion(&bins, &maps, &slots, &gains, dims.coordinates);
     if let Some((motion, uncertainty)) = motion {
         let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;

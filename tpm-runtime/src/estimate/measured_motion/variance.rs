@@ -7,11 +7,9 @@ use num_complex::Complex;
 use std::vec::Vec;
 
 impl MeasuredMotion {
-    /// Variance of an equation that it shares with no other equation of its record. What all records of its reference repeat counts for
-    /// each of them as often as there are records, so that it is as large in their mean as in one.
+    /// Variance of an equation that it shares with no other equation.
     pub(super) fn error_apart(&self, row: usize, k: usize) -> f64 {
-        let of = |rows: &[Vec<f64>]| rows[row].get(k).copied().unwrap_or(0.0);
-        of(&self.apart) + (self.copies - 1) as f64 * of(&self.repeated)
+        self.apart[row].get(k).copied().unwrap_or(0.0)
     }
 
     /// Variance of every used equation's noise at theta.
