@@ -102,11 +102,14 @@ pub(super) fn noise_along(
 /// What rounding to counts adds to every line of each coordinate, as a share of the variance that the noise of its sensor makes: in one
 /// run, because it repeats with the motion, and alike in every run of the same motion.
 pub(super) fn rounding_shares(spectra: &Spectra, hold: Hold, dims: Dims) -> Vec<(f64, f64)> {
-    let Some(sensors) = Bins::of(spectra, hold, dims).map(|bins| bins.sensors(dims.coordinates)) else {
+    let Some(bins) = Bins::of(spectra, hold, dims) else {
         return vec![(0.0, 0.0); dims.coordinates];
     };
-    let share = |power: f64, white: f64| if white > 0.0 { power / white } else { 0.0 };
-    let of = |c: usize| (share(sensors.repeating[c], sensors.white[c]), share(sensors.repeated[c], sensors.white[c]));
+    let of = |c: usize| {
+        let (alike, in_one, white) = (bins.alike(c), bins.repeating(c), bins.white(c));
+        let share = |power: f64| if white > 0.0 { power / white } else { 0.0 };
+        (share(in_one), share(bins.rounding(c, alike)))
+    };
     (0..dims.coordinates).map(of).collect()
 }
 
@@ -116,9 +119,6 @@ pub(super) struct Sensors {
     pub(super) white: Vec<f64>,
     /// Power that rounding to counts gives every line of a sensor because it repeats with the motion.
     repeating: Vec<f64>,
-    /// Power of the rounding that repeats with the motion however little it is: noise of the sensor hides it in one run, but it is alike
-    /// in all runs of the same motion and does not average out over them.
-    repeated: Vec<f64>,
     /// Whether rounding to counts makes up so much of the noise that it repeats.
     pub(super) counted: bool,
 }
@@ -154,8 +154,8 @@ impl<'a> Bins<'a> {
     /// What the sensors of the first `coordinates` channels add.
     pub(super) fn sensors(&self, coordinates: usize) -> Sensors {
         let white: Vec<f64> = (0..coordinates).map(|c| self.white(c)).collect();
-        let (repeating, repeated) = (0..coordinates).map(|c| self.repeating(c)).unzip();
-        Sensors { repeating, repeated, counted: self.counted(&white), white }
+        let repeating = (0..coordinates).map(|c| self.repeating(c)).collect();
+        Sensors { repeating, counted: self.counted(&white), white }
     }
 
     /// Whether rounding to counts makes up so much of the sensors' noise, given in every bin, that it repeats.
@@ -166,15 +166,20 @@ impl<'a> Bins<'a> {
         white.iter().zip(&self.spectra.steps).any(|(power, step)| step * step / 12.0 > share * power)
     }
 
-    /// Power that rounding to counts gives every line of a sensor because it repeats with the motion: as far as noise of the sensor does
-    /// not hide it, and the whole.
-    ///
-    /// The part of the error that follows from the motion is the same in every period, and in successive samples whose rounding errors are
-    /// alike. Where the motion rests, one error lasts so long that even the small share that noise of the sensor leaves counts.
-    fn repeating(&self, channel: usize) -> (f64, f64) {
-        let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return (0.0, 0.0) };
-        let per_period = self.spectra.samples_per_period;
-        let samples = per_period * self.spectra.periods as f64;
+    /// Power that rounding to counts gives every line of a sensor because it repeats with the motion. Where the motion rests, one error
+    /// lasts so long that even the small share that noise of the sensor leaves counts.
+    fn repeating(&self, channel: usize) -> f64 {
+        let alike = self.alike(channel);
+        if alike < UNDITHERED && !self.spectra.rests.get(channel).copied().unwrap_or(false) {
+            return 0.0;
+        }
+        self.rounding(channel, alike)
+    }
+
+    /// The share of the error of counts that is the same in every period; zero without counts.
+    fn alike(&self, channel: usize) -> f64 {
+        let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
+        let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
         // Noise of the sensor and motion that differs from period to period alike bring the counts out of step with the period. The
         // transform of white noise has E|X|^2 = sigma^2 bandwidth / N in every bin.
         let free = (0..self.count).filter(|bin| self.free(*bin));
@@ -182,16 +187,24 @@ impl<'a> Bins<'a> {
             free.fold((0.0, 0.0), |(power, number), bin| (power + self.at(channel, bin).norm_sqr(), number + 1.0));
         let between = power / f64::max(number, 1.0) * samples / self.spectra.window.bandwidth();
         let own = between / (step * step) - 1.0 / 12.0;
-        let share = repeating(own.max(0.0)) / repeating(0.0);
-        let hidden = share < UNDITHERED && !self.spectra.rests.get(channel).copied().unwrap_or(false);
+        repeating(own.max(0.0)) / repeating(0.0)
+    }
+
+    /// Power that the error of counts gives every line of a sensor, of which this share is the same in every period; zero without counts.
+    ///
+    /// The part of the error that follows from the motion is the same in every period, and in successive samples whose rounding errors are
+    /// alike. It is also the same in all runs of one motion, and does not average out over them, even where noise of the sensor hides it in
+    /// one run.
+    fn rounding(&self, channel: usize, share: f64) -> f64 {
+        let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
+        let per_period = self.spectra.samples_per_period;
         // The motion without the lines of its rounding.
         let rounding = CERTAIN * step * step / 3.0 / per_period;
         let of_motion = |line: &Complex<f64>| if line.norm_sqr() > rounding { *line } else { Complex::new(0.0, 0.0) };
         let lines: Vec<Complex<f64>> = self.spectra.lines[channel].iter().map(of_motion).collect();
         let motion = synthesise(&lines, 0, self.spectra.fundamental, lines.len(), per_period.round() as usize);
         let squares: usize = alike(&motion, *step).iter().map(|length| length * length).sum();
-        let whole = step * step / 12.0 * share * squares as f64 / (per_period * per_period);
-        (if hidden { 0.0 } else { whole }, whole)
+        step * step / 12.0 * share * squares as f64 / (per_period * per_period)
     }
 
     /// Whether anything stands between the lowest lines of the coordinates.
@@ -300,7 +313,7 @@ pub(super) fn row_variance(
     gain: &[Vec<Complex<f64>>],
     sensors: &Sensors,
 ) -> (Vec<f64>, Vec<f64>) {
-    let Sensors { white, repeating, counted, .. } = sensors;
+    let Sensors { white, repeating, counted } = sensors;
     let coordinates = white.len();
     let mixing = mixing(gain);
     let mut through = vec![Complex::new(0.0, 0.0); coordinates];

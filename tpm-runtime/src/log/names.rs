@@ -6,7 +6,7 @@
 //! columns may be meant, none is chosen.
 
 use crate::log::assumption::Assumption;
-use crate::log::columns::ColumnName;
+use crate::log::columns::{ColumnName, Columns};
 use crate::log::error::{Adjustment, LogError, UnitMismatch};
 use crate::log::options::LogOptions;
 use crate::log::unit::{UnitFault, conversion, unit_of};
@@ -107,6 +107,13 @@ pub(super) struct Names<'a> {
     /// Line of the units of the columns where they have a row of their own, otherwise that of the header.
     pub(super) units_line: u64,
     pub(super) options: &'a LogOptions,
+}
+
+impl<'a> Names<'a> {
+    /// The columns of the file at `path`.
+    pub(super) fn of(columns: &'a dyn Columns, path: &'a str, options: &'a LogOptions) -> Self {
+        Names { path, header: columns.header(), line: columns.header_line(), units_line: columns.units_line(), options }
+    }
 }
 
 impl Names<'_> {

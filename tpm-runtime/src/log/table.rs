@@ -71,14 +71,7 @@ impl Table {
         rates: &[Signal],
         options: &LogOptions,
     ) -> Result<Self, LogError> {
-        let names = Names {
-            path,
-            header: columns.header(),
-            line: columns.header_line(),
-            units_line: columns.units_line(),
-            options,
-        };
-        let plan = names.settle(signals, rates)?;
+        let plan = Names::of(columns, path, options).settle(signals, rates)?;
         Self::of(columns, path, plan)
     }
 
@@ -120,14 +113,7 @@ impl Table {
         left_out: &[String],
         options: &LogOptions,
     ) -> Result<(Self, Vec<Signal>, Vec<String>), LogError> {
-        let names = Names {
-            path,
-            header: columns.header(),
-            line: columns.header_line(),
-            units_line: columns.units_line(),
-            options,
-        };
-        let (plan, signals) = names.settle_all(left_out)?;
+        let (plan, signals) = Names::of(columns, path, options).settle_all(left_out)?;
         let mut table = Self::of(columns, path, plan)?;
         let rows = table.time.len();
         let mut kept = Vec::new();

@@ -5,6 +5,7 @@
 //! motion, given by their phasors from the mean on; whoever plans and whoever measures use the same rule.
 
 use crate::machine::actuator::mounted::{LimitUse, strongest};
+use crate::numerics::fourier::synthesise;
 use num_complex::Complex;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -62,13 +63,9 @@ impl Limited {
         ];
         let turn = |k: usize| Complex::new(0.0, k as f64 * fundamental);
         let speed: Vec<Complex<f64>> = motion.iter().enumerate().map(|(k, line)| turn(k) * line).collect();
-        let at = |lines: &[Complex<f64>], n: usize| -> f64 {
-            let angle = 2.0 * std::f64::consts::PI * n as f64 / samples.max(1) as f64;
-            lines.iter().enumerate().map(|(k, line)| (line * Complex::from_polar(1.0, k as f64 * angle)).re).sum()
-        };
+        let course = |lines: &[Complex<f64>]| synthesise(lines, 0, fundamental, lines.len(), samples);
         let (mut most, mut found) = (0.0, (0, 0.0, 0));
-        for n in 0..samples {
-            let (force, speed) = (at(force, n), at(&speed, n));
+        for (n, (force, speed)) in course(force).into_iter().zip(course(&speed)).enumerate() {
             let values = [force.abs(), speed.abs(), force * speed];
             for (kind, (value, limit)) in values.into_iter().zip([self.force, self.speed, self.power]).enumerate() {
                 if value / limit > most {
