@@ -396,8 +396,6 @@ pub struct Campaign<'m> {
     refinement: Option<Box<dyn Refinement + 'm>>,
     /// The last estimate, refined; nothing where it was not.
     refined: Option<Estimate>,
-    /// What the last update changed; nothing before the second one.
-    moved: Option<Vec<f64>>,
     reports: Vec<RunReport>,
     /// Index among the reports of every run that the estimator has taken in.
     taken: Vec<usize>,
@@ -467,7 +465,6 @@ impl<'m> Campaign<'m> {
             estimate: None,
             refinement: None,
             refined: None,
-            moved: None,
             reports: Vec::new(),
             taken: Vec::new(),
             steady: Vec::new(),
@@ -534,12 +531,11 @@ impl<'m> Campaign<'m> {
         self.estimate.as_ref()
     }
 
-    /// What the last update of `numerical` changed in a campaign that ended before its estimates had settled; nothing for any other
-    /// campaign. The other estimators need no such addition: `measured-motion` is not linearised, and the deviations of the rest contain
-    /// what their linearisation leaves out.
-    pub(crate) fn unsettled(&self) -> Option<&[f64]> {
-        let measures_its_matrix = self.setup.method == Method::Numerical;
-        self.moved.as_deref().filter(|_| measures_its_matrix && self.outcome == Some(Outcome::RunsUsed))
+    /// How far the estimate of a campaign that ended before it had settled is from the parameters about which it is linear; nothing for
+    /// estimators whose deviations contain what a linearisation leaves out.
+    pub(crate) fn unsettled(&self) -> Option<Vec<f64>> {
+        let about = self.estimator.linear_about().filter(|_| self.outcome == Some(Outcome::RunsUsed))?;
+        Some(self.estimate.as_ref()?.values.iter().zip(about).map(|(now, before)| now - before).collect())
     }
 
     /// The estimator that is at work, with what it reports beside the estimate.
@@ -676,10 +672,6 @@ impl<'m> Campaign<'m> {
             let refined = self.refine(&estimate, pooled);
             let judged = refined.as_ref().unwrap_or(&estimate);
             let converged = pooled && (self.converged(judged) || self.tracks_well(&trial, &spectra));
-            if pooled && self.estimate.is_some() {
-                let known = self.refined.as_ref().map_or(&self.current, |refined| &refined.values);
-                self.moved = Some(judged.values.iter().zip(known).map(|(now, before)| now - before).collect());
-            }
             self.current.clone_from(&estimate.values);
             self.refined = refined;
             report.updated = pooled;

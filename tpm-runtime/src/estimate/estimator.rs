@@ -43,6 +43,12 @@ pub trait Estimator: Send {
         true
     }
 
+    /// The parameters about which the last estimate is linear, where its deviations do not contain what the linearisation leaves out: how
+    /// far the estimate is from them is not confirmed by any run. Nothing for the other estimators.
+    fn linear_about(&self) -> Option<&[f64]> {
+        None
+    }
+
     /// Reduces a run to harmonics, with the noise in the equations that are formed of them.
     ///
     /// # Errors

@@ -453,6 +453,10 @@ impl Estimator for Numerical {
         !self.damping.is_damped() && self.updates.last().is_some_and(|update| update.fresh)
     }
 
+    fn linear_about(&self) -> Option<&[f64]> {
+        self.updates.last().map(|update| update.base.parameters.as_slice())
+    }
+
     fn reduce(&mut self, model: &dyn Model<f64>, run: &Run<'_>) -> Result<(), EstimateError> {
         self.ready = false;
         let dims = model.dims();

@@ -20,7 +20,7 @@ use tpm_symbolic::regressor::prepare::Prepared;
 
 /// Components of a direction below this one are rounding.
 const NOTHING: f64 = 1e-9;
-/// A last update of more than so many of its own deviations went where its linearisation does not hold.
+/// A step of more than so many of its own deviations went where its linearisation does not hold.
 const MOVING: f64 = 3.0;
 
 /// Name and version of the program.
@@ -68,8 +68,8 @@ fn of_estimate(
 ) -> Identification {
     let model = campaign.model();
     let setup = campaign.setup();
-    // What the last update still moved is what is not known.
-    let widened = estimate.zip(campaign.unsettled()).map(|(found, moved)| found.moving(moved, &setup.estimation));
+    // A step that no run has confirmed is as uncertain as it is long.
+    let widened = estimate.zip(campaign.unsettled()).map(|(found, moved)| found.moving(&moved, &setup.estimation));
     let estimate = widened.as_ref().or(estimate);
     let own = EstimateReport::new(model, &setup.stated_prior(), estimate);
     // With coordinates eliminated the machine's parameters are the physical ones behind lumped ones.
@@ -137,7 +137,7 @@ fn campaign_warnings(model: &dyn Model<f64>, estimate: Option<&Estimate>, campai
     }));
     if let Some(outcome) = campaign.outcome().filter(|outcome| !outcome.is_normal()) {
         warnings.push(Warning::EndedEarly { outcome, limit: campaign.stop().cloned() });
-        let moves = |(moved, estimate): (&[f64], &Estimate)| {
+        let moves = |(moved, estimate): (Vec<f64>, &Estimate)| {
             moved.iter().zip(&estimate.std).any(|(moved, std)| std.is_finite() && moved.abs() > MOVING * std)
         };
         if !campaign.estimator().is_final() && campaign.unsettled().zip(campaign.estimate()).is_some_and(moves) {

@@ -223,6 +223,18 @@ fn noise_of_the_recorded_force_is_found_and_leaves_no_bias() {
 }
 
 #[test]
+fn noise_of_the_force_that_a_stretch_does_not_tell_is_found_in_the_whole_record() {
+    let rig = Rig { periods: 64, white: 1e-3, force_noise: 0.03, ..Rig::default() };
+    let fits = fits(rig, 12);
+    let sizes: Vec<f64> = fits.iter().map(|found| found.input_noise[0] / 0.03).collect();
+    let found: Vec<f64> = sizes.iter().copied().filter(|size| *size > 0.0).collect();
+    assert!(found.len() >= 10, "{sizes:?}");
+    assert!(found.iter().all(|size| (0.4..2.0).contains(size)), "{sizes:?}");
+    let mean = found.iter().map(|size| size.ln()).sum::<f64>() / found.len() as f64;
+    assert!(mean.abs() < 0.25, "{sizes:?}");
+}
+
+#[test]
 fn coloured_noise_of_the_sensor_is_found() {
     let rig = Rig { white: 0.0, coloured: 1e-4, ..Rig::default() };
     let fits = fits(rig, FEWER);

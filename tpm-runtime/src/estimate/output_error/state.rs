@@ -20,6 +20,10 @@ const CONVERGED: f64 = 1e-2;
 const PATIENT: usize = 6;
 /// Share of its deviation by which a parameter may move when the steps no longer become smaller.
 const SETTLED: f64 = 0.5;
+/// A step of more deviations than this leaves the motion from which the noise was told.
+const FAR: f64 = 1.0;
+/// Most searches for the noise after the steps have become small.
+const MOST_SEARCHES: usize = 2;
 /// Share of itself by which a limit moves at most in one step.
 const FARTHEST: f64 = 0.2;
 /// Variance of the first innovations, in units of the sensors' white noise, above which there is more than that.
@@ -67,15 +71,19 @@ impl State {
         signals: &Signals<'_>,
         tuned: bool,
     ) -> Result<usize, OutputErrorFault> {
+        // Whether the motion has moved from where the noise was told from it, and how often that was told after the steps had become small.
+        let (mut stale, mut again) = (false, 0);
+        let mut due = false;
         for iteration in 0..MOST_STEPS {
             let columns = self.columns(problem, signals)?;
             let mut values = vec![0.0; self.base()];
             values.extend(self.terms.iter().map(|active| active.value));
             let mut chain = problem.linearise_at(&self.trajectory, &self.theta, &columns, &values)?;
             // The noise is told from the motion once the motion obeys the model, and again where there is more than white noise of
-            // the sensors.
-            if tuned && (iteration == 1 || iteration == 3 && !self.noise.is_plain()) {
-                self.noise = tune(&chain, &self.noise, signals);
+            // the sensors. Noise that was found while the motion was far off is looked for once more where it ends.
+            if tuned && (iteration == 1 || iteration == 3 && !self.noise.is_plain() || due) {
+                (stale, due) = (false, false);
+                self.noise = tune(&chain, &self.noise, signals, true);
                 if self.noise.inputs.iter().all(|sigma| *sigma <= 0.0) {
                     self.trajectory.disturbed.fill(0.0);
                     chain = chain.undisturbed();
@@ -83,7 +91,7 @@ impl State {
             }
             let mut smoothed = Smoothed::new(&chain, &self.noise, chain.columns, true);
             if tuned && iteration == 0 && smoothed.scale() > NOISY {
-                self.noise = tune(&chain, &self.noise, signals);
+                self.noise = tune(&chain, &self.noise, signals, false);
                 smoothed = Smoothed::new(&chain, &self.noise, chain.columns, true);
             }
             let solution = Solution::of_columns(&smoothed, chain.columns, &problem.hidden)?;
@@ -120,9 +128,15 @@ impl State {
                 active.std = solution.deviation(first + at);
             }
             let small = if turning { SETTLED } else { CONVERGED };
-            let still = (0..chain.columns).all(|at| solution.step[at].abs() <= small * solution.deviation(at));
-            if share >= whole && still && (iteration > 3 || iteration > 1 && self.noise.is_plain() || !tuned) {
-                return Ok(iteration + 1);
+            let within =
+                |most: f64| (0..chain.columns).all(|at| solution.step[at].abs() <= most * solution.deviation(at));
+            stale |= !within(FAR);
+            if share >= whole && within(small) && (iteration > 3 || iteration > 1 && self.noise.is_plain() || !tuned) {
+                due = tuned && stale && !self.noise.is_plain() && again < MOST_SEARCHES;
+                if !due {
+                    return Ok(iteration + 1);
+                }
+                again += 1;
             }
         }
         Err(OutputErrorFault::NotConverged { steps: MOST_STEPS })
