@@ -9,6 +9,7 @@ use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
 use tpm_runtime::report::{MOST_TEXT, read_input};
+use tpm_runtime::session::other_kind;
 use tpm_runtime::study::ShownError;
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::Pattern;
@@ -33,7 +34,7 @@ impl Loaded {
                 }
                 Ok(Self { source, parsed })
             }
-            Err(diagnostics) => Err(Failure::Model(diagnostics.render(&source))),
+            Err(diagnostics) => Err(Failure::Model(diagnostics.render(&source) + &other_kind(path))),
         }
     }
 

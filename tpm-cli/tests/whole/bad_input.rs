@@ -279,6 +279,13 @@ fn mistakes_are_answered_by_what_to_type() {
         (vec!["check", "none.tpm"], vec![there, "tpm init NAME"]),
         (vec!["check", "models"], vec!["type the path of a file in it"]),
         (vec!["identify", "none.tpm"], vec![there]),
+        (vec!["identify", model, "--log", "none.csv"], vec!["none.csv", there]),
+        (vec!["identify", &run], vec!["give one ending in .tpm"]),
+        (vec!["check", "models/mass_spring_drag.toml"], vec!["give one ending in .tpm"]),
+        (
+            vec!["validate", model, "--log", &run, "--params", &run],
+            vec!["type a file that `tpm identify --json -o FILE` wrote"],
+        ),
         (vec!["identify", model, "--set", "seed"], vec!["not of the form NAME=VALUE"]),
         (vec!["identify", model, "--set", "plant.paramters.m=3"], vec!["did you mean plant.parameters.m"]),
         (vec!["identify", model, "--log", &run, "--freeze", "mass=2"], vec!["there are m, k1, k2"]),

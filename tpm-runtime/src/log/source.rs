@@ -100,3 +100,54 @@ impl<'a> LogSource<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{LogSource, Samples};
+    use crate::log::{Cut, LogOptions, Recording};
+    use crate::test_models::MassSpringDrag;
+    use std::format;
+    use std::path::Path;
+    use std::string::{String, ToString as _};
+    use std::vec::Vec;
+
+    /// Columns of a run, and its text.
+    fn run() -> (Vec<(String, Vec<f64>)>, String) {
+        let time: Vec<f64> = (0..300).map(|n| f64::from(n) * 2e-3).collect();
+        let signal = |rate: f64| time.iter().map(|t| (rate * t).sin()).collect::<Vec<f64>>();
+        let columns = [("t_s", time.clone()), ("x", signal(5.0)), ("u", signal(7.0))];
+        let rows = (0..time.len()).map(|n| format!("{},{},{}\n", columns[0].1[n], columns[1].1[n], columns[2].1[n]));
+        let text = format!("t_s,x,u\n{}", rows.collect::<String>());
+        (columns.map(|(name, values)| (name.to_string(), values)).into(), text)
+    }
+
+    fn open(columns: Vec<(String, Vec<f64>)>) -> Result<Recording, String> {
+        let samples = Samples::new(columns);
+        let source = LogSource::Memory(Path::new("arrays"), &samples);
+        Recording::open(source, &MassSpringDrag, &LogOptions::default()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn samples_in_memory_are_those_of_a_file() {
+        let (columns, text) = run();
+        let read = Recording::read(text.as_bytes(), "run.csv", &MassSpringDrag, &LogOptions::default()).expect("sound");
+        let held = open(columns).expect("sound");
+        assert_eq!(held.segments[0].channels, read.segments[0].channels);
+        assert_eq!(held.segments[0].sample_time.to_bits(), read.segments[0].sample_time.to_bits());
+        assert_eq!(held.fingerprint.len(), 16);
+    }
+
+    #[test]
+    fn samples_in_memory_are_checked_as_those_of_a_file() {
+        let mut columns = run().0;
+        columns[1].1[100] = f64::NAN;
+        let split = open(columns.clone()).expect("two stretches");
+        assert!(matches!(split.report.segments[1].cut, Some(Cut::Missing { rows: 1, .. })), "{:?}", split.report);
+        columns[2].1.pop();
+        let message = open(columns.clone()).expect_err("one is shorter");
+        assert!(message.contains("`u` has 299"), "{message}");
+        columns.truncate(2);
+        let message = open(columns).expect_err("one is missing");
+        assert!(message.contains("no column `u`"), "{message}");
+    }
+}

@@ -84,7 +84,7 @@ pub use machine::Machine;
 pub use method_report::{
     MethodEntry, MethodLine, MethodReport, MethodRun, MethodSignal, MethodUpdate, ParameterUpdate, Phasor,
 };
-pub use model::{DeclaredModel, Identifiable, ModelFault};
+pub use model::{DeclaredModel, Identifiable, ModelFault, other_kind};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use refinement_report::{MissingTerm, RateReport, RefinementReport};
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
