@@ -6,14 +6,13 @@
 use crate::log::assumption::Assumption;
 use crate::log::columns::Columns;
 use crate::log::error::LogError;
-use crate::log::format::open_columns;
+use crate::log::format::{open_columns, open_file};
 use crate::log::lone::lone_readings;
 use crate::log::names::Signal;
 use crate::log::options::LogOptions;
 use crate::log::source::LogSource;
 use crate::log::stamps::Uneven;
 use crate::log::table::Table;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use std::string::{String, ToString};
@@ -167,11 +166,6 @@ impl Log {
     pub fn is_empty(&self) -> bool {
         self.lines.is_empty()
     }
-}
-
-/// The file of a log.
-pub(super) fn open_file(path: &Path) -> Result<File, LogError> {
-    File::open(path).map_err(|source| LogError::Io { path: path.display().to_string(), source })
 }
 
 /// The signals that a log of the model must have.

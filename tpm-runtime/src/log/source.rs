@@ -3,8 +3,7 @@
 use crate::log::columns::{ColumnName, Columns};
 use crate::log::error::LogError;
 use crate::log::fingerprint::{FingerprintReader, fingerprint_of};
-use crate::log::format::open_columns;
-use crate::log::read::open_file;
+use crate::log::format::{open_columns, open_file};
 use crate::log::stored::{Stored, StoredColumn};
 use std::borrow::Cow;
 use std::boxed::Box;
