@@ -6,7 +6,7 @@ TPM is the program `tpm`, ARMS the program `arms` (cargo build --release -p tpm-
 files, FIXTURES tests/fixtures/robots: the torques are compared with Pinocchio's first. Needs the package casadi, gcc and valgrind; with the
 package pin, Pinocchio is timed too (through its Python interface).
 
-The models are what `tpm import --with none` reads: inertias at run time, no friction, the panda's fingers locked. CasADi is given the
+The models are what `tpm import --losses none` reads: inertias at run time, no friction, the panda's fingers locked. CasADi is given the
 recursion written by hand (SX, cse), with angles as `tpm import` reads them, so that it has the same exact zeros and ones, and it makes the
 columns of tpm's base parameters and no others. Instructions are those of one call by callgrind, sines and cosines included; both C files
 are compiled by `gcc -O2`. Times are the shortest of a hundred means over 4000 calls.
@@ -326,7 +326,7 @@ def main():
             folder = Path(made)
             model, description = folder / f"{name}.tpm", descriptions / f"{file}.urdf"
             locks = [word for joint in locked for word in ("--lock", f"{joint}=0")]
-            subprocess.run([tpm, "import", description, "--with", "none", *locks, "-o", model], check=True, capture_output=True)
+            subprocess.run([tpm, "import", description, "--losses", "none", *locks, "-o", model], check=True, capture_output=True)
             leading = set(subprocess.run([arms, "--columns", model], check=True, capture_output=True, text=True).stdout.split())
             own = subprocess.run([arms, model], check=True, capture_output=True, text=True).stdout.split()
             links = chain(description, locked)

@@ -4,6 +4,7 @@ use crate::render::flags;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use tpm_codegen::diagnostic::with_short_numbers;
+use tpm_runtime::log::LogError;
 use tpm_runtime::session::{ModelFault, SessionError};
 use tpm_symbolic::budget::Halted;
 
@@ -17,7 +18,7 @@ pub(crate) enum Failure {
     #[error("{0}")]
     Model(String),
     /// A file could not be read.
-    #[error("error: cannot read {path}: {source}{help}", path = path.display(), help = help(source))]
+    #[error("error: cannot read {path}: {source}{help}", path = path.display(), help = help(path, source))]
     Read {
         /// The file.
         path: PathBuf,
@@ -44,11 +45,12 @@ pub(crate) enum Failure {
 }
 
 /// What helps where a file is not there.
-fn help(source: &std::io::Error) -> &'static str {
+fn help(path: &Path, source: &std::io::Error) -> &'static str {
     match source.kind() {
-        std::io::ErrorKind::NotFound => {
+        std::io::ErrorKind::NotFound if path.extension().is_some_and(|own| own == "tpm") => {
             "; type the path of a file that is there (`tpm init NAME` writes a first model)"
         }
+        std::io::ErrorKind::NotFound => "; type the path of a file that is there",
         std::io::ErrorKind::IsADirectory => "; type the path of a file in it",
         _ => "",
     }
@@ -106,7 +108,9 @@ impl From<SessionError> for Failure {
     fn from(error: SessionError) -> Self {
         match error {
             SessionError::Model(fault) => fault.into(),
-            SessionError::Read { path, source } => Self::read(Path::new(&path), source),
+            SessionError::Read { path, source } | SessionError::Log(LogError::Io { path, source }) => {
+                Self::read(Path::new(&path), source)
+            }
             other => Self::Input(flags::error(&other)),
         }
     }

@@ -18,7 +18,7 @@ use tpm_symbolic::budget::{self, Budget};
 
 /// Identify the parameters of a non-linear machine by the Trajectory Pattern Method.
 #[derive(Parser)]
-#[command(name = "tpm", version, propagate_version = true)]
+#[command(name = "tpm", version = env!("TPM_VERSION"), propagate_version = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,

@@ -1,6 +1,6 @@
 //! Generated low passes with the generated split feed-forward, in Rust and C, beside the runtime's filter.
 
-// As `tpm generate models/cart_pendulum.tpm --lang rust --low-pass 100:1 --independent-low-pass 2000:0.8 --sample-time 1e-3`
+// As `tpm generate models/cart_pendulum.tpm --lang rust --filter 100:1 --independent-filter 2000:0.8 --sample-time 1e-3`
 // wrote it into tests/generated/filtered.
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of it")]
 #[path = "../../generated/filtered/cart_pendulum.rs"]
@@ -20,7 +20,7 @@ use tpm_symbolic::number::rational::{integer, ratio};
 const SAMPLE_TIME: f64 = 1e-3;
 const SAMPLES: usize = 400;
 const COMMAND: &str =
-    "tpm generate cart_pendulum.tpm --lang rust --low-pass 100:1 --independent-low-pass 2000:0.8 --sample-time 1e-3";
+    "tpm generate cart_pendulum.tpm --lang rust --filter 100:1 --independent-filter 2000:0.8 --sample-time 1e-3";
 
 fn filters() -> Filters {
     Filters {

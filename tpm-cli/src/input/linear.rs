@@ -48,7 +48,7 @@ pub(crate) fn state_space(
         if values.is_empty() {
             return Ok(None);
         }
-        let flags: Vec<String> = missing.iter().map(|name| format!("--set {name}=VALUE")).collect();
+        let flags: Vec<String> = missing.iter().map(|name| format!("--value {name}=VALUE")).collect();
         return Err(Failure::Input(format!("for numbers, values are missing; give {}", flags.join(" "))));
     }
     let values = values.settled(|values| {

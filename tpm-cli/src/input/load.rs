@@ -9,6 +9,8 @@ use tpm_codegen::language::AtTerm;
 use tpm_codegen::source::Source;
 use tpm_codegen::{Parsed, parse_model};
 use tpm_runtime::report::{MOST_TEXT, read_input};
+use tpm_runtime::session::other_kind;
+use tpm_runtime::study::ShownError;
 use tpm_symbolic::mechanics::model::ExactModel;
 use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::plan::split::SplitError;
@@ -32,19 +34,13 @@ impl Loaded {
                 }
                 Ok(Self { source, parsed })
             }
-            Err(diagnostics) => Err(Failure::Model(diagnostics.render(&source))),
+            Err(diagnostics) => Err(Failure::Model(diagnostics.render(&source) + &other_kind(path))),
         }
     }
 
     /// The model.
     pub(crate) fn model(&self) -> &ExactModel {
         &self.parsed.model
-    }
-
-    /// Names of the nonlinear parameters.
-    pub(crate) fn nonlinear(&self) -> Vec<String> {
-        let model = self.model();
-        model.nonlinear.iter().map(|own| model.quantity(own.symbol).name.to_string()).collect()
     }
 
     /// The model with its coordinates eliminated, in the form that is linear in its parameters.
@@ -76,6 +72,19 @@ impl Loaded {
     /// The estimator from which source code is generated.
     pub(crate) fn estimator(&self) -> Result<EstimatorSource, Failure> {
         EstimatorSource::of(&self.parsed).map_err(|diagnostic| Failure::Model(self.rendered(&diagnostic)))
+    }
+
+    /// What the parser found.
+    pub(crate) fn parsed(&self) -> &Parsed {
+        &self.parsed
+    }
+
+    /// Why nothing can be said of what the model shows.
+    pub(crate) fn at_shown(&self, error: ShownError) -> Failure {
+        match error {
+            ShownError::Model(diagnostic) => Failure::Model(self.rendered(&diagnostic)),
+            other => Failure::Input(other.to_string()),
+        }
     }
 
     /// A fault of the model as a whole, placed at the model's name.

@@ -30,8 +30,8 @@ pub(crate) struct ValueArgs {
     #[arg(long, value_name = "FILE")]
     params: Option<PathBuf>,
     /// Value of one parameter or run-time constant; goes before that of the file.
-    #[arg(long, value_name = "NAME=VALUE", value_parser = assignment)]
-    set: Vec<(String, String)>,
+    #[arg(long = "value", value_name = "NAME=VALUE", value_parser = assignment)]
+    values: Vec<(String, String)>,
 }
 
 impl ValueArgs {
@@ -39,12 +39,12 @@ impl ValueArgs {
     pub(crate) fn flags(&self) -> String {
         let name = |path: &PathBuf| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         let file = self.params.iter().map(|path| format!(" --params {}", name(path)));
-        file.chain(self.set.iter().map(|(name, value)| format!(" --set {name}={value}"))).collect()
+        file.chain(self.values.iter().map(|(name, value)| format!(" --value {name}={value}"))).collect()
     }
 
     /// Options that name a file of values and nothing else.
     pub(crate) fn file(path: &Path) -> Self {
-        Self { params: Some(path.to_owned()), set: Vec::new() }
+        Self { params: Some(path.to_owned()), values: Vec::new() }
     }
 }
 
@@ -100,12 +100,12 @@ impl Values {
                 known.insert(symbol(model, pattern, &name, &path.display().to_string())?, value);
             }
         }
-        once("--set", &args.set)?;
-        for (name, text) in &args.set {
+        once("--value", &args.values)?;
+        for (name, text) in &args.values {
             let value = rational::parse(text).ok_or_else(|| {
-                Failure::Input(format!("--set {name}={text}: write a number, such as 2, 0.022, 3.168e-4 or 1/3"))
+                Failure::Input(format!("--value {name}={text}: write a number, such as 2, 0.022, 3.168e-4 or 1/3"))
             })?;
-            known.insert(symbol(model, pattern, name, "--set")?, value);
+            known.insert(symbol(model, pattern, name, "--value")?, value);
         }
         let mut values = Self { known, hidden: Hidden::default() };
         if let Some((path, identified)) = result {
@@ -128,7 +128,7 @@ impl Values {
         let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
         let given = self.known.iter().map(|(symbol, value)| (name(*symbol), rational::to_f64(value))).collect();
         let found = agreeing(model, identified, &given).map_err(|error| {
-            let flags: Vec<String> = left.iter().map(|symbol| format!("--set {}=VALUE", name(*symbol))).collect();
+            let flags: Vec<String> = left.iter().map(|symbol| format!("--value {}=VALUE", name(*symbol))).collect();
             at(format!("{error}; give {}", flags.join(" ")))
         })?;
         let by_symbol = |values: &BTreeMap<String, f64>| -> BTreeMap<Symbol, Rational> {
@@ -178,7 +178,7 @@ impl Values {
                     Err(_) => Some("the result".to_owned()),
                 };
                 if let Some(changed) = changed {
-                    let flags: Vec<String> = parameters.iter().map(|name| format!("--set {name}=VALUE")).collect();
+                    let flags: Vec<String> = parameters.iter().map(|name| format!("--value {name}=VALUE")).collect();
                     return Err(Failure::Input(format!(
                         "the identified values do not determine {direction}, and {changed} needs it; {} (or give {} here)",
                         remedy(parameters),
@@ -290,7 +290,7 @@ pub(crate) fn identification(path: &Path, text: &str, model: &str) -> Result<Ide
         let known = READABLE_SCHEMAS.join(" or ");
         Failure::Input(match error {
             IdentifiedError::Schema(fault) => {
-                format!("{}: this is no result of `tpm identify --json` (schema {known}): {fault}", path.display())
+                format!("{}: this is no result of `tpm identify --json` (schema {known}): {fault}; type a file that `tpm identify --json -o FILE` wrote", path.display())
             }
             other => format!("{}: {other}", path.display()),
         })

@@ -104,7 +104,7 @@ impl MachineArgs {
         let missing = values.missing(&model, Some(&pattern));
         if !missing.is_empty() {
             return Err(Failure::Input(format!(
-                "a value is missing for {}; give it with --set NAME=VALUE or in --params FILE",
+                "a value is missing for {}; give it with --value NAME=VALUE or in --params FILE",
                 missing.join(", ")
             )));
         }
@@ -125,7 +125,7 @@ impl MachineArgs {
         let frequency = of(pattern.frequency).unwrap_or(f64::NAN);
         if frequency.is_nan() || frequency <= 0.0 {
             let name = &model.quantity(pattern.frequency).name;
-            return Err(Failure::Input(format!("--set {name}={frequency}: the frequency must be positive")));
+            return Err(Failure::Input(format!("--value {name}={frequency}: the frequency must be positive")));
         }
         Ok(Moved {
             names: pattern.amplitudes.iter().map(|symbol| model.quantity(*symbol).name.to_string()).collect(),

@@ -43,7 +43,7 @@ enum Step {
         /// The campaign's folder.
         folder: PathBuf,
         /// Write to this file (and one ending in .json) instead of standard output.
-        #[arg(short, long, value_name = "CSV")]
+        #[arg(short, long, value_name = "FILE")]
         output: Option<PathBuf>,
     },
     /// Take in the log of the run that `next` gave, and say what comes: the next run, why a run is not pooled, what ended the campaign.

@@ -26,7 +26,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "VALUE")]
     limit: Option<f64>,
     /// Write the samples to this file, and the terms of the run beside it, to the name that ends in .json.
-    #[arg(short, long, value_name = "CSV")]
+    #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(subcommand)]
     signal: Signal,

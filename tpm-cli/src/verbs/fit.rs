@@ -34,12 +34,12 @@ pub(crate) struct Args {
     /// noise on the output is strong.
     #[arg(long, requires = "order", conflicts_with = "model")]
     whole: bool,
-    /// A known delay in seconds.
+    /// A known dead time of the transfer function, s.
     #[arg(long, value_name = "SECONDS", requires = "order")]
-    delay: Option<f64>,
-    /// Fit a delay as well, starting from --delay or 0.
+    dead_time: Option<f64>,
+    /// Fit a dead time as well, starting from --dead-time or 0.
     #[arg(long, requires = "order")]
-    fit_delay: bool,
+    fit_dead_time: bool,
     /// Fit the parameters of this model, linearised at rest in 0; input and measured output are named as in it.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
@@ -175,7 +175,7 @@ fn rational(
     whole: &mut Value,
     incomplete: &mut Vec<String>,
 ) -> Result<RationalFit, Failure> {
-    let delay = match (args.fit_delay, args.delay) {
+    let delay = match (args.fit_dead_time, args.dead_time) {
         (true, start) => Delay::Free(start.unwrap_or(0.0)),
         (false, Some(delay)) => Delay::Fixed(delay),
         (false, None) => Delay::None,

@@ -53,13 +53,13 @@ enum Part {
 
 impl Part {
     /// All of them, in the order of the code.
-    const ALL: [(Self, Requested, &'static str); 6] = [
-        (Self::Split, Requested::Split, "split"),
-        (Self::Gravity, Requested::Gravity, "gravity"),
-        (Self::MassMatrix, Requested::MassMatrix, "mass_matrix"),
-        (Self::ForwardDynamics, Requested::ForwardDynamics, "forward_dynamics"),
-        (Self::BaseRegressor, Requested::BaseRegressor, "base_regressor"),
-        (Self::Estimator, Requested::Estimator, "estimator"),
+    const ALL: [(Self, Requested); 6] = [
+        (Self::Split, Requested::Split),
+        (Self::Gravity, Requested::Gravity),
+        (Self::MassMatrix, Requested::MassMatrix),
+        (Self::ForwardDynamics, Requested::ForwardDynamics),
+        (Self::BaseRegressor, Requested::BaseRegressor),
+        (Self::Estimator, Requested::Estimator),
     ];
 }
 
@@ -104,12 +104,12 @@ pub(crate) struct Args {
     /// Add the feed-forward behind a second-order low pass of this natural frequency (rad/s) and quality (1/sqrt(2) when
     /// not given): of everything (common), and of the motion-dependent part alone (split).
     #[arg(long, value_name = "W[:Q]", requires = "sample_time")]
-    low_pass: Option<String>,
+    filter: Option<String>,
     /// A low pass of the motion-independent part in the split scheme; none when not given.
-    #[arg(long, value_name = "W[:Q]", requires = "low_pass")]
-    independent_low_pass: Option<String>,
+    #[arg(long, value_name = "W[:Q]", requires = "filter")]
+    independent_filter: Option<String>,
     /// Time between the samples of the filters, s.
-    #[arg(long, value_name = "SECONDS", requires = "low_pass")]
+    #[arg(long, value_name = "SECONDS", requires = "filter")]
     sample_time: Option<String>,
     /// Accumulators of harmonics, and the estimator of base parameters, can let the past fade away, for a machine whose parameters change
     /// while it runs.
@@ -130,9 +130,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let mut estimator = loaded.estimator()?;
-    let asked = |part: Part| args.with.contains(&part) || (part == Part::Split && args.low_pass.is_some());
+    let asked = |part: Part| args.with.contains(&part) || (part == Part::Split && args.filter.is_some());
     let parts: Vec<Requested> =
-        Part::ALL.into_iter().filter(|(part, ..)| asked(*part)).map(|(_, requested, _)| requested).collect();
+        Part::ALL.into_iter().filter(|(part, _)| asked(*part)).map(|(_, requested)| requested).collect();
     if !parts.is_empty() {
         estimator = estimator.with(&parts).map_err(|error| loaded.at_whole(&error.to_string()))?;
     }
@@ -204,8 +204,8 @@ fn command(args: &Args) -> String {
         command.push_str(" --real float");
     }
     let filters = [
-        ("low-pass", &args.low_pass),
-        ("independent-low-pass", &args.independent_low_pass),
+        ("filter", &args.filter),
+        ("independent-filter", &args.independent_filter),
         ("sample-time", &args.sample_time),
     ];
     for (name, value) in filters {
@@ -220,7 +220,7 @@ fn command(args: &Args) -> String {
         command.push_str(" --strokes");
     }
     let with: Vec<&str> =
-        Part::ALL.into_iter().filter(|(part, ..)| args.with.contains(part)).map(|(.., name)| name).collect();
+        Part::ALL.into_iter().filter(|(part, _)| args.with.contains(part)).map(|(_, part)| part.name()).collect();
     if !with.is_empty() {
         command.push_str(&format!(" --with {}", with.join(",")));
     }
@@ -240,12 +240,12 @@ fn filters(args: &Args) -> Result<Option<Filters>, Failure> {
         let (frequency, quality) = text.split_once(':').unwrap_or((text, FLATTEST));
         Ok(LowPass { natural_frequency: number(option, frequency)?, quality: number(option, quality)? })
     };
-    let (Some(dependent), Some(sample_time)) = (&args.low_pass, &args.sample_time) else { return Ok(None) };
+    let (Some(dependent), Some(sample_time)) = (&args.filter, &args.sample_time) else { return Ok(None) };
     Ok(Some(Filters {
         sample_time: number("sample-time", sample_time)?,
-        dependent: low_pass("low-pass", dependent)?,
-        independent: (args.independent_low_pass.as_deref())
-            .map(|text| low_pass("independent-low-pass", text))
+        dependent: low_pass("filter", dependent)?,
+        independent: (args.independent_filter.as_deref())
+            .map(|text| low_pass("independent-filter", text))
             .transpose()?,
     }))
 }

@@ -10,14 +10,10 @@ use crate::render::showing::showing_harmonics;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable, or_dash};
-use tpm_runtime::study::{PlayedPattern, numerical_identifiability};
-use tpm_symbolic::harmonic::expand::{ExpandError, ExpandOptions, expand_with};
-use tpm_symbolic::harmonic::identifiability::{Experiment, PhysicalIdentifiability, identifiability};
-use tpm_symbolic::harmonic::nonsmooth::DEFAULT_HARMONICS;
+use tpm_runtime::study::{AskedPattern, shown};
+use tpm_symbolic::harmonic::identifiability::PhysicalIdentifiability;
 use tpm_symbolic::harmonic::report::{Means, Report};
-use tpm_symbolic::mechanics::pattern::Pattern;
 use tpm_symbolic::number::rational::{self, Rational};
-use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
 /// Options of `tpm identifiability`.
 #[derive(clap::Args)]
@@ -30,7 +26,7 @@ pub(crate) struct Args {
     /// Value of an amplitude, the frequency or a constant, exact (1/3, 0.25); left symbolic when not given, drawn at random for a
     /// model without a table. With several patterns, `NAME[2]=VALUE` is for the second only. Where the pattern leaves a coordinate
     /// open, parameters may be given values too: its motion depends on them.
-    #[arg(long = "set", value_name = "NAME=VALUE")]
+    #[arg(long = "value", value_name = "NAME=VALUE")]
     settings: Vec<String>,
     /// Highest harmonic that counts; the pattern's own number when not given, else all of the table (31 of terms that have
     /// infinitely many, and of models without a table).
@@ -64,19 +60,8 @@ impl Setting {
     }
 }
 
-/// A pattern to analyse.
-struct Asked<'a> {
-    name: &'a str,
-    pattern: &'a Pattern,
-    /// The highest harmonic that counts, where it was stated.
-    harmonics: Option<usize>,
-}
-
-/// What was found: what the patterns show, and the physical parameters behind lumped ones.
-type Found = (Report, Option<PhysicalIdentifiability>);
-
 fn setting(text: &str, experiments: usize) -> Result<Setting, Failure> {
-    let wrong = |what: &str| Failure::Input(format!("--set {text}: {what}"));
+    let wrong = |what: &str| Failure::Input(format!("--value {text}: {what}"));
     let (name, value) = text.split_once('=').ok_or_else(|| wrong("write NAME=VALUE"))?;
     let value =
         rational::parse(value.trim()).ok_or_else(|| wrong("the value is not a number such as 2, 1/3 or 0.25"))?;
@@ -108,33 +93,31 @@ pub(crate) fn run(args: &Args) -> Outcome {
     } else {
         args.pattern.iter().map(|name| Some(name.as_str())).collect()
     };
-    let mut asked = Vec::with_capacity(names.len());
-    for name in names {
-        let pattern = loaded.pattern(name)?;
-        let harmonics = args.harmonics.or_else(|| loaded.harmonics(pattern));
-        asked.push(Asked { name: name.unwrap_or("the pattern"), pattern, harmonics });
-    }
     let settings: Vec<Setting> =
-        args.settings.iter().map(|text| setting(text, asked.len())).collect::<Result<_, _>>()?;
-    let (report, physical) = match exact(&loaded, &asked, &settings)? {
-        Ok(found) => found,
-        Err(refused) => {
-            let found = numerical(&loaded, &asked, &settings).map_err(|failure| match (&refused, failure) {
-                (ExpandError::NoMotion { .. }, Failure::Input(reason)) => loaded.at_with_help(&refused, &reason),
-                (_, failure) => failure,
-            })?;
-            file::remark(&loaded.remark(&refused));
-            file::remark("remark: without a table, the answer is found in floating point along the pattern");
-            found
-        }
-    };
-    let nonlinear = loaded.nonlinear();
+        args.settings.iter().map(|text| setting(text, names.len())).collect::<Result<_, _>>()?;
+    let mut asked = Vec::with_capacity(names.len());
+    for (number, name) in names.into_iter().enumerate() {
+        let pattern = loaded.pattern(name)?;
+        let own = settings.iter().filter(|setting| setting.is_for(number));
+        let values = own.map(|setting| (setting.name.clone(), setting.value.clone())).collect();
+        let name = name.unwrap_or("the pattern").to_owned();
+        asked.push(AskedPattern { name, pattern, harmonics: args.harmonics, values });
+    }
+    let found = shown(loaded.parsed(), &asked).map_err(|error| loaded.at_shown(error))?;
+    for replaced in &found.replaced {
+        file::remark(&format!("remark: {replaced}"));
+    }
+    if let Some(refused) = &found.refused {
+        file::remark(&loaded.remark(refused));
+        file::remark("remark: without a table, the answer is found in floating point along the pattern");
+    }
     let text = if args.json {
-        json(&report, physical.as_ref(), &nonlinear)?
+        file::json(&found)?
     } else {
-        describe(&report, physical.as_ref()) + &not_counted(&nonlinear)
+        describe(&found.report, found.physical.as_ref()) + &not_counted(&found.nonlinear)
     };
     file::emit(args.output.as_deref(), &text)?;
+    let report = &found.report;
     if report.rank < report.columns {
         return Err(Failure::Incomplete(format!(
             "the experiments show {} of {} parameters' combinations",
@@ -142,67 +125,6 @@ pub(crate) fn run(args: &Args) -> Outcome {
         )));
     }
     Ok(())
-}
-
-/// The exact answer, from harmonic tables; or why there is no table.
-fn exact(loaded: &Loaded, asked: &[Asked<'_>], settings: &[Setting]) -> Result<Result<Found, ExpandError>, Failure> {
-    let prepared = loaded.for_tables()?;
-    let mut tables = Vec::with_capacity(asked.len());
-    for Asked { pattern, harmonics, .. } in asked {
-        let mut options = ExpandOptions { harmonics: *harmonics, ..ExpandOptions::default() };
-        match expand_with(&prepared.model, &prepared.form, pattern, &mut options) {
-            Ok(table) => tables.push(table),
-            Err(error) => return Ok(Err(error)),
-        }
-    }
-    let mut experiments: Vec<Experiment<'_>> = asked
-        .iter()
-        .zip(&tables)
-        .map(|(asked, table)| Experiment::of(asked.name, &prepared.model, table).up_to(asked.harmonics))
-        .collect();
-    for setting in settings {
-        for (_, slot) in experiments.iter_mut().enumerate().filter(|(number, _)| setting.is_for(*number)) {
-            *slot = slot.clone().with(&setting.name, setting.value.clone());
-        }
-    }
-    let found = identifiability(&experiments).map_err(|error| Failure::Input(error.to_string()))?;
-    Ok(Ok((found.report(), found.physical(&ParameterMap::new(&prepared)))))
-}
-
-/// The answer in floating point, from the rows along the patterns.
-fn numerical(loaded: &Loaded, asked: &[Asked<'_>], settings: &[Setting]) -> Result<Found, Failure> {
-    let prepared = loaded.prepared()?;
-    let played: Vec<PlayedPattern<'_>> = asked
-        .iter()
-        .enumerate()
-        .map(|(number, asked)| PlayedPattern {
-            name: asked.name.to_owned(),
-            pattern: asked.pattern,
-            values: settings
-                .iter()
-                .filter(|setting| setting.is_for(number))
-                .map(|setting| (setting.name.clone(), rational::to_f64(&setting.value)))
-                .collect(),
-            harmonics: asked.harmonics.unwrap_or(DEFAULT_HARMONICS),
-        })
-        .collect();
-    let (report, physical) =
-        numerical_identifiability(&prepared, &played).map_err(|error| Failure::Input(error.to_string()))?;
-    Ok((report, Some(physical)))
-}
-
-fn json(report: &Report, physical: Option<&PhysicalIdentifiability>, nonlinear: &[String]) -> Result<String, Failure> {
-    /// The report, and the physical parameters behind the lumped ones.
-    #[derive(serde::Serialize)]
-    struct Whole<'a> {
-        #[serde(flatten)]
-        report: &'a Report,
-        physical: Option<&'a PhysicalIdentifiability>,
-        /// Nonlinear parameters, which are constants here.
-        #[serde(skip_serializing_if = "<[_]>::is_empty")]
-        nonlinear: &'a [String],
-    }
-    file::json(&Whole { report, physical, nonlinear })
 }
 
 fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> String {

@@ -30,7 +30,7 @@ pub(crate) struct Args {
     angles: AnglesChoice,
     /// Unknown torques of every drive; those that the description has a value for when not given.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "TORQUES")]
-    with: Option<Vec<LossChoice>>,
+    losses: Option<Vec<LossChoice>>,
     /// The model file to write; `arm.prior.toml` and `arm.experiment.toml` go beside `arm.tpm`.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -80,7 +80,7 @@ pub(crate) fn write(description: &Path, model: &Path) -> Outcome {
         tip: None,
         lock: Vec::new(),
         angles: AnglesChoice::Recognised,
-        with: None,
+        losses: None,
         output: model.to_owned(),
     })
 }
@@ -97,7 +97,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
             AnglesChoice::Recognised => Angles::Recognised,
             AnglesChoice::Written => Angles::Written,
         },
-        losses: args.with.as_ref().map(|losses| losses.iter().filter_map(|choice| choice.loss()).collect()),
+        losses: args.losses.as_ref().map(|losses| losses.iter().filter_map(|choice| choice.loss()).collect()),
     };
     let imported =
         urdf(&source, &options).map_err(|diagnostics: Diagnostics| Failure::Model(diagnostics.render(&source)))?;

@@ -45,12 +45,12 @@ pub(crate) struct Args {
     /// Another transfer function to put beside that of --measured over --input: coefficients of numerator and
     /// denominator, highest power first, such as 2,1/1,3,2.
     #[arg(long, value_name = "B,../A,..", value_parser = coefficients, allow_hyphen_values = true)]
-    beside: Option<TransferFunction>,
+    against: Option<TransferFunction>,
     /// Lowest frequency in Hz of the comparison; a tenth of the slowest pole's when not given.
-    #[arg(long, value_name = "HZ", requires = "beside")]
+    #[arg(long, value_name = "HZ", requires = "against")]
     low: Option<f64>,
     /// Highest frequency in Hz of the comparison; ten times the fastest pole's when not given.
-    #[arg(long, value_name = "HZ", requires = "beside")]
+    #[arg(long, value_name = "HZ", requires = "against")]
     high: Option<f64>,
     /// Print JSON (tpm.linearization/1).
     #[arg(long)]
@@ -113,7 +113,7 @@ struct Linear {
 pub(crate) fn run(args: &Args) -> Outcome {
     let loaded = Loaded::from_file(&args.file)?;
     let found = Linear::new(args, loaded.model().clone())?;
-    let comparison = args.beside.as_ref().map(|beside| found.beside(args, beside)).transpose()?;
+    let comparison = args.against.as_ref().map(|beside| found.beside(args, beside)).transpose()?;
     let text = if args.json {
         file::json(&found.json(comparison.as_ref()))?
     } else {
@@ -383,13 +383,13 @@ impl Linear {
     fn beside(&self, args: &Args, other: &TransferFunction) -> Result<Comparison, Failure> {
         let [channel] = self.channels.as_slice() else {
             return Err(Failure::Input(format!(
-                "--beside needs one transfer function to compare with, and there are {}; choose with --measured and --input",
+                "--against needs one transfer function to compare with, and there are {}; choose with --measured and --input",
                 self.channels.len()
             )));
         };
         let Some(numbers) = &channel.numbers else {
             return Err(Failure::Input(
-                "--beside needs the model in numbers; give --params FILE or --set NAME=VALUE".to_owned(),
+                "--against needs the model in numbers; give --params FILE or --value NAME=VALUE".to_owned(),
             ));
         };
         let own = numbers.function.clone();

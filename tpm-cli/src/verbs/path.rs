@@ -25,7 +25,7 @@ pub(crate) struct PathArgs {
     highest: u32,
     /// Number of derivatives that vanish at both ends of the path.
     #[arg(long, value_name = "N", default_value_t = 3, requires = "path")]
-    rest: u32,
+    rest_order: u32,
     /// The path ends where it begins, and is repeated instead of played back.
     #[arg(long, requires = "path")]
     closed: bool,
@@ -63,10 +63,11 @@ impl PathArgs {
         let names: Vec<String> = moved.iter().map(|&c| model.coordinates[c].name.to_string()).collect();
         let log = Log::open_signals(path, &names, &LogOptions::default())
             .map_err(|error| Failure::Input(error.to_string()))?;
-        let settings = PathSettings { harmonics: self.highest, rest: self.rest, closed: self.closed };
+        let settings = PathSettings { harmonics: self.highest, rest: self.rest_order, closed: self.closed };
         let signals: Vec<(String, Vec<f64>)> = names.into_iter().zip(log.channels).collect();
-        let found = fit_path(&signals, log.sample_time, settings)
-            .map_err(|error| Failure::Input(format!("{}: {error} (--highest, --rest, --closed)", path.display())))?;
+        let found = fit_path(&signals, log.sample_time, settings).map_err(|error| {
+            Failure::Input(format!("{}: {error} (--highest, --rest-order, --closed)", path.display()))
+        })?;
         let unit = |&c: &usize| model.coordinates[c].unit.as_ref().map_or(String::new(), |unit| format!(" [{unit}]"));
         Ok(Some(Fitted {
             model: model.name.clone(),

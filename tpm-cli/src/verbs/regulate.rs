@@ -128,7 +128,7 @@ impl Machine {
             .map_err(|error| Failure::Input(format!("{}: {error}", args.file.display())))?;
         let (space, _) = state_space(&model, &linear, &values)?.ok_or_else(|| {
             let flags: Vec<String> =
-                values.missing(&model, None).iter().map(|name| format!("--set {name}=VALUE")).collect();
+                values.missing(&model, None).iter().map(|name| format!("--value {name}=VALUE")).collect();
             Failure::Input(format!("a regulator needs numbers; give --params FILE or {}", flags.join(" ")))
         })?;
         // What the linear model does not depend on may still stand in the point.

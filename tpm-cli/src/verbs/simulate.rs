@@ -20,7 +20,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "CSV")]
     play: Option<PathBuf>,
     /// Write the log to this file instead of standard output.
-    #[arg(short, long, value_name = "CSV")]
+    #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
 }
 

@@ -150,7 +150,7 @@ fn in_numbers(
     let missing = values.missing(model, Some(pattern));
     if !missing.is_empty() {
         return Err(Failure::Input(format!(
-            "harmonics in numbers need a value of {}; give them with --params FILE or --set NAME=VALUE, or none at all for the exact table",
+            "harmonics in numbers need a value of {}; give them with --params FILE or --value NAME=VALUE, or none at all for the exact table",
             missing.join(", ")
         )));
     }

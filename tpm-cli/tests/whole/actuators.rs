@@ -43,7 +43,7 @@ fn split_prints_expressions_and_harmonics() {
     assert!((first + 9.9).abs() < 1e-12, "{first}");
     let reaction = waves.iter().find(|wave| wave["part"] == "F_independent").expect("there");
     assert!(reaction["left_out"].as_f64().expect("a bound") < 5.0);
-    fails(&["split", MODEL, "--set", "w=3"], 2, &["lambda1", "--set"]);
+    fails(&["split", MODEL, "--value", "w=3"], 2, &["lambda1", "--value"]);
     fails(&["split", MODEL, "--motion", "G=x"], 2, &["no input `G`", "F, tau"]);
     fails(&["split", MODEL, "--motion", "F=y"], 2, &["no coordinate `y`", "x, theta"]);
     // The electrical side of a motor belongs to its shaft's motion.
@@ -66,7 +66,7 @@ fn the_motors_of_the_example_fall_just_short() {
     // Exactly at the largest frequency the limit is met, and just below it is kept.
     let end = found["largest_frequency"][2]["largest"]["value"].as_f64().expect("feasible when slower");
     let below = format!("w={}", end * (1.0 - 1e-9));
-    let at = ["actuator", MODEL, "--motor", MOTORS, "--params", EXAMPLE, "--json", "--set", below.as_str()];
+    let at = ["actuator", MODEL, "--motor", MOTORS, "--params", EXAMPLE, "--json", "--value", below.as_str()];
     let found = json(&at, 0);
     let share = found["motors"][1]["limits"][1]["share"].as_f64().expect("a share");
     assert!((share - 1.0).abs() < 1e-6, "{share}");
@@ -103,7 +103,7 @@ fn faults_of_motor_files_are_at_their_place() {
     run("pinion_radius = 0.02", "gear = 50", &["line 10, column 8", "`x` is in m", "pinion_radius"]);
     run("current = 12.3", "current = \"12.3 A\"", &["line 13, column 11", "finite number"]);
     let (_folder, path) = changed(EXAMPLE, "w = 3 ", "# w = 3 ");
-    fails(&["actuator", MODEL, "--motor", MOTORS, "--params", &path], 2, &["a value is missing for w", "--set"]);
+    fails(&["actuator", MODEL, "--motor", MOTORS, "--params", &path], 2, &["a value is missing for w", "--value"]);
     fails(&["actuator", MODEL, "--motor", MOTORS, "--params", EXAMPLE, "--plot", "a.pdf"], 2, &[".svg or .png"]);
 }
 
@@ -236,16 +236,16 @@ fn filters_are_generated_or_refused_with_a_reason() {
     fn generate<'a>(out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
         [&["generate", MODEL, "--lang", "c", "-o", out], more].concat()
     }
-    let output = tpm(&generate(&out, &["--low-pass", "100:1", "--sample-time", "1e-3"]));
+    let output = tpm(&generate(&out, &["--filter", "100:1", "--sample-time", "1e-3"]));
     assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
     let header = std::fs::read_to_string(folder.path().join("cart_pendulum.h")).expect("written");
     assert!(
-        header.contains("--low-pass 100:1 --sample-time 1e-3") && header.contains("cart_pendulum_split_feed_forward(")
+        header.contains("--filter 100:1 --sample-time 1e-3") && header.contains("cart_pendulum_split_feed_forward(")
     );
-    let check = tpm(&generate(&out, &["--low-pass", "100:1", "--sample-time", "1e-3", "--check"]));
+    let check = tpm(&generate(&out, &["--filter", "100:1", "--sample-time", "1e-3", "--check"]));
     assert_eq!(check.status.code(), Some(0));
-    fails(&generate(&out, &["--low-pass", "100"]), 2, &["--sample-time"]);
-    fails(&generate(&out, &["--low-pass", "4000", "--sample-time", "1e-3"]), 2, &["4000 rad/s", "two samples"]);
-    fails(&generate(&out, &["--low-pass=-100", "--sample-time", "1e-3"]), 2, &["natural frequency", "positive"]);
-    fails(&generate(&out, &["--low-pass", "100:fast", "--sample-time", "1e-3"]), 2, &["`fast` is not a number"]);
+    fails(&generate(&out, &["--filter", "100"]), 2, &["--sample-time"]);
+    fails(&generate(&out, &["--filter", "4000", "--sample-time", "1e-3"]), 2, &["4000 rad/s", "two samples"]);
+    fails(&generate(&out, &["--filter=-100", "--sample-time", "1e-3"]), 2, &["natural frequency", "positive"]);
+    fails(&generate(&out, &["--filter", "100:fast", "--sample-time", "1e-3"]), 2, &["`fast` is not a number"]);
 }

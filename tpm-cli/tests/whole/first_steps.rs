@@ -50,6 +50,15 @@ fn fields_are_explained() {
 fn the_command_line_tells_of_itself() {
     let page = std::fs::read_to_string(root().join("docs/flags.md")).expect("the table of flags");
     assert_eq!(page, printed(&["flags"]), "docs/flags.md is what `tpm flags` prints");
+    // A flag has one meaning: rows of the same flag that ask for different values are listed here with the reason why they are one.
+    let same = [("`--output`", "where results go: a file, or a folder for several files")];
+    let mut flags: Vec<&str> = page.lines().filter(|line| line.starts_with("| `--")).collect();
+    flags.iter_mut().for_each(|line| *line = line.split('|').nth(1).unwrap_or_default().trim());
+    assert!(flags.len() > 50, "the table has rows");
+    let twice: Vec<&str> = flags.windows(2).filter(|pair| pair[0] == pair[1]).map(|pair| pair[0]).collect();
+    let unlisted: Vec<&&str> = twice.iter().filter(|flag| !same.iter().any(|(listed, _)| listed == *flag)).collect();
+    assert!(unlisted.is_empty(), "one flag with two kinds of values: {unlisted:?}");
+    assert!(same.iter().all(|(flag, why)| twice.contains(flag) && !why.is_empty()), "listed, but not so: {same:?}");
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
         assert!(printed(&["completions", shell]).contains("identifiability"), "{shell}");
     }

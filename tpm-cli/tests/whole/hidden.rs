@@ -152,7 +152,7 @@ fn combinations_are_enough_where_no_equation_needs_more() {
     let truth = 1.0 / bent([1.0, 0.0, 1.0], BENT);
     assert!((gain - truth).abs() < 1e-4 * truth, "{gain} {truth}");
     // One value more settles the others, by what the data show.
-    let set = printed_in(at, &["linearize", "bent.tpm", "--params", "r.json", "--set", "b=7", "--json"], 0);
+    let set = printed_in(at, &["linearize", "bent.tpm", "--params", "r.json", "--value", "b=7", "--json"], 0);
     let set: Value = serde_json::from_str(&set).expect("JSON");
     let gain = set["numbers"]["b"][1][0].as_f64().expect("a number");
     assert!((gain - 1.25).abs() < 1e-4, "a + c = 0.8: {gain}");
@@ -189,14 +189,14 @@ fn gravity_that_was_not_shown_is_no_number() {
     fails(at, &["generate", "tilted.tpm", "--lang", "rust", "--params", "older.json"], 2, &named);
     // Flat, nothing needs it; tilted, the row is named.
     let linearize = ["linearize", "tilted.tpm", "--params", "r.json"];
-    printed_in(at, &[&linearize[..], &["--set", "tilt=0"]].concat(), 0);
+    printed_in(at, &[&linearize[..], &["--value", "tilt=0"]].concat(), 0);
     fails(
         at,
-        &[&linearize[..], &["--set", "tilt=0.5"]].concat(),
+        &[&linearize[..], &["--value", "tilt=0.5"]].concat(),
         2,
-        &["mgl", "the entry of q in d/dt dot(q)", "--set mgl=VALUE"],
+        &["mgl", "the entry of q in d/dt dot(q)", "--value mgl=VALUE"],
     );
-    printed_in(at, &[&linearize[..], &["--set", "tilt=0.5", "--set", "mgl=16.7"]].concat(), 0);
+    printed_in(at, &[&linearize[..], &["--value", "tilt=0.5", "--value", "mgl=16.7"]].concat(), 0);
     let validate = ["validate", "tilted.tpm", "--params", "r.json", "--log"];
     printed_in(at, &[&validate[..], &["flat.csv", "--constant", "tilt=0"]].concat(), 0);
     let steep = [&validate[..], &["steep.csv", "--constant", "tilt=0.5"]].concat();
@@ -238,7 +238,7 @@ fn gravity_that_was_not_shown_is_no_number() {
         let truth = tilted([1.5, 2.0, -3.0], 0.5);
         assert!((found[0] - truth).abs() < 1e-3, "{found:?} {truth}");
     }
-    let output = tpm_in(at, &[&linearize[..], &["--set", "tilt=0.5"]].concat());
+    let output = tpm_in(at, &[&linearize[..], &["--value", "tilt=0.5"]].concat());
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && said.contains("`mgl`; its value 16.7 is that of a stated prior"), "{said}");
     printed_in(at, &steep, 0);
@@ -264,12 +264,12 @@ fn products_that_are_known_stand_for_their_factors() {
         let (a, b) = (&linear["numbers"]["a"][1], &linear["numbers"]["b"][1][0]);
         [&a[0], &a[1], b].iter().map(|entry| entry.as_f64().expect("a number")).collect()
     };
-    for found in [linear(&[]), linear(&["--set", "m=4"])] {
+    for found in [linear(&[]), linear(&["--value", "m=4"])] {
         for (found, truth) in found.iter().zip([-0.8 * 9.81 / 0.82, -0.3 / 0.82, 1.0 / 0.82]) {
             assert!((found - truth).abs() < 1e-3 * truth.abs(), "{found} {truth}");
         }
     }
-    let motion = ["--set", "A=0.5", "--set", "w=3"];
+    let motion = ["--value", "A=0.5", "--value", "w=3"];
     let split = printed_in(at, &[&["split", "pendulum.tpm", "--params", "r.json"], &motion[..]].concat(), 0);
     assert!(split.contains("tau_independent"), "{split}");
     write(at, "motors.toml", "[motors.tau]\ntorque_constant = 0.5\nresistance = 1.0\ninductance = 1e-3\ngear = 20\n");

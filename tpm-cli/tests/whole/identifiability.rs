@@ -38,7 +38,7 @@ fn a_sine_is_answered_exactly_by_its_series_and_numerically_without() {
     }
     let file = at.join("pendulum.tpm");
     let text =
-        printed_in(&root(), &["identifiability", file.to_str().expect("plain"), "--set", "A=1", "--set", "w=2"], 1);
+        printed_in(&root(), &["identifiability", file.to_str().expect("plain"), "--value", "A=1", "--value", "w=2"], 1);
     assert!(text.starts_with("rank 2 of 4 parameters (numerical, along the pattern)"), "{text}");
 }
 

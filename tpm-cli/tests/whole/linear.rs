@@ -91,7 +91,7 @@ fn transfer_functions_of_the_pendulum_and_what_cancels() {
 /// The parametric model that the paper prints beside its derived one does not describe the same machine.
 #[test]
 fn fong_29_is_not_consistent_with_28() {
-    let arguments = ["linearize", DOWN, "--params", TABLE_1, "--measured", "alpha2", "--beside", EQN_29];
+    let arguments = ["linearize", DOWN, "--params", TABLE_1, "--measured", "alpha2", "--against", EQN_29];
     let band = ["--low", "0.2", "--high", "23"];
     let found = json(&[&arguments[..], &band[..], &["--json"]].concat());
     let other = &found["beside"];
@@ -115,7 +115,7 @@ fn fong_29_is_not_consistent_with_28() {
         "--measured",
         "alpha2",
         "--json",
-        "--beside",
+        "--against",
         "-24.725,0/1,9.2003,65.481,427.52",
     ]);
     assert_eq!(same["beside"]["consistent"], true);
@@ -127,14 +127,14 @@ fn faults_of_a_linearisation_name_their_remedy() {
     fails(&["linearize", UP, "--at", "th3=1"], 2, &["no such coordinate or input", "th1, th2, e"]);
     fails(&["linearize", UP, "--at", "th2=2 pi"], 2, &["--at th2:1:3", "`pi` is not expected here"]);
     fails(&["linearize", UP, "--at", "th2=thh"], 2, &["`thh` is no parameter or constant", "it has"]);
-    fails(&["linearize", UP, "--set", "m2=1"], 2, &["values are missing", "--set Rm=VALUE"]);
-    fails(&["linearize", UP, "--set", "m9=1"], 2, &["no parameter or run-time constant `m9`", "Rm"]);
-    fails(&["linearize", UP, "--set", "g=9.81"], 2, &["`g` is fixed to 49/5"]);
-    fails(&["linearize", UP, "--set", "m2=heavy"], 2, &["write a number"]);
+    fails(&["linearize", UP, "--value", "m2=1"], 2, &["values are missing", "--value Rm=VALUE"]);
+    fails(&["linearize", UP, "--value", "m9=1"], 2, &["no parameter or run-time constant `m9`", "Rm"]);
+    fails(&["linearize", UP, "--value", "g=9.81"], 2, &["`g` is fixed to 49/5"]);
+    fails(&["linearize", UP, "--value", "m2=heavy"], 2, &["write a number"]);
     fails(&["linearize", UP, "--params", "models/none.toml"], 2, &["cannot read"]);
     fails(&["linearize", UP, "--params", UP], 2, &[UP]);
-    fails(&["linearize", UP, "--params", TABLE_1, "--beside", "1/1,1"], 2, &["--measured"]);
-    fails(&["linearize", UP, "--measured", "th1", "--beside", "1/1,1"], 2, &["--params FILE"]);
+    fails(&["linearize", UP, "--params", TABLE_1, "--against", "1/1,1"], 2, &["--measured"]);
+    fails(&["linearize", UP, "--measured", "th1", "--against", "1/1,1"], 2, &["--params FILE"]);
     fails(&["linearize", "models/mass_spring_drag.tpm", "--input", "v"], 2, &["it has u"]);
     fails(&["linearize", "models/emps.tpm"], 2, &["sign(dot(q))", "no derivative"]);
 }

@@ -13,7 +13,7 @@ use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
 const UPRIGHT: &str = "models/rotary_pendulum.tpm";
 /// Constants of the motor, which a result of an identification does not repeat.
-pub(crate) const MOTOR: [&str; 6] = ["--set", "Kt=0.01826", "--set", "Ku=10", "--set", "Rm=2.5604"];
+pub(crate) const MOTOR: [&str; 6] = ["--value", "Kt=0.01826", "--value", "Ku=10", "--value", "Rm=2.5604"];
 /// The regulator of the study: weights, sample time and filter.
 pub(crate) const STUDY: [&str; 14] = [
     "--sample-time",
@@ -167,7 +167,7 @@ fn a_pendulum_is_held_where_its_motor_carries_it() {
         "model Arm { coordinate q [rad]; input tau [N*m]; parameter J [kg*m^2], G [N*m]; J*ddot(q) + G*sin(q) = tau; }",
     )
     .expect("writable");
-    let arguments = ["regulate", "arm.tpm", "--at", "q=pi/2", "--at", "tau=G", "--set", "J=0.5", "--set", "G=3"];
+    let arguments = ["regulate", "arm.tpm", "--at", "q=pi/2", "--at", "tau=G", "--value", "J=0.5", "--value", "G=3"];
     let more = ["--sample-time", "0.01", "--lang", "c", "--real", "float", "--prefix", "hold", "--code", "code"];
     let said = printed_in(folder, &[&arguments[..], &more].concat(), 0);
     for part in ["rest in q = 1.5708, tau = 3", "rates are measured", "poles [rad/s] without feedback", "phase [deg]"] {
@@ -188,7 +188,7 @@ fn what_cannot_be_regulated_is_named() {
     refused(&["--weight", "th2=-1"], &["--weight th2=-1", "not negative"]);
     refused(&["--weight", "phi=1"], &["the model has no such name", "dot(th1)"]);
     refused(&["--derivative-filter", "2"], &["filtered differences", "not stable"]);
-    fails(&["regulate", UPRIGHT, "--sample-time", "1e-3"], 2, &["a regulator needs numbers", "--set m2=VALUE"]);
+    fails(&["regulate", UPRIGHT, "--sample-time", "1e-3"], 2, &["a regulator needs numbers", "--value m2=VALUE"]);
     fails(&["regulate", UPRIGHT, table[0], table[1], "--sample-time", "0"], 2, &["a sample time of 0 s"]);
 
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -201,7 +201,7 @@ fn what_cannot_be_regulated_is_named() {
     )
     .expect("writable");
     fails(
-        &["regulate", text(&model), "--set", "J=1", "--set", "G=4", "--sample-time", "1e-3"],
+        &["regulate", text(&model), "--value", "J=1", "--value", "G=4", "--sample-time", "1e-3"],
         2,
         &["no input reaches the mode at 2 rad/s", " a ", " b"],
     );

@@ -4,8 +4,18 @@ use crate::support::{fails, names, printed, printed_in, root, tpm};
 use serde_json::Value;
 
 const MODEL: &str = "models/mass_spring_drag.tpm";
-const VALUES: [&str; 10] =
-    ["--set", "m=2", "--set", "k1=40", "--set", "k2=1.5", "--set", "lambda=0.3", "--set", "w=6.283185307179586"];
+const VALUES: [&str; 10] = [
+    "--value",
+    "m=2",
+    "--value",
+    "k1=40",
+    "--value",
+    "k2=1.5",
+    "--value",
+    "lambda=0.3",
+    "--value",
+    "w=6.283185307179586",
+];
 
 fn arguments<'a>(more: &[&'a str]) -> Vec<&'a str> {
     ["trajectories", MODEL].into_iter().chain(VALUES).chain(more.iter().copied()).collect()
@@ -58,7 +68,7 @@ fn figures_are_drawn_as_svg_and_png() {
 #[test]
 fn a_law_that_no_finite_input_makes_is_named() {
     let values = ["m1=1", "m2=1", "k1=10", "k2=5", "k3=500", "lambda=0.1", "w=6"];
-    let sets = values.iter().flat_map(|value| ["--set", value]);
+    let sets = values.iter().flat_map(|value| ["--value", value]);
     let output = tpm(&["trajectories", "models/two_carts.tpm"].into_iter().chain(sets).collect::<Vec<_>>());
     let text = String::from_utf8_lossy(&output.stdout);
     let said = "trapezoid: no finite input makes it, since the inputs depend on derivative 4 of the motion";
@@ -71,7 +81,7 @@ fn strokes_that_end_with_a_velocity_or_nowhere_are_refused() {
     fails(&arguments(&["--end", "6.283185307179586"]), 2, &["x ends where it begins", "--end"]);
     fails(&arguments(&["--end", "-1"]), 2, &["--end -1"]);
     fails(&arguments(&["--plot", "figure.txt"]), 2, &[".svg or .png"]);
-    fails(&["trajectories", MODEL, "--set", "m=2"], 2, &["k1, k2, lambda, w", "--set"]);
+    fails(&["trajectories", MODEL, "--value", "m=2"], 2, &["k1, k2, lambda, w", "--value"]);
 }
 
 /// A folder with a path from 0.1 m to 0.5 m along a smooth law, in one second.

@@ -29,6 +29,31 @@ pub enum Part {
     Estimator,
 }
 
+impl Part {
+    /// All of them, in the order of the code.
+    pub const ALL: [Self; 6] =
+        [Self::Split, Self::Gravity, Self::MassMatrix, Self::ForwardDynamics, Self::BaseRegressor, Self::Estimator];
+
+    /// Its name in requests.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Split => "split",
+            Self::Gravity => "gravity",
+            Self::MassMatrix => "mass_matrix",
+            Self::ForwardDynamics => "forward_dynamics",
+            Self::BaseRegressor => "base_regressor",
+            Self::Estimator => "estimator",
+        }
+    }
+
+    /// The part of a name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|part| part.name() == name)
+    }
+}
+
 /// Why a part does not follow from the equations.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]

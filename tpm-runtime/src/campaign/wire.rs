@@ -79,23 +79,43 @@ fn columns(model: &dyn Model<f64>) -> Vec<String> {
     names
 }
 
+/// The samples of a trial, by the names of their columns: time (s), reference with its derivatives, feed-forward, in the units of the
+/// model.
+#[must_use]
+pub fn trial_columns(model: &dyn Model<f64>, trial: &Trial) -> Vec<(String, Vec<f64>)> {
+    let names = columns(model);
+    let mut all: Vec<(String, Vec<f64>)> =
+        names.into_iter().map(|name| (name, Vec::with_capacity(trial.samples()))).collect();
+    for n in 0..trial.samples() {
+        for ((_, column), value) in all.iter_mut().zip(sample(model, trial, n)) {
+            column.push(value);
+        }
+    }
+    all
+}
+
 /// The samples of a trial as CSV: time (s), reference with its derivatives, feed-forward, in the units of the model.
 #[must_use]
 pub fn trial_samples(model: &dyn Model<f64>, trial: &Trial) -> String {
-    let dims = model.dims();
     let mut text = columns(model).join(",");
     text.push('\n');
     for n in 0..trial.samples() {
-        let at = n % trial.samples_per_period;
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{}", n as f64 * trial.control.sample_time);
-        let reference = &trial.reference[at * dims.motion_len()..(at + 1) * dims.motion_len()];
-        for value in reference.iter().chain(&trial.feed_forward[at * dims.inputs..(at + 1) * dims.inputs]) {
-            let _ = write!(text, ",{value}");
+        for (column, value) in sample(model, trial, n).enumerate() {
+            let separator = if column == 0 { "" } else { "," };
+            // Writing to a string cannot fail.
+            let _ = write!(text, "{separator}{value}");
         }
         text.push('\n');
     }
     text
+}
+
+/// A sample of a trial, in the order of the columns.
+fn sample<'a>(model: &dyn Model<f64>, trial: &'a Trial, n: usize) -> impl Iterator<Item = f64> + 'a {
+    let (dims, at) = (model.dims(), n % trial.samples_per_period);
+    let reference = &trial.reference[at * dims.motion_len()..(at + 1) * dims.motion_len()];
+    let feed_forward = &trial.feed_forward[at * dims.inputs..(at + 1) * dims.inputs];
+    std::iter::once(n as f64 * trial.control.sample_time).chain(reference.iter().chain(feed_forward).copied())
 }
 
 /// Reads the trial of a run that was written to files; its period is the whole run. The samples come from `path`, the

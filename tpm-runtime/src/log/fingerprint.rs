@@ -43,8 +43,17 @@ impl<R: Read> Read for FingerprintReader<R> {
     }
 }
 
+/// The [`fingerprint`] of bytes that come one by one.
+pub(super) fn fingerprint_of(bytes: impl Iterator<Item = u8>) -> String {
+    digits(bytes.fold(EMPTY, with_byte))
+}
+
 fn extended(hash: u64, bytes: &[u8]) -> u64 {
-    bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(PRIME))
+    bytes.iter().copied().fold(hash, with_byte)
+}
+
+const fn with_byte(hash: u64, byte: u8) -> u64 {
+    (hash ^ byte as u64).wrapping_mul(PRIME)
 }
 
 fn digits(hash: u64) -> String {

@@ -6,7 +6,10 @@ use crate::log::error::LogError;
 use std::boxed::Box;
 #[cfg(not(all(feature = "mat73", feature = "mcap", feature = "parquet")))]
 use std::format;
+use std::fs::File;
 use std::io::Read;
+use std::path::Path;
+use std::string::ToString as _;
 
 /// Share of control characters beyond which bytes are no text.
 const CONTROLS: f64 = 0.05;
@@ -66,6 +69,11 @@ impl Format {
         }
         Format::Text
     }
+}
+
+/// The file of a log.
+pub(super) fn open_file(path: &Path) -> Result<File, LogError> {
+    File::open(path).map_err(|source| LogError::Io { path: path.display().to_string(), source })
 }
 
 /// The columns of a file of any format; messages call it `path`.

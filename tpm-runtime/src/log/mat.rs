@@ -97,7 +97,7 @@ fn numbers(element: &Element<'_>, order: Order) -> Option<Vec<f64>> {
 
 /// What a variable holds.
 enum Variable {
-    Columns(Vec<StoredColumn>),
+    Columns(Vec<StoredColumn<'static>>),
     /// The name of a variable that is no array of real numbers.
     Other(String),
 }
@@ -122,7 +122,7 @@ fn variable(mut rest: &[u8], order: Order) -> Option<Variable> {
 }
 
 /// The columns of a matrix whose numbers stand column by column; its longer side is time. A single number is a setting, no signal.
-pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<StoredColumn> {
+pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize) -> Vec<StoredColumn<'static>> {
     let (length, width) = (rows.max(columns), rows.min(columns));
     if length < 2 || width == 0 || width > WIDEST {
         return Vec::new();
@@ -130,7 +130,7 @@ pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize
     let column = |k: usize| StoredColumn {
         name: ColumnName::new(if width == 1 { name.to_string() } else { format!("{name}[{}]", k + 1) }),
         values: if rows >= columns {
-            values[k * rows..(k + 1) * rows].to_vec()
+            values[k * rows..(k + 1) * rows].to_vec().into()
         } else {
             values.iter().skip(k).step_by(rows).copied().collect()
         },
@@ -143,7 +143,7 @@ pub(super) fn columns_of(name: &str, values: &[f64], rows: usize, columns: usize
 ///
 /// # Errors
 /// [`LogError`] when the file cannot be read, is cut short, or has no numeric variables.
-pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored, LogError> {
+pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, LogError> {
     let io = |source| LogError::Io { path: path.into(), source };
     let fault = |what: String| LogError::Format {
         path: path.into(),

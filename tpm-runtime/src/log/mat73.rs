@@ -23,7 +23,7 @@ const NO_SIGNALS: [&str; 3] = ["char", "logical", "cell"];
 ///
 /// # Errors
 /// [`LogError`] when the file cannot be read, is damaged, or has no numeric variables.
-pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored, LogError> {
+pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, LogError> {
     let fault = |what: String| LogError::Format {
         path: path.into(),
         what,
@@ -46,7 +46,7 @@ pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored, LogError>
 }
 
 /// The columns of all numeric datasets at the root, and the names of everything else there.
-fn variables(bytes: Vec<u8>) -> Result<(Vec<StoredColumn>, Vec<String>), hdf5_reader::error::Error> {
+fn variables(bytes: Vec<u8>) -> Result<(Vec<StoredColumn<'static>>, Vec<String>), hdf5_reader::error::Error> {
     let most = bytes.len().saturating_mul(DENSEST);
     let options = OpenOptions::default().with_max_read_bytes(most).with_max_chunk_bytes(most);
     let file = Hdf5File::from_vec_with_options(bytes, options)?;

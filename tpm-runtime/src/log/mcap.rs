@@ -168,12 +168,15 @@ impl Topic {
         }
     }
 
-    fn columns(mut self, prefix: &str) -> Vec<StoredColumn> {
+    fn columns(mut self, prefix: &str) -> Vec<StoredColumn<'static>> {
         let rows = self.stamps[0].len();
         let [seconds, nanoseconds, logged] = std::mem::take(&mut self.stamps);
         let stamped = seconds.iter().chain(&nanoseconds).any(|value| *value != 0.0);
-        let stamp =
-            |name: &str, values| StoredColumn { name: ColumnName::new(format!("{prefix}{name}")), values, stamp: true };
+        let stamp = |name: &str, values: Vec<f64>| StoredColumn {
+            name: ColumnName::new(format!("{prefix}{name}")),
+            values: values.into(),
+            stamp: true,
+        };
         let mut columns = if stamped {
             vec![stamp("stamp.sec", seconds), stamp("stamp.nanosec", nanoseconds), stamp("log_time", logged)]
         } else {
@@ -183,7 +186,11 @@ impl Topic {
         };
         columns.extend(self.joints.into_iter().map(|(group, name, mut values)| {
             values.resize(rows, f64::NAN);
-            StoredColumn { name: ColumnName::new(format!("{prefix}{}.{name}", GROUPS[group])), values, stamp: false }
+            StoredColumn {
+                name: ColumnName::new(format!("{prefix}{}.{name}", GROUPS[group])),
+                values: values.into(),
+                stamp: false,
+            }
         }));
         columns
     }
@@ -269,7 +276,7 @@ fn unpacked(content: &[u8]) -> Result<Vec<u8>, Option<String>> {
 ///
 /// # Errors
 /// [`LogError`] when the file cannot be read, is damaged, or has no joint states.
-pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored, LogError> {
+pub(super) fn read(mut input: impl Read, path: &str) -> Result<Stored<'static>, LogError> {
     let io = |source| LogError::Io { path: path.into(), source };
     let fault = |what: String, remedy: &str| LogError::Format { path: path.into(), what, remedy: remedy.into() };
     let cut =

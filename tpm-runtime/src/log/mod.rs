@@ -32,8 +32,8 @@ mod reading_tests;
 mod recording;
 mod report;
 mod resample;
+mod source;
 mod stamps;
-#[cfg(any(feature = "mat", feature = "mcap"))]
 mod stored;
 mod survey;
 mod table;
@@ -52,4 +52,5 @@ pub use read::{Log, Rates};
 pub use recording::Recording;
 pub use report::{Cut, Jitter, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
 pub use resample::InterpolationError;
+pub use source::{LogSource, Samples};
 pub use survey::{Role, Survey, Surveyed, Unread};

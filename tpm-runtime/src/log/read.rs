@@ -4,14 +4,15 @@
 //! knows its line in the file.
 
 use crate::log::assumption::Assumption;
+use crate::log::columns::Columns;
 use crate::log::error::LogError;
-use crate::log::format::open_columns;
+use crate::log::format::{open_columns, open_file};
 use crate::log::lone::lone_readings;
 use crate::log::names::Signal;
 use crate::log::options::LogOptions;
+use crate::log::source::LogSource;
 use crate::log::stamps::Uneven;
 use crate::log::table::Table;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use std::string::{String, ToString};
@@ -101,15 +102,20 @@ impl Log {
         Ok(read_whole(input, name, &signals(model), &[], options)?.0)
     }
 
-    /// Reads a whole record together with the measured rates of coordinates: columns called `dot(x)`, or mapped to that name. A
+    /// Reads a whole record, of a file or in memory, together with the measured rates of coordinates: columns called `dot(x)`, or mapped to that name. A
     /// coordinate without such a column has no rate; the list is empty when no coordinate has one.
     ///
     /// # Errors
     /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is
     /// not even.
-    pub fn open_rated(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<(Self, Rates), LogError> {
-        let name = path.display().to_string();
-        let (mut log, _) = read_whole(open_file(path)?, &name, &signals(model), &rate_signals(model), options)?;
+    pub fn open_rated<'a>(
+        source: impl Into<LogSource<'a>>,
+        model: &dyn Model<f64>,
+        options: &LogOptions,
+    ) -> Result<(Self, Rates), LogError> {
+        let source: LogSource<'_> = source.into();
+        let (name, signals, rates) = (source.name(), signals(model), rate_signals(model));
+        let (mut log, _) = whole(&mut *source.columns()?, &name, &signals, &rates, options)?;
         let rates = std::mem::take(&mut log.rates);
         Ok((log, rates))
     }
@@ -162,11 +168,6 @@ impl Log {
     }
 }
 
-/// The file of a log.
-pub(super) fn open_file(path: &Path) -> Result<File, LogError> {
-    File::open(path).map_err(|source| LogError::Io { path: path.display().to_string(), source })
-}
-
 /// The signals that a log of the model must have.
 pub(super) fn signals(model: &dyn Model<f64>) -> Vec<Signal> {
     let dims = model.dims();
@@ -194,8 +195,18 @@ fn read_whole(
     rates: &[Signal],
     options: &LogOptions,
 ) -> Result<(Log, Vec<Assumption>), LogError> {
-    let mut columns = open_columns(input, name)?;
-    let mut table = Table::read(&mut *columns, name, signals, rates, options)?;
+    whole(&mut *open_columns(input, name)?, name, signals, rates, options)
+}
+
+/// The record of columns in which nothing is missing and whose stamps are even.
+fn whole(
+    columns: &mut dyn Columns,
+    name: &str,
+    signals: &[Signal],
+    rates: &[Signal],
+    options: &LogOptions,
+) -> Result<(Log, Vec<Assumption>), LogError> {
+    let mut table = Table::read(columns, name, signals, rates, options)?;
     if let Some(missing) = table.missing().or_else(|| table.missing_rate()) {
         return Err(missing);
     }

@@ -4,15 +4,17 @@
 //! [`Log`], and all have the same sample time.
 
 use crate::log::assumption::Assumption;
+use crate::log::columns::Columns;
 use crate::log::error::LogError;
 use crate::log::fingerprint::FingerprintReader;
-use crate::log::format::open_columns;
+use crate::log::format::{open_columns, open_file};
 use crate::log::joins::joins;
 use crate::log::names::Signal;
 use crate::log::options::LogOptions;
-use crate::log::read::{LEAST, Log, jitter, open_file, rate_signals, signals};
+use crate::log::read::{LEAST, Log, jitter, rate_signals, signals};
 use crate::log::report::{Cut, Jitter, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
 use crate::log::resample::{InterpolationError, interpolation_error, on_grid, readings_before, rougher_at_stamps};
+use crate::log::source::LogSource;
 use crate::log::stamps::{DRIFT, Stamps, Uneven};
 use crate::log::table::{Hole, Table};
 use crate::numerics::root_mean_square;
@@ -34,7 +36,7 @@ pub struct Recording {
     pub segments: Vec<Log>,
     /// What was assumed, found and left out.
     pub report: ReadingReport,
-    /// Fingerprint of the file's bytes; empty for a record that was not opened as a file.
+    /// Fingerprint of the file's bytes, or of the samples in memory; empty for a record that was not opened.
     pub fingerprint: String,
 }
 
@@ -48,13 +50,25 @@ impl From<Log> for Recording {
 }
 
 impl Recording {
-    /// Reads the signals of a model from a file of any format: coordinates, inputs and, where there are such columns, measured rates.
+    /// Reads the signals of a model from a file of any format, or from memory: coordinates, inputs and, where there are such columns, measured rates.
     ///
     /// # Errors
     /// [`LogError`] with the line when the file cannot be read, a column is missing or ambiguous, a unit is not converted, a field is
     /// neither a number nor missing, or no stretch is long enough.
-    pub fn open(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
-        let name = path.display().to_string();
+    pub fn open<'a>(
+        source: impl Into<LogSource<'a>>,
+        model: &dyn Model<f64>,
+        options: &LogOptions,
+    ) -> Result<Self, LogError> {
+        let source: LogSource<'_> = source.into();
+        let name = source.name();
+        let LogSource::File(path) = source else {
+            let (signals, rates) = (signals(model), rate_signals(model));
+            let coordinates = &signals[..model.dims().coordinates];
+            let read = Self::of_columns(&mut *source.columns()?, &name, (coordinates, &signals), &rates, options)?;
+            return Ok(Recording { fingerprint: source.fingerprint()?, ..read });
+        };
+        // Read and fingerprinted in one go.
         let mut file = FingerprintReader::new(open_file(path)?);
         let mut recording = Self::read(&mut file, &name, model, options)?;
         // What a reader leaves unread at the end of the file belongs to the fingerprint.
@@ -90,9 +104,18 @@ impl Recording {
         rates: &[Signal],
         options: &LogOptions,
     ) -> Result<Self, LogError> {
-        let mut columns = open_columns(input, name)?;
-        let table = Table::read(&mut *columns, name, signals, rates, options)?;
-        drop(columns);
+        Self::of_columns(&mut *open_columns(input, name)?, name, (coordinates, signals), rates, options)
+    }
+
+    /// Takes signals, of which the first are coordinates, and, where they have a column, rates from columns.
+    fn of_columns(
+        columns: &mut dyn Columns,
+        name: &str,
+        (coordinates, signals): (&[Signal], &[Signal]),
+        rates: &[Signal],
+        options: &LogOptions,
+    ) -> Result<Self, LogError> {
+        let table = Table::read(columns, name, signals, rates, options)?;
         Self::of(table, (coordinates, rates), |table| table.constant(signals).map_or(Ok(()), Err))
     }
 

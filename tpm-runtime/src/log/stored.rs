@@ -3,32 +3,33 @@
 use crate::log::assumption::Assumption;
 use crate::log::columns::{ColumnName, Columns};
 use crate::log::error::LogError;
+use std::borrow::Cow;
 use std::format;
 use std::string::{String, ToString as _};
 use std::vec::Vec;
 
 /// A column and its readings.
 #[derive(Debug, Default)]
-pub(super) struct StoredColumn {
+pub(super) struct StoredColumn<'a> {
     pub(super) name: ColumnName,
     /// Readings, NaN where one is missing.
-    pub(super) values: Vec<f64>,
+    pub(super) values: Cow<'a, [f64]>,
     /// Whether this is a stamp, which says nothing where all else is missing.
     pub(super) stamp: bool,
 }
 
 /// Columns in memory. They may have different lengths; those that are selected may not.
-pub(super) struct Stored {
+pub(super) struct Stored<'a> {
     path: String,
     header: Vec<ColumnName>,
-    columns: Vec<StoredColumn>,
+    columns: Vec<StoredColumn<'a>>,
     wanted: Vec<usize>,
     row: usize,
 }
 
-impl Stored {
+impl<'a> Stored<'a> {
     /// The columns of a file, which messages call `path`.
-    pub(super) fn new(path: &str, columns: Vec<StoredColumn>) -> Self {
+    pub(super) fn new(path: &str, columns: Vec<StoredColumn<'a>>) -> Self {
         let header = columns.iter().map(|column| column.name.clone()).collect();
         Stored { path: path.into(), header, columns, wanted: Vec::new(), row: 0 }
     }
@@ -54,7 +55,7 @@ impl Stored {
     }
 }
 
-impl Columns for Stored {
+impl Columns for Stored<'_> {
     fn header(&self) -> &[ColumnName] {
         &self.header
     }

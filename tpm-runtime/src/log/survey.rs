@@ -4,14 +4,13 @@
 //! numbers. Invariant: a channel that never changes is no fault here; it is a finding.
 
 use crate::log::error::LogError;
-use crate::log::format::open_columns;
 use crate::log::options::LogOptions;
-use crate::log::read::{open_file, rate_signals, signals};
+use crate::log::read::{rate_signals, signals};
 use crate::log::recording::Recording;
+use crate::log::source::LogSource;
 use crate::log::table::Table;
 use serde::Serialize;
 use std::format;
-use std::path::Path;
 use std::string::{String, ToString as _};
 use std::vec::Vec;
 use tpm_core::model::Model;
@@ -63,14 +62,19 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// What a file holds of a model's signals.
+    /// What a log holds of a model's signals.
     ///
     /// # Errors
     /// Those of [`Recording::open`], but for a channel that never changes.
-    pub fn of_model(path: &Path, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
-        let name = path.display().to_string();
+    pub fn of_model<'a>(
+        source: impl Into<LogSource<'a>>,
+        model: &dyn Model<f64>,
+        options: &LogOptions,
+    ) -> Result<Self, LogError> {
+        let source: LogSource<'_> = source.into();
+        let name = source.name();
         let (needed, rates) = (signals(model), rate_signals(model));
-        let mut columns = open_columns(open_file(path)?, &name)?;
+        let mut columns = source.columns()?;
         let table = Table::read(&mut *columns, &name, &needed, &rates, options)?;
         drop(columns);
         let recording = Recording::of(table, (&needed[..model.dims().coordinates], &rates), |_| Ok(()))?;
@@ -86,16 +90,17 @@ impl Survey {
         Ok(Survey { recording, channels: channels.collect(), unread: Vec::new() })
     }
 
-    /// All columns of numbers that a file has beside its time. Columns of text are named, and so are those that are empty in most rows.
+    /// All columns of numbers that a log has beside its time. Columns of text are named, and so are those that are empty in most rows.
     ///
     /// # Errors
     /// [`LogError`] when the file cannot be read, its time is not known, or no stretch is long enough.
-    pub fn of_file(path: &Path, options: &LogOptions) -> Result<Self, LogError> {
-        let name = path.display().to_string();
+    pub fn of_all<'a>(source: impl Into<LogSource<'a>>, options: &LogOptions) -> Result<Self, LogError> {
+        let source: LogSource<'_> = source.into();
+        let name = source.name();
         let mut unread: Vec<Unread> = Vec::new();
         loop {
             let left_out: Vec<String> = unread.iter().map(|unread| unread.column.clone()).collect();
-            let mut columns = open_columns(open_file(path)?, &name)?;
+            let mut columns = source.columns()?;
             let (table, signals, empty) = match Table::read_all(&mut *columns, &name, &left_out, options) {
                 Err(LogError::NotANumber { line, column, text, .. })
                     if may_be_left_out(&column, &left_out, options) =>
@@ -140,7 +145,7 @@ mod tests {
             text += &format!("{:.3},{q},{},,{}\n", 0.01 * f64::from(i), if i < 20 { "idle" } else { "run" }, i % 7);
         }
         std::fs::write(&path, text).expect("writable");
-        let survey = Survey::of_file(&path, &LogOptions::default()).expect("readable");
+        let survey = Survey::of_all(path.as_path(), &LogOptions::default()).expect("readable");
         let names: Vec<(&str, Option<&str>)> =
             survey.channels.iter().map(|of| (of.name.as_str(), of.unit.as_deref())).collect();
         assert_eq!(names, [("q [deg]", Some("deg")), ("u_V", Some("V"))]);

@@ -63,6 +63,13 @@ pub enum Remedy {
         /// The parameter, as the model names it.
         parameter: String,
     },
+    /// Name the file of an experiment.
+    Experiment,
+    /// Begin a campaign in a folder.
+    BeginCampaign {
+        /// The folder.
+        folder: String,
+    },
     /// Give a value to a constant of the model that is known at run time only.
     Constants {
         /// The constants without a value.

@@ -208,6 +208,8 @@ impl SessionError {
             SessionError::Log(error) => error.remedy(),
             SessionError::Record { source: RecordError::TooShort { .. }, .. } => Some(Remedy::Stopped),
             SessionError::ParameterAsConstant { name } => Some(Remedy::HoldParameter { parameter: name.clone() }),
+            SessionError::NoExperiment { .. } => Some(Remedy::Experiment),
+            SessionError::NoCampaign { path } => Some(Remedy::BeginCampaign { folder: path.clone() }),
             SessionError::Constants { names } => Some(Remedy::Constants { names: names.clone() }),
             _ => None,
         }

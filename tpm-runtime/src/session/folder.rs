@@ -154,18 +154,17 @@ impl CampaignFolder {
         let plant = self.session.machine().plant();
         let Some(trial) = campaign.next().cloned() else { return Err(SessionError::Ended) };
         let path = request.path.display().to_string();
-        let (measured, rates) = Log::open_rated(&request.path, plant, &request.columns())?;
+        let (measured, rates) = Log::open_rated(request.source(), plant, &request.columns())?;
         let mut coordinates = measured.channels;
         let inputs = coordinates.split_off(plant.dims().coordinates);
         let fault =
             |error: &dyn std::fmt::Display| SessionError::File { path: path.clone(), message: error.to_string() };
-        let bytes = std::fs::read(&request.path).map_err(|error| fault(&error))?;
         let whole = Record {
             rates: rates.clone(),
             ..Record::new(trial.control.sample_time, coordinates.clone(), inputs.clone(), Ending::Complete)
         };
         let own = LogFingerprints {
-            bytes: fingerprint(&bytes),
+            bytes: request.source().fingerprint()?,
             samples: fingerprint(samples_text(plant, &whole).as_bytes()),
         };
         if let Some(run) = self.store.run_with(&own)? {

@@ -2,7 +2,7 @@
 
 use crate::estimate::physical::PhysicalSettings;
 use crate::estimate::{EstimateError, Frozen, Weights};
-use crate::log::{Domain, Log, LogError, LogOptions, ReadingReport, Recording, Refine};
+use crate::log::{Domain, Log, LogError, LogOptions, LogSource, ReadingReport, Recording, Refine, Samples};
 use crate::report::displayed;
 use crate::run::Dynamics;
 use crate::session::error::{SessionError, Setting};
@@ -33,6 +33,9 @@ use tpm_symbolic::regressor::prepare::Prepared;
 pub struct LogRequest {
     /// The file: columns of text with a header, or another format that is built in.
     pub path: PathBuf,
+    /// The log itself, where it is in memory; the path is then its name in messages.
+    #[serde(skip)]
+    pub samples: Option<Samples>,
     /// Column of a coordinate or input (or of `t_s`), where it is not called like it.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub map: BTreeMap<String, String>,
@@ -84,6 +87,20 @@ impl LogRequest {
     #[must_use]
     pub fn new(path: impl Into<PathBuf>) -> Self {
         LogRequest { path: path.into(), ..LogRequest::default() }
+    }
+
+    /// A log in memory of which nothing else is known; messages call it `name`.
+    #[must_use]
+    pub fn of_samples(name: impl Into<PathBuf>, samples: Samples) -> Self {
+        LogRequest { samples: Some(samples), ..LogRequest::new(name) }
+    }
+
+    /// Where its columns are.
+    pub(super) fn source(&self) -> LogSource<'_> {
+        match &self.samples {
+            Some(samples) => LogSource::Memory(&self.path, samples),
+            None => LogSource::File(&self.path),
+        }
     }
 
     /// Says in which column a signal stands.
@@ -248,7 +265,7 @@ pub fn from_logs<R: Into<LogRequest>>(
             hidden: known.hidden.clone(),
             ..LogRequest { constants: first.constants.clone(), ..request.clone() }.options(evaluated, &physical)?
         };
-        let mut recording = Recording::open(&request.path, evaluated, &options)?;
+        let mut recording = Recording::open(request.source(), evaluated, &options)?;
         let path = request.path.display().to_string();
         let hash = std::mem::take(&mut recording.fingerprint);
         if let Some(same) = fingerprints.iter().find(|other| other.hash == hash) {

@@ -54,6 +54,7 @@ mod separable_tests;
 mod simulation;
 #[cfg(feature = "plot")]
 mod simulation_figure;
+mod spelling;
 mod summary;
 #[cfg(test)]
 mod synthetic_tests;
@@ -83,10 +84,11 @@ pub use machine::Machine;
 pub use method_report::{
     MethodEntry, MethodLine, MethodReport, MethodRun, MethodSignal, MethodUpdate, ParameterUpdate, Phasor,
 };
-pub use model::{DeclaredModel, Identifiable, ModelFault};
+pub use model::{DeclaredModel, Identifiable, ModelFault, other_kind};
 pub use play::{Watch, identify_simulated, play_campaign, play_simulated};
 pub use refinement_report::{MissingTerm, RateReport, RefinementReport};
 pub use simulation::{ChannelSimulation, Fit, InputNoise, InputTest, Leaving, Simulation};
+pub use spelling::{Given, Spelling};
 pub use summary::of_campaign;
 #[cfg(feature = "document")]
 pub(crate) use text::closed_loop;

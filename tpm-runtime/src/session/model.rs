@@ -71,7 +71,10 @@ impl DeclaredModel {
         let path = path.as_ref();
         let name = path.display().to_string();
         let bytes = read_input(path, MOST_TEXT).map_err(|source| ModelFault::Read { path: name.clone(), source })?;
-        Self::of_source(Source::from_bytes(name, bytes))
+        Self::of_source(Source::from_bytes(name, bytes)).map_err(|fault| match fault {
+            ModelFault::Text { diagnostics } => ModelFault::Text { diagnostics: diagnostics + &other_kind(path) },
+            other => other,
+        })
     }
 
     /// Reads a model from its text; `name` stands in messages.
@@ -162,6 +165,18 @@ impl DeclaredModel {
         self.parsed
             .pattern(name, "leave the name out")
             .map_err(|fault| ModelFault::Text { diagnostics: diagnostic::render(&self.source, &fault) })
+    }
+}
+
+/// What to say beside the faults of a text that does not stand in a model file; nothing for a model file.
+#[must_use]
+pub fn other_kind(path: &Path) -> String {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        Some(kind @ ("toml" | "csv" | "json" | "urdf")) => std::format!(
+            "\n{} ends in .{kind}, and a model file stands here: give one ending in .tpm\n",
+            path.display()
+        ),
+        _ => String::new(),
     }
 }
 

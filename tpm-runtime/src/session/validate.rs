@@ -144,7 +144,7 @@ pub fn validate(
     };
     let parameters: Vec<f64> = (0..evaluated.dims().parameters).map(value).collect::<Result<_, _>>()?;
     let options = request.options(evaluated, &[])?;
-    let mut recording = Recording::open(&request.path, evaluated, &options)?;
+    let mut recording = Recording::open(request.source(), evaluated, &options)?;
     if options.domain == Some(Domain::Harmonics) {
         recording = alone(recording, evaluated.dims().coordinates, &options);
     }

@@ -9,6 +9,7 @@ mod content;
 mod design;
 mod identifiability;
 mod path;
+mod shown;
 mod trajectories;
 #[cfg(feature = "plot")]
 mod trajectories_figure;
@@ -18,5 +19,6 @@ pub use campaigns::{Identify, ParameterStudy, Study, study, study_campaigns, stu
 pub use design::{Candidate, Design, Passed, Predicted, Showing, design};
 pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
 pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};
+pub use shown::{AnyMotion, AskedPattern, Base, Shown, ShownError, any_motion, shown};
 pub use trajectories::{CoordinateUse, InputUse, Moved, StrokeError, Trajectories, trajectories};
 pub use updates::{Convergence, LIMITS, Updates, convergence, updates};

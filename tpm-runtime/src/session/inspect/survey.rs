@@ -46,7 +46,7 @@ pub fn inspect(log: impl Into<LogRequest>) -> Result<Inspection, SessionError> {
         domain: request.domain,
         ..request.columns()
     };
-    let survey = Survey::of_file(&request.path, &options)?;
+    let survey = Survey::of_all(request.source(), &options)?;
     let mut inspection = measure(&survey, &options, 0)?;
     if !inspection.channels.is_empty() {
         inspection.findings.push(Finding::DelayUnknown { model: false });
@@ -70,7 +70,7 @@ pub fn inspect_for(model: &impl Identifiable, log: impl Into<LogRequest>) -> Res
         Err(error @ SessionError::Constants { .. }) => (request.columns(), Some(error)),
         Err(error) => return Err(error),
     };
-    let mut survey = Survey::of_model(&request.path, evaluated, &options)?;
+    let mut survey = Survey::of_model(request.source(), evaluated, &options)?;
     let mut inspection = measure(&survey, &options, evaluated.dims().coordinates)?;
     inspection.model = Some(evaluated.name().into());
     let constant = inspection.channels.iter().any(|channel| channel.constant && channel.role != Role::Rate);

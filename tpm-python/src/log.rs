@@ -1,0 +1,116 @@
+//! Arrays and keyword arguments as the request of a log.
+
+use crate::words::Error;
+use numpy::{AllowTypeChange, PyArrayLike1};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use tpm_runtime::estimate::Weights;
+use tpm_runtime::harmonics::Hold;
+use tpm_runtime::log::{Domain, Refine, Samples};
+use tpm_runtime::run::LowPass;
+use tpm_runtime::session::LogRequest;
+
+/// Name of the time among the columns of a log.
+pub(crate) const TIME: &str = "t_s";
+/// What messages call a log that came as arrays.
+const ARRAYS: &str = "arrays";
+
+/// Anything that numpy makes a vector of numbers of.
+pub(crate) type Vector<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
+/// Keyword arguments.
+pub(crate) type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
+
+/// The log of arrays: stamps and signals. They are copied once, since Python may change them while they are used.
+pub(crate) fn of_arrays(t: &Vector<'_>, signals: &BTreeMap<String, Vector<'_>>) -> LogRequest {
+    let column = |name: &str, array: &Vector<'_>| (name.to_owned(), array.as_array().to_vec());
+    let signals = signals.iter().map(|(name, array)| column(name, array));
+    LogRequest::of_samples(ARRAYS, Samples::new(std::iter::once(column(TIME, t)).chain(signals).collect()))
+}
+
+/// The log of a file.
+pub(crate) fn of_file(path: PathBuf) -> LogRequest {
+    LogRequest::new(path)
+}
+
+/// A request with what keyword arguments say of the log's columns alone.
+pub(crate) fn with_columns(mut request: LogRequest, settings: Keywords<'_, '_>) -> PyResult<LogRequest> {
+    for (name, value) in given(settings)? {
+        if !take_column(&mut request, &name, &value)? {
+            return Err(unexpected(&name));
+        }
+    }
+    Ok(request)
+}
+
+/// A request with everything that keyword arguments say of a log, and of the machine that it is of.
+pub(crate) fn with_settings(mut request: LogRequest, settings: Keywords<'_, '_>) -> PyResult<LogRequest> {
+    for (name, value) in given(settings)? {
+        let chosen = |known: &[&str]| -> PyResult<usize> {
+            let word: String = value.extract()?;
+            let found = known.iter().position(|one| *one == word);
+            found.ok_or_else(|| Error::new_err(format!("{name}=\"{word}\": give one of {}", known.join(", "))))
+        };
+        match name.as_str() {
+            "from_sample" => request.from_sample = Some(value.extract()?),
+            "period" => request.period = Some(value.extract()?),
+            "hold" => request.hold = [Hold::None, Hold::Zoh][chosen(&["none", "zoh"])?],
+            "delay" => {
+                for (input, delay) in value.extract::<BTreeMap<String, f64>>()? {
+                    if !(delay.is_finite() && delay >= 0.0) {
+                        let message = format!("delay={{\"{input}\": {delay}}}: the time must not be negative");
+                        return Err(Error::new_err(message));
+                    }
+                    request.actuators.entry(input).or_default().delay = delay;
+                }
+            }
+            "low_pass" => {
+                for (input, (natural_frequency, quality)) in value.extract::<BTreeMap<String, (f64, f64)>>()? {
+                    if ![natural_frequency, quality].iter().all(|number| number.is_finite() && *number > 0.0) {
+                        return Err(Error::new_err(format!(
+                            "low_pass={{\"{input}\": ...}}: natural frequency (rad/s) and quality are positive numbers"
+                        )));
+                    }
+                    request.actuators.entry(input).or_default().filter = Some(LowPass { natural_frequency, quality });
+                }
+            }
+            "domain" => request.domain = Some([Domain::Harmonics, Domain::Time][chosen(&["harmonics", "time"])?]),
+            "harmonics" => request.harmonics = Some(value.extract()?),
+            "weights" => request.weights = [Weights::Noise, Weights::Equal][chosen(&["noise", "equal"])?],
+            "refine" => {
+                request.refine =
+                    [Refine::Auto, Refine::OutputError, Refine::None][chosen(&["auto", "output-error", "none"])?];
+            }
+            "constants" => request.constants = value.extract()?,
+            "prior" => request.prior = value.extract()?,
+            "freeze" => request.frozen = value.extract()?,
+            "bounds" => request.bounds = value.extract()?,
+            _ if take_column(&mut request, &name, &value)? => {}
+            _ => return Err(unexpected(&name)),
+        }
+    }
+    Ok(request)
+}
+
+/// Takes in what is said of columns; whether the argument is about them.
+fn take_column(request: &mut LogRequest, name: &str, value: &Bound<'_, PyAny>) -> PyResult<bool> {
+    match name {
+        "map" => request.map = value.extract()?,
+        "scale" => request.scale = value.extract()?,
+        "offset" => request.offset = value.extract()?,
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+/// The arguments that were given, by name; `None` is as good as nothing.
+fn given<'py>(settings: Keywords<'_, 'py>) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+    let all = settings.into_iter().flat_map(|settings| settings.iter());
+    all.filter(|(_, value)| !value.is_none()).map(|(name, value)| Ok((name.extract()?, value))).collect()
+}
+
+fn unexpected(name: &str) -> PyErr {
+    PyTypeError::new_err(format!("unexpected keyword argument '{name}'"))
+}
