@@ -273,7 +273,7 @@ impl Rational {
 /// Announces that a quotient of so many words is brought into lowest terms. Stein's algorithm goes through the whole numbers once for
 /// every bit, and allocates.
 fn charge_reduction(words: u64) {
-    budget::charge(24u64.saturating_mul(words).saturating_mul(words + 40));
+    budget::charge(48u64.saturating_mul(words).saturating_mul(words + 40));
 }
 
 impl From<BigRational> for Rational {
