@@ -9,7 +9,7 @@ use crate::experiment::Experiment;
 use crate::run::trajectory::ReferencePattern;
 use crate::session::{Identification, Session, SessionError, identify_simulated};
 use crate::study::design::bounds;
-use crate::study::tally::{Outcome, Tally};
+use crate::study::tally::{Outcome, ParameterStudy, Tally};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::string::{String, ToString};
@@ -20,35 +20,6 @@ use tpm_core::model::Model;
 
 /// Most seeds that a warning lists.
 const SHOWN_SEEDS: usize = 8;
-
-/// One parameter over all campaigns. The statistics are over the campaigns that identified the parameter; an estimate
-/// that the campaign itself reports as poorly determined does not count.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ParameterStudy {
-    /// Name in the model.
-    pub name: String,
-    /// Unit in the model.
-    pub unit: Option<String>,
-    /// Value of the parameter in the simulated machine.
-    pub truth: f64,
-    /// Number of campaigns that identified the parameter.
-    pub values: usize,
-    /// Mean of the estimates; nothing when there are none.
-    pub mean: Option<f64>,
-    /// Mean minus truth.
-    pub bias: Option<f64>,
-    /// Standard deviation of the mean estimate: a bias below twice as much may be chance.
-    pub bias_std: Option<f64>,
-    /// Standard deviation of the estimates.
-    pub spread: Option<f64>,
-    /// Root mean square of the standard deviations that the campaigns state.
-    pub stated: Option<f64>,
-    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, along their motion without
-    /// noise; nothing when the bound cannot be predicted.
-    pub bound: Option<f64>,
-    /// Share of the stated 95 % intervals that hold the truth.
-    pub coverage: Option<f64>,
-}
 
 /// A Monte-Carlo study; serialises as `tpm.study/1`.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -16,10 +16,11 @@ mod trajectories;
 mod trajectories_figure;
 mod updates;
 
-pub use campaigns::{Identify, ParameterStudy, Study, study, study_campaigns, study_session};
+pub use campaigns::{Identify, Study, study, study_campaigns, study_session};
 pub use design::{Candidate, Design, Passed, Predicted, Showing, design};
 pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
 pub use kept::study_kept;
 pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};
+pub use tally::ParameterStudy;
 pub use trajectories::{CoordinateUse, InputUse, Moved, StrokeError, Trajectories, trajectories};
 pub use updates::{Convergence, LIMITS, Updates, convergence, updates};

@@ -3,15 +3,43 @@
 use crate::estimate::{ParameterReport, Status};
 use crate::experiment::Experiment;
 use crate::session::Identification;
-use crate::study::campaigns::ParameterStudy;
 use serde::{Deserialize, Serialize};
 use std::boxed::Box;
-use std::string::ToString;
+use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::model::Model;
 
 /// Half the width of the interval that holds 95 % of a normal variable, in standard deviations.
 const NORMAL_95: f64 = 1.959_963_984_540_054;
+
+/// One parameter over all campaigns. The statistics are over the campaigns that identified the parameter; an estimate
+/// that the campaign itself reports as poorly determined does not count.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParameterStudy {
+    /// Name in the model.
+    pub name: String,
+    /// Unit in the model.
+    pub unit: Option<String>,
+    /// Value of the parameter in the simulated machine.
+    pub truth: f64,
+    /// Number of campaigns that identified the parameter.
+    pub values: usize,
+    /// Mean of the estimates; nothing when there are none.
+    pub mean: Option<f64>,
+    /// Mean minus truth.
+    pub bias: Option<f64>,
+    /// Standard deviation of the mean estimate: a bias below twice as much may be chance.
+    pub bias_std: Option<f64>,
+    /// Standard deviation of the estimates.
+    pub spread: Option<f64>,
+    /// Root mean square of the standard deviations that the campaigns state.
+    pub stated: Option<f64>,
+    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, along their motion without
+    /// noise; nothing when the bound cannot be predicted.
+    pub bound: Option<f64>,
+    /// Share of the stated 95 % intervals that hold the truth.
+    pub coverage: Option<f64>,
+}
 
 /// What a study takes from a campaign.
 pub(super) struct Outcome {
