@@ -1,5 +1,7 @@
 //! Texts with a few tokens changed, for tests of what reads texts. Equal seeds give equal changes.
 
+use super::random::Random;
+
 /// Numbers that readers are tempted to trust.
 const NUMBERS: [&str; 16] = [
     "0",
@@ -19,19 +21,6 @@ const NUMBERS: [&str; 16] = [
     "007",
     "1e3",
 ];
-
-/// SplitMix64.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, count: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        usize::try_from((z ^ (z >> 31)) % count.max(1) as u64).expect("no larger than the count")
-    }
-}
 
 /// Words, numbers, and every other letter by itself.
 fn tokens(text: &str) -> Vec<&str> {
@@ -53,16 +42,17 @@ fn tokens(text: &str) -> Vec<&str> {
 /// The text with one to five of its tokens, or short runs of them, removed, repeated, exchanged or replaced.
 pub(crate) fn mutated(text: &str, seed: u64) -> String {
     let mut random = Random(seed);
+    let mut below = |count: usize| usize::try_from(random.below(count as u64)).expect("no larger than the count");
     let mut list = tokens(text);
-    for _ in 0..=random.below(5) {
+    for _ in 0..=below(5) {
         if list.is_empty() {
             break;
         }
-        let (at, other) = (random.below(list.len()), random.below(list.len()));
-        match random.below(6) {
-            0 => drop(list.drain(at..(at + 1 + random.below(6)).min(list.len()))),
+        let (at, other) = (below(list.len()), below(list.len()));
+        match below(6) {
+            0 => drop(list.drain(at..(at + 1 + below(6)).min(list.len()))),
             1 => {
-                let run = list[at..(at + 1 + random.below(12)).min(list.len())].to_vec();
+                let run = list[at..(at + 1 + below(12)).min(list.len())].to_vec();
                 list.splice(other..other, run);
             }
             2 => list.swap(at, other),
@@ -71,8 +61,8 @@ pub(crate) fn mutated(text: &str, seed: u64) -> String {
                 // Most other tokens are names and signs, whose change is refused at once.
                 let numbers: Vec<usize> =
                     (0..list.len()).filter(|&i| list[i].starts_with(|c: char| c.is_ascii_digit())).collect();
-                let place = if numbers.is_empty() { at } else { numbers[random.below(numbers.len())] };
-                list[place] = NUMBERS[random.below(NUMBERS.len())];
+                let place = if numbers.is_empty() { at } else { numbers[below(numbers.len())] };
+                list[place] = NUMBERS[below(NUMBERS.len())];
             }
         }
     }

@@ -18,6 +18,7 @@ mod forgetting;
 mod foundation;
 mod frequency;
 mod functions;
+mod fuzz;
 // The files that `tpm generate models/NAME.tpm --lang rust -o tests/generated` wrote; tests of `tpm-codegen` compare them with the
 // generator. They compile here on `core` and `libm` alone.
 #[allow(dead_code, unreachable_pub, reason = "a program uses what it needs of them")]
@@ -38,7 +39,6 @@ mod generated {
 mod licences;
 mod lines;
 mod measured;
-mod mutated;
 mod numerics_room;
 mod packages;
 mod pendulum;

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use tpm_runtime::document::Document;
 use tpm_runtime::report::{Align, TextTable, beside, cells, digits, number, or_dash};
 use tpm_runtime::session::SessionError;
-use tpm_runtime::study::{LIMITS, Study, Updates, study_session, updates};
+use tpm_runtime::study::{LIMITS, Study, Updates, study_kept, study_session, updates};
 
 /// Most updates that are played per estimator and stage.
 const MOST: usize = 10;
@@ -29,6 +29,9 @@ pub(crate) struct Args {
     /// Without noise, count the updates of every estimator at every stage of the schedule instead.
     #[arg(long, conflicts_with = "seeds")]
     updates: bool,
+    /// Keep in this folder how far the study has come, and go on from there, with the result of the unbroken study.
+    #[arg(long, value_name = "DIR", conflicts_with = "updates")]
+    resume: Option<PathBuf>,
     /// Write a page for a browser (report.html) into this folder.
     #[arg(long, value_name = "DIR", conflicts_with = "updates")]
     report: Option<PathBuf>,
@@ -57,7 +60,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
             bar.set(ended as u64, seeds as u64);
             go_on()
         };
-        (study_session(&session, seeds, &step), !go_on())
+        let result = match &args.resume {
+            Some(folder) => study_kept(&session, folder, seeds, &step),
+            None => study_session(&session, seeds, &step),
+        };
+        (result, !go_on())
     });
     drop(bar);
     let result = result?;

@@ -184,3 +184,39 @@ fn of_two_processes_on_one_folder_one_works_and_the_other_is_told() {
         assert!(left.is_empty(), "{left:?}");
     }
 }
+
+/// A study that is stopped and killed at moments that no test chooses, and gone on with, prints what the unbroken one prints.
+#[cfg(unix)]
+#[test]
+fn a_study_that_was_stopped_or_killed_ends_as_the_unbroken_one() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let model = root().join("models/mass_spring_drag.tpm");
+    let model = model.to_str().expect("plain");
+    let study = ["study", model, "--json", "--seeds", "40", "--set", "schedule.max_runs=3"];
+    let kept = [&study[..], &["--resume", "kept"]].concat();
+    let unbroken = tpm_in(folder.path(), &study);
+    let begin = || {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tpm"));
+        command.args(&kept).current_dir(folder.path()).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command.spawn().expect("the tool runs")
+    };
+    let path = folder.path().join("kept/study.json");
+    for signal in ["-INT", "-KILL", "-TERM"] {
+        let mut tool = begin();
+        // Whatever it has done by then, there is a file.
+        while !path.exists() && tool.try_wait().expect("it can be asked").is_none() {
+            std::thread::sleep(std::time::Duration::from_millis(5));
+        }
+        // It may have ended before, which is a moment like others.
+        let _ = Command::new("kill").args([signal, &tool.id().to_string()]).stderr(Stdio::null()).status();
+        tool.wait().expect("it ends");
+    }
+    let resumed = tpm_in(folder.path(), &kept);
+    assert_eq!(resumed.status.code(), unbroken.status.code(), "{}", String::from_utf8_lossy(&resumed.stderr));
+    assert_eq!(String::from_utf8_lossy(&resumed.stdout), String::from_utf8_lossy(&unbroken.stdout));
+    assert_eq!(names(&folder.path().join("kept")), ["study.json"]);
+    let other = [&kept[..], &["--set", "seed=5"]].concat();
+    let refused = tpm_in(folder.path(), &other);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(2) && said.contains("belongs to another experiment"), "{said}");
+}

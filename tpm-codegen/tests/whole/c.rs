@@ -6,6 +6,7 @@
 //! of the terms, since cancellation is the model's, not the code's. Without a C compiler the tests are skipped; `.ci/run`
 //! installs one.
 
+use crate::random::Random;
 use crate::support::exact::{Point, Sum, exact, harmonic_power, unlumped};
 use crate::support::{estimator, models_in, skipped};
 use std::io::Write as _;
@@ -63,23 +64,8 @@ fn compile(compiler: &str, folder: &Path, arguments: &[&str]) {
     assert!(output.status.success(), "{compiler} {arguments:?}\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// Numbers k/64 with |k| <= 192, the same at every run.
-pub(crate) struct Random(pub(crate) u64);
-
 impl Random {
-    pub(crate) fn next(&mut self) -> u64 {
-        // SplitMix64.
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    pub(crate) fn below(&mut self, count: u64) -> u64 {
-        self.next() % count
-    }
-
+    /// A number k/64 with |k| <= 192.
     fn dyadic(&mut self) -> f64 {
         f64::from(u32::try_from(self.next() % 385).expect("small")) / 64.0 - 3.0
     }

@@ -8,5 +8,10 @@ mod generate;
 mod language;
 mod lowering;
 mod newton_euler;
+#[path = "../../../tests/support/random.rs"]
 mod random;
+mod random_code;
+#[allow(dead_code, reason = "only models with a regressor form are compiled")]
+#[path = "../../../tests/support/random_model.rs"]
+mod random_model;
 mod support;

@@ -29,4 +29,5 @@ pub(crate) use refinement::Refinement;
 pub use settling::settled_from;
 pub(crate) use steady::SteadyRun;
 pub use store::{LogFingerprints, Manifest, RunManifest, Store, StoreError, samples_text};
+pub(crate) use store::{read_json, write_json};
 pub use wire::{WireError, read_trial, trial_columns, trial_samples};

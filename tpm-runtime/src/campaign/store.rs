@@ -209,7 +209,7 @@ impl Store {
             return Ok(Store { folder: folder.to_path_buf(), manifest: found });
         }
         fs::create_dir_all(folder).map_err(|error| io(folder, &error))?;
-        keep(&path, signed(manifest).as_bytes())?;
+        write_json(&path, manifest)?;
         Ok(Store { folder: folder.to_path_buf(), manifest: manifest.clone() })
     }
 
@@ -340,7 +340,7 @@ impl Store {
         };
         let (samples, path) = self.paths(trial.run + 1);
         keep(&samples, text.as_bytes())?;
-        keep(&path, signed(&manifest).as_bytes())
+        write_json(&path, &manifest)
     }
 
     fn paths(&self, run: usize) -> (PathBuf, PathBuf) {
@@ -438,8 +438,13 @@ fn signed(value: &impl Serialize) -> String {
     format!("{text}{CHECKSUM}{}\"\n}}\n", fingerprint(text.as_bytes()))
 }
 
+/// Writes a manifest with its checksum, whole or not at all.
+pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), StoreError> {
+    keep(path, signed(value).as_bytes())
+}
+
 /// A manifest of the given form, whose checksum, if it has one, fits; earlier versions wrote none.
-fn read_json<T: serde::de::DeserializeOwned>(path: &Path, schema: &str) -> Result<T, StoreError> {
+pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path, schema: &str) -> Result<T, StoreError> {
     refuse_special(path)?;
     let text = read_text(path).map_err(|error| io(path, &error))?;
     let mut value: serde_json::Value = serde_json::from_str(&text).map_err(|error| broken(path, &error.to_string()))?;

@@ -164,6 +164,11 @@ impl Session {
         &self.written
     }
 
+    /// Least and largest value of physical parameters behind lumped ones.
+    pub(crate) const fn bounds(&self) -> &BTreeMap<String, (f64, f64)> {
+        &self.bounds
+    }
+
     /// The campaign before its first run, and what its loop was found to be; nothing moves where it is not stable.
     ///
     /// # Errors

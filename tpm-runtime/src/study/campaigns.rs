@@ -1,55 +1,25 @@
 //! Monte-Carlo study: one campaign for every seed, and the spread of the estimates about the truth.
 //!
 //! Invariant: the result depends on the experiment and the seeds alone, not on the number of threads or on the order in
-//! which campaigns end. Campaigns that did not identify a parameter are counted, never replaced.
+//! which campaigns end. Campaigns that did not identify a parameter are counted, never replaced. What is kept does not grow with the
+//! number of campaigns, but for the seeds of those that are not complete.
 
 use crate::campaign::RunReport;
-use crate::estimate::{ParameterReport, Status};
 use crate::experiment::Experiment;
 use crate::run::trajectory::ReferencePattern;
 use crate::session::{Identification, Session, SessionError, identify_simulated};
 use crate::study::design::bounds;
-use rayon::prelude::*;
+use crate::study::tally::{Outcome, ParameterStudy, Tally};
 use serde::Serialize;
-use std::boxed::Box;
+use std::collections::BTreeMap;
 use std::string::{String, ToString};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::vec::Vec;
 use tpm_core::model::Model;
 
-/// Half the width of the interval that holds 95 % of a normal variable, in standard deviations.
-const NORMAL_95: f64 = 1.959_963_984_540_054;
 /// Most seeds that a warning lists.
 const SHOWN_SEEDS: usize = 8;
-
-/// One parameter over all campaigns. The statistics are over the campaigns that identified the parameter; an estimate
-/// that the campaign itself reports as poorly determined does not count.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct ParameterStudy {
-    /// Name in the model.
-    pub name: String,
-    /// Unit in the model.
-    pub unit: Option<String>,
-    /// Value of the parameter in the simulated machine.
-    pub truth: f64,
-    /// Number of campaigns that identified the parameter.
-    pub values: usize,
-    /// Mean of the estimates; nothing when there are none.
-    pub mean: Option<f64>,
-    /// Mean minus truth.
-    pub bias: Option<f64>,
-    /// Standard deviation of the mean estimate: a bias below twice as much may be chance.
-    pub bias_std: Option<f64>,
-    /// Standard deviation of the estimates.
-    pub spread: Option<f64>,
-    /// Root mean square of the standard deviations that the campaigns state.
-    pub stated: Option<f64>,
-    /// Cramer-Rao bound of the standard deviation after the runs of the first campaign, along their motion without
-    /// noise; nothing when the bound cannot be predicted.
-    pub bound: Option<f64>,
-    /// Share of the stated 95 % intervals that hold the truth.
-    pub coverage: Option<f64>,
-}
 
 /// A Monte-Carlo study; serialises as `tpm.study/1`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -103,11 +73,25 @@ pub fn study_session(
     campaigns: usize,
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Study, SessionError> {
+    study_from(session, None, campaigns, progress, &mut |_| Ok(()))
+}
+
+/// Goes on with the study of a session after the campaigns of a tally. `keep` sees the tally whenever it has grown.
+pub(super) fn study_from(
+    session: &Session,
+    begun: Option<Tally>,
+    campaigns: usize,
+    progress: &(dyn Fn(usize) -> bool + Sync),
+    keep: &mut Keep<'_>,
+) -> Result<Study, SessionError> {
     let machine = session.machine();
     let identify = |own: &Experiment, go_on: &mut dyn FnMut(&RunReport) -> bool| {
         session.identify_seeded(own.seed, &mut |_, _, run| go_on(run))
     };
-    study_campaigns(machine.plant(), machine.pattern(), session.experiment(), campaigns, &identify, progress)
+    let (plant, pattern, experiment) = (machine.plant(), machine.pattern(), session.experiment());
+    let begun = begun.unwrap_or_else(|| Tally::new(plant, experiment));
+    let tally = tallied(plant, pattern, experiment, begun, campaigns, &identify, progress, keep)?;
+    Ok(summarise(plant, experiment, campaigns, tally))
 }
 
 /// Repeats a campaign that the caller runs. The caller gets the experiment with its seed, and a function that says
@@ -123,77 +107,106 @@ pub fn study_campaigns(
     identify: &Identify<'_>,
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Study, SessionError> {
-    let (ended, go_on) = (AtomicUsize::new(0), AtomicBool::new(true));
-    let parameters: Vec<&str> = (0..model.dims().parameters).map(|j| model.parameter(j).name).collect();
-    let one = |index: usize| {
-        if !go_on.load(Ordering::Relaxed) {
-            return None;
-        }
-        let mut own = experiment.clone();
-        own.seed = experiment.seed.wrapping_add(index as u64);
-        let result = identify(&own, &mut |_| go_on.load(Ordering::Relaxed));
-        // A campaign that was stopped half way does not count.
-        let whole = go_on.load(Ordering::Relaxed);
-        if !progress(ended.fetch_add(1, Ordering::Relaxed) + 1) {
-            go_on.store(false, Ordering::Relaxed);
-        }
-        // The Cramer-Rao bound is computed from the runs of the first campaign.
-        whole.then(|| result.map(|result| Outcome::of(result, &parameters, index == 0)))
-    };
-    let results: Vec<Option<Result<Outcome, SessionError>>> = (0..campaigns).into_par_iter().map(one).collect();
-    let results: Vec<Outcome> = results.into_iter().map_while(|result| result).collect::<Result<_, _>>()?;
-    let bounds = match results.first() {
-        Some(first) => bounds(model, pattern, experiment, &first.runs)?.unwrap_or_default(),
-        None => Vec::new(),
-    };
-    Ok(summarise(model, experiment, campaigns, &results, &bounds))
+    let begun = Tally::new(model, experiment);
+    let tally = tallied(model, pattern, experiment, begun, campaigns, identify, progress, &mut |_| Ok(()))?;
+    Ok(summarise(model, experiment, campaigns, tally))
 }
 
-/// What a study keeps of a campaign: studies have very many.
-struct Outcome {
-    seed: Option<u64>,
-    complete: bool,
-    /// Value and standard deviation of every parameter of the plant that the campaign identified.
-    estimates: Box<[Option<(f64, f64)>]>,
-    /// The campaign's runs, of the first campaign alone.
-    runs: Vec<RunReport>,
+/// Keeps a tally that has grown.
+pub(super) type Keep<'a> = dyn FnMut(&Tally) -> Result<(), SessionError> + Send + 'a;
+
+/// Campaigns on their way into the tally, in the order of their seeds, however they end.
+struct InOrder<'k> {
+    tally: Tally,
+    /// Campaigns that have ended before an earlier one; nothing for one that was stopped half way.
+    waiting: BTreeMap<usize, Option<Result<Outcome, SessionError>>>,
+    fault: Option<SessionError>,
+    keep: &'k mut Keep<'k>,
 }
 
-impl Outcome {
-    fn of(result: Identification, parameters: &[&str], first: bool) -> Self {
-        let identified = |name: &&str| {
-            let parameter = named(&result, name).filter(|parameter| parameter.status == Status::Identified)?;
-            Some((parameter.value?, parameter.std?))
-        };
-        let estimates = parameters.iter().map(identified).collect();
-        let (seed, complete) = (result.seed, result.is_complete());
-        Self { seed, complete, estimates, runs: if first { result.runs } else { Vec::new() } }
+impl InOrder<'_> {
+    /// Takes in a campaign, and those that waited for it. Whether to go on.
+    fn take(&mut self, index: usize, outcome: Option<Result<Outcome, SessionError>>) -> bool {
+        self.waiting.insert(index, outcome);
+        let before = self.tally.campaigns();
+        // What was stopped, or has failed, stays where it is, and nothing after it is taken in.
+        while self.fault.is_none()
+            && let Some(Some(_)) = self.waiting.get(&self.tally.campaigns())
+            && let Some(Some(next)) = self.waiting.remove(&self.tally.campaigns())
+        {
+            match next {
+                Ok(outcome) => self.tally.add(outcome),
+                Err(fault) => self.fault = Some(fault),
+            }
+        }
+        if self.fault.is_none() && self.tally.campaigns() > before {
+            self.fault = (self.keep)(&self.tally).err();
+        }
+        self.fault.is_none()
     }
 }
 
-fn summarise(
+/// The tally after `campaigns` campaigns, or after the last one before a stop.
+#[expect(clippy::too_many_arguments, reason = "what a campaign needs, what was begun, and three ways to the caller")]
+fn tallied(
     model: &dyn Model<f64>,
+    pattern: &ReferencePattern,
     experiment: &Experiment,
-    asked: usize,
-    results: &[Outcome],
-    bounds: &[Option<f64>],
-) -> Study {
-    let incomplete = results.iter().filter(|result| !result.complete);
-    let incomplete_seeds: Vec<u64> = incomplete.filter_map(|result| result.seed).collect();
-    let parameters: Vec<ParameterStudy> = (0..model.dims().parameters)
-        .filter_map(|j| {
-            let label = model.parameter(j);
-            // A machine without a true value cannot be simulated, so no parameter is left out here.
-            let truth = *experiment.plant.parameters.get(label.name)?;
-            let pairs: Vec<(f64, f64)> =
-                results.iter().filter_map(|result| result.estimates.get(j).copied().flatten()).collect();
-            let bound = bounds.get(j).copied().flatten();
-            Some(ParameterStudy { bound, ..one_parameter(label.name, label.unit, truth, &pairs) })
-        })
-        .collect();
+    begun: Tally,
+    campaigns: usize,
+    identify: &Identify<'_>,
+    progress: &(dyn Fn(usize) -> bool + Sync),
+    keep: &mut Keep<'_>,
+) -> Result<Tally, SessionError> {
+    let first = begun.campaigns();
+    let (next, ended, go_on) = (AtomicUsize::new(first), AtomicUsize::new(first), AtomicBool::new(true));
+    let parameters: Vec<&str> = (0..model.dims().parameters).map(|j| model.parameter(j).name).collect();
+    let one = |index: usize| -> Result<Outcome, SessionError> {
+        let mut own = experiment.clone();
+        own.seed = experiment.seed.wrapping_add(index as u64);
+        let result = identify(&own, &mut |_| go_on.load(Ordering::Relaxed))?;
+        // The Cramer-Rao bound is computed from the runs of the first campaign.
+        let bounds = if index == 0 { bounds(model, pattern, experiment, &result.runs)? } else { None };
+        Ok(Outcome::of(&result, &parameters, bounds))
+    };
+    let in_order = Mutex::new(InOrder { tally: begun, waiting: BTreeMap::new(), fault: None, keep });
+    let work = || {
+        while go_on.load(Ordering::Relaxed) {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if index >= campaigns {
+                return;
+            }
+            let outcome = one(index);
+            // A campaign that was stopped half way does not count.
+            let whole = go_on.load(Ordering::Relaxed).then_some(outcome);
+            if !in_order.lock().unwrap_or_else(PoisonError::into_inner).take(index, whole)
+                || !progress(ended.fetch_add(1, Ordering::Relaxed) + 1)
+            {
+                go_on.store(false, Ordering::Relaxed);
+            }
+        }
+    };
+    // Threads of their own, which take seed after seed: a pool would give each a stretch of them, so that the stretches of all but
+    // one would have to wait for their turn in memory.
+    std::thread::scope(|scope| {
+        for _ in 0..rayon::current_num_threads().min(campaigns.saturating_sub(first)) {
+            scope.spawn(work);
+        }
+    });
+    let InOrder { tally, fault, .. } = in_order.into_inner().unwrap_or_else(PoisonError::into_inner);
+    match fault {
+        Some(fault) => Err(fault),
+        None => Ok(tally),
+    }
+}
+
+fn summarise(model: &dyn Model<f64>, experiment: &Experiment, asked: usize, tally: Tally) -> Study {
+    let campaigns = tally.campaigns();
+    let parameters = tally.parameters(model, experiment);
+    let incomplete_seeds = tally.incomplete_seeds;
     let mut warnings = Vec::new();
-    if results.len() < asked {
-        warnings.push(std::format!("{} of {asked} campaigns were run before the study was stopped", results.len()));
+    if campaigns < asked {
+        warnings.push(std::format!("{campaigns} of {asked} campaigns were run before the study was stopped"));
     }
     if !incomplete_seeds.is_empty() {
         let shown: Vec<String> = incomplete_seeds.iter().take(SHOWN_SEEDS).map(ToString::to_string).collect();
@@ -222,46 +235,16 @@ fn summarise(
         model: model.name().into(),
         estimator: experiment.estimator.name(),
         first_seed: experiment.seed,
-        campaigns: results.len(),
+        campaigns,
         incomplete_seeds,
         parameters,
         warnings,
     }
 }
 
-/// A parameter of the plant in a result: one that the estimator gives, or a physical one behind lumped ones.
-fn named<'r>(result: &'r Identification, name: &str) -> Option<&'r ParameterReport> {
-    result.parameters.iter().chain(&result.physical).find(|parameter| parameter.name == name)
-}
-
-fn one_parameter(name: &str, unit: Option<&str>, truth: f64, pairs: &[(f64, f64)]) -> ParameterStudy {
-    let count = pairs.len() as f64;
-    let mean_of = |term: &dyn Fn(f64, f64) -> f64| {
-        (!pairs.is_empty()).then(|| pairs.iter().map(|&(value, std)| term(value, std)).sum::<f64>() / count)
-    };
-    let mean = mean_of(&|value, _| value);
-    // The spread is computed from deviations from the mean, so that no digits cancel.
-    let spread = mean.filter(|_| pairs.len() > 1).and_then(|mean| {
-        mean_of(&|value, _| (value - mean).powi(2)).map(|square| (square * count / (count - 1.0)).sqrt())
-    });
-    ParameterStudy {
-        name: name.to_string(),
-        unit: unit.map(ToString::to_string),
-        truth,
-        values: pairs.len(),
-        mean,
-        bias: mean.map(|mean| mean - truth),
-        bias_std: spread.map(|spread| spread / count.sqrt()),
-        spread,
-        stated: mean_of(&|_, std| std * std).map(f64::sqrt),
-        bound: None,
-        coverage: mean_of(&|value, std| f64::from(u8::from((value - truth).abs() <= NORMAL_95 * std))),
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::{ParameterStudy, one_parameter, study, study_session};
+    use super::{ParameterStudy, study, study_session};
     use crate::experiment::Experiment;
     use crate::run::trajectory::tests::rest_to_rest_3;
     use crate::session::{DeclaredModel, Session};
@@ -275,17 +258,6 @@ mod tests {
         experiment.schedule.measure_time = 8.0;
         experiment.seed = 11;
         experiment
-    }
-
-    #[test]
-    fn statistics_are_those_of_the_definition() {
-        let found = one_parameter("m", Some("kg"), 2.0, &[(1.0, 0.6), (2.0, 0.6), (6.0, 0.6)]);
-        assert_eq!((found.values, found.mean, found.bias), (3, Some(3.0), Some(1.0)));
-        assert!((found.spread.expect("three") - 7.0_f64.sqrt()).abs() < 1e-15);
-        assert!((found.stated.expect("three") - 0.6).abs() < 1e-15);
-        assert!((found.coverage.expect("three") - 2.0 / 3.0).abs() < 1e-15);
-        let none = one_parameter("m", None, 2.0, &[]);
-        assert_eq!((none.values, none.mean, none.coverage), (0, None, None));
     }
 
     #[test]

@@ -8,17 +8,21 @@ mod campaigns;
 mod content;
 mod design;
 mod identifiability;
+mod kept;
 mod path;
 mod shown;
+mod tally;
 mod trajectories;
 #[cfg(feature = "plot")]
 mod trajectories_figure;
 mod updates;
 
-pub use campaigns::{Identify, ParameterStudy, Study, study, study_campaigns, study_session};
+pub use campaigns::{Identify, Study, study, study_campaigns, study_session};
 pub use design::{Candidate, Design, Passed, Predicted, Showing, design};
 pub use identifiability::{NumericalError, PlayedPattern, numerical_identifiability};
+pub use kept::study_kept;
 pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};
 pub use shown::{AnyMotion, AskedPattern, Base, Shown, ShownError, any_motion, shown};
+pub use tally::ParameterStudy;
 pub use trajectories::{CoordinateUse, InputUse, Moved, StrokeError, Trajectories, trajectories};
 pub use updates::{Convergence, LIMITS, Updates, convergence, updates};

@@ -417,7 +417,12 @@ impl<'a, 's, 'd> Round<'a, 's, 'd> {
             Some((SymbolKind::Quantity(_) | SymbolKind::Nonlinear, Some(unit))) => Dimension::of(unit.clone()),
             Some((SymbolKind::Function(index), _)) => self.series(index),
             Some((SymbolKind::Coefficient(index, power), _)) => {
-                let argument = self.arguments.get(index).map_or(Dimension::Unknown, |name| self.named(name));
+                // Anything but a coordinate is refused elsewhere, and a coefficient of the series itself would lead round in a circle.
+                let is_quantity = |name: &&&str| {
+                    self.symbol(name).is_some_and(|symbol| matches!(symbol.kind, SymbolKind::Quantity(_)))
+                };
+                let argument =
+                    self.arguments.get(index).filter(is_quantity).map_or(Dimension::Unknown, |name| self.named(name));
                 // A power is the number of a name in a list, so it fits.
                 let exponent = Exponent::from_integer(-(power as i64));
                 let argument = if power == 0 { Dimension::one() } else { argument };

@@ -1,11 +1,11 @@
 //! Texts of random models, written by the grammar of the language. Equal seeds give equal texts.
 
-use crate::c::Random;
+use super::random::Random;
 use std::fmt::Write as _;
 
 /// Which models are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(crate) enum Kind {
     /// Models that have a regressor form, whose terms have values of moderate size at motions of moderate size.
     Regular,
     /// Anything that the grammar allows.
@@ -13,7 +13,7 @@ pub(super) enum Kind {
 }
 
 /// Writes one model.
-pub(super) struct Writer {
+pub(crate) struct Writer {
     random: Random,
     kind: Kind,
     coordinates: u64,
@@ -23,7 +23,7 @@ pub(super) struct Writer {
 }
 
 impl Writer {
-    pub(super) fn new(seed: u64, kind: Kind) -> Self {
+    pub(crate) fn new(seed: u64, kind: Kind) -> Self {
         let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
         let (coordinates, parameters) = (random.below(3) + 1, random.below(4) + 1);
         let constants = (0..random.below(3)).map(|_| random.below(2) == 0).collect();
@@ -157,7 +157,7 @@ impl Writer {
     }
 
     /// The text of the model.
-    pub(super) fn model(mut self) -> String {
+    pub(crate) fn model(mut self) -> String {
         let list = |name: &str, count: u64| (0..count).map(|i| format!("{name}{i}")).collect::<Vec<_>>().join(", ");
         let mut text = format!(
             "model A {{\ncoordinate {};\ninput {};\nparameter {};\n",

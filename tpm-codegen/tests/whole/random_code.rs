@@ -1,9 +1,10 @@
 //! Generated C and Rust of random models, compiled without a warning and run, against exact rational evaluation.
 //!
-//! Many models go into one program, since starting a compiler takes longer than compiling a model.
+//! `TPM_RANDOM_MODELS` sets how many models are tried, `TPM_RANDOM_SEED` the first of them; a failure names its seed. Many models go into one program, since starting a compiler takes longer than compiling a model.
 
-use super::writer::{Kind, Writer};
-use crate::c::{FLAGS, Random, compiler, runs, say};
+use crate::c::{FLAGS, compiler, runs, say};
+use crate::random::Random;
+use crate::random_model::{Kind, Writer};
 use crate::support::exact::{Point, Sum, exact};
 use crate::support::skipped;
 use std::fmt::Write as _;
@@ -15,6 +16,9 @@ use tpm_symbolic::number::rational;
 
 /// Models that are compiled where nothing else is said.
 const MODELS: u64 = 30;
+
+/// Standard C++ without a warning.
+const CPP_FLAGS: [&str; 7] = ["-xc++", "-std=c++11", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"];
 
 /// Points at which a model is evaluated.
 const CASES: u64 = 2;
@@ -44,6 +48,13 @@ struct Case {
     motion: Vec<f64>,
     parameters: Vec<f64>,
     constants: Vec<f64>,
+}
+
+/// The seeds of the models that are tried.
+fn tried(default: u64) -> std::ops::Range<u64> {
+    let set = |name: &str, or: u64| std::env::var(name).ok().and_then(|value| value.parse().ok()).unwrap_or(or);
+    let first = set("TPM_RANDOM_SEED", 1);
+    first..first + set("TPM_RANDOM_MODELS", default)
 }
 
 /// The regular model of a seed; `None` when the language or the equations refuse it.
@@ -145,8 +156,8 @@ fn c_block(index: usize, sample: &Sample, real: &str) -> String {
     text
 }
 
-/// Compiles and runs the C of all models in one precision; what the program printed.
-fn run_c(samples: &[Sample], compiler: &str, scalar: Scalar, extra: &[&str]) -> String {
+/// Compiles and runs the C of all models in one precision, with these flags; what the program printed.
+fn run_c(samples: &[Sample], compiler: &str, scalar: Scalar, flags: &[&str]) -> String {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let real = scalar.name();
     let mut main = format!(
@@ -161,7 +172,7 @@ static void show(const {real} *values, size_t count)
 }}\n"
     );
     let mut body = String::new();
-    let mut arguments: Vec<String> = FLAGS.iter().chain(extra).map(ToString::to_string).collect();
+    let mut arguments: Vec<String> = flags.iter().map(ToString::to_string).collect();
     for (index, sample) in samples.iter().enumerate() {
         let prefix = format!("r{index}");
         let options = Options { scalar, prefix: Some(&prefix), ..Options::new(Language::C, "tpm generate") };
@@ -262,22 +273,38 @@ fn double() {{\n{double}}}\nfn single() {{\n{single}}}"
     [output(&mut Command::new(place("run"))), output(Command::new(place("run")).arg("single"))]
 }
 
+/// A compiler beside the first, where it is there.
+fn other(name: &'static str) -> Option<&'static str> {
+    let found = Some(name).filter(|name| runs(name));
+    if found.is_none() {
+        skipped(&format!("no {name} was found, so that generated C of random models was not compiled by it"));
+    }
+    found
+}
+
 #[test]
 fn generated_code_of_random_models_computes_what_the_model_says() {
-    let tried = super::tried(MODELS);
+    let tried = tried(MODELS);
     let count = usize::try_from(tried.end - tried.start).expect("few models");
     let samples: Vec<Sample> = tried.filter_map(sample).collect();
     assert!(2 * samples.len() > count, "{} of {count} models have an estimator", samples.len());
     let scalars = [(Scalar::Double, f64::EPSILON), (Scalar::Float, f64::from(f32::EPSILON))];
     let mut report = format!("{} of {count} random models", samples.len());
-    if let Some(compiler) = compiler() {
+    let first = compiler();
+    for compiler in first.into_iter().chain(other("clang").filter(|_| first != Some("clang"))) {
         let sanitized = sanitizers(compiler);
         for (scalar, epsilon) in scalars {
-            let printed = run_c(&samples, compiler, scalar, sanitized);
-            let worst = compare(&samples, &format!("C, {}", scalar.name()), epsilon, &printed);
-            let _ = write!(report, "; C, {}: at most {worst:.1} roundings", scalar.name());
+            let printed = run_c(&samples, compiler, scalar, &[&FLAGS, sanitized].concat());
+            let worst = compare(&samples, &format!("C by {compiler}, {}", scalar.name()), epsilon, &printed);
+            let _ = write!(report, "; C by {compiler}, {}: at most {worst:.1} roundings", scalar.name());
         }
         let _ = write!(report, "{}", if sanitized.is_empty() { "; without sanitizers" } else { "; sanitized" });
+    }
+    // A compiler takes a file of C for one of C++ when it is told to.
+    if let Some(compiler) = other("c++") {
+        let printed = run_c(&samples, compiler, Scalar::Double, &CPP_FLAGS);
+        let worst = compare(&samples, "C++, double", f64::EPSILON, &printed);
+        let _ = write!(report, "; C++: at most {worst:.1} roundings");
     }
     let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".to_owned());
     if runs(&rustc) {

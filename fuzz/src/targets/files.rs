@@ -1,0 +1,246 @@
+//! Files beside models and logs: experiments, motors and loops, parameters, manifests of campaigns, runs that are played.
+
+use super::mutated::mutated;
+use super::random::Random;
+use super::{Verdict, refused, texts};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+use tpm_codegen::identified::Identified;
+use tpm_runtime::campaign::{Manifest, RunFile, Store, read_trial, trial_samples};
+use tpm_runtime::experiment::Experiment;
+use tpm_runtime::machine::actuator::{LoopFile, MotorFile};
+use tpm_runtime::run::{Ending, Record, Trial};
+use tpm_runtime::session::{DeclaredModel, Identifiable as _, Session};
+use tpm_symbolic::regressor::prepare::{Prepared, prepare};
+
+/// What stands between the files of one text.
+const NEXT_FILE: &str = "\n-----\n";
+
+/// The models whose experiments are changed.
+const MODELS: [&str; 4] = ["mass_spring_drag", "rotary_pendulum_down", "two_carts", "cart_pendulum"];
+
+/// A file of the folder `models`.
+fn shipped(name: &str) -> String {
+    let found = texts("models", name).into_iter().find(|(path, _)| path.ends_with(name));
+    found.expect("a shipped file").1
+}
+
+fn model(index: usize) -> &'static DeclaredModel {
+    static FOUND: [OnceLock<DeclaredModel>; MODELS.len()] = [const { OnceLock::new() }; MODELS.len()];
+    FOUND[index].get_or_init(|| {
+        DeclaredModel::parse(MODELS[index], &shipped(&format!("{}.tpm", MODELS[index]))).expect("a shipped model")
+    })
+}
+
+/// The last of the models, which has motors.
+const WITH_MOTORS: usize = MODELS.len() - 1;
+
+/// A shipped or kept experiment, changed. Its first line says which model it is for.
+pub(super) fn experiment_text(random: &mut Random) -> String {
+    static BASES: OnceLock<Vec<String>> = OnceLock::new();
+    let bases = BASES.get_or_init(|| {
+        let mut all: Vec<String> =
+            texts("fuzz/corpus/experiments", ".toml").into_iter().map(|(_, text)| text).collect();
+        for name in MODELS {
+            for folder in ["models", "models/experiments"] {
+                let found = texts(folder, &format!("{name}.toml"));
+                all.extend(found.into_iter().map(|(_, text)| format!("# {name}\n{text}")));
+            }
+        }
+        all
+    });
+    let base = random.of::<String>(bases);
+    let (first, rest) = base.split_once('\n').unwrap_or((base, ""));
+    format!("{first}\n{}", mutated(rest, random.next()))
+}
+
+/// An experiment up to the campaign before its first run.
+pub(super) fn experiment(text: &str) -> Verdict {
+    let experiment = match Experiment::parse(text) {
+        Ok(experiment) => experiment,
+        Err(fault) => return refused(&fault),
+    };
+    let first = text.lines().next().unwrap_or_default();
+    let index = MODELS.iter().position(|name| first.strip_prefix("# ") == Some(name)).unwrap_or(0);
+    let session = match Session::new(model(index).clone(), experiment, None, BTreeMap::new()) {
+        Ok(session) => session,
+        Err(fault) => return refused(&fault),
+    };
+    match session.campaign() {
+        Ok(_) => Verdict::Answered,
+        Err(fault) => refused(&fault),
+    }
+}
+
+/// A motor file or a loop file, changed.
+pub(super) fn motors_text(random: &mut Random) -> String {
+    static BASES: OnceLock<Vec<String>> = OnceLock::new();
+    let bases = BASES.get_or_init(|| {
+        let kept = texts("fuzz/corpus/motors", ".toml").into_iter().map(|(_, text)| text);
+        kept.chain(["cart_pendulum_motors.toml", "cart_pendulum_loop.toml"].map(shipped)).collect()
+    });
+    mutated(random.of::<String>(bases), random.next())
+}
+
+/// A text as a motor file, with other tables beside it, and as a loop file.
+pub(super) fn motors(text: &str) -> Verdict {
+    let model = model(WITH_MOTORS).evaluated();
+    let driven: Vec<Vec<usize>> = (0..model.dims().inputs).map(|input| vec![input]).collect();
+    let alone = MotorFile::parse(text).and_then(|file| file.motors(model, &driven));
+    let within = MotorFile::within(text).and_then(|file| file.dynamics(model));
+    let of_loop = LoopFile::parse(text).and_then(|file| {
+        file.settle_periods()?;
+        file.plant()?;
+        file.scheme(model, true)?;
+        file.scheme(model, false)
+    });
+    let faults = [alone.err(), within.err(), of_loop.err()];
+    for fault in faults.iter().flatten() {
+        refused(fault);
+    }
+    if faults.iter().all(Option::is_some) { Verdict::Refused } else { Verdict::Answered }
+}
+
+/// The campaign from which files are written that others change.
+struct Written {
+    session: Session,
+    prepared: Prepared,
+    manifest: Manifest,
+    trial: Trial,
+    /// `campaign.json`, manifest and samples of a run.
+    manifests: String,
+    play: String,
+    parameters: String,
+}
+
+/// Samples in the runs that are changed.
+const SAMPLES: usize = 12;
+
+fn written() -> &'static Written {
+    static FOUND: OnceLock<Written> = OnceLock::new();
+    FOUND.get_or_init(|| {
+        let declared = model(0).clone();
+        let mut experiment = Experiment::parse(&shipped("mass_spring_drag.toml")).expect("a shipped experiment");
+        experiment.schedule.max_runs = 2;
+        experiment.schedule.measure_time = 4.0;
+        let source = tpm_codegen::Source::new("model.tpm", shipped("mass_spring_drag.tpm"));
+        let parsed = tpm_codegen::parse_model(&source).expect("a shipped model");
+        let prepared = prepare(parsed.model).expect("a regressor form");
+        let session = Session::new(declared, experiment, None, BTreeMap::new()).expect("a session");
+        let plant = session.machine().plant();
+        let trial = session.campaign().expect("a campaign").0.next().expect("a run").clone();
+        let found = session.identify(None, &mut |_, _, _| true).expect("a result");
+        let manifest = Manifest::new("MassSpringDrag", b"model", b"experiment");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let store = Store::open(folder.path(), &manifest).expect("a store");
+        let waves = |factor: f64| vec![(0..SAMPLES).map(|n| factor * (n as f64).sin()).collect::<Vec<f64>>()];
+        let ending = Ending::Stopped { sample: SAMPLES - 1 };
+        let record = Record::new(trial.control.sample_time, waves(0.1), waves(3.0), ending);
+        store.append(plant, &trial, &record, None, None).expect("kept");
+        let file = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("written");
+        // A checksum refuses every change; earlier versions wrote none, so that the readers behind it are reached without.
+        let open = |text: String| match text.rsplit_once(",\n  \"checksum\"") {
+            Some((before, _)) => format!("{before}\n}}\n"),
+            None => text,
+        };
+        let manifests = [open(file("campaign.json")), open(file("run-001.json")), file("run-001.csv")].join(NEXT_FILE);
+        let samples: Vec<String> = trial_samples(plant, &trial).lines().take(SAMPLES + 1).map(str::to_owned).collect();
+        let terms = serde_json::to_string_pretty(&RunFile::new(plant, &trial, 3)).expect("plain values");
+        let play = [terms, samples.join("\n")].join(NEXT_FILE);
+        let parameters = serde_json::to_string_pretty(&found).expect("plain values");
+        Written { session, prepared, manifest, trial, manifests, play, parameters }
+    })
+}
+
+/// A kept text of a folder, or the one that was written, changed.
+fn changed(random: &mut Random, kept: &OnceLock<Vec<String>>, folder: &str, own: &str) -> String {
+    let bases = kept.get_or_init(|| {
+        let kept = texts(folder, "").into_iter().map(|(_, text)| text);
+        kept.chain([own.to_owned()]).collect()
+    });
+    mutated(random.of::<String>(bases), random.next())
+}
+
+/// The result of an identification, changed.
+pub(super) fn parameters_text(random: &mut Random) -> String {
+    static KEPT: OnceLock<Vec<String>> = OnceLock::new();
+    changed(random, &KEPT, "fuzz/corpus/parameters", &written().parameters)
+}
+
+/// Parameters as generators and predictions read them.
+pub(super) fn parameters(text: &str) -> Verdict {
+    let found = match Identified::from_json(text) {
+        Ok(found) => found,
+        Err(fault) => return refused(&fault),
+    };
+    if let Err(fault) = found.settled() {
+        refused(&fault);
+    }
+    let prepared = &written().prepared;
+    match found.in_order(&prepared.model, &prepared.form) {
+        Ok(_) => Verdict::Answered,
+        Err(fault) => refused(&fault),
+    }
+}
+
+thread_local! {
+    /// A folder of this thread, which goes when the thread ends.
+    static FOLDER: tempfile::TempDir = tempfile::tempdir().expect("a temporary folder");
+}
+
+/// The parts of a text as files of this thread's folder.
+fn laid_out(text: &str, names: &[&str]) -> PathBuf {
+    let mut parts = text.split(NEXT_FILE);
+    FOLDER.with(|folder| {
+        for name in names {
+            std::fs::write(folder.path().join(name), parts.next().unwrap_or_default()).expect("writable");
+        }
+        folder.path().to_owned()
+    })
+}
+
+/// A campaign's manifests with the samples of a run, changed.
+pub(super) fn manifests_text(random: &mut Random) -> String {
+    static KEPT: OnceLock<Vec<String>> = OnceLock::new();
+    changed(random, &KEPT, "fuzz/corpus/manifests", &written().manifests)
+}
+
+/// The folder of a campaign.
+pub(super) fn manifests(text: &str) -> Verdict {
+    let folder = laid_out(text, &["campaign.json", "run-001.json", "run-001.csv"]);
+    let Written { session, manifest, .. } = written();
+    let store = match Store::open(&folder, manifest) {
+        Ok(store) => store,
+        Err(fault) => return refused(&fault),
+    };
+    let answers = [
+        store.records(session.machine().plant()).map(|_| ()),
+        store.fingerprints().map(|_| ()),
+        store.is_simulated().map(|_| ()),
+    ];
+    match answers.into_iter().collect::<Result<Vec<_>, _>>() {
+        Ok(_) => Verdict::Answered,
+        Err(fault) => refused(&fault),
+    }
+}
+
+/// The terms and samples of a run to play, changed.
+pub(super) fn play_text(random: &mut Random) -> String {
+    static KEPT: OnceLock<Vec<String>> = OnceLock::new();
+    changed(random, &KEPT, "fuzz/corpus/plays", &written().play)
+}
+
+/// A run that the simulated machine plays from files.
+pub(super) fn play(text: &str) -> Verdict {
+    let folder = laid_out(text, &["play.json", "play.csv"]);
+    let Written { session, trial, .. } = written();
+    let played = match read_trial(&folder.join("play.csv"), session.machine().plant(), trial) {
+        Ok(played) => played,
+        Err(fault) => return refused(&fault),
+    };
+    match session.simulate(&played) {
+        Ok(_) => Verdict::Answered,
+        Err(fault) => refused(&fault),
+    }
+}
