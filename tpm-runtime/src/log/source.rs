@@ -29,10 +29,9 @@ impl Samples {
 
     /// What tells these samples from others.
     fn fingerprint(&self) -> String {
-        let bytes = |value: &f64| value.to_le_bytes();
         fingerprint_of(self.columns.iter().flat_map(|(name, values)| {
             let name = name.bytes().chain(iter::once(0));
-            name.chain(values.iter().flat_map(move |value| bytes(value)))
+            name.chain(values.iter().flat_map(|value| value.to_le_bytes()))
         }))
     }
 }
