@@ -3,13 +3,13 @@
 //! A coordinate follows q(t) = sum_s m_s F_s(w t), where every m_s is a product of amplitudes and constants and every
 //! F_s is a [`Fourier`] polynomial with exact coefficients. All coordinates of a pattern share the fundamental w.
 //!
-//! The rest-to-rest shapes are found by solving the end conditions exactly ([`shape`](super::shape)), not from their closed
-//! form.
+//! Rest-to-rest shapes stand here by their closed form; any other end conditions are solved by [`shape`](super::shape), which finds the
+//! same coefficients.
 
 use crate::algebra::fourier::Fourier;
-use crate::algebra::polynomial::{Monomial, Polynomial};
+use crate::algebra::polynomial::Monomial;
 use crate::expr::graph::Symbol;
-use crate::mechanics::shape::{Condition, End, EndPhase, Shape, Solved};
+use crate::mechanics::shape::Solved;
 use crate::number::rational;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -103,25 +103,15 @@ pub enum ShapeError {
     /// The order is beyond what a controller could play.
     #[error("a rest-to-rest pattern of order {0} is beyond the supported {MAX_ORDER}")]
     TooHigh(u32),
-    /// The chosen harmonics cannot satisfy the chosen conditions.
-    #[error(
-        "{harmonics} harmonics cannot satisfy {conditions} independent end conditions and a normalisation in exactly one way"
-    )]
-    NotUnique {
-        /// Number of harmonics offered.
-        harmonics: usize,
-        /// Number of end conditions asked for.
-        conditions: usize,
-    },
 }
 
-/// The highest order of [`rest_to_rest`]; the linear system that gives it has (order - 1) / 2 unknowns.
+/// The highest order of [`rest_to_rest`].
 pub const MAX_ORDER: u32 = 255;
 
-/// The shape cos th + sum a_i cos (2i+1) th whose derivatives 1..=order vanish at th = 0 and th = pi, found by solving
-/// these end conditions (Feng, Eqns 2.4-2.9, 4.13).
+/// The shape cos th + sum a_i cos (2i+1) th whose derivatives 1..=order vanish at th = 0 and th = pi (Feng, Eqns 2.4-2.9, 4.13).
 ///
-/// `order` = 2l + 1 is also the highest harmonic; Feng, Eqn 2.21 is order 3 and Eqn 4.42 order 5.
+/// `order` = 2l + 1 is also the highest harmonic; Feng, Eqn 2.21 is order 3 and Eqn 4.42 order 5. The velocity of such a motion is a
+/// multiple of sin^order th, whose coefficients are binomial: a_i = (-1)^i C(2l+1, l-i) / ((2i+1) C(2l+1, l)).
 ///
 /// # Errors
 /// When `order` is even, zero or above [`MAX_ORDER`].
@@ -132,49 +122,50 @@ pub fn rest_to_rest(order: u32) -> Result<Fourier, ShapeError> {
     if order > MAX_ORDER {
         return Err(ShapeError::TooHigh(order));
     }
-    let harmonics: Vec<u32> = (1..=order).step_by(2).collect();
-    let conditions: Vec<u32> = (1..=order).collect();
-    shape(&harmonics, &conditions)
-}
-
-/// The cosine shape with the given harmonics (coefficient 1 on the first) whose derivatives of the given orders vanish
-/// at th = 0 and at th = pi. Odd derivatives of a cosine series vanish there by themselves.
-///
-/// # Errors
-/// When the conditions do not determine the coefficients uniquely.
-pub fn shape(harmonics: &[u32], vanishing: &[u32]) -> Result<Fourier, ShapeError> {
-    let not_unique = || ShapeError::NotUnique { harmonics: harmonics.len(), conditions: vanishing.len() };
-    let zero = |&order: &u32| [End::Start, End::Finish].map(|end| Condition { end, order, value: Polynomial::zero() });
-    let wanted = Shape {
-        cosines: harmonics.iter().copied().collect(),
-        sines: [].into(),
-        end: EndPhase::Pi(rational::integer(1)),
-        conditions: vanishing.iter().filter(|order| **order % 2 == 0).flat_map(zero).collect(),
-        amplitude: Some(Polynomial::one()),
-    };
-    wanted.unique().ok_or_else(not_unique)
+    let l = i64::from(order / 2);
+    let mut cosines = Vec::with_capacity(order as usize + 1);
+    // (2i+1) a_i, from one binomial coefficient to the next.
+    let mut weight = rational::integer(1);
+    for i in 0..=l {
+        cosines.push(rational::integer(0));
+        cosines.push(&weight / rational::integer(2 * i + 1));
+        weight *= rational::ratio(i - l, l + i + 2);
+    }
+    Ok(Fourier::from_parts(cosines, Vec::new()))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{ShapeError, rest_to_rest, shape};
-    use crate::number::rational::{Rational, binomial, ratio};
-    use num_bigint::BigInt;
+    use super::{ShapeError, rest_to_rest};
+    use crate::algebra::fourier::Fourier;
+    use crate::algebra::polynomial::Polynomial;
+    use crate::mechanics::shape::{Condition, End, EndPhase, Shape};
+    use crate::number::rational::{integer, ratio};
 
-    /// a_i = (-1)^i C(2l+1, l-i) / ((2i+1) C(2l+1, l)), an independent closed form.
-    fn closed_form(l: u64, i: u64) -> Rational {
-        let value = Rational::new(binomial(2 * l + 1, l - i), BigInt::from(2 * i + 1) * binomial(2 * l + 1, l));
-        if i.is_multiple_of(2) { value } else { -value }
+    /// The series of these cosines, the first with the coefficient 1, whose even derivatives up to an order vanish at both ends. Odd ones
+    /// vanish there by themselves.
+    fn at_rest(cosines: impl IntoIterator<Item = u32>, order: u32) -> Fourier {
+        let zero = |order| [End::Start, End::Finish].map(|end| Condition { end, order, value: Polynomial::zero() });
+        let shape = Shape {
+            cosines: cosines.into_iter().collect(),
+            sines: [].into(),
+            end: EndPhase::Pi(integer(1)),
+            conditions: (2..=order).step_by(2).flat_map(zero).collect(),
+            amplitude: Some(Polynomial::one()),
+        };
+        let solved = shape.solve().expect("solvable");
+        assert_eq!((solved.parts.len(), solved.freedom), (1, 0));
+        solved.parts[0].1.clone()
     }
 
     #[test]
-    fn end_conditions_give_the_closed_form() {
-        for l in 0..=20u64 {
-            let pattern = rest_to_rest(u32::try_from(2 * l + 1).expect("small")).expect("odd order");
-            assert_eq!(pattern.highest_harmonic() as u64, 2 * l + 1);
-            for i in 0..=l {
-                assert_eq!(pattern.cos_coefficient((2 * i + 1) as usize), closed_form(l, i), "l = {l}, i = {i}");
-            }
+    fn the_closed_form_is_what_the_end_conditions_give() {
+        for order in (1..=41).step_by(2) {
+            assert_eq!(
+                rest_to_rest(order).expect("odd order"),
+                at_rest((1..=order).step_by(2), order),
+                "order {order}"
+            );
         }
     }
 
@@ -203,10 +194,7 @@ mod tests {
     #[test]
     fn user_chosen_harmonics_and_conditions() {
         // Acceleration zero at both ends with harmonics 1 and 5 instead of 1 and 3.
-        let chosen = shape(&[1, 5], &[1, 2, 3]).expect("solvable");
-        assert_eq!(chosen.cos_coefficient(5), ratio(-1, 25));
-        assert!(matches!(shape(&[1, 3, 5], &[2]), Err(ShapeError::NotUnique { .. })));
-        assert!(matches!(shape(&[1, 2], &[2]), Err(ShapeError::NotUnique { .. })));
+        assert_eq!(at_rest([1, 5], 3).cos_coefficient(5), ratio(-1, 25));
         assert_eq!(rest_to_rest(4), Err(ShapeError::NotOdd(4)));
     }
 }

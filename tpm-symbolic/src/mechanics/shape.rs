@@ -262,14 +262,6 @@ impl Shape {
         if solved.parts.is_empty() { Err(ConditionError::NoMotion) } else { Ok(solved) }
     }
 
-    /// The series of a shape whose conditions and amplitude are numbers; `None` unless there is exactly one.
-    pub(crate) fn unique(&self) -> Option<Fourier> {
-        match self.meet(&self.unknowns(), &self.conditions) {
-            Ok(Some(Solved { parts, freedom: 0 })) => parts.into_iter().next().map(|(_, series)| series),
-            _ => None,
-        }
-    }
-
     fn check_range(&self) -> Result<(), ConditionError> {
         for &harmonic in self.cosines.iter().chain(&self.sines) {
             if harmonic == 0 || harmonic > MAX_HARMONIC {
