@@ -12,6 +12,7 @@ use tpm_symbolic::number::rational::{self, Rational};
 /// One line per entry, with the columns of the JSON form; `powers` and `sign` as `lambda^2 w^2`.
 #[must_use]
 pub fn csv(table: &HarmonicTable) -> String {
+    table.announce_text();
     let mut text = String::from("equation,harmonic,function,parameter,coefficient,pi,powers,sign\n");
     for entry in table.entries() {
         let parameter = entry.column.map_or("", |column| table.parameters[column].as_str());
@@ -67,6 +68,7 @@ const WIDEST: usize = 4096;
 /// One table per equation: rows are harmonics, columns parameters, as Feng prints Eqns 3.27 and 4.44.
 #[must_use]
 pub fn markdown(table: &HarmonicTable) -> String {
+    table.announce_text();
     let mut text = format!("# Harmonic coefficient table of {}\n", table.model);
     for (equation, name) in table.equations.iter().enumerate() {
         let rows = grouped(table, equation);
@@ -160,6 +162,7 @@ fn plain_entry(table: &HarmonicTable, entry: &Entry) -> (bool, String) {
 /// A complete document that pdflatex compiles: each equation as a sum over harmonics, as Feng prints 3.26, B.1 and B.2.
 #[must_use]
 pub fn latex(table: &HarmonicTable) -> String {
+    table.announce_text();
     let mut text = String::from(
         "\\documentclass{article}\n\\usepackage{amsmath}\n\\usepackage[margin=2cm]{geometry}\n\\allowdisplaybreaks\n\\begin{document}\n",
     );

@@ -33,6 +33,9 @@ fn copying<V: Ord + Clone>(terms: &[(Monomial<V>, Rational)]) -> u64 {
     TERM * (1 + factors as u64) * terms.len() as u64
 }
 
+/// The operations that moving a term by one place takes.
+const MOVING: u64 = 4;
+
 /// The number of products that are collected before they are sorted and added up.
 const BATCH: usize = 1 << 16;
 
@@ -191,7 +194,10 @@ impl<V: Ord + Clone> Polynomial<V> {
             return;
         }
         match self.position(&monomial) {
-            Err(at) => self.0.insert(at, (monomial, coefficient)),
+            Err(at) => {
+                budget::charge(MOVING * (self.0.len() - at) as u64);
+                self.0.insert(at, (monomial, coefficient));
+            }
             Ok(at) => {
                 self.0[at].1 += coefficient;
                 if self.0[at].1.is_zero() {

@@ -26,6 +26,7 @@ use num_bigint::{BigInt, BigUint};
 use num_integer::Integer;
 use num_traits::{CheckedMul, CheckedSub, Signed, Zero};
 use smallvec::SmallVec;
+use std::slice;
 
 /// A factor, by its few non-zero harmonics.
 #[derive(Clone, Debug)]
@@ -75,20 +76,28 @@ fn checked<T: Zero + CheckedMul + CheckedSub>(a: &T, b: &T) -> Option<T> {
 /// (harmonic, c, s) and their common denominator; `None` when they do not fit into T.
 fn over_one_denominator<T>(fourier: &Fourier, exact: impl Fn(&BigInt) -> Option<T>) -> Option<(Terms<T>, T)>
 where
-    T: Clone + Integer + CheckedMul + CheckedSub + Signed,
+    T: Numerator + Integer + CheckedMul + CheckedSub + Signed,
 {
+    // Every coefficient divides the common denominator, which grows with their number: the harmonics of a sign have all primes in it.
+    let divide = |denominator: &T| budget::charge(4 + T::bit_length(slice::from_ref(denominator)) / 8);
     let mut denominator = T::one();
     for value in fourier.coefficients() {
         let below = exact(&value.denom())?;
         if denominator.is_one() {
             denominator = below;
-        } else if denominator != below && !denominator.is_multiple_of(&below) {
-            let common = denominator.gcd(&below);
-            denominator = checked(&denominator, &(below / common))?;
+        } else if denominator != below {
+            divide(&denominator);
+            // One division first: the greatest common divisor of a long and a short number takes the square of the long one's length.
+            let rest = denominator.mod_floor(&below);
+            if !Zero::is_zero(&rest) {
+                let common = below.gcd(&rest);
+                denominator = checked(&denominator, &(below / common))?;
+            }
         }
     }
     let over = |value: Option<&Rational>| {
-        let Some(value) = value else { return Some(T::zero()) };
+        let Some(value) = value else { return Some(<T as Zero>::zero()) };
+        divide(&denominator);
         let (above, below) = (exact(&value.numer())?, exact(&value.denom())?);
         if below == denominator { Some(above) } else { checked(&above, &(denominator.clone() / below)) }
     };

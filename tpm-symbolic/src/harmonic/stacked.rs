@@ -120,7 +120,7 @@ impl Matrix {
         let first = experiments.first().ok_or(IdentifiabilityError::NoExperiment)?;
         let parameters = &first.table.parameters;
         let mut variables: Vec<String> = Vec::new();
-        let mut cells: BTreeMap<RowLabel, Vec<Polynomial<usize>>> = BTreeMap::new();
+        let mut cells: BTreeMap<RowLabel, Vec<Vec<(Monomial<usize>, Rational)>>> = BTreeMap::new();
         for (number, experiment) in experiments.iter().enumerate() {
             let table = experiment.table;
             let name = || experiment.name.clone();
@@ -181,11 +181,12 @@ impl Matrix {
                     harmonic: entry.harmonic,
                     function: entry.function,
                 };
-                let row = cells.entry(label).or_insert_with(|| vec![Polynomial::zero(); parameters.len()]);
-                row[column].add_term(monomial, coefficient);
+                let row = cells.entry(label).or_insert_with(|| vec![Vec::new(); parameters.len()]);
+                row[column].push((monomial, coefficient));
             }
         }
-        let (rows, entries) = cells.into_iter().unzip();
+        let sums = |row: Vec<Vec<_>>| row.into_iter().map(Polynomial::from_iter).collect();
+        let (rows, entries) = cells.into_iter().map(|(label, row)| (label, sums(row))).unzip();
         let names = |list: &[EcoString]| list.iter().map(EcoString::to_string).collect();
         Ok(Self { parameters: names(parameters), equations: names(&first.table.equations), variables, rows, entries })
     }

@@ -5,6 +5,7 @@
 
 use crate::algebra::fourier::Trig;
 use crate::algebra::polynomial::Monomial;
+use crate::budget;
 use crate::number::numerator::Numerator;
 use crate::number::rational::{self, Rational};
 use crate::number::words::{big_from_words, unsigned_from_words, write_unsigned};
@@ -12,6 +13,11 @@ use ecow::EcoString;
 use num_traits::Zero;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// The operations that making an entry takes, and adding it to a matrix.
+const ENTRY: u64 = 300;
+/// The operations that writing an entry as text takes.
+const TEXT: u64 = 4000;
 
 /// One coefficient: `coefficient * pi^pi * prod symbol^power` multiplies cos or sin of `harmonic * w t` in the factor of
 /// one parameter in one equation.
@@ -251,6 +257,14 @@ impl HarmonicTable {
         self.len == 0
     }
 
+    /// Announces that all entries are about to be written as text, which takes longer than expanding them and more memory than the
+    /// table.
+    ///
+    /// Ends the present run of the engine where that is too much ([`budget`]).
+    pub fn announce_text(&self) {
+        budget::charge(TEXT * self.len as u64);
+    }
+
     /// The entries, sorted by equation, harmonic, cosine before sine, column and powers.
     #[must_use]
     pub fn entries(&self) -> Entries<'_> {
@@ -350,6 +364,7 @@ impl Iterator for Entries<'_> {
         let (series, harmonic, function, at) =
             self.positions.by_ref().find(|(series, .., at)| !table.is_zero(series, *at))?;
         self.left -= 1;
+        budget::charge(ENTRY);
         Some(table.entry(series, harmonic, function, at))
     }
 
@@ -457,6 +472,7 @@ struct JsonEntry {
 
 impl Serialize for HarmonicTable {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.announce_text();
         let named = |monomial: &Monomial<usize>| -> BTreeMap<EcoString, i32> {
             monomial.factors().map(|(&symbol, power)| (self.symbols[symbol].clone(), power)).collect()
         };
