@@ -1,16 +1,23 @@
 //! Orthogonal elimination in small dense matrices.
 
-use std::vec;
+use std::vec::Vec;
 
 /// Brings the first `pivots` columns of a row-major matrix to upper triangular form by Householder reflections, which leave every
-/// sum of squares of a column as it is. A column without an entry is passed over.
-pub(super) fn triangularise(matrix: &mut [f64], width: usize, pivots: usize) {
+/// sum of squares of a column as it is. A column without an entry is passed over. `factors` is a place to work in, of any length.
+///
+/// Rows have few entries and there are millions of them, so that loops over indices stand where iterators would take longer to set up
+/// than to run.
+pub(super) fn triangularise(matrix: &mut [f64], factors: &mut Vec<f64>, width: usize, pivots: usize) {
     let rows = matrix.len() / width;
-    let mut factors = vec![0.0; width];
+    factors.resize(width, 0.0);
+    let factors = &mut factors[..width];
     for pivot in 0..pivots.min(rows) {
         let (above, below) = matrix.split_at_mut((pivot + 1) * width);
-        let first = &mut above[pivot * width..];
-        let tail: f64 = below.chunks_exact(width).map(|row| row[pivot] * row[pivot]).sum();
+        let first = &mut above[pivot * width..][..width];
+        let mut tail = 0.0;
+        for row in below.chunks_exact(width) {
+            tail += row[pivot] * row[pivot];
+        }
         if tail <= 0.0 {
             continue;
         }
@@ -18,29 +25,33 @@ pub(super) fn triangularise(matrix: &mut [f64], width: usize, pivots: usize) {
         let norm = (head * head + tail).sqrt();
         let diagonal = if head > 0.0 { -norm } else { norm };
         // The reflection I - v v' / (norm * |v_1|) with v = x - diagonal e_1, whose first entry has no cancellation. Rows are read
-        // one after the other, as they are stored; every column's product with v grows by one row's share at a time.
+        // one after the other, as they are stored; every column's product with v grows by one row's share at a time. Rows that begin
+        // with a zero, of which the matrices of a chain are full, have no share.
         let lead = head - diagonal;
         let scale = 1.0 / (diagonal * lead);
-        let factors = &mut factors[pivot + 1..];
-        for (product, entry) in factors.iter_mut().zip(&first[pivot + 1..]) {
-            *product = lead * entry;
+        for column in pivot + 1..width {
+            factors[column] = lead * first[column];
         }
         for row in below.chunks_exact(width) {
             let weight = row[pivot];
-            for (product, entry) in factors.iter_mut().zip(&row[pivot + 1..]) {
-                *product += weight * entry;
+            if weight != 0.0 {
+                for column in pivot + 1..width {
+                    factors[column] += weight * row[column];
+                }
             }
         }
-        for (factor, entry) in factors.iter_mut().zip(&mut first[pivot + 1..]) {
-            *factor *= scale;
-            *entry += *factor * lead;
+        for column in pivot + 1..width {
+            factors[column] *= scale;
+            first[column] += factors[column] * lead;
         }
         for row in below.chunks_exact_mut(width) {
             let weight = row[pivot];
-            for (factor, entry) in factors.iter().zip(&mut row[pivot + 1..]) {
-                *entry += factor * weight;
+            if weight != 0.0 {
+                for column in pivot + 1..width {
+                    row[column] += factors[column] * weight;
+                }
+                row[pivot] = 0.0;
             }
-            row[pivot] = 0.0;
         }
         first[pivot] = diagonal;
     }
@@ -57,7 +68,7 @@ mod tests {
         let entry = |i: usize| f64::from((i * 7919 % 101) as u32) / 50.0 - 1.0;
         let before: Vec<f64> = (0..rows * width).map(entry).collect();
         let mut after = before.clone();
-        triangularise(&mut after, width, 3);
+        triangularise(&mut after, &mut Vec::new(), width, 3);
         let product =
             |m: &[f64], a: usize, b: usize| (0..rows).map(|r| m[r * width + a] * m[r * width + b]).sum::<f64>();
         for a in 0..width {

@@ -64,7 +64,7 @@ impl Smoothed {
         let exact = |derivative: usize, scale: f64| EXACT * scale / chain.duration().powi(derivative as i32);
         let typical: Vec<f64> = (0..outputs).map(|c| noise.typical(c, outputs)).collect();
         let mut gathered: Vec<f64> = Vec::with_capacity((GATHERED + p + 1) * (p + 1));
-        let mut work: Vec<f64> = Vec::new();
+        let (mut work, mut factors): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         let mut disturbed: Vec<(usize, f64)> = Vec::new();
         // Rows in the present state and the columns.
         let width = order + p + 1;
@@ -121,7 +121,7 @@ impl Smoothed {
                     to[extra..extra + order].copy_from_slice(&row[..order]);
                     to[extra + 2 * order..].copy_from_slice(&row[order..]);
                 }
-                triangularise(&mut work, full, extra + order);
+                triangularise(&mut work, &mut factors, full, extra + order);
                 this.determinant += 2.0 * (0..extra + order).map(|i| work[i * full + i].abs().ln()).sum::<f64>();
                 if keep {
                     this.blocks.push((this.kept.len(), extra));
@@ -168,7 +168,7 @@ impl Smoothed {
                 this.places.push((k as u32, c as u32));
                 read += 1;
             }
-            triangularise(&mut work, width, order);
+            triangularise(&mut work, &mut factors, width, order);
             present.copy_from_slice(&work[..order * width]);
             for row in work[order * width..].chunks_exact(width).take(read) {
                 this.innovations.extend_from_slice(&row[order..]);
@@ -243,7 +243,7 @@ impl Smoothed {
     }
 
     fn reduce(&self, gathered: &mut Vec<f64>) {
-        triangularise(gathered, self.width, self.width);
+        triangularise(gathered, &mut Vec::new(), self.width, self.width);
         gathered.truncate(self.width * self.width);
     }
 
