@@ -7,8 +7,9 @@
 //! cargo run --release -- language 1 77 show      # the text of seed 77
 //! ```
 //!
-//! An execution fails that panics, takes longer than its target may (2 s, 10 s for fits by simulation) or more than 1 GB. Its text is written to the folder `found`, its seed is
-//! printed, and the program goes on; it ends with exit code 1 where one failed. Overflows are checked.
+//! An execution fails that panics, takes longer than its target may (2 s, 10 s for fits by simulation) or more than 1 GB. Its text is
+//! written to the folder `found`, its seed is printed, and the program goes on; it ends with exit code 1 where one failed. Overflows
+//! are checked.
 
 mod targets;
 

@@ -1,6 +1,6 @@
 //! Campaigns in a folder: what to play next goes out as arrays, what was recorded comes in.
 
-use crate::log::{TIME, Vector, of_arrays, of_file, with_columns};
+use crate::log::{TIME, Vector, of_arrays, with_columns};
 use crate::model::{Model, experiment_request};
 use crate::result::{Identification, dictionary};
 use crate::words::Fault;
@@ -112,7 +112,7 @@ impl Campaign {
         stopped: bool,
         settings: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Submission> {
-        self.take(py, with_columns(of_file(log), settings)?, stopped)
+        self.take(py, with_columns(LogRequest::new(log), settings)?, stopped)
     }
 
     /// Plays a run on the simulated machine of the experiment: stamps, and coordinates and inputs by name.

@@ -6,7 +6,6 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use tpm_runtime::estimate::Weights;
 use tpm_runtime::harmonics::Hold;
 use tpm_runtime::log::{Domain, Refine, Samples};
@@ -28,11 +27,6 @@ pub(crate) fn of_arrays(t: &Vector<'_>, signals: &BTreeMap<String, Vector<'_>>) 
     let column = |name: &str, array: &Vector<'_>| (name.to_owned(), array.as_array().to_vec());
     let signals = signals.iter().map(|(name, array)| column(name, array));
     LogRequest::of_samples(ARRAYS, Samples::new(std::iter::once(column(TIME, t)).chain(signals).collect()))
-}
-
-/// The log of a file.
-pub(crate) fn of_file(path: PathBuf) -> LogRequest {
-    LogRequest::new(path)
 }
 
 /// A request with what keyword arguments say of the log's columns alone.

@@ -1,6 +1,6 @@
 //! Models: what they say, what they show, and what logs say of them.
 
-use crate::log::{Vector, of_arrays, of_file, with_settings};
+use crate::log::{Vector, of_arrays, with_settings};
 use crate::result::{Identification, dictionary};
 use crate::table::Table;
 use crate::words::{Error, Fault};
@@ -168,9 +168,8 @@ impl Model {
             let (parsed, pattern) = (declared.parsed(), declared.pattern(pattern)?);
             let (model, _) = parsed.for_tables().map_err(|error| at(declared, &error))?;
             let prepared = prepare(model.into_owned()).map_err(|error| at(declared, &error))?;
-            let stated = || parsed.harmonics_of(parsed.model.patterns.iter().position(|other| other == pattern)?);
             let mut step = |_| if requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-            let harmonics = harmonics.or_else(stated);
+            let harmonics = harmonics.or_else(|| parsed.declared_harmonics(pattern));
             let mut options = ExpandOptions { progress: Some(&mut step), harmonics, ..ExpandOptions::default() };
             let table = expand_with(&prepared.model, &prepared.form, pattern, &mut options);
             table.map_err(|error| match error {
@@ -252,7 +251,7 @@ impl Model {
             Paths::Several(paths) => paths,
         };
         let requests: PyResult<Vec<LogRequest>> =
-            paths.into_iter().map(|path| with_settings(of_file(path), settings)).collect();
+            paths.into_iter().map(|path| with_settings(LogRequest::new(path), settings)).collect();
         self.identified(py, requests?)
     }
 

@@ -1,6 +1,6 @@
 //! Results with arrays.
 
-use crate::words::{Error, remedy};
+use crate::words::{Error, Keywords, remedy};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
@@ -115,10 +115,7 @@ impl Identification {
 
     #[getter]
     fn warnings(&self) -> Vec<String> {
-        let told = |warning: &session::Warning| match warning.remedy().and_then(|found| remedy(&found)) {
-            Some(words) => format!("{warning} ({words})"),
-            None => warning.to_string(),
-        };
+        let told = |warning: &session::Warning| Keywords.with(&warning.to_string(), warning.remedy().as_ref());
         self.result.warnings.iter().map(told).collect()
     }
 

@@ -65,8 +65,7 @@ impl Loaded {
 
     /// The declared number of harmonics of terms with infinitely many harmonics, under a pattern.
     pub(crate) fn harmonics(&self, pattern: &Pattern) -> Option<usize> {
-        let index = self.model().patterns.iter().position(|other| other == pattern)?;
-        self.parsed.harmonics_of(index)
+        self.parsed.declared_harmonics(pattern)
     }
 
     /// The estimator from which source code is generated.

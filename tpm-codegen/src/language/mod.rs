@@ -170,6 +170,13 @@ impl Parsed {
         self.harmonics.get(pattern).copied().flatten().and_then(|count| usize::try_from(count).ok())
     }
 
+    /// How many harmonics a pattern of this model keeps of terms with infinitely many; `None` when it declares no number, and for a
+    /// pattern of another model.
+    #[must_use]
+    pub fn declared_harmonics(&self, pattern: &Pattern) -> Option<usize> {
+        self.harmonics_of(self.model.patterns.iter().position(|own| own == pattern)?)
+    }
+
     /// The pattern of this name, the model's first one when no name is given. `unnamed` tells a user how to ask for the pattern of a
     /// model whose patterns have no names.
     ///

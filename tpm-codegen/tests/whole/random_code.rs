@@ -1,6 +1,7 @@
 //! Generated C and Rust of random models, compiled without a warning and run, against exact rational evaluation.
 //!
-//! `TPM_RANDOM_MODELS` sets how many models are tried, `TPM_RANDOM_SEED` the first of them; a failure names its seed. Many models go into one program, since starting a compiler takes longer than compiling a model.
+//! `TPM_RANDOM_MODELS` sets how many models are tried, `TPM_RANDOM_SEED` the first of them; a failure names its seed. Many models go
+//! into one program, since starting a compiler takes longer than compiling a model.
 
 use crate::c::{FLAGS, compiler, runs, say};
 use crate::random::Random;

@@ -2,10 +2,11 @@
 
 use crate::campaign::RunReport;
 use crate::document::block::{Block, Cell, Notice, SHARE_DIGITS};
-use crate::document::marks::{INTERVAL, Interval};
+use crate::document::marks::Interval;
 use crate::document::page::Document;
 use crate::document::validation::remark;
 use crate::estimate::{CombinationReport, ParameterReport, Status};
+use crate::numerics::tail::NORMAL_95;
 use crate::report::{Remedy, beside, cells, combination, digits, number, or_dash};
 use crate::session::{Identification, LogReport, RefinementReport, Source, Validation, Way, closed_loop};
 use std::borrow::ToOwned;
@@ -305,7 +306,7 @@ fn estimates(of: &str, rows: &[Estimated<'_>], caption: &str) -> Block {
         let [value, std] = cells(row.value, row.std);
         let known = row.value.zip(row.std.filter(|std| std.is_finite() && *std > 0.0));
         let end = |side: f64| {
-            let end = known.map(|(value, std)| value + side * INTERVAL * std);
+            let end = known.map(|(value, std)| value + side * NORMAL_95 * std);
             Cell::shown(or_dash(end, |end| beside(end, row.value, row.std)), end)
         };
         let mut line = vec![

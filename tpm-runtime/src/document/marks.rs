@@ -1,11 +1,10 @@
 //! A 95 % interval with prior and true value beside it, as places on a strip.
 
+use crate::numerics::tail::NORMAL_95;
 use serde::Serialize;
 use std::format;
 use std::string::String;
 
-/// Half a 95 % interval in standard deviations.
-pub(super) const INTERVAL: f64 = 1.959_963_984_540_054;
 /// Deviations that a strip shows to either side at least, and at most.
 const SHOWN: (f64, f64) = (4.0, 8.0);
 /// Width of a strip.
@@ -48,8 +47,8 @@ impl Interval {
             Mark { x: format!("{x:.1}"), beyond }
         };
         Some(Interval {
-            low: format!("{:.1}", place(-INTERVAL)),
-            width: format!("{:.1}", place(INTERVAL) - place(-INTERVAL)),
+            low: format!("{:.1}", place(-NORMAL_95)),
+            width: format!("{:.1}", place(NORMAL_95) - place(-NORMAL_95)),
             value: format!("{:.1}", place(0.0)),
             truth: truth.filter(|truth| truth.is_finite()).map(mark),
             prior: prior.filter(|prior| prior.is_finite()).map(mark),

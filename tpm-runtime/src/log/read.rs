@@ -102,8 +102,8 @@ impl Log {
         Ok(read_whole(input, name, &signals(model), &[], options)?.0)
     }
 
-    /// Reads a whole record, of a file or in memory, together with the measured rates of coordinates: columns called `dot(x)`, or mapped to that name. A
-    /// coordinate without such a column has no rate; the list is empty when no coordinate has one.
+    /// Reads a whole record, of a file or in memory, together with the measured rates of coordinates: columns called `dot(x)`, or
+    /// mapped to that name. A coordinate without such a column has no rate; the list is empty when no coordinate has one.
     ///
     /// # Errors
     /// [`LogError`] with the line when the file cannot be read, a column is missing, a value is not finite or time is

@@ -50,7 +50,8 @@ impl From<Log> for Recording {
 }
 
 impl Recording {
-    /// Reads the signals of a model from a file of any format, or from memory: coordinates, inputs and, where there are such columns, measured rates.
+    /// Reads the signals of a model from a file of any format, or from memory: coordinates, inputs and, where there are such columns,
+    /// measured rates.
     ///
     /// # Errors
     /// [`LogError`] with the line when the file cannot be read, a column is missing or ambiguous, a unit is not converted, a field is
@@ -63,9 +64,7 @@ impl Recording {
         let source: LogSource<'_> = source.into();
         let name = source.name();
         let LogSource::File(path) = source else {
-            let (signals, rates) = (signals(model), rate_signals(model));
-            let coordinates = &signals[..model.dims().coordinates];
-            let read = Self::of_columns(&mut *source.columns()?, &name, (coordinates, &signals), &rates, options)?;
+            let read = Self::of_model(&mut *source.columns()?, &name, model, options)?;
             return Ok(Recording { fingerprint: source.fingerprint()?, ..read });
         };
         // Read and fingerprinted in one go.
@@ -82,8 +81,18 @@ impl Recording {
     /// # Errors
     /// Those of [`open`](Self::open).
     pub fn read(input: impl Read, name: &str, model: &dyn Model<f64>, options: &LogOptions) -> Result<Self, LogError> {
+        Self::of_model(&mut *open_columns(input, name)?, name, model, options)
+    }
+
+    /// Takes the signals of a model from columns.
+    fn of_model(
+        columns: &mut dyn Columns,
+        name: &str,
+        model: &dyn Model<f64>,
+        options: &LogOptions,
+    ) -> Result<Self, LogError> {
         let (signals, rates) = (signals(model), rate_signals(model));
-        Self::read_signals(input, name, (&signals[..model.dims().coordinates], &signals), &rates, options)
+        Self::of_columns(columns, name, (&signals[..model.dims().coordinates], &signals), &rates, options)
     }
 
     /// Reads the named signals of a file, in this order, without a model.

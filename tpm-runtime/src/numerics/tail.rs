@@ -2,6 +2,9 @@
 
 use std::f64::consts::PI;
 
+/// Half the width of the interval that holds 95 % of a normal distribution, in standard deviations.
+pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;
+
 /// Probability that a normal variable is at least as many standard deviations from its mean, to either side.
 pub(crate) fn normal_two_sided(deviations: f64) -> f64 {
     libm::erfc(deviations.abs() / 2.0_f64.sqrt())

@@ -228,7 +228,7 @@ pub enum Warning {
         /// How the simulation went.
         message: String,
     },
-    /// The updates of a linearised estimator ended while they still moved by more than their deviations.
+    /// The updates of a linearised estimator ended further from where it was linearised than their deviations allow.
     FarFromLinear {
         /// The estimator.
         estimator: &'static str,
@@ -470,7 +470,7 @@ impl fmt::Display for Warning {
             ),
             Warning::FarFromLinear { estimator } => write!(
                 f,
-                "the updates of {estimator} ended while each still moved by more than its deviations, so that the linearisation does not hold: no value is to be trusted; begin nearer, or with a slower and smaller stage, allow more runs, or take measured-motion"
+                "the updates of {estimator} ended before they settled: an estimate is further from where its equations were linearised than its deviations allow, so that the linearisation does not hold: no value is to be trusted; begin nearer, or with a slower and smaller stage, allow more runs, or take measured-motion"
             ),
             Warning::EndOfInterval { parameter, end, interval: [from, to] } => write!(
                 f,

@@ -73,10 +73,10 @@ pub fn study_session(
     campaigns: usize,
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Study, SessionError> {
-    study_from(session, None, campaigns, progress, &mut |_| Ok(()))
+    study_from(session, None, campaigns, progress, &mut |_, _| Ok(()))
 }
 
-/// Goes on with the study of a session after the campaigns of a tally. `keep` sees the tally whenever it has grown.
+/// Goes on with the study of a session after the campaigns of a tally. `keep` sees the tally whenever it has grown, and at the end.
 pub(super) fn study_from(
     session: &Session,
     begun: Option<Tally>,
@@ -108,12 +108,12 @@ pub fn study_campaigns(
     progress: &(dyn Fn(usize) -> bool + Sync),
 ) -> Result<Study, SessionError> {
     let begun = Tally::new(model, experiment);
-    let tally = tallied(model, pattern, experiment, begun, campaigns, identify, progress, &mut |_| Ok(()))?;
+    let tally = tallied(model, pattern, experiment, begun, campaigns, identify, progress, &mut |_, _| Ok(()))?;
     Ok(summarise(model, experiment, campaigns, tally))
 }
 
-/// Keeps a tally that has grown.
-pub(super) type Keep<'a> = dyn FnMut(&Tally) -> Result<(), SessionError> + Send + 'a;
+/// Keeps a tally that has grown, or that has grown for the last time.
+pub(super) type Keep<'a> = dyn FnMut(&Tally, bool) -> Result<(), SessionError> + Send + 'a;
 
 /// Campaigns on their way into the tally, in the order of their seeds, however they end.
 struct InOrder<'k> {
@@ -140,7 +140,7 @@ impl InOrder<'_> {
             }
         }
         if self.fault.is_none() && self.tally.campaigns() > before {
-            self.fault = (self.keep)(&self.tally).err();
+            self.fault = (self.keep)(&self.tally, false).err();
         }
         self.fault.is_none()
     }
@@ -193,11 +193,10 @@ fn tallied(
             scope.spawn(work);
         }
     });
-    let InOrder { tally, fault, .. } = in_order.into_inner().unwrap_or_else(PoisonError::into_inner);
-    match fault {
-        Some(fault) => Err(fault),
-        None => Ok(tally),
-    }
+    let InOrder { tally, fault, keep, .. } = in_order.into_inner().unwrap_or_else(PoisonError::into_inner);
+    // Campaigns before a fault are kept; the fault that is told is the first one.
+    let kept = keep(&tally, true);
+    fault.map_or(kept, Err).map(|()| tally)
 }
 
 fn summarise(model: &dyn Model<f64>, experiment: &Experiment, asked: usize, tally: Tally) -> Study {

@@ -100,17 +100,15 @@ pub fn study_kept(
     }
     let mut written: Option<Instant> = None;
     let begun = kept.tally.clone();
-    let mut keep = |tally: &Tally| {
-        kept.tally.clone_from(tally);
-        if written.is_none_or(|at| at.elapsed() > BETWEEN_WRITES) {
+    let mut keep = |tally: &Tally, ended: bool| {
+        if ended || written.is_none_or(|at| at.elapsed() > BETWEEN_WRITES) {
+            kept.tally.clone_from(tally);
             write_json(&path, &kept)?;
             written = Some(Instant::now());
         }
         Ok(())
     };
-    let result = study_from(session, Some(begun), campaigns, progress, &mut keep);
-    write_json(&path, &kept)?;
-    result
+    study_from(session, Some(begun), campaigns, progress, &mut keep)
 }
 
 #[cfg(test)]

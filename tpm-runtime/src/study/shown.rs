@@ -139,8 +139,7 @@ fn along(parsed: &Parsed, asked: &[AskedPattern<'_>]) -> Result<(Report, Physica
 
 /// The highest harmonic that counts, where one is stated.
 fn highest(parsed: &Parsed, asked: &AskedPattern<'_>) -> Option<usize> {
-    let declared = || parsed.harmonics_of(parsed.model.patterns.iter().position(|own| own == asked.pattern)?);
-    asked.harmonics.or_else(declared)
+    asked.harmonics.or_else(|| parsed.declared_harmonics(asked.pattern))
 }
 
 /// Names of the nonlinear parameters.

@@ -2,15 +2,13 @@
 
 use crate::estimate::{ParameterReport, Status};
 use crate::experiment::Experiment;
+use crate::numerics::tail::NORMAL_95;
 use crate::session::Identification;
 use serde::{Deserialize, Serialize};
 use std::boxed::Box;
 use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::model::Model;
-
-/// Half the width of the interval that holds 95 % of a normal variable, in standard deviations.
-const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// One parameter over all campaigns. The statistics are over the campaigns that identified the parameter; an estimate
 /// that the campaign itself reports as poorly determined does not count.

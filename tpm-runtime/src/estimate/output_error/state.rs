@@ -71,9 +71,12 @@ impl State {
         signals: &Signals<'_>,
         tuned: bool,
     ) -> Result<usize, OutputErrorFault> {
-        // Whether the motion has moved from where the noise was told from it, and how often that was told after the steps had become small.
-        let (mut stale, mut again) = (false, 0);
+        // Whether a step since the noise was told was so long that the motion is another one.
+        let mut stale = false;
+        // Whether the steps became small after such a step, so that the noise is told once more in the next one.
         let mut due = false;
+        // How often the noise was told once more; never without end, since every time may move the motion.
+        let mut again = 0;
         for iteration in 0..MOST_STEPS {
             let columns = self.columns(problem, signals)?;
             let mut values = vec![0.0; self.base()];
