@@ -4,6 +4,7 @@
 //! errors and progress to standard error. Exit codes: 0 done, 1 not everything asked for was identified (or, asked by
 //! `generate --check`, is current), 2 bad input, 130 interrupted.
 
+mod examples;
 mod failure;
 mod input;
 mod interrupt;
@@ -33,7 +34,7 @@ const EXIT_CODES: &str =
 
 /// The command line as it is told to users.
 fn command() -> clap::Command {
-    Cli::command().after_help(EXIT_CODES).mut_subcommands(|verb| verb.after_help(EXIT_CODES))
+    examples::with_examples(Cli::command(), "", EXIT_CODES)
 }
 
 #[derive(Subcommand)]
@@ -98,7 +99,11 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&command().get_matches()).unwrap_or_else(|error| error.exit());
+    let parsed = command().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = parsed.unwrap_or_else(|error| {
+        let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+        if error.use_stderr() { examples::with_remedy(error, &command(), words).exit() } else { error.exit() }
+    });
     interrupt::install();
     let budget = if cli.allow_large { Budget::large() } else { Budget::default() };
     let outcome = budget::run(budget, || dispatch(&cli.command));

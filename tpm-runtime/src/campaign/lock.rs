@@ -33,6 +33,10 @@ impl Lock {
     pub fn hold(folder: &Path) -> Result<Self, StoreError> {
         let path = folder.join("campaign.lock");
         let io = |error: &dyn ToString| StoreError::Io { path: path.display().to_string(), reason: error.to_string() };
+        if folder.exists() && !folder.is_dir() {
+            let reason = "this is no folder; name one, or a path where nothing is yet".to_string();
+            return Err(StoreError::Broken { path: folder.display().to_string(), reason });
+        }
         fs::create_dir_all(folder).map_err(|error| io(&error))?;
         for _ in 0..ATTEMPTS {
             if fs::symlink_metadata(&path).is_ok_and(|present| !present.is_file()) {
@@ -115,6 +119,13 @@ mod tests {
         drop(held);
         drop(Lock::hold(folder.path()).expect("free again"));
         assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 0);
+    }
+
+    #[test]
+    fn a_file_is_no_folder() {
+        let file = tempfile::NamedTempFile::new().expect("a temporary file");
+        let refused = Lock::hold(file.path()).map(|_| ()).expect_err("a file").to_string();
+        assert!(refused.ends_with("this is no folder; name one, or a path where nothing is yet"), "{refused}");
     }
 
     #[cfg(unix)]

@@ -106,6 +106,9 @@ pub struct RowLabel {
     pub function: Trig,
 }
 
+/// The terms of an entry, as they are found.
+type Terms = Vec<(Monomial<usize>, Rational)>;
+
 /// The harmonics of all experiments as one matrix over the parameters, with entries that are Laurent polynomials.
 pub(super) struct Matrix {
     pub(super) parameters: Vec<String>,
@@ -120,7 +123,7 @@ impl Matrix {
         let first = experiments.first().ok_or(IdentifiabilityError::NoExperiment)?;
         let parameters = &first.table.parameters;
         let mut variables: Vec<String> = Vec::new();
-        let mut cells: BTreeMap<RowLabel, Vec<Vec<(Monomial<usize>, Rational)>>> = BTreeMap::new();
+        let mut cells: BTreeMap<RowLabel, Vec<Terms>> = BTreeMap::new();
         for (number, experiment) in experiments.iter().enumerate() {
             let table = experiment.table;
             let name = || experiment.name.clone();

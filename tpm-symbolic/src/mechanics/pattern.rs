@@ -160,7 +160,8 @@ mod tests {
 
     #[test]
     fn the_closed_form_is_what_the_end_conditions_give() {
-        for order in (1..=41).step_by(2) {
+        // Conditions on derivatives above the 31st are refused.
+        for order in (1..=31).step_by(2) {
             assert_eq!(
                 rest_to_rest(order).expect("odd order"),
                 at_rest((1..=order).step_by(2), order),
@@ -171,7 +172,7 @@ mod tests {
 
     #[test]
     fn derivatives_vanish_at_both_ends_up_to_the_order_and_no_further() {
-        for order in [3u32, 5, 7, 9, 11, 13] {
+        for order in [3u32, 5, 7, 9, 11, 13, 255] {
             let pattern = rest_to_rest(order).expect("odd order");
             for n in 1..=order {
                 let derivative = pattern.derivative(n);

@@ -1,0 +1,139 @@
+//! What one would type: an example of every verb, in its help and behind every command line that is refused.
+
+use clap::builder::StyledStr;
+use clap::error::{ContextKind, ContextValue};
+use clap::{Command, Error};
+
+/// Verbs, and for each a command line that is understood. Their files are those of a user.
+const EXAMPLES: [(&str, &str); 36] = [
+    ("actuator", "tpm actuator cart.tpm --motor motors.toml"),
+    ("campaign next", "tpm campaign next my_campaign"),
+    ("campaign result", "tpm campaign result my_campaign"),
+    ("campaign run", "tpm campaign run cart.tpm --machine \"python3 adapter.py\""),
+    ("campaign start", "tpm campaign start cart.tpm my_campaign"),
+    ("campaign submit", "tpm campaign submit my_campaign run1.csv"),
+    ("check", "tpm check cart.tpm"),
+    ("compare", "tpm compare before.json after.json"),
+    ("completions", "tpm completions bash"),
+    ("design", "tpm design cart.tpm --experiment cart.toml"),
+    (
+        "excite chirp",
+        "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.json chirp --amplitude 2 --low 0.1 --high 10",
+    ),
+    (
+        "excite multisine",
+        "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.json multisine --rms 2 --low 0.1 --high 10 --period-samples 10000",
+    ),
+    (
+        "excite noise",
+        "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.json noise --std 2 --hold-time 0.01",
+    ),
+    ("expand", "tpm expand cart.tpm --format markdown"),
+    ("explain", "tpm explain schedule.stages"),
+    ("feedforward", "tpm feedforward cart.tpm --loop loop.toml"),
+    ("fit", "tpm fit log.csv --input u --measured x --order 1/3"),
+    ("flags", "tpm flags"),
+    ("fmt", "tpm fmt cart.tpm"),
+    ("frf", "tpm frf log.csv --input u --measured x"),
+    ("generate", "tpm generate cart.tpm --lang c --params result.json"),
+    ("identifiability", "tpm identifiability cart.tpm --value lambda=1/2"),
+    ("identify", "tpm identify cart.tpm --log log.csv --map x=position"),
+    ("import", "tpm import arm.urdf -o arm.tpm"),
+    ("init", "tpm init cart"),
+    ("inspect", "tpm inspect log.csv cart.tpm"),
+    ("linearize", "tpm linearize cart.tpm --at x=0"),
+    ("lsp", "tpm lsp"),
+    ("man", "tpm man manual_pages"),
+    ("regulate", "tpm regulate cart.tpm --sample-time 0.001 --params result.json"),
+    ("schema", "tpm schema experiment"),
+    ("simulate", "tpm simulate cart.tpm --experiment cart.toml -o run.csv"),
+    ("split", "tpm split cart.tpm"),
+    ("study", "tpm study cart.tpm --experiment cart.toml --seeds 100"),
+    ("trajectories", "tpm trajectories cart.tpm --plot trajectories.svg"),
+    ("validate", "tpm validate cart.tpm --params result.json --log other.csv"),
+];
+
+/// A command whose help ends with an example of every verb, what it ended with, and `ending` where a verb has no exit codes of its own.
+pub(crate) fn with_examples(command: Command, path: &str, ending: &'static str) -> Command {
+    let example = EXAMPLES.iter().find(|(verb, _)| *verb == path).map(|(_, line)| format!("Example: {line}"));
+    let own = command.get_after_help().map(ToString::to_string);
+    let common = own.as_ref().is_none_or(|own| !own.contains("Exit codes")).then(|| ending.to_owned());
+    let parts: Vec<String> = example.into_iter().chain(own).chain(common).collect();
+    command.after_help(parts.join("\n\n")).mut_subcommands(|verb| {
+        let path = [path, verb.get_name()].join(" ");
+        with_examples(verb, path.trim(), ending)
+    })
+}
+
+/// A refused command line, with the example of its verb instead of advice to pass a flag as a value.
+pub(crate) fn with_remedy(mut error: Error, command: &Command, words: impl IntoIterator<Item = String>) -> Error {
+    let (mut path, mut verb) = (Vec::new(), command);
+    for word in words {
+        if let Some(next) = verb.find_subcommand(word) {
+            path.push(next.get_name());
+            verb = next;
+        }
+    }
+    let path = path.join(" ");
+    let Some((_, example)) = EXAMPLES.iter().find(|(verb, _)| *verb == path || verb.starts_with(&format!("{path} ")))
+    else {
+        return error;
+    };
+    let mut tips = match error.remove(ContextKind::Suggested) {
+        Some(ContextValue::StyledStrs(tips)) => tips,
+        _ => Vec::new(),
+    };
+    tips.retain(|tip| !tip.to_string().contains("as a value"));
+    tips.push(StyledStr::from(format!("type, for example, `{example}`")));
+    error.insert(ContextKind::Suggested, ContextValue::StyledStrs(tips));
+    error
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{EXAMPLES, with_remedy};
+    use crate::command;
+
+    fn verbs(command: &clap::Command, path: &str, found: &mut Vec<String>) {
+        for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
+            let path = [path, verb.get_name()].join(" ").trim().to_owned();
+            if verb.has_subcommands() {
+                verbs(verb, &path, found);
+            } else {
+                found.push(path);
+            }
+        }
+    }
+
+    #[test]
+    fn every_verb_has_an_example_and_every_example_is_understood() {
+        let mut found = Vec::new();
+        verbs(&command(), "", &mut found);
+        found.sort();
+        assert_eq!(found, EXAMPLES.map(|(verb, _)| verb));
+        for (verb, line) in EXAMPLES {
+            let words = line.split(' ').map(|word| word.trim_matches('"'));
+            if let Err(error) = command().try_get_matches_from(words) {
+                // Quotes are a shell's.
+                assert!(line.contains('"'), "{verb}: {error}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_refused_line_ends_with_what_to_type() {
+        for (line, example) in [
+            ("tpm check", "`tpm check cart.tpm`"),
+            ("tpm expand cart.tpm --harmonics -3", "`tpm expand cart.tpm --format markdown`"),
+            ("tpm campaign submit folder", "`tpm campaign submit my_campaign run1.csv`"),
+            ("tpm excite cart.tpm", "`tpm excite cart.tpm --sample-time 0.001"),
+            ("tpm frf --log log.csv", "`tpm frf log.csv --input u --measured x`"),
+        ] {
+            let words = || line.split(' ').map(str::to_owned);
+            let error = command().try_get_matches_from(words()).expect_err(line);
+            let told = with_remedy(error, &command(), words()).to_string();
+            assert!(told.contains(&format!("type, for example, {example}")), "{told}");
+            assert!(!told.contains("as a value"), "{told}");
+        }
+    }
+}
