@@ -14,8 +14,10 @@ pub(super) fn of(source: &Source, allows_large: bool) -> Diagnostics {
         Ok(parsed) => of_model(&parsed),
         Err(diagnostics) => diagnostics,
     });
-    let mut found =
-        found.unwrap_or_else(|halted| [Diagnostic::error(Span::default(), halted.to_string())].into_iter().collect());
+    let mut found = found.unwrap_or_else(|halted| {
+        let fault = Diagnostic::error(Span::default(), halted.to_string());
+        [fault.help("start the server as `tpm lsp --allow-large`")].into_iter().collect()
+    });
     found.sort();
     found
 }
