@@ -61,6 +61,8 @@ enum Command {
     Feedforward(Box<verbs::feedforward::Args>),
     /// Fit a transfer function, or a model's parameters, to the frequency response of a log.
     Fit(Box<verbs::fit::Args>),
+    /// Lay out model files: one statement to a line, comments below each other.
+    Fmt(verbs::fmt::Args),
     /// Measure a frequency response from a log: H1, H2, coherence, confidence.
     Frf(verbs::frf::Args),
     /// Print the table of all flags, verb by verb.
@@ -80,6 +82,8 @@ enum Command {
     Inspect(Box<verbs::inspect::Args>),
     /// Linearise a model at rest: state space, transfer functions, poles and zeros.
     Linearize(Box<verbs::linearize::Args>),
+    /// Serve an editor: faults while typing, what names mean, completion, layout, by the language server protocol.
+    Lsp(verbs::lsp::Args),
     /// Write manual pages into a folder.
     Man(verbs::shell::ManArgs),
     /// Design a regulator about an equilibrium: gains, poles, margins, and its code in C or Rust.
@@ -130,6 +134,7 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Explain(args) => verbs::explain::run(args),
         Command::Feedforward(args) => verbs::feedforward::run(args),
         Command::Fit(args) => verbs::fit::run(args),
+        Command::Fmt(args) => verbs::fmt::run(args),
         Command::Frf(args) => verbs::frf::run(args),
         Command::Flags => verbs::shell::flags(&command()),
         Command::Generate(args) => verbs::generate::run(args),
@@ -139,6 +144,7 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Init(args) => verbs::init::run(args),
         Command::Inspect(args) => verbs::inspect::run(args),
         Command::Linearize(args) => verbs::linearize::run(args),
+        Command::Lsp(args) => verbs::lsp::run(args),
         Command::Man(args) => verbs::shell::man(args, command()),
         Command::Regulate(args) => verbs::regulate::run(args),
         Command::Schema(args) => verbs::explain::schema(args),

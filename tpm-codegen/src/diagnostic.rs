@@ -294,7 +294,7 @@ impl<'a> Excerpts<'a> {
     fn draw(&mut self, diagnostic: &Diagnostic) -> Option<String> {
         let source = self.source;
         let name = source.name();
-        let span = |span: Span| (name, visible(source, span));
+        let span = |span: Span| (name, source.visible(span));
         let kind = match diagnostic.severity {
             Severity::Error => ReportKind::Error,
             Severity::Warning => ReportKind::Warning,
@@ -344,17 +344,5 @@ impl<'a> Excerpts<'a> {
         if let Some(help) = &diagnostic.help {
             let _ = writeln!(text, "  help: {help}");
         }
-    }
-}
-
-/// A span that can be underlined: at least one character where the text has one.
-fn visible(source: &Source, span: Span) -> std::ops::Range<usize> {
-    let range = span.range();
-    if !range.is_empty() {
-        return range;
-    }
-    match source.text().get(range.start..).and_then(|rest| rest.chars().next()) {
-        Some(c) if c != '\n' && c != '\r' => range.start..range.start + c.len_utf8(),
-        _ => range,
     }
 }

@@ -138,6 +138,19 @@ impl Source {
         self.text[start..end].trim_end_matches('\r')
     }
 
+    /// A span as it can be underlined: at least one character where the text has one.
+    #[must_use]
+    pub fn visible(&self, span: Span) -> std::ops::Range<usize> {
+        let range = span.range();
+        if !range.is_empty() {
+            return range;
+        }
+        match self.text.get(range.start..).and_then(|rest| rest.chars().next()) {
+            Some(c) if c != '\n' && c != '\r' => range.start..range.start + c.len_utf8(),
+            _ => range,
+        }
+    }
+
     fn before(&self, offset: u32) -> &str {
         let mut at = (offset as usize).min(self.text.len());
         while !self.text.is_char_boundary(at) {

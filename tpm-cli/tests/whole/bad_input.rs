@@ -306,6 +306,13 @@ fn mistakes_are_answered_by_what_to_type() {
         (vec!["compare", &other, &other], vec!["no result of an identification"]),
         (vec!["explain", "nosie"], vec!["tpm explain"]),
         (vec!["init", "2cart"], vec!["tpm init my_cart"]),
+        (vec!["fmt"], vec!["type `tpm fmt MODEL.tpm` for files"]),
+        (vec!["fmt", "none.tpm"], vec![there, "tpm init NAME"]),
+        (vec!["fmt", "models"], vec!["type the path of a file in it"]),
+        (vec!["fmt", "models/mass_spring_drag.toml"], vec!["give one ending in .tpm"]),
+        (vec!["fmt", "-", model], vec!["type `tpm fmt models/mass_spring_drag.tpm` for files"]),
+        (vec!["lsp", model], vec!["nothing such as `models/mass_spring_drag.tpm`", "type `tpm check FILE`"]),
+        (vec!["lsp", "--port", "9000"], vec!["nothing such as `--port`", "type `tpm check FILE`"]),
     ];
     for (arguments, said) in &cases {
         fails(arguments, 2, said);

@@ -6,6 +6,7 @@ mod bad_input;
 mod campaign;
 mod compare;
 mod dry_friction;
+mod editors;
 mod excite;
 mod first_steps;
 mod functions;

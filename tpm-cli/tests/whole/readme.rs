@@ -52,7 +52,7 @@ fn matches(expected: &[&str], actual: &[&str]) -> bool {
 }
 
 /// Chapters of the book whose commands are executed, each in a folder of its own with the shipped models.
-const CHAPTERS: [&str; 8] = [
+const CHAPTERS: [&str; 9] = [
     "docs/first.md",
     "docs/own_machine.md",
     "docs/log.md",
@@ -60,6 +60,7 @@ const CHAPTERS: [&str; 8] = [
     "docs/controller.md",
     "docs/report.md",
     "docs/what_can_go_wrong.md",
+    "docs/editors.md",
     "docs/exit_codes.md",
 ];
 

@@ -122,6 +122,34 @@ impl Function {
         }
     }
 
+    /// What it is, for editors.
+    #[must_use]
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Self::Dot => "the first time derivative",
+            Self::Ddot => "the second time derivative",
+            Self::Der => "the time derivative of order n",
+            Self::Diff => "the partial derivative by a coordinate",
+            Self::Sin => "the sine of an angle, rad",
+            Self::Cos => "the cosine of an angle, rad",
+            Self::Tan => "the tangent of an angle, rad",
+            Self::Asin => "the angle of this sine, rad",
+            Self::Acos => "the angle of this cosine, rad",
+            Self::Atan2 => "the angle of the point (x, y), rad",
+            Self::Sqrt => "the square root",
+            Self::Tanh => "the hyperbolic tangent",
+            Self::Exp => "the exponential function",
+            Self::Log => "the natural logarithm",
+            Self::Abs => "the absolute value",
+            Self::Sign => "-1, 0 or 1",
+            Self::RestToRest => {
+                "a motion of amplitude lambda and frequency w whose derivatives 1 to n vanish at both ends"
+            }
+            Self::PointToPoint => "a motion from x0 to x1 whose derivatives 1 to n vanish at both ends",
+            Self::Shape => "the motion that meets the end conditions of its clauses",
+        }
+    }
+
     /// How many arguments it takes; `None` for a shape, which takes any number of clauses.
     #[must_use]
     pub fn arity(self) -> Option<usize> {
@@ -178,6 +206,11 @@ impl Clause {
         (Self::Cosines, "cosines"),
         (Self::Sines, "sines"),
     ];
+
+    /// The names of the clauses.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        Self::NAMES.into_iter().map(|(_, name)| name)
+    }
 
     /// The clause of a name.
     #[must_use]

@@ -2,9 +2,12 @@
 
 pub mod ast;
 mod check;
+mod format;
 pub mod function;
+pub mod keywords;
 mod lex;
 mod lower;
+pub mod outline;
 mod parse;
 mod print;
 pub mod stream;
@@ -12,6 +15,7 @@ mod suggest;
 mod token;
 pub mod unit;
 
+pub use format::format;
 pub use lower::{HIGHEST_ORDER, Taylor, Terms};
 pub use parse::DEEPEST_NESTING;
 

@@ -15,6 +15,7 @@ use crate::language::ast::{
     ModelDeclaration, Motion, NonlinearParameter, PatternDeclaration, PatternItem, Quantity, Role, SeriesDeclaration,
     Taylor, UnitExpr,
 };
+use crate::language::keywords::{PATTERN_STATEMENTS, STATEMENTS};
 use crate::language::lex::{lex, shorten};
 use crate::language::suggest::nearest;
 use crate::language::token::{Token, TokenKind};
@@ -60,24 +61,6 @@ pub(crate) fn parse_expression(source: &Source, diagnostics: &mut Diagnostics) -
 struct Reported;
 
 type Parse<T> = Result<T, Reported>;
-
-/// Statements of a model that begin with a word and a name.
-const STATEMENTS: [&str; 11] = [
-    "coordinate",
-    "input",
-    "parameter",
-    "constant",
-    "series",
-    "let",
-    "lump",
-    "force",
-    "eliminate",
-    "taylor",
-    "pattern",
-];
-
-/// Statements of a pattern that begin with a word and a name or number.
-const PATTERN_STATEMENTS: [&str; 3] = ["amplitude", "frequency", "harmonics"];
 
 struct Parser<'a, 'd> {
     source: &'a Source,

@@ -4,6 +4,7 @@ mod build;
 mod c;
 mod committed;
 mod derivation;
+mod format;
 mod generate;
 mod language;
 mod lowering;

@@ -11,23 +11,18 @@ use crate::language::ast::mechanism::{
     MechanismDeclaration, MechanismItem, Placement, VectorExpr, loss_word,
 };
 use crate::language::ast::{Expr, ExprKind, Ident, Item};
+use crate::language::keywords::{BODY_STATEMENTS, MECHANISM_STATEMENTS};
 use crate::language::lex::shorten;
 use crate::language::suggest::nearest;
 use crate::language::token::TokenKind;
 use crate::source::Span;
-
-/// Statements of a mechanism.
-const STATEMENTS: [&str; 3] = ["gravity", "body", "drive"];
-
-/// Statements of a body.
-const BODY_STATEMENTS: [&str; 4] = ["fixed", "revolute", "prismatic", "inertia"];
 
 impl Parser<'_, '_> {
     pub(super) fn mechanism(&mut self) -> Parse<Item> {
         let keyword = self.bump().span;
         let open = self.expect(TokenKind::OpenBrace)?.span;
         let mut items = Vec::new();
-        self.braced(open, "mechanism", &STATEMENTS, |parser| {
+        self.braced(open, "mechanism", &MECHANISM_STATEMENTS, |parser| {
             items.push(parser.mechanism_item()?);
             Ok(())
         });
@@ -97,7 +92,7 @@ impl Parser<'_, '_> {
         if self.is_word(0, "drive") {
             return self.drive().map(MechanismItem::Drive);
         }
-        Err(self.no_statement("a mechanism", &STATEMENTS))
+        Err(self.no_statement("a mechanism", &MECHANISM_STATEMENTS))
     }
 
     fn body(&mut self) -> Parse<BodyDeclaration> {

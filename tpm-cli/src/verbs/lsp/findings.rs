@@ -1,0 +1,54 @@
+//! What is to be said of a model's text: what `tpm check` says with a place in the text.
+
+use tpm_codegen::diagnostic::{Diagnostic, Diagnostics, Severity};
+use tpm_codegen::source::{Source, Span};
+use tpm_codegen::{Parsed, parse_model};
+use tpm_symbolic::budget::{self, Budget};
+use tpm_symbolic::harmonic::expand::{ExpandOptions, expand_with};
+use tpm_symbolic::regressor::prepare::prepare;
+
+/// Faults and remarks in the order of their places.
+pub(super) fn of(source: &Source, allows_large: bool) -> Diagnostics {
+    let budget = if allows_large { Budget::large() } else { Budget::default() };
+    let found = budget::run(budget, || match parse_model(source) {
+        Ok(parsed) => of_model(&parsed),
+        Err(diagnostics) => diagnostics,
+    });
+    let mut found = found.unwrap_or_else(|halted| {
+        let fault = Diagnostic::error(Span::default(), halted.to_string());
+        [fault.help("start the server as `tpm lsp --allow-large`")].into_iter().collect()
+    });
+    found.sort();
+    found
+}
+
+/// What only the algebra finds: parameters that are not linear, coordinates that cannot be eliminated, patterns without a table.
+fn of_model(parsed: &Parsed) -> Diagnostics {
+    let mut found = parsed.warnings.clone();
+    if let Err(error) = prepare(parsed.model.clone()) {
+        found.push(parsed.locate(&error));
+        return found;
+    }
+    let tables = match parsed.for_tables() {
+        Ok((model, _)) => prepare(model.into_owned()).map_err(|error| parsed.locate(&error)),
+        Err(error) => Err(parsed.locate(&error)),
+    };
+    let tables = match tables {
+        Ok(tables) => tables,
+        Err(fault) => {
+            found.push(fault);
+            return found;
+        }
+    };
+    for pattern in &tables.model.patterns {
+        let mut options = ExpandOptions { harmonics: parsed.declared_harmonics(pattern), ..ExpandOptions::default() };
+        if let Err(error) = expand_with(&tables.model, &tables.form, pattern, &mut options) {
+            let mut remark = parsed.locate(&error);
+            remark.severity = Severity::Warning;
+            remark.message =
+                format!("no finite table under the pattern, and `tpm expand` will refuse it: {}", remark.message);
+            found.push(remark);
+        }
+    }
+    found
+}
