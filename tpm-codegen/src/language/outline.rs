@@ -63,7 +63,7 @@ pub fn word_at(source: &Source, offset: u32) -> Option<(Span, Word)> {
     let declared = declared(source);
     // A name of several patterns, or of the file's other parts too, is the one that was declared last before it is used.
     let named = || declared.iter().filter(|(_, word)| word.name == name);
-    let own = named().filter(|(at, _)| at.start <= span.start).next_back().or_else(|| named().next());
+    let own = named().rfind(|(at, _)| at.start <= span.start).or_else(|| named().next());
     let own = own.map(|(_, word)| word.clone());
     let given = given().find(|word| word.name == name && (called || word.meant != Meant::Function));
     let word = if called { given.or(own) } else { own.or(given) };

@@ -107,6 +107,7 @@ fn clean(folder: &Path) {
 mod tests {
     use super::Lock;
     use crate::campaign::store::StoreError;
+    use std::string::ToString;
 
     #[test]
     fn one_works_and_the_other_is_told() {
