@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn derivatives_vanish_at_both_ends_up_to_the_order_and_no_further() {
-        for order in [3u32, 5, 7, 9, 11, 13, 255] {
+        for order in [3u32, 5, 7, 9, 11, 13, 41] {
             let pattern = rest_to_rest(order).expect("odd order");
             for n in 1..=order {
                 let derivative = pattern.derivative(n);
