@@ -104,6 +104,30 @@ fn standard_deviations_are_the_spread() {
     assert!((1.7..2.3).contains(&mean), "{mean}");
 }
 
+/// Where lumped parameters are hardly known, physical ones are quotients of what may vanish, and masses reach their bounds.
+#[test]
+fn deviations_hold_where_lumped_parameters_are_hardly_known() {
+    let prepared = two_carts();
+    let exact = lumped(&prepared, &TRUTH);
+    let covariance = covariance(&exact) * (300.0_f64).powi(2);
+    let factor = covariance.clone().cholesky().expect("positive").l();
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let draws = 200;
+    let (mut far, mut stated) = (0, 0);
+    for _ in 0..draws {
+        let noise = DVector::from_fn(exact.len(), |_, _| StandardNormal.sample(&mut random));
+        let values: Vec<f64> = exact.iter().zip((&factor * noise).iter()).map(|(c, e)| c + e).collect();
+        let found = physical(&prepared, &estimate(values, covariance.clone()), &PhysicalSettings::default());
+        for (parameter, truth) in found.expect("sound settings").parameters.iter().zip(TRUTH) {
+            if let (Some(value), Some(std)) = (parameter.value, parameter.std) {
+                stated += 1;
+                far += usize::from((value - truth).abs() > 4.0 * std);
+            }
+        }
+    }
+    assert!(stated > 3 * draws && far <= stated / 200, "{far} of {stated}");
+}
+
 #[test]
 fn parameters_of_no_such_machine_are_flagged() {
     let prepared = two_carts();

@@ -71,7 +71,8 @@ fn describe(result: &Validation) -> String {
             |cut_off| format!("low pass at {} Hz", number(cut_off))
         ),
     );
-    for remark in result.reading.remarks() {
+    let repeated = result.reading.repeated.iter().map(ToString::to_string);
+    for remark in result.reading.remarks().into_iter().chain(repeated) {
         text.push_str(&format!("remark: {remark}\n"));
     }
     let mut table = TextTable::new(&[

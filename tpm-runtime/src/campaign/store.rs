@@ -94,6 +94,9 @@ pub struct RunManifest {
     pub feedback: Vec<GainManifest>,
     /// Time constant of the filtered difference that forms the rates, s; nothing when no such filter is used.
     pub derivative_filter: Option<f64>,
+    /// Time constant of the low pass of positions before the feedback, s; nothing when there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_filter: Option<f64>,
     /// Least-squares smoothing of errors and rates, where there is any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<Smoothing>,
@@ -327,6 +330,7 @@ impl Store {
             frequency: trial.trajectory.frequency,
             feedback: GainManifest::all(model, &trial.control.gains),
             derivative_filter: trial.control.velocity.time_constant(),
+            position_filter: trial.control.low_pass_time(),
             smoothing: trial.control.velocity.smoothing(),
             parameters: trial.parameters.clone(),
             sample_time: record.sample_time,

@@ -31,6 +31,7 @@ fn setup(method: Method, stages: &[(f64, f64)], sample_time: f64) -> Setup {
             sample_time,
             gains: vec![Gain { input: 0, coordinate: 0, proportional: 2000.0, derivative: 120.0 }],
             velocity: Velocity::Measured,
+            position_filter: 0.0,
             compensation: HoldCompensation::Exact,
             actuators: vec![],
         },
@@ -197,8 +198,9 @@ fn the_other_estimators_converge_as_they_should() {
 /// hold in H and in the feed-forward.
 #[test]
 fn the_hold_in_h_and_feed_forward_leaves_little() {
-    let remaining = |compensation: HoldCompensation, velocity: Velocity, setting| {
+    let remaining = |compensation: HoldCompensation, velocity: Velocity, position_filter: f64, setting| {
         let mut setup = setup(Method::Error, &[setting], 1e-3);
+        setup.control.position_filter = position_filter;
         setup.control.velocity = velocity;
         setup.control.compensation = compensation;
         let mut bench = bench(0.0, 0.0, 1);
@@ -208,12 +210,16 @@ fn the_hold_in_h_and_feed_forward_leaves_little() {
     for setting in SETTINGS {
         let filtered = Velocity::Filtered(2e-3);
         let [none, advance, exact] = [HoldCompensation::None, HoldCompensation::Advance, HoldCompensation::Exact]
-            .map(|compensation| remaining(compensation, filtered, setting));
+            .map(|compensation| remaining(compensation, filtered, 0.0, setting));
         assert!(none > 10.0 * advance && advance > 10.0 * exact, "{setting:?}: {none:e} {advance:e} {exact:e}");
         assert!(exact < 1e-8, "{setting:?}: {exact:e}");
         let fitted = Velocity::Fitted(Smoothing { samples: 15, degree: 2 });
-        let exact = remaining(HoldCompensation::Exact, fitted, setting);
-        assert!(exact < 1e-8, "{setting:?}: {exact:e}");
+        for velocity in [fitted, filtered] {
+            for position_filter in [0.0, 2e-3] {
+                let exact = remaining(HoldCompensation::Exact, velocity, position_filter, setting);
+                assert!(exact < 1e-8, "{setting:?}, {velocity:?}, {position_filter}: {exact:e}");
+            }
+        }
     }
 }
 

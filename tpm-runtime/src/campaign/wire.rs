@@ -162,6 +162,7 @@ pub fn read_trial(path: &Path, model: &dyn Model<f64>, template: &Trial) -> Resu
         Some(smoothing) => Velocity::Fitted(smoothing),
         None => terms.derivative_filter.map_or(Velocity::Measured, Velocity::Filtered),
     };
+    trial.control.position_filter = terms.position_filter.unwrap_or(0.0);
     for (c, bound) in trial.tracking_bounds.iter_mut().enumerate() {
         *bound = terms.tracking.get(model.coordinate(c).name).copied().unwrap_or(f64::INFINITY);
     }

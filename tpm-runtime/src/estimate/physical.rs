@@ -5,6 +5,10 @@
 //! There are usually more c than p: what the minimum leaves measures whether the c belong to a machine of this structure at
 //! all (two carts: c4 = c3^2/(3 c7), c5 = c3^3/(27 c7^2); after Feng, Eqns 4.35-4.41).
 //!
+//! Deviations are those of the solution when the estimate is moved by one deviation along each of its combinations, up and down. A
+//! linear map gives the same by its Jacobian; here a quotient of two estimates, one of which may vanish, or a bound within reach, makes
+//! them larger, and never smaller than the Jacobian says.
+//!
 //! Invariant: rows of `Weighted` are combinations of the c that the data show, each of variance one and uncorrelated with
 //! the others. Directions that the data do not show have no row.
 
@@ -166,7 +170,10 @@ impl PhysicalFit {
     /// The physical parameters that explain an estimate of the lumped ones best.
     #[must_use]
     pub fn of_estimate(&self, estimate: &Estimate) -> Physical {
-        self.best(&Weighted::new(estimate), &[self.closed(&estimate.values)])
+        let weighted = Weighted::new(estimate);
+        let solution = self.best(&weighted, &[self.closed(&estimate.values)]);
+        let spread = self.fixed.spread(&self.map, &weighted, &solution);
+        self.fixed.report(&self.units, &self.map, &weighted, &solution, &spread)
     }
 
     /// The closed inverse, where there is one, of lumped parameters that need not be consistent.
@@ -191,18 +198,20 @@ impl PhysicalFit {
         start: &[f64],
     ) -> Physical {
         let lumped = information.solve(&self.lumped(start), gradient).values;
-        self.best(&Weighted::of_information(information, gradient), &[self.closed(&lumped), start.to_vec()])
+        let weighted = Weighted::of_information(information, gradient);
+        let solution = self.best(&weighted, &[self.closed(&lumped), start.to_vec()]);
+        self.fixed.report(&self.units, &self.map, &weighted, &solution, &vec![0.0; solution.values.len()])
     }
 
     /// The best minimum from several starts; values that are not finite are replaced by the prior or one.
-    fn best(&self, weighted: &Weighted, starts: &[Vec<f64>]) -> Physical {
+    fn best(&self, weighted: &Weighted, starts: &[Vec<f64>]) -> Solution {
         let best = self.fixed.starts(starts).into_iter().map(|start| self.fixed.minimise(&self.map, weighted, start));
         let best = best.fold(None, |best: Option<Solution>, next| match best {
             Some(best) if best.misfit <= next.misfit || !next.misfit.is_finite() => Some(best),
             _ => Some(next),
         });
         let ones = || self.fixed.minimise(&self.map, weighted, vec![1.0; self.map.parameters().len()]);
-        self.fixed.report(&self.units, &self.map, weighted, &best.unwrap_or_else(ones))
+        best.unwrap_or_else(ones)
     }
 }
 
@@ -456,6 +465,28 @@ impl Fixed {
         Solution { values, held, misfit, converged }
     }
 
+    /// Root of the summed squares by which every parameter moves when the estimate moves by one deviation along one combination, the mean
+    /// of up and down; by as much as it is large where no parameters follow from an estimate that is moved so. Nothing for a linear map,
+    /// where the Jacobian says the same.
+    fn spread(&self, map: &ParameterMap, weighted: &Weighted, solution: &Solution) -> Vec<f64> {
+        let mut squares = vec![0.0; solution.values.len()];
+        if map.is_linear() {
+            return squares;
+        }
+        for (row, sign) in (0..weighted.right.len()).flat_map(|row| [(row, 1.0), (row, -1.0)]) {
+            let mut right = weighted.right.clone();
+            right[row] += sign;
+            let moved = Weighted { rows: weighted.rows.clone(), right };
+            let there = self.minimise(map, &moved, solution.values.clone());
+            let follows = there.misfit.is_finite();
+            for ((square, there), here) in squares.iter_mut().zip(&there.values).zip(&solution.values) {
+                let by = if follows { there - here } else { *here };
+                *square += 0.5 * by * by;
+            }
+        }
+        squares.into_iter().map(f64::sqrt).collect()
+    }
+
     fn residuals(&self, map: &ParameterMap, weighted: &Weighted, values: &[f64]) -> Option<DVector<f64>> {
         let lumped = DVector::from_vec(map.evaluate(self.lookup(map, values)));
         let residuals = &weighted.rows * lumped - &weighted.right;
@@ -479,6 +510,7 @@ impl Fixed {
         map: &ParameterMap,
         weighted: &Weighted,
         solution: &Solution,
+        spread: &[f64],
     ) -> Physical {
         let count = solution.values.len();
         let free: Vec<usize> = (0..count).filter(|&i| self.frozen[i].is_none() && !solution.held[i]).collect();
@@ -517,7 +549,17 @@ impl Fixed {
                 hidden = vec![true; count];
             }
         }
-        let std: Vec<f64> = (0..count).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
+        // What the data do not show, or is held, has no deviation that could grow.
+        let widened = |i: usize| {
+            let std = covariance[(i, i)].max(0.0).sqrt();
+            if std > 0.0 && !hidden[i] { (spread[i] / std).max(1.0) } else { 1.0 }
+        };
+        let widened: Vec<f64> = (0..count).map(widened).collect();
+        let std: Vec<f64> = (0..count).map(|i| covariance[(i, i)].max(0.0).sqrt() * widened[i]).collect();
+        let covariance = DMatrix::from_fn(count, count, |i, j| match covariance[(i, j)] {
+            0.0 => 0.0,
+            entry => entry * widened[i] * widened[j],
+        });
         let status: Vec<Status> = (0..count)
             .map(|i| {
                 let evidence = if self.frozen[i].is_some() {

@@ -226,6 +226,10 @@ pub struct ControlSection {
     /// is measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub derivative_filter: Option<f64>,
+    /// Time constant of a low pass of the first order that the positions pass before the feedback, s: what it lets through of the tracking
+    /// error is fed back, and the rate is formed of it; when not given, there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_filter: Option<f64>,
     /// How the feed-forward compensates the hold between samples: none, advance (half a sample) or exact (default).
     #[serde(default)]
     pub compensation: HoldCompensation,

@@ -23,7 +23,9 @@ impl Experiment {
         let mut root = Table::try_from(&*self).map_err(|fault| refuse(fault.to_string(), Vec::new()))?;
         let mut known = Vec::new();
         leaves(&Value::Table(root.clone()), "", &mut known);
-        known.extend(["pattern", "harmonics", "control.derivative_filter", "control.smoothing"].map(String::from));
+        let left_out =
+            ["pattern", "harmonics", "control.derivative_filter", "control.position_filter", "control.smoothing"];
+        known.extend(left_out.map(String::from));
         known.sort();
         known.dedup();
         let full = if path.contains('.') || root.contains_key(path) {

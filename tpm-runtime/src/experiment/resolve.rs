@@ -370,6 +370,9 @@ impl Experiment {
                 Velocity::Filtered(time_constant)
             }
         };
+        let position_filter = self.control.position_filter.unwrap_or(0.0);
+        let usable = position_filter.is_finite() && position_filter >= 0.0;
+        require(usable, "control.position_filter".into(), position_filter, "the value must not be negative")?;
         let mut gains = Vec::with_capacity(self.control.feedback.len());
         for (i, path) in self.control.feedback.iter().enumerate() {
             let place = std::format!("control.feedback.{i}");
@@ -465,6 +468,7 @@ impl Experiment {
                 sample_time: self.control.sample_time,
                 gains,
                 velocity,
+                position_filter,
                 compensation: self.control.compensation,
                 actuators: self.known_actuators(model)?,
             },

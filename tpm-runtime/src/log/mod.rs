@@ -30,6 +30,7 @@ mod read;
 #[cfg(test)]
 mod reading_tests;
 mod recording;
+mod repeated;
 mod report;
 mod resample;
 mod source;
@@ -50,7 +51,7 @@ pub use periodic::{Mismatch, Periodic, PeriodicFault, find_periodic};
 pub(crate) use read::rate_column;
 pub use read::{Log, Rates};
 pub use recording::Recording;
-pub use report::{Cut, Jitter, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
+pub use report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why};
 pub use resample::InterpolationError;
 pub use source::{LogSource, Samples};
 pub use survey::{Role, Survey, Surveyed, Unread};

@@ -10,6 +10,7 @@ use crate::log::format::{open_columns, open_file};
 use crate::log::lone::lone_readings;
 use crate::log::names::Signal;
 use crate::log::options::LogOptions;
+use crate::log::repeated::repeated_readings;
 use crate::log::source::LogSource;
 use crate::log::stamps::Uneven;
 use crate::log::table::Table;
@@ -142,11 +143,13 @@ impl Log {
         read_whole(open_file(path)?, &path.display().to_string(), &signals, &[], options)
     }
 
-    /// Replaces readings of the first `coordinates` channels that stand alone, far from what their neighbours say, by what these say.
-    /// Returns them: channel, sample, and by how much each was changed.
+    /// Replaces readings of the first `coordinates` channels that stand alone, far from what their neighbours say, by what these say;
+    /// before that those that repeat the one before, where reading has not done so. Returns those that stood alone: channel, sample, and
+    /// by how much each was changed.
     pub(crate) fn mend(&mut self, coordinates: usize) -> Vec<(usize, usize, f64)> {
         let mut mended = Vec::new();
         for (c, channel) in self.channels.iter_mut().take(coordinates).enumerate() {
+            repeated_readings(channel).into_iter().for_each(|(k, value)| channel[k] = value);
             for (k, value) in lone_readings(channel) {
                 mended.push((c, k, value - channel[k]));
                 channel[k] = value;

@@ -12,7 +12,8 @@ use crate::log::joins::joins;
 use crate::log::names::Signal;
 use crate::log::options::LogOptions;
 use crate::log::read::{LEAST, Log, jitter, rate_signals, signals};
-use crate::log::report::{Cut, Jitter, LeftOut, ReadingReport, SegmentReport, Unevenness, Why};
+use crate::log::repeated::{repeated_readings, without_repeats};
+use crate::log::report::{Cut, Jitter, LeftOut, ReadingReport, Repeated, SegmentReport, Unevenness, Why};
 use crate::log::resample::{InterpolationError, interpolation_error, on_grid, readings_before, rougher_at_stamps};
 use crate::log::source::LogSource;
 use crate::log::stamps::{DRIFT, Stamps, Uneven};
@@ -124,8 +125,11 @@ impl Recording {
         rates: &[Signal],
         options: &LogOptions,
     ) -> Result<Self, LogError> {
-        let table = Table::read(columns, name, signals, rates, options)?;
-        Self::of(table, (coordinates, rates), |table| table.constant(signals).map_or(Ok(()), Err))
+        let mut table = Table::read(columns, name, signals, rates, options)?;
+        let repeated = replace_repeated(&mut table, coordinates);
+        let mut read = Self::of(table, (coordinates, rates), |table| table.constant(signals).map_or(Ok(()), Err))?;
+        read.report.repeated = repeated;
+        Ok(read)
     }
 
     /// Number of samples in all segments.
@@ -197,6 +201,18 @@ impl Recording {
     }
 }
 
+/// Puts what the fresh readings say in place of those of coordinates, the first channels, that repeat the one before.
+fn replace_repeated(table: &mut Table, coordinates: &[Signal]) -> Vec<Repeated> {
+    let mut all = Vec::new();
+    for (signal, channel) in coordinates.iter().zip(&mut table.channels) {
+        let repeated = repeated_readings(channel);
+        let Some(&(first, _)) = repeated.first() else { continue };
+        all.push(Repeated { signal: signal.name.clone(), count: repeated.len(), line: table.lines[first] });
+        repeated.into_iter().for_each(|(k, value)| channel[k] = value);
+    }
+    all
+}
+
 /// Samples before which the record is split, with the reasons.
 fn cuts(table: &Table, coordinates: &[Signal], usual: f64) -> Vec<(usize, Cut)> {
     let mut cuts: Vec<(usize, Cut)> = table
@@ -214,7 +230,7 @@ fn cuts(table: &Table, coordinates: &[Signal], usual: f64) -> Vec<(usize, Cut)> 
     }
     for (signal, channel) in coordinates.iter().zip(&table.channels) {
         let joined = |(sample, by)| (sample, Cut::Joined { signal: signal.name.clone(), by });
-        cuts.extend(joins(channel).into_iter().map(joined));
+        cuts.extend(joins(&without_repeats(channel)).into_iter().map(joined));
     }
     // What is missing explains the gap that it leaves, and a gap that the motion is elsewhere behind it.
     let rank = |cut: &Cut| match cut {

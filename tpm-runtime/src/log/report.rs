@@ -165,6 +165,27 @@ pub struct Jitter {
     pub largest: f64,
 }
 
+/// Readings of a coordinate that repeat the one before although it moves: they were recorded before the sensor was read again.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Repeated {
+    /// The coordinate.
+    pub signal: String,
+    /// How many readings.
+    pub count: usize,
+    /// Line of the first.
+    pub line: u64,
+}
+
+impl fmt::Display for Repeated {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Repeated { signal, count, line } = self;
+        write!(
+            f,
+            "{count} readings of `{signal}`, the first in line {line}, repeat the one before although it moves: stale values, not updated when the row was written; what the fresh readings around them say was used instead"
+        )
+    }
+}
+
 /// What was assumed in reading a record, how it was split, and what was left out.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
@@ -179,6 +200,9 @@ pub struct ReadingReport {
     pub left_out: Vec<LeftOut>,
     /// Stamps that are not even.
     pub uneven: Option<Unevenness>,
+    /// Readings of coordinates that repeat the one before, and were replaced. They are no part of the remarks: what uses the record says
+    /// what it makes of them.
+    pub repeated: Vec<Repeated>,
     /// The only segment that was used, from 0; nothing where all were.
     pub used: Option<usize>,
     /// By how much the steps of all segments are off the sample time. It is no part of the report as it is serialised.
@@ -189,7 +213,7 @@ impl ReadingReport {
     /// Whether there is nothing to say: an even record in one stretch, in the plainest format.
     #[must_use]
     pub fn is_plain(&self) -> bool {
-        self.remarks().is_empty()
+        self.repeated.is_empty() && self.remarks().is_empty()
     }
 
     /// Everything that a reader should know, in sentences.
@@ -260,6 +284,8 @@ impl Serialize for ReadingReport {
             left_out: &'a [LeftOut],
             #[serde(skip_serializing_if = "Option::is_none")]
             uneven: Option<&'a Unevenness>,
+            #[serde(skip_serializing_if = "<[Repeated]>::is_empty")]
+            repeated: &'a [Repeated],
             #[serde(skip_serializing_if = "Option::is_none")]
             used: Option<usize>,
             remarks: Vec<String>,
@@ -270,6 +296,7 @@ impl Serialize for ReadingReport {
             segments: &self.segments,
             left_out: &self.left_out,
             uneven: self.uneven.as_ref(),
+            repeated: &self.repeated,
             used: self.used,
             remarks: self.remarks(),
         }

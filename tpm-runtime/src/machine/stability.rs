@@ -401,28 +401,38 @@ impl Linear {
         // fitted beside the newest, then per input the commands that its delay holds back, the newest first.
         let fitted = control.velocity.smoothing().map(|smoothing| smoothing.weights(control.sample_time));
         let past = fitted.as_ref().map_or(2, |(value, _)| value.len() - 1);
+        // The newest error is what passes the low pass of positions; the one before stands behind the states.
+        let low_pass = control.position_pole();
+        let before = |c: usize| states + if fitted.is_some() { past * c } else { c };
+        let newest = |c: usize| [(self.first[c], 1.0 - low_pass), (before(c), low_pass)];
         let delays: Vec<(usize, f64)> =
             (0..inputs).map(|input| control.actuator(input).samples(control.sample_time)).collect();
         let kept = |&(whole, rest): &(usize, f64)| whole + usize::from(rest > 0.0);
         let size = states + past * coordinates + delays.iter().map(kept).sum::<usize>();
         let mut rate = DMatrix::zeros(coordinates, size);
-        let mut error = DMatrix::zeros(coordinates, size);
+        let mut error: DMatrix<f64> = DMatrix::zeros(coordinates, size);
         for c in (0..coordinates).filter(|&c| self.orders[c] > 0) {
-            error[(c, self.first[c])] = 1.0;
+            if fitted.is_none() {
+                newest(c).into_iter().for_each(|(at, share)| error[(c, at)] += share);
+            }
             match control.velocity {
                 Velocity::Measured if self.orders[c] > 1 => rate[(c, self.first[c] + 1)] = 1.0,
                 Velocity::Measured => {}
                 Velocity::Filtered(time_constant) => {
                     let pole = Differentiator::new(control.sample_time, time_constant).pole();
-                    rate[(c, self.first[c])] = (1.0 - pole) / control.sample_time;
-                    rate[(c, states + c)] = -(1.0 - pole) / control.sample_time;
+                    let scale = (1.0 - pole) / control.sample_time;
+                    newest(c).into_iter().for_each(|(at, share)| rate[(c, at)] += scale * share);
+                    rate[(c, before(c))] -= scale;
                     rate[(c, states + coordinates + c)] = pole;
                 }
                 Velocity::Fitted(_) => {
                     let Some((value, slope)) = &fitted else { continue };
                     for (i, (value, slope)) in value.iter().zip(slope).enumerate() {
-                        let at = if i == 0 { self.first[c] } else { states + past * c + i - 1 };
-                        (error[(c, at)], rate[(c, at)]) = (*value, *slope);
+                        let kept = |i: usize| [(states + past * c + i, 1.0), (self.first[c], 0.0)];
+                        for (at, share) in i.checked_sub(1).map_or_else(|| newest(c), kept) {
+                            error[(c, at)] += value * share;
+                            rate[(c, at)] += slope * share;
+                        }
                     }
                 }
             }
@@ -460,15 +470,12 @@ impl Linear {
             place += kept(delay);
         }
         for c in (0..coordinates).filter(|&c| self.orders[c] > 0) {
+            // The newest error moves in, and those to which a polynomial is fitted move up.
+            newest(c).into_iter().for_each(|(from, share)| next[(before(c), from)] = share);
             if fitted.is_some() {
-                // The newest error moves in, and the others up.
-                for i in 0..past {
-                    let from = if i == 0 { self.first[c] } else { states + past * c + i - 1 };
-                    next[(states + past * c + i, from)] = 1.0;
-                }
+                (1..past).for_each(|i| next[(before(c) + i, before(c) + i - 1)] = 1.0);
             }
             if matches!(control.velocity, Velocity::Filtered(_)) {
-                next[(states + c, self.first[c])] = 1.0;
                 for column in 0..size {
                     next[(states + coordinates + c, column)] = rate[(c, column)];
                 }
@@ -496,6 +503,7 @@ mod tests {
             sample_time,
             gains: gains.iter().map(gain).collect(),
             velocity,
+            position_filter: 0.0,
             compensation: HoldCompensation::Exact,
             actuators: vec![],
         }
@@ -547,6 +555,28 @@ mod tests {
         };
         assert_eq!(stable(filter(400.0)), Ok(()));
         assert!(matches!(stable(filter(40.0)), Err(StabilityError::Unstable { .. })));
+    }
+
+    #[test]
+    fn a_low_pass_of_positions_counts_as_routh_says() {
+        use crate::run::smoothing::Smoothing;
+        use crate::test_models::MassSpringDrag;
+        // m s^2 (1 + tau s) + kd s + kp has its roots on the left where tau < kd / kp; samples this short hardly matter.
+        let (mass, kp, kd, sample_time) = (2.0, 2000.0, 120.0, 1e-4);
+        let demand =
+            StabilityDomain { nominal: vec![mass, 0.0, 0.0], positions: vec![vec![0.0]], ..StabilityDomain::default() };
+        let stable = |velocity: Velocity, position_filter: f64| {
+            let control = Loop { position_filter, ..control(&[(0, kp, kd)], velocity, sample_time) };
+            check(&MassSpringDrag, &control, &demand).map(|_| ())
+        };
+        let fitted = Velocity::Fitted(Smoothing { samples: 4, degree: 2 });
+        for velocity in [Velocity::Filtered(0.0), fitted] {
+            assert_eq!(stable(velocity, 0.97 * kd / kp), Ok(()), "{velocity:?}");
+            let late = stable(velocity, 1.01 * kd / kp);
+            assert!(matches!(late, Err(StabilityError::Sampled { .. })), "{velocity:?}: {late:?}");
+        }
+        // A measured rate does not pass the filter, and damps the loop however slow that is.
+        assert_eq!(stable(Velocity::Measured, 10.0 * kd / kp), Ok(()));
     }
 
     #[test]

@@ -22,6 +22,10 @@ pub(crate) struct Controller<'a> {
     errors: Vec<f64>,
     /// Tracking errors as they are fed back: measured, or smoothed.
     seen: Vec<f64>,
+    /// Pole of the low pass of positions.
+    pole: f64,
+    /// What has passed it.
+    passed: Vec<f64>,
     /// Rates of the tracking errors.
     rates: Vec<f64>,
     /// Values per sample of the reference.
@@ -42,6 +46,8 @@ impl<'a> Controller<'a> {
             smoothers: control.velocity.smoothing().map_or_else(Vec::new, smoother),
             errors: vec![0.0; n],
             seen: vec![0.0; n],
+            pole: control.position_pole(),
+            passed: vec![0.0; n],
             rates: vec![0.0; n],
             width: dims.motion_len(),
             sample: 0,
@@ -66,7 +72,14 @@ impl<'a> Controller<'a> {
         for ((error, measured), wanted) in self.errors.iter_mut().zip(measured).zip(reference) {
             *error = measured - wanted;
         }
-        self.seen.copy_from_slice(&self.errors);
+        // The first errors stand for those before them.
+        if self.sample == 1 {
+            self.passed.copy_from_slice(&self.errors);
+        }
+        for ((passed, seen), error) in self.passed.iter_mut().zip(&mut self.seen).zip(&self.errors) {
+            *passed = self.pole * *passed + (1.0 - self.pole) * error;
+            *seen = *passed;
+        }
         let count = inputs.len();
         inputs.copy_from_slice(&trial.feed_forward[at * count..(at + 1) * count]);
         let rates = match trial.control.velocity {

@@ -1,7 +1,14 @@
 //! The feedback of a run in sampled time.
 //!
 //! Invariant: with the measured error `e = q - q_r` of a coordinate and its rate, an input receives
-//! `-(Kp e + Kd e')` from every path, formed at the sample times and held between them.
+//! `-(Kp e + Kd e')` from every path, formed at the sample times and held between them. Before that a low pass of the first order may
+//! smooth the positions (Feng, section 5.3), the error being what passes it,
+//!
+//! ```text
+//! e[n] = a e[n-1] + (1 - a) (q[n] - q_r[n]) ,   a = e^{-T/tau} ,   F(z) = (1 - a) / (1 - a z^-1) ,
+//! ```
+//!
+//! of which the rate is formed too, unless a sensor measures it.
 
 use crate::run::actuator::Dynamics;
 use crate::run::feed_forward::HoldCompensation;
@@ -52,6 +59,8 @@ pub struct Loop {
     pub gains: Vec<Gain<f64>>,
     /// Source of the rates.
     pub velocity: Velocity,
+    /// Time constant of the low pass that the errors of positions pass first, s; zero for none.
+    pub position_filter: f64,
     /// What the feed-forward does about the hold.
     pub compensation: HoldCompensation,
     /// Known dynamics between command and force, by input; inputs beyond the last one have none.
@@ -59,19 +68,35 @@ pub struct Loop {
 }
 
 impl Loop {
-    /// Response of the feedback from the phasor of a coordinate's measured error to an input's phasor, `-C(jW)`, with the
-    /// differentiator, or the smoothing of both, but without the hold: `Kp + Kd D(W)`.
+    /// Time constant of the low pass of positions, s; nothing where there is none.
+    #[must_use]
+    pub fn low_pass_time(&self) -> Option<f64> {
+        Some(self.position_filter).filter(|time_constant| *time_constant > 0.0)
+    }
+
+    /// The pole `a` of the low pass of positions; zero where there is none.
+    #[must_use]
+    pub fn position_pole(&self) -> f64 {
+        if self.position_filter > 0.0 { (-self.sample_time / self.position_filter).exp() } else { 0.0 }
+    }
+
+    /// Response of the feedback from the phasor of a coordinate's measured error to an input's phasor, `-C(jW)`, with the low pass of
+    /// positions and the differentiator, or the smoothing of both, but without the hold: `F(W) (Kp + Kd D(W))`.
     #[must_use]
     pub fn response(&self, input: usize, coordinate: usize, frequency: f64) -> Complex<f64> {
-        let one = Complex::new(1.0, 0.0);
+        let pole = self.position_pole();
+        let passed = (1.0 - pole) / (1.0 - Complex::from_polar(pole, -frequency * self.sample_time));
         let (value, rate) = match self.velocity {
-            Velocity::Measured => (one, Complex::new(0.0, frequency)),
+            Velocity::Measured => (passed, Complex::new(0.0, frequency)),
             Velocity::Filtered(time_constant) => {
                 let (re, im) =
                     Differentiator::new(self.sample_time, time_constant).response(frequency * self.sample_time);
-                (one, Complex::new(re, im))
+                (passed, passed * Complex::new(re, im))
             }
-            Velocity::Fitted(smoothing) => smoothing.responses(frequency, self.sample_time),
+            Velocity::Fitted(smoothing) => {
+                let (value, rate) = smoothing.responses(frequency, self.sample_time);
+                (passed * value, passed * rate)
+            }
         };
         self.gains
             .iter()

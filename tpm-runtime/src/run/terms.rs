@@ -69,6 +69,9 @@ pub struct RunFile {
     /// Time constant of the filtered difference that forms the rate of the tracking error, s; nothing where the rate is
     /// measured or a polynomial is fitted.
     pub derivative_filter: Option<f64>,
+    /// Time constant of the low pass of positions before the feedback, s; nothing where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub position_filter: Option<f64>,
     /// Least-squares smoothing of the tracking error and its rate, where there is any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<Smoothing>,
@@ -203,6 +206,7 @@ impl RunFile {
             periods: trial.periods,
             feedback: GainManifest::all(model, &control.gains),
             derivative_filter: control.velocity.time_constant(),
+            position_filter: control.low_pass_time(),
             smoothing: control.velocity.smoothing(),
             limits: finite(&trial.input_limits, &|i| model.input(i).name.to_string()),
             tracking: finite(&trial.tracking_bounds, &coordinate),
@@ -221,7 +225,12 @@ impl RunFile {
             }),
             law: Some(Law {
                 input: "u[n] = u_ff[n] - sum of kp e[n] + kd v[n] over the paths of the feedback".to_string(),
-                error: "e[n] = q[n] - q_ref[n]".to_string(),
+                error: match control.position_pole() {
+                    0.0 => "e[n] = q[n] - q_ref[n]".to_string(),
+                    a => format!(
+                        "e[n] = a e[n-1] + (1 - a) (q[n] - q_ref[n]) with a = {a}; e[-1] = q[0] - q_ref[0]; bounds hold for q[n] - q_ref[n]"
+                    ),
+                },
                 rate: Rate::of(control.velocity, control.sample_time),
                 saturation: "the sum is cut at the limit of its input; the log holds what was applied".to_string(),
             }),

@@ -199,6 +199,7 @@ mod tests {
             sample_time: 0.01,
             gains: vec![Gain { input: 0, coordinate: 0, proportional: 2000.0, derivative: 120.0 }],
             velocity: Velocity::Measured,
+            position_filter: 0.0,
             compensation,
             actuators: vec![],
         };

@@ -110,6 +110,7 @@ impl ExcitationRequest {
                 sample_time,
                 gains: Vec::new(),
                 velocity: Velocity::Filtered(0.0),
+                position_filter: 0.0,
                 compensation: HoldCompensation::None,
                 actuators: Vec::new(),
             },

@@ -275,14 +275,15 @@ pub fn from_logs<R: Into<LogRequest>>(
         if options.domain == Some(Domain::Harmonics) {
             recording = alone(recording, coordinates, &options);
         }
-        let mut lone = Vec::new();
+        let of_repeated = |repeated| Warning::RepeatedReadings { repeated };
+        let mut replaced: Vec<Warning> = recording.report.repeated.iter().cloned().map(of_repeated).collect();
         for log in &mut recording.segments {
             let mended = log.mend(coordinates);
-            lone.extend(lone_readings(evaluated, log, &mended));
+            replaced.extend(lone_readings(evaluated, log, &mended));
         }
         let segments: Vec<&Log> = recording.segments.iter().collect();
         let mut part = rows.identify(&segments, &options).map_err(|error| of_pieces(error, &recording.report))?;
-        part.warnings.extend(lone);
+        part.warnings.extend(replaced);
         if let Some(report) = &mut part.log {
             report.reading = recording.report;
         }

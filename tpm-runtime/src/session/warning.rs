@@ -1,6 +1,7 @@
 //! What a user should know beside the numbers of a result.
 
 use crate::campaign::{NearMode, Outcome};
+use crate::log::Repeated;
 use crate::machine::actuator::LimitUse;
 use crate::report::{Remedy, displayed, number, plus_minus};
 use crate::run::RunEnding;
@@ -68,6 +69,12 @@ pub enum Warning {
         period: f64,
         /// Stretches of the record.
         stretches: usize,
+    },
+    /// Readings of a coordinate repeat the one before, and were replaced by what the fresh ones around them say.
+    RepeatedReadings {
+        /// The coordinate, and how many.
+        #[serde(flatten)]
+        repeated: Repeated,
     },
     /// Single readings of a coordinate were far from their neighbours, and were replaced by what these say.
     LoneReadings {
@@ -343,6 +350,7 @@ impl fmt::Display for Warning {
                 "the stated period of {} s is not used: the record has {stretches} stretches, which need not share it and are used together in the time domain",
                 number(*period)
             ),
+            Warning::RepeatedReadings { repeated } => repeated.fmt(f),
             Warning::LoneReadings { coordinate, count, line, farthest, unit } => {
                 let unit = unit.as_ref().map(|unit| format!(" {unit}")).unwrap_or_default();
                 write!(

@@ -94,6 +94,7 @@ fn exact(experiment: &Experiment, method: Method, stage: usize, most: usize) -> 
     exact.limits.inputs.clear();
     exact.limits.tracking.clear();
     exact.control.derivative_filter = None;
+    exact.control.position_filter = None;
     exact.control.smoothing = None;
     exact.control.compensation = HoldCompensation::None;
     let schedule = &mut exact.schedule;

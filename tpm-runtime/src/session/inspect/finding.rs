@@ -330,7 +330,7 @@ impl Finding {
                 "the channel is updated less often than it is recorded, and late by half of that time on the average: record every update once, or at the rate of the sensor".into()
             }
             Finding::Repeated { .. } => {
-                "samples were lost and the ones before recorded again: the channel is late there, which counts as noise that grows with the speed; repair the recording".into()
+                "the sensor had not been read again when these rows were written: identification uses what the fresh readings of a coordinate around them say; other channels are late there, which counts as noise that grows with the speed".into()
             }
             Finding::Lone { .. } => {
                 "faults of the sensor or of its recording: identification uses what the neighbours of a coordinate's reading say".into()
