@@ -125,7 +125,7 @@ fn deviations_hold_where_lumped_parameters_are_hardly_known() {
             }
         }
     }
-    assert!(stated > 3 * draws && far <= stated / 200, "{far} of {stated}");
+    assert!(stated > 3 * draws && far <= stated / 100, "{far} of {stated}");
 }
 
 #[test]
