@@ -24,9 +24,6 @@ pub(super) struct Equations {
     pub(super) row: Vec<usize>,
     /// Harmonic of each equation.
     pub(super) harmonic: Vec<usize>,
-    /// What is added to the right of the normal equations because the regressors hold noise, by parameter; empty for nothing. See
-    /// [`allow_for_noise`](Self::allow_for_noise).
-    pub(super) gradient: Vec<f64>,
 }
 
 impl Equations {
@@ -52,28 +49,8 @@ impl Equations {
         self.harmonic.push(harmonic);
     }
 
-    /// Makes the last equation that of a total least squares estimate. Noise of the regressors is in the variance V of the equation, which
-    /// depends on the parameters then, and the sum of |r|^2 / V is least where
-    ///
-    /// ```text
-    /// sum of (2 / V) Re(phi^* r) + (|r|^2 / V^2) dV/dtheta = 0   (half of it at harmonic 0).
-    /// ```
-    ///
-    /// Weights alone leave the second part out, and the estimate stays behind by as much as noise adds to the squares of the regressors.
-    /// `slope` is dV/dtheta as far as noise makes it; V stands for |r|^2, which also holds what is no noise of the regressors.
-    pub(super) fn allow_for_noise(&mut self, slope: impl Fn(usize) -> f64) {
-        let Some(last) = self.len().checked_sub(1) else { return };
-        let share = 0.5 * self.weight(last);
-        self.gradient.resize(self.parameters, 0.0);
-        self.gradient.iter_mut().enumerate().for_each(|(j, sum)| *sum += share * slope(j));
-    }
-
     /// Adds further equations.
     pub(super) fn append(&mut self, mut others: Self) {
-        debug_assert!(
-            others.gradient.is_empty(),
-            "equations that allow for noise of their regressors stay by themselves"
-        );
         self.regressors.append(&mut others.regressors);
         self.right.append(&mut others.right);
         self.variance.append(&mut others.variance);

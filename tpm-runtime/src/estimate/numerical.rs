@@ -7,8 +7,7 @@
 //! (secant). Invariant: M belongs to one reference; another reference begins anew.
 //!
 //! M is measured, so that its own noise counts in every equation: that of a column as often as the update is longer than the step behind
-//! the column. Least squares that takes M for exact stays behind the update by as much as noise adds to the squares of M, and so the sum
-//! of the squares is least with variances that follow the update (total least squares). What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update, and,
+//! the column. What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update, and,
 //! as M is a quotient of differences, with the product of update and step. The noise of the sensors moves the machine on its way round the
 //! loop, and terms that are even in a velocity have a mean there, which is in the error of the base and in none of the differences.
 
@@ -383,18 +382,7 @@ impl Measured {
         let steps = base.in_steps(&update);
         let length = squares(&steps);
         // The noise of the perturbed runs, and that of the base, with which all of them were compared.
-        let noise = length + (1.0 + steps.iter().sum::<f64>()).powi(2);
-        // Its derivative with respect to every parameter.
-        let sum = steps.iter().sum::<f64>();
-        let noise_slope: Vec<f64> = (0..theta.len())
-            .map(|j| {
-                let mut change = vec![0.0; theta.len()];
-                change[j] = -1.0;
-                let moved = base.in_steps(&change);
-                let along: f64 = moved.iter().zip(&steps).map(|(moved, step)| moved * step).sum();
-                2.0 * along + 2.0 * (1.0 + sum) * moved.iter().sum::<f64>()
-            })
-            .collect();
+        let noise = length + (1.0 + steps.iter().sum::<f64>().abs()).powi(2);
         let missed = match self.curvature {
             Some(curvature) => curvature * bent(length),
             // Nothing is known of the linearisation: it may miss as much as there is.
@@ -423,7 +411,6 @@ impl Measured {
                     variance += (uncertainty * whole).powi(2);
                 }
                 equations.push(c, k, &phi, right, variance);
-                equations.allow_for_noise(|j| base.variance[c][k] * noise_slope[j]);
             }
         }
         if reduced { equations.reduced(rank) } else { equations }

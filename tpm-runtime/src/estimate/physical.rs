@@ -7,7 +7,9 @@
 //!
 //! Deviations are those of the solution when the estimate is moved by one deviation along each of its combinations, up and down. A
 //! linear map gives the same by its Jacobian; here a quotient of two estimates, one of which may vanish, or a bound within reach, makes
-//! them larger, and never smaller than the Jacobian says.
+//! them larger, and never smaller than the Jacobian says. Nor are they smaller than a point from which the search starts says: where it
+//! lies `d` away and the sum of squares there is larger by `D`, the variance is at least `d^2 / D`, with equality for a linear map along
+//! the worst direction.
 //!
 //! Invariant: rows of `Weighted` are combinations of the c that the data show, each of variance one and uncorrelated with
 //! the others. Directions that the data do not show have no row.
@@ -171,8 +173,9 @@ impl PhysicalFit {
     #[must_use]
     pub fn of_estimate(&self, estimate: &Estimate) -> Physical {
         let weighted = Weighted::new(estimate);
-        let solution = self.best(&weighted, &[self.closed(&estimate.values)]);
-        let spread = self.fixed.spread(&self.map, &weighted, &solution);
+        let closed = self.closed(&estimate.values);
+        let solution = self.best(&weighted, std::slice::from_ref(&closed));
+        let spread = self.fixed.spread(&self.map, &weighted, &solution, &self.fixed.starts(&[closed]));
         self.fixed.report(&self.units, &self.map, &weighted, &solution, &spread)
     }
 
@@ -466,9 +469,9 @@ impl Fixed {
     }
 
     /// Root of the summed squares by which every parameter moves when the estimate moves by one deviation along one combination, the mean
-    /// of up and down; by as much as it is large where no parameters follow from an estimate that is moved so. Nothing for a linear map,
-    /// where the Jacobian says the same.
-    fn spread(&self, map: &ParameterMap, weighted: &Weighted, solution: &Solution) -> Vec<f64> {
+    /// of up and down; by as much as it is large where no parameters follow from an estimate that is moved so. It is no less than what
+    /// other `points` say, which may explain the estimate nearly as well. Nothing for a linear map, where the Jacobian says the same.
+    fn spread(&self, map: &ParameterMap, weighted: &Weighted, solution: &Solution, points: &[Vec<f64>]) -> Vec<f64> {
         let mut squares = vec![0.0; solution.values.len()];
         if map.is_linear() {
             return squares;
@@ -482,6 +485,13 @@ impl Fixed {
             for ((square, there), here) in squares.iter_mut().zip(&there.values).zip(&solution.values) {
                 let by = if follows { there - here } else { *here };
                 *square += 0.5 * by * by;
+            }
+        }
+        for point in points {
+            let Some(residuals) = self.residuals(map, weighted, point) else { continue };
+            let more = (residuals.norm_squared() - solution.misfit).max(1.0);
+            for ((square, there), here) in squares.iter_mut().zip(point).zip(&solution.values) {
+                *square = square.max((there - here).powi(2) / more);
             }
         }
         squares.into_iter().map(f64::sqrt).collect()

@@ -28,38 +28,17 @@ pub(super) fn solve_reweighted(
     current: &[f64],
     equations: impl Fn(&[f64]) -> Vec<Equations>,
 ) -> Result<Estimate, EstimateError> {
-    let plain = |theta: &[f64]| -> Vec<Equations> {
-        let mut runs = equations(theta);
-        runs.iter_mut().for_each(|run| run.gradient.clear());
-        runs
-    };
-    let start = solve(&plain(current), settings, current)?;
-    let (weighted, _) = settle(start, settings, current, &plain)?;
-    // What noise of the regressors asks for is found from where weights alone lead. Where the noise is about as large as the regressors,
-    // it leads nowhere.
-    match settle(weighted.clone(), settings, current, &equations)? {
-        (estimate, true) => Ok(estimate),
-        (_, false) => Ok(weighted),
-    }
-}
-
-/// Weighs equations anew at their own solution, and says whether that has settled.
-fn settle(
-    mut estimate: Estimate,
-    settings: &Settings,
-    current: &[f64],
-    equations: &impl Fn(&[f64]) -> Vec<Equations>,
-) -> Result<(Estimate, bool), EstimateError> {
+    let mut estimate = solve(&equations(current), settings, current)?;
     for _ in 0..MOST_WEIGHTINGS {
         let next = solve(&equations(&estimate.values), settings, current)?;
         let moves = |((now, before), std): ((&f64, &f64), &f64)| (now - before).abs() > SETTLED * std;
         let settled = !next.values.iter().zip(&estimate.values).zip(&next.std).any(moves);
         estimate = next;
         if settled {
-            return Ok((estimate, true));
+            break;
         }
     }
-    Ok((estimate, false))
+    Ok(estimate)
 }
 
 /// Solves the equations of all runs, the latest last; `current` has the parameters of the latest run's feed-forward.
@@ -76,7 +55,6 @@ pub(super) fn solve(runs: &[Equations], settings: &Settings, current: &[f64]) ->
     let start = free.of(&prior);
     let hidden: Vec<Vec<f64>> = settings.hidden.iter().map(|direction| free.of(direction)).collect();
     let mut whole = Information::empty(free.indices.len());
-    let mut gradient = vec![0.0; free.indices.len()];
     let (mut chi_squared, mut equations) = (0.0, 0);
     for (run, own) in runs.iter().enumerate() {
         let information = Information::of(own.weighted(&free.indices, &settings.frozen));
@@ -85,15 +63,9 @@ pub(super) fn solve(runs: &[Equations], settings: &Settings, current: &[f64]) ->
         equations += own.real_len();
         let weight = settings.memory(runs.len() - 1 - run) / f64::max(chi_squared, 1.0);
         whole = whole.pool(&information.forget(weight));
-        if !own.gradient.is_empty() {
-            // Noise of the regressors that is stated too large would be allowed for too much.
-            let there = weight * chi_squared.min(1.0);
-            gradient.iter_mut().zip(free.of(&own.gradient)).for_each(|(sum, own)| *sum += there * own);
-        }
     }
     let scaled = whole.scaled();
-    let gradient = gradient.iter().any(|g| *g != 0.0).then_some(gradient.as_slice());
-    let solution = scaled.solve(&start, gradient, &hidden);
+    let solution = scaled.solve(&start, None, &hidden);
     let inflation = f64::max(over(solution.remainder, equations, solution.rank), 1.0);
     let mut values = prior;
     free.put(&solution.values, &mut values);

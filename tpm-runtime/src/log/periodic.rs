@@ -4,6 +4,7 @@
 //! period by no more than the last two periods differ from each other. Period and start are found from the signals alone.
 
 use crate::numerics::differences::{WHITE_NOISE_SPREAD, white_noise};
+use rayon::prelude::*;
 use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
@@ -174,7 +175,7 @@ pub fn find_periodic(
     }
     let tails: Vec<&[f64]> = channels.iter().map(|c| &c[start..start + end]).collect();
     let settle = |length: f64| {
-        if from.is_some() { 0 } else { tails.iter().map(|c| settled(c, length)).max().unwrap_or(0) }
+        if from.is_some() { 0 } else { tails.par_iter().map(|c| settled(c, length)).max().unwrap_or(0) }
     };
     let mut length = length;
     let mut first = settle(length);

@@ -176,41 +176,32 @@ impl Spectra {
         let window = Window::for_periods(periods);
         let weights: Vec<f64> = (0..used).map(|i| window.weight(i, used)).collect();
         let transform = forward(used);
-        let mut bins: Vec<Vec<Complex<f64>>> = Vec::with_capacity(channels.len());
-        let mut lines: Vec<Vec<Complex<f64>>> = Vec::with_capacity(channels.len());
         let highest = if whole { resolved } else { resolved.min(MAX_FITTED) };
         let fit = if whole {
             None
         } else {
             Some(LineFit::new(&weights, samples_per_period, highest).ok_or(SpectrumError::Singular { samples: used })?)
         };
-        for channel in channels {
+        let of = |channel: &&[f64]| {
             let signal = &channel[..used];
-            let mut windowed: Vec<f64>;
-            if let Some(fit) = &fit {
-                let found = fit.solve(signal, &weights);
-                windowed = fit.residual(signal, &found);
-                for (x, w) in windowed.iter_mut().zip(&weights) {
-                    *x *= w;
-                }
-                lines.push(found);
-            } else {
-                windowed = signal.iter().zip(&weights).map(|(x, w)| x * w).collect();
-            }
+            let fitted = fit.as_ref().map(|fit| fit.solve(signal, &weights));
+            let mut windowed = match (&fit, &fitted) {
+                (Some(fit), Some(found)) => fit.residual(signal, found),
+                _ => signal.to_vec(),
+            };
+            windowed.iter_mut().zip(&weights).for_each(|(x, w)| *x *= w);
             let mut spectrum = transform.make_output_vec();
             transform.process(&mut windowed, &mut spectrum).expect("invariant: buffers were made for this transform");
-            if fit.is_none() {
-                lines.push(
-                    (0..=highest)
-                        .map(|k| {
-                            let line = spectrum[k * periods];
-                            if k == 0 { Complex::new(line.re, 0.0) } else { line * 2.0 }
-                        })
-                        .collect(),
-                );
-            }
-            bins.push(spectrum);
-        }
+            let line = |k: usize| match spectrum[k * periods] {
+                line if k == 0 => Complex::new(line.re, 0.0),
+                line => line * 2.0,
+            };
+            let lines = fitted.unwrap_or_else(|| (0..=highest).map(line).collect());
+            (lines, (spectrum, step(signal)))
+        };
+        #[expect(clippy::type_complexity, reason = "lines, bins and steps, channel by channel")]
+        let (lines, (bins, steps)): (Vec<Vec<Complex<f64>>>, (Vec<Vec<Complex<f64>>>, Vec<f64>)) =
+            channels.par_iter().map(of).unzip();
         let (noise, noise_bins) = line_noise(&bins, highest + 1, used as f64 / samples_per_period, window);
         Ok(Spectra {
             fundamental: 2.0 * PI / (samples_per_period * sample_time),
@@ -221,7 +212,7 @@ impl Spectra {
             lines,
             noise,
             noise_bins,
-            steps: channels.iter().map(|channel| step(&channel[..used])).collect(),
+            steps,
             rests: channels.iter().map(|_| false).collect(),
             bins,
         })
