@@ -19,6 +19,14 @@ const EPOCHS: [(f64, &str, f64); 3] = [(1e17, "ns", 1e-9), (1e14, "us", 1e-6), (
 /// such unit; steps below a second are seconds.
 const SAMPLE_TIMES: (f64, f64) = (5e-5, 0.5);
 
+/// No machine's reading is larger: squares of larger ones, and differences of their squares, would soon be no numbers.
+const LARGEST: f64 = 1e100;
+
+/// Whether a value in the model's unit can be the reading of a machine.
+fn is_reading(value: f64) -> bool {
+    value.abs() <= LARGEST
+}
+
 /// Rows in which a needed reading is missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Hole {
@@ -120,7 +128,7 @@ impl Table {
         let (mut empty, mut places) = (Vec::new(), Vec::new());
         for (at, (signal, values)) in signals.into_iter().zip(std::mem::take(&mut table.rates)).enumerate() {
             let values = values.unwrap_or_default();
-            if 2 * values.iter().filter(|value| value.is_finite()).count() > rows {
+            if 2 * values.iter().filter(|value| is_reading(**value)).count() > rows {
                 kept.push(signal);
                 table.channels.push(values);
                 places.push(at);
@@ -137,7 +145,7 @@ impl Table {
 
     /// Takes the rows in which a channel has no number out of the table; `stamps` columns are those of the time.
     fn leave_out_missing(&mut self, stamps: usize) {
-        if self.channels.iter().all(|channel| channel.iter().all(|value| value.is_finite())) {
+        if self.channels.iter().all(|channel| channel.iter().all(|&value| is_reading(value))) {
             return;
         }
         let (time, lines) = (std::mem::take(&mut self.time), std::mem::take(&mut self.lines));
@@ -147,7 +155,7 @@ impl Table {
             while let Some(hole) = holes.next_if(|hole| hole.before <= row) {
                 self.holes.push(Hole { before: self.time.len(), ..hole });
             }
-            if let Some(missing) = channels.iter().position(|channel| !channel[row].is_finite()) {
+            if let Some(missing) = channels.iter().position(|channel| !is_reading(channel[row])) {
                 self.miss(*line, stamps + missing);
                 continue;
             }
@@ -171,10 +179,15 @@ impl Table {
         self.columns = wanted.iter().map(|&index| columns.header()[index].text.clone()).collect();
         columns.select(&wanted);
         let mut values = vec![0.0; wanted.len()];
+        let mut readings = Vec::with_capacity(plan.places.len());
         let required = stamps + plan.places.len();
         let (mut first_second, unit) = (None, if let Time::Two { unit, .. } = plan.time { unit } else { 1.0 });
         while let Some(line) = columns.next_row(&mut values)? {
-            if let Some(column) = values[..required].iter().position(|value| !value.is_finite()) {
+            let scaled = values[stamps..required].iter().zip(&plan.places);
+            readings.clear();
+            readings.extend(scaled.map(|(value, place)| place.factor * value + place.offset));
+            let missing = values[..stamps].iter().chain(&readings).position(|&value| !is_reading(value));
+            if let Some(column) = missing {
                 if self.holes.is_empty() {
                     self.first_hole = columns.text(column);
                 }
@@ -187,13 +200,11 @@ impl Table {
                 // Whole seconds are subtracted before fractions are added, so that no digit is lost.
                 (values[0] - *first_second.get_or_insert(values[0])) / unit + values[1]
             });
-            let read = values[stamps..required].iter();
-            for ((channel, place), value) in self.channels.iter_mut().zip(&plan.places).zip(read) {
-                channel.push(place.factor * value + place.offset);
-            }
+            self.channels.iter_mut().zip(&readings).for_each(|(channel, &reading)| channel.push(reading));
             let present = plan.optional.iter().flatten().zip(&values[required..]);
             for (rate, (place, value)) in self.rates.iter_mut().flatten().zip(present) {
-                rate.push(place.factor * value + place.offset);
+                let reading = place.factor * value + place.offset;
+                rate.push(if is_reading(reading) { reading } else { f64::NAN });
             }
             self.lines.push(line);
         }

@@ -80,6 +80,8 @@ pub struct Session {
     /// In the parameters that the model is linear in.
     experiment: Experiment,
     bounds: BTreeMap<String, (f64, f64)>,
+    /// Where the experiment stands, if it stands in a file.
+    place: Option<String>,
     shows_method: bool,
 }
 
@@ -89,8 +91,13 @@ impl Session {
     /// # Errors
     /// [`SessionError`], with the file at fault.
     pub fn open(model: DeclaredModel, file: &Path, request: &ExperimentRequest) -> Result<Self, SessionError> {
-        let (experiment, motors) = read_experiment(file, request)?;
-        Self::with_motors(model, experiment, request.pattern.as_deref(), request.bounds.clone(), motors)
+        let path = request.file.clone().unwrap_or_else(|| file.with_extension("toml"));
+        let (experiment, motors) = read_experiment(&path, request)?;
+        let changed = if request.changes.is_empty() { "" } else { " with the changes that were asked for" };
+        let place = format!("{}{changed}", path.display());
+        let session = Self::with_motors(model, experiment, request.pattern.as_deref(), request.bounds.clone(), motors)
+            .map_err(|fault| fault.in_experiment(Some(&place)))?;
+        Ok(Session { place: Some(place), ..session })
     }
 
     /// Brings a model and an experiment together; `pattern` names the pattern to play where the experiment's is not meant.
@@ -130,7 +137,7 @@ impl Session {
         if let Some((path, motors)) = motors {
             experiment.check_motors(machine.plant(), &motors).map_err(|fault| at(&path, &fault))?;
         }
-        Ok(Session { declared, machine, written, experiment, bounds, shows_method: false })
+        Ok(Session { declared, machine, written, experiment, bounds, place: None, shows_method: false })
     }
 
     /// The session whose results say how the method came to the parameters: harmonics beside their prediction, matrices, updates.
@@ -182,7 +189,7 @@ impl Session {
     /// # Errors
     /// [`SessionError::Experiment`].
     pub fn simulate(&self, trial: &Trial) -> Result<Record, SessionError> {
-        Ok(play_simulated(self.machine.plant(), &self.experiment, trial)?)
+        play_simulated(self.machine.plant(), &self.experiment, trial).map_err(|fault| self.placed(fault.into()))
     }
 
     /// Plays the campaign on the simulated machine. Runs that a store holds are taken from it, and new ones are kept there as they
@@ -323,7 +330,7 @@ impl Session {
 
     /// The campaign of an experiment before its first run, and what its loop was found to be.
     fn begun(&self, experiment: &Experiment) -> Result<(Campaign<'_>, LoopStability), SessionError> {
-        let (campaign, stability) = self.machine.campaign(experiment)?;
+        let (campaign, stability) = self.machine.campaign(experiment).map_err(|fault| self.placed(fault.into()))?;
         // Runs of a smooth force are judged by their harmonics, which are right as far as they go.
         let jumps = self.declared.prepared().model.has_jumps();
         let campaign = match self.simulation(&campaign).filter(|_| jumps) {
@@ -331,6 +338,11 @@ impl Session {
             None => campaign,
         };
         Ok((campaign, stability))
+    }
+
+    /// A fault with the file of the experiment, where it is the experiment's.
+    fn placed(&self, fault: SessionError) -> SessionError {
+        fault.in_experiment(self.place.as_deref())
     }
 
     /// The simulation that refines the estimates of a campaign, where that is asked for and can be done.
@@ -359,7 +371,11 @@ impl Session {
     ) -> Result<Identification, SessionError> {
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
-                Some(lumped) => lumped.complete(&mut result, self.physical_settings())?,
+                Some(lumped) => {
+                    lumped
+                        .complete(&mut result, self.physical_settings())
+                        .map_err(|fault| self.placed(fault.into()))?;
+                }
                 None => {
                     if let Some(name) = self.bounds.keys().next() {
                         return Err(SessionError::NothingLumped { name: name.clone() });
@@ -438,14 +454,13 @@ impl Bench for SimulatedMachine<'_> {
 
 /// The experiment that was asked for, and the file in which its motors stand.
 fn read_experiment(
-    model: &Path,
+    path: &Path,
     request: &ExperimentRequest,
 ) -> Result<(Experiment, Option<(PathBuf, MotorFile)>), SessionError> {
-    let path = request.file.clone().unwrap_or_else(|| model.with_extension("toml"));
     if request.file.is_none() && !path.exists() {
         return Err(SessionError::NoExperiment { path: path.display().to_string() });
     }
-    let text = read(&path)?;
+    let text = read(path)?;
     let mut experiment = Experiment::parse(&text)
         .map_err(|error| SessionError::File { path: path.display().to_string(), message: error.to_string() })?;
     for (key, value) in &request.changes {
@@ -459,8 +474,8 @@ fn read_experiment(
             Some((beside, motors))
         }
         (Some(_), None) => {
-            let motors = MotorFile::within(&text).map_err(|fault| at(&path, &fault))?;
-            Some((path, motors))
+            let motors = MotorFile::within(&text).map_err(|fault| at(path, &fault))?;
+            Some((path.to_path_buf(), motors))
         }
         (None, None) => None,
     };

@@ -10,6 +10,7 @@ use crate::report::{Remedy, number};
 use crate::run::trajectory::PatternError;
 use crate::run::{BenchError, RecordError};
 use crate::session::model::ModelFault;
+use std::boxed::Box;
 use std::fmt;
 use std::string::String;
 use std::vec::Vec;
@@ -102,6 +103,14 @@ pub enum SessionError {
         path: String,
         /// The fault.
         message: String,
+    },
+    /// The experiment does not fit the model, or is no experiment.
+    #[error("{place}: {source}")]
+    InExperiment {
+        /// The file of the experiment, and whether values were changed after it was read.
+        place: String,
+        /// The fault.
+        source: Box<SessionError>,
     },
     /// The log of a run is no record of it.
     #[error("{path}: {source}")]
@@ -201,11 +210,22 @@ fn listed(known: &[String]) -> String {
 }
 
 impl SessionError {
+    /// The fault with the place of the experiment, where it is one of the experiment.
+    pub(crate) fn in_experiment(self, place: Option<&str>) -> Self {
+        match (self, place) {
+            (fault @ (Self::Experiment(_) | Self::Physical(_)), Some(place)) => {
+                Self::InExperiment { place: place.into(), source: Box::new(fault) }
+            }
+            (fault, _) => fault,
+        }
+    }
+
     /// The setting that would help, when there is one.
     #[must_use]
     pub fn remedy(&self) -> Option<Remedy> {
         match self {
             SessionError::Log(error) => error.remedy(),
+            SessionError::InExperiment { source, .. } => source.remedy(),
             SessionError::Record { source: RecordError::TooShort { .. }, .. } => Some(Remedy::Stopped),
             SessionError::ParameterAsConstant { name } => Some(Remedy::HoldParameter { parameter: name.clone() }),
             SessionError::NoExperiment { .. } => Some(Remedy::Experiment),

@@ -69,6 +69,7 @@ pub trait Spelling {
         let (given, name) = match error {
             SessionError::Log(error) => return self.log_error(error),
             SessionError::Experiment(error) => return self.experiment_error(error),
+            SessionError::InExperiment { place, source } => return format!("{place}: {}", self.session_error(source)),
             SessionError::UnknownName { setting, name, .. } | SessionError::OutsideInterval { setting, name, .. } => {
                 (Given::Setting(*setting), name)
             }

@@ -5,6 +5,7 @@
 //! need not be coprime: the exponents then describe a common multiple that may be larger than the least one, and
 //! reduction by a cofactor takes a greatest common divisor.
 
+use crate::budget;
 use crate::number::numerator::Numerator;
 use crate::number::prime::OddPrime;
 use crate::number::scalar::Scalar;
@@ -16,6 +17,11 @@ use smallvec::SmallVec;
 
 /// The bound of trial division; a remainder below the square of the bound is prime.
 const TRIAL: u64 = 1024;
+
+/// Operations that making a new unlimited integer takes.
+const NEW_INTEGER: u64 = 48;
+/// Operations that dividing a word of an unlimited integer takes.
+const DIVIDED_WORD: u64 = 12;
 
 /// The odd primes and cofactors met so far.
 #[derive(Clone, Debug, Default)]
@@ -420,6 +426,11 @@ impl Reduction<'_> {
     #[inline]
     fn divide<T: Numerator>(&self, magnitude: &mut T, prime: &OddPrime, exponent: u32, mut each: impl FnMut()) {
         for _ in 0..exponent {
+            // Only unlimited integers take longer than the charge that covers all values alike: each division makes a new one.
+            if T::BITS == u64::MAX {
+                let words = T::bit_length(std::slice::from_ref(magnitude)) / 64 + 1;
+                budget::charge(NEW_INTEGER + DIVIDED_WORD * words);
+            }
             let Some(quotient) = magnitude.divided_exactly(prime) else { break };
             *magnitude = quotient;
             each();
