@@ -318,3 +318,13 @@ fn mistakes_are_answered_by_what_to_type() {
         fails(arguments, 2, said);
     }
 }
+
+#[test]
+fn an_experiment_of_another_model_is_named() {
+    let of = |name: &str| root().join("models").join(name).display().to_string();
+    let (model, other) = (of("two_carts.tpm"), of("mass_spring_drag.toml"));
+    let plain = format!("{other}: there is no physical parameter `m`");
+    let changed = format!("{other} with the changes that were asked for: there is no physical parameter `m`");
+    fails(&["identify", &model, "--experiment", &other], 2, &[&plain]);
+    fails(&["simulate", &model, "--experiment", &other, "--set", "seed=2", "-o", "-"], 2, &[&changed]);
+}

@@ -258,7 +258,7 @@ fn gaps_and_missing_readings_split_a_record() {
     let gap = cut(&|i| (100..110).contains(&i).then(String::new));
     assert_eq!(lengths(&gap), [100, 290]);
     assert!((gap.report.segments[1].start - 0.22).abs() < 1e-9, "{:?}", gap.report.segments);
-    for field in ["NaN", "", "inf", "-inf", "nan", "n/a", "null", "1e999"] {
+    for field in ["NaN", "", "inf", "-inf", "nan", "n/a", "null", "1e999", "-1e101"] {
         let missing = cut(&|i| (i == 100).then(|| format!("0.2,{field},1\n")));
         assert_eq!(lengths(&missing), [100, 299], "{field}");
         let said = missing.report.remarks();

@@ -93,7 +93,8 @@ impl Session {
     pub fn open(model: DeclaredModel, file: &Path, request: &ExperimentRequest) -> Result<Self, SessionError> {
         let path = request.file.clone().unwrap_or_else(|| file.with_extension("toml"));
         let (experiment, motors) = read_experiment(&path, request)?;
-        let changed = if request.changes.is_empty() { "" } else { " with the changes that were asked for" };
+        let as_read = request.changes.is_empty() && request.bounds.is_empty();
+        let changed = if as_read { "" } else { " with the changes that were asked for" };
         let place = format!("{}{changed}", path.display());
         let session = Self::with_motors(model, experiment, request.pattern.as_deref(), request.bounds.clone(), motors)
             .map_err(|fault| fault.in_experiment(Some(&place)))?;

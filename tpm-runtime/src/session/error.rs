@@ -212,11 +212,15 @@ fn listed(known: &[String]) -> String {
 impl SessionError {
     /// The fault with the place of the experiment, where it is one of the experiment.
     pub(crate) fn in_experiment(self, place: Option<&str>) -> Self {
-        match (self, place) {
-            (fault @ (Self::Experiment(_) | Self::Physical(_)), Some(place)) => {
-                Self::InExperiment { place: place.into(), source: Box::new(fault) }
-            }
-            (fault, _) => fault,
+        let of_experiment = matches!(
+            self,
+            Self::Experiment(_)
+                | Self::Physical(_)
+                | Self::Machine(MachineError::Eliminated(EliminatedError::Physical(_)))
+        );
+        match place.filter(|_| of_experiment) {
+            Some(place) => Self::InExperiment { place: place.into(), source: Box::new(self) },
+            None => self,
         }
     }
 
