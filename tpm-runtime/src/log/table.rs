@@ -128,7 +128,7 @@ impl Table {
         let (mut empty, mut places) = (Vec::new(), Vec::new());
         for (at, (signal, values)) in signals.into_iter().zip(std::mem::take(&mut table.rates)).enumerate() {
             let values = values.unwrap_or_default();
-            if 2 * values.iter().filter(|value| is_reading(**value)).count() > rows {
+            if 2 * values.iter().filter(|value| value.is_finite()).count() > rows {
                 kept.push(signal);
                 table.channels.push(values);
                 places.push(at);
@@ -145,7 +145,7 @@ impl Table {
 
     /// Takes the rows in which a channel has no number out of the table; `stamps` columns are those of the time.
     fn leave_out_missing(&mut self, stamps: usize) {
-        if self.channels.iter().all(|channel| channel.iter().all(|&value| is_reading(value))) {
+        if self.channels.iter().all(|channel| channel.iter().all(|value| value.is_finite())) {
             return;
         }
         let (time, lines) = (std::mem::take(&mut self.time), std::mem::take(&mut self.lines));
@@ -155,7 +155,7 @@ impl Table {
             while let Some(hole) = holes.next_if(|hole| hole.before <= row) {
                 self.holes.push(Hole { before: self.time.len(), ..hole });
             }
-            if let Some(missing) = channels.iter().position(|channel| !is_reading(channel[row])) {
+            if let Some(missing) = channels.iter().position(|channel| !channel[row].is_finite()) {
                 self.miss(*line, stamps + missing);
                 continue;
             }

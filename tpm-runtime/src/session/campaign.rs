@@ -180,7 +180,7 @@ impl Session {
     /// The campaign before its first run, and what its loop was found to be; nothing moves where it is not stable.
     ///
     /// # Errors
-    /// [`SessionError::Experiment`].
+    /// [`SessionError::Experiment`], within [`SessionError::InExperiment`] where the experiment stands in a file.
     pub fn campaign(&self) -> Result<(Campaign<'_>, LoopStability), SessionError> {
         self.begun(&self.experiment)
     }
@@ -188,7 +188,7 @@ impl Session {
     /// Plays a trial on the simulated machine of the experiment.
     ///
     /// # Errors
-    /// [`SessionError::Experiment`].
+    /// [`SessionError::Experiment`], within [`SessionError::InExperiment`] where the experiment stands in a file.
     pub fn simulate(&self, trial: &Trial) -> Result<Record, SessionError> {
         play_simulated(self.machine.plant(), &self.experiment, trial).map_err(|fault| self.placed(fault.into()))
     }
@@ -314,7 +314,7 @@ impl Session {
     /// The result of a campaign so far: parameters, physical parameters, warnings, provenance.
     ///
     /// # Errors
-    /// [`SessionError::Physical`].
+    /// [`SessionError::Physical`], within [`SessionError::InExperiment`] where the experiment stands in a file.
     pub fn result(
         &self,
         campaign: &Campaign<'_>,
@@ -373,9 +373,7 @@ impl Session {
         if self.machine.eliminated().is_none() {
             match Lumped::of(self.declared.prepared()) {
                 Some(lumped) => {
-                    lumped
-                        .complete(&mut result, self.physical_settings())
-                        .map_err(|fault| self.placed(fault.into()))?;
+                    lumped.complete(&mut result, self.physical_settings()).map_err(|fault| self.placed(fault.into()))?
                 }
                 None => {
                     if let Some(name) = self.bounds.keys().next() {
