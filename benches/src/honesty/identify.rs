@@ -25,7 +25,8 @@ impl Stated {
 /// Something that the user is told beside the numbers.
 #[derive(Clone, Debug)]
 pub struct Said {
-    /// What kind of statement it is: a finding's kind, `shortfall` for what ends with exit code 1, or `error`.
+    /// What kind of statement it is: a finding's kind, `untested` for the remark on what the log does not test, `shortfall` for what ends
+    /// with exit code 1, or `error`.
     pub kind: String,
     /// The words.
     pub text: String,
@@ -70,7 +71,8 @@ fn digitless(text: &str) -> String {
 pub struct Outcome {
     /// The parameters; none where identification failed.
     pub parameters: Vec<Stated>,
-    /// Everything that is said beside the numbers: warnings, then why a result is incomplete where no warning says it, or the error.
+    /// Everything that is said beside the numbers: warnings, why a result is incomplete where no warning says it, and what the log does
+    /// not test; or the error.
     pub said: Vec<Said>,
     /// Exit code of the command line: 0, 1 where numbers are not to be trusted or not all that were asked for, 2 for an error.
     pub exit: u8,
@@ -87,6 +89,12 @@ impl Outcome {
         // What leaves a result incomplete may be one of its warnings.
         let new = shortfall.filter(|text| said.iter().all(|said| said.text != *text));
         said.extend(new.map(|text| Said { kind: "shortfall".into(), label: digitless(&text), text }));
+        let periodic = result.log.as_ref().and_then(|log| log.periodic());
+        said.extend(periodic.and_then(|found| {
+            let text = found.untested_remark()?;
+            let names: Vec<&str> = found.untested.iter().map(|own| own.parameter.as_str()).collect();
+            Some(Said { kind: "untested".into(), label: format!("untested: {}", names.join(", ")), text })
+        }));
         Outcome { parameters: reported.iter().map(Stated::of).collect(), said, exit }
     }
 
@@ -100,7 +108,7 @@ impl Outcome {
     /// Whether a warning was given.
     #[must_use]
     pub fn is_warned(&self) -> bool {
-        self.said.iter().any(|said| said.kind != "shortfall")
+        self.said.iter().any(|said| !matches!(said.kind.as_str(), "shortfall" | "untested"))
     }
 
     /// Value and standard deviation of a parameter; nothing where there are none.

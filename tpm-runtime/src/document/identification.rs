@@ -8,7 +8,9 @@ use crate::document::validation::remark;
 use crate::estimate::{CombinationReport, ParameterReport, Status};
 use crate::numerics::tail::NORMAL_95;
 use crate::report::{Remedy, beside, cells, combination, digits, number, or_dash};
-use crate::session::{Identification, LogReport, RefinementReport, Source, Validation, Way, closed_loop};
+use crate::session::{
+    Identification, LogReport, PeriodicReport, RefinementReport, Source, Validation, Way, closed_loop,
+};
 use std::borrow::ToOwned;
 use std::format;
 use std::string::{String, ToString};
@@ -416,7 +418,8 @@ fn log(log: &LogReport) -> Vec<Block> {
             format!("{} of {} samples, {} steps", refined.samples, refined.of, refined.steps),
         ));
     }
-    let list: Vec<Notice> = log.reading.remarks().into_iter().map(remark).collect();
+    let untested = log.periodic().and_then(PeriodicReport::untested_remark);
+    let list: Vec<Notice> = log.reading.remarks().into_iter().chain(untested).map(remark).collect();
     let mut blocks = vec![Block::Facts { rows }];
     blocks.extend((!list.is_empty()).then_some(Block::Notices { list }));
     blocks

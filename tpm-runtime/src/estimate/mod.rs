@@ -59,7 +59,7 @@ pub use estimator::Estimator;
 pub(crate) use first_order::feed_forward_lines;
 #[cfg(feature = "interpret")]
 pub(crate) use information::reduced;
-pub use measured_motion::{MeasuredMotion, estimate_measured_motion};
+pub use measured_motion::{ASKED_ABOUT, MeasuredMotion, Untested, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
 pub use output_error::{

@@ -2,9 +2,11 @@
 
 use crate::estimate::BandReport;
 use crate::log::ReadingReport;
+use crate::report::{digits, number};
 use crate::session::refinement_report::RefinementReport;
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::format;
 use std::string::String;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -62,6 +64,29 @@ pub struct PeriodicReport {
     pub lines: Vec<Vec<usize>>,
     /// Highest harmonic of the motion from which regressors were built.
     pub motion_harmonics: usize,
+    /// Parameters that the log does not test: a force that the model lacks changes them, and nothing shows it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub untested: Vec<UntestedReport>,
+}
+
+/// A parameter that a small force at one harmonic, which the model lacks, would change beyond its deviation while the residual stays as
+/// small as it is.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct UntestedReport {
+    /// The parameter.
+    pub parameter: String,
+    /// Its unit.
+    pub unit: Option<String>,
+    /// Row of the model on which the force acts.
+    pub row: String,
+    /// Harmonic at which it acts.
+    pub harmonic: usize,
+    /// Its root mean square as a share of the force of the row.
+    pub share: f64,
+    /// How far it changes the parameter, unit of the parameter.
+    pub change: f64,
+    /// The same in standard deviations of the parameter.
+    pub deviations: f64,
 }
 
 /// What was found about a log.
@@ -118,6 +143,29 @@ pub struct PoolReport {
     pub freedom: usize,
     /// Factor on all variances because the logs differ by more than their deviations; one where they agree.
     pub inflation: f64,
+}
+
+impl PeriodicReport {
+    /// What a reader should know of the parameters that the log does not test; nothing where it tests all.
+    #[must_use]
+    pub fn untested_remark(&self) -> Option<String> {
+        let share = self.untested.first()?.share;
+        let names: Vec<&str> = self.untested.iter().map(|own| own.parameter.as_str()).collect();
+        let change = |own: &UntestedReport| {
+            let unit = own.unit.as_ref().map_or(String::new(), |unit| format!(" {unit}"));
+            let (parameter, change, deviations) = (&own.parameter, digits(own.change, 2), digits(own.deviations, 2));
+            format!(
+                "{parameter} by {change}{unit} ({deviations} deviations, at harmonic {} of {})",
+                own.harmonic, own.row
+            )
+        };
+        Some(format!(
+            "this log does not test {}: a force that the model lacks, of {} % of the force and at one harmonic, would change {}, and the residual would stay as it is; what tests them is a motion with more harmonics, or another log at another frequency",
+            names.join(", "),
+            number(100.0 * share),
+            self.untested.iter().map(change).collect::<Vec<_>>().join(", "),
+        ))
+    }
 }
 
 impl LogReport {

@@ -79,7 +79,9 @@ pub use inspect::{
     ChannelReport, End, Finding, Inspection, Lone, Plateau, Relation, RelationKind, Repeats, Rest, Sampling, inspect,
     inspect_for,
 };
-pub use log_report::{ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, Way};
+pub use log_report::{
+    ActuatorReport, HoldResiduals, LogReport, PeriodicReport, PoolReport, PooledLog, UntestedReport, Way,
+};
 pub use machine::Machine;
 pub use method_report::{
     MethodEntry, MethodLine, MethodReport, MethodRun, MethodSignal, MethodUpdate, ParameterUpdate, Phasor,

@@ -1,14 +1,15 @@
 //! A log that repeats, identified by its harmonics.
 
 use crate::estimate::{
-    Course, Differentiable, Estimate, EstimateError, MeasuredMotion, Settings, estimate_measured_motion,
+    ASKED_ABOUT, Course, Differentiable, Estimate, EstimateError, MeasuredMotion, Settings, Untested,
+    estimate_measured_motion,
 };
 use crate::log::{Log, LogError, LogOptions, Periodic, PeriodicFault, differs, find_periodic};
 use crate::report::{Remedy, number};
 use crate::run::{Spectra, correct_actuators};
 use crate::session::excerpt::Excerpt;
 use crate::session::found::Found;
-use crate::session::log_report::{HoldResiduals, PeriodicReport, Way};
+use crate::session::log_report::{HoldResiduals, PeriodicReport, UntestedReport, Way};
 use crate::session::refine::{Conditions, Start, refined};
 use crate::session::summary;
 use crate::session::warning::{Data, Warning};
@@ -17,7 +18,7 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
-use tpm_core::model::Model;
+use tpm_core::model::{Label, Model};
 
 /// A difference of successive periods above this share of the motion is flagged.
 const UNSTEADY: f64 = 0.02;
@@ -80,6 +81,12 @@ pub(super) fn identify(
     };
     let restate = |values, covariance| record.restated(&estimate, values, covariance, settings);
     let refined = refined(machine, start, Conditions::of_log(options), settings, &restate);
+    let untested = record
+        .untested(&refined.estimate, settings)
+        .map_err(|source| LogError::Estimate { path: log.path.clone(), source })?
+        .into_iter()
+        .map(|own| untested_report(model, &refined.estimate, own))
+        .collect();
     let report = PeriodicReport {
         steady_from_sample: periodic.steady_from,
         from_sample: periodic.from,
@@ -91,6 +98,7 @@ pub(super) fn identify(
         window: spectra.window.to_string(),
         lines: (0..dims.rows).map(|r| record.used(r).to_vec()).collect(),
         motion_harmonics: record.motion_harmonics(),
+        untested,
     };
     let row_residuals = (0..dims.rows)
         .map(|r| {
@@ -109,6 +117,20 @@ pub(super) fn identify(
         refinement: refined.report,
         warnings,
     })
+}
+
+/// An untested parameter by its name.
+fn untested_report(model: &dyn Model<f64>, estimate: &Estimate, own: Untested) -> UntestedReport {
+    let Label { name, unit } = model.parameter(own.parameter);
+    UntestedReport {
+        parameter: name.to_string(),
+        unit: unit.map(ToString::to_string),
+        row: model.row(own.row).name.to_string(),
+        harmonic: own.harmonic,
+        share: ASKED_ABOUT,
+        change: own.change,
+        deviations: own.change / estimate.std[own.parameter],
+    }
 }
 
 /// Harmonics of a coordinate that stand out of the noise.

@@ -78,6 +78,52 @@ fn exact_logs_give_exact_parameters() {
     }
 }
 
+/// A log of m x'' + k1 x + k2 x'^2 = u on any motion of a period of one second, with noise on the position, and a force `lacking` at one
+/// harmonic that the model lacks.
+fn pushed(series: &Series, lacking: (usize, f64)) -> Log {
+    let (w, (harmonic, amplitude)) = (2.0 * PI, lacking);
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let (mut xs, mut us) = (Vec::new(), Vec::new());
+    for i in 0..8000 {
+        let t = f64::from(i) * 1e-3;
+        let [x, v, a] = motion(series, w, t);
+        xs.push(x + 1e-5 * normal(&mut rng));
+        us.push(2.0 * a + 40.0 * x + 1.5 * v * v + amplitude * (harmonic as f64 * w * t).cos());
+    }
+    Log::from_samples("synthetic", 1e-3, vec![xs, us]).expect("sound")
+}
+
+#[test]
+fn a_force_that_nothing_would_show_is_said_beforehand() {
+    // Mass and spring take up the real parts of two harmonics, whatever they are.
+    let sound = identify_log(&MassSpringDrag, &pushed(REST_TO_REST, (1, 0.0)), &LogOptions::default()).expect("known");
+    let untested = &report(&sound).untested;
+    let names: Vec<&str> = untested.iter().map(|own| own.parameter.as_str()).collect();
+    assert_eq!(names, ["m", "k1"], "{untested:?}");
+    assert!(sound.warnings.is_empty(), "{:?}", sound.warnings);
+    // The force of the row as the equations have it, from its terms' amplitudes.
+    let w2 = (2.0 * PI).powi(2);
+    let part = |k: f64, x: f64, v: f64| (40.0 - 2.0 * k * k * w2) * x + v;
+    let (v1, v3) = (0.3 * 2.0 * PI, 0.3 / 3.0 * 2.0 * PI);
+    let drag = [v1 * v3 - 0.5 * v1 * v1, -v1 * v3, -0.5 * v3 * v3].map(|square| 1.5 * square);
+    let lines = [part(1.0, 0.3, 0.0), part(3.0, -0.3 / 9.0, 0.0), drag[0], drag[1], drag[2]];
+    let rms = (0.5 * lines.iter().map(|line| line * line).sum::<f64>()).sqrt();
+    for own in untested {
+        assert!(own.deviations > 10.0, "{own:?}");
+        let force = (own.harmonic, own.share * 2f64.sqrt() * rms);
+        let pushed =
+            identify_log(&MassSpringDrag, &pushed(REST_TO_REST, force), &LogOptions::default()).expect("known");
+        let at = if own.parameter == "m" { 0 } else { 1 };
+        let moved = (values(&pushed)[at] - values(&sound)[at]).abs();
+        assert!((moved / own.change - 1.0).abs() < 0.02, "{own:?} moved by {moved}");
+        assert!(pushed.residual < 1.05 * sound.residual, "{} beside {}", pushed.residual, sound.residual);
+        assert!(pushed.warnings.is_empty(), "{:?}", pushed.warnings);
+    }
+    let richer: &Series = &[(1.0, 0.3, 0.0), (2.0, 0.0, 0.05), (3.0, -0.3 / 9.0, 0.0)];
+    let tested = identify_log(&MassSpringDrag, &pushed(richer, (1, 0.0)), &LogOptions::default()).expect("known");
+    assert!(report(&tested).untested.is_empty(), "{:?}", report(&tested).untested);
+}
+
 #[test]
 fn friction_and_offset_are_found_and_noise_is_stated() {
     let truth = [95.0, 200.0, 20.0, -3.0];

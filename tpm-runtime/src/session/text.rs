@@ -4,7 +4,7 @@ use crate::estimate::{CombinationReport, ParameterReport, Status};
 use crate::machine::stability::LoopStability;
 use crate::report::{Align, Remedy, TextTable, beside, cells, combination, number, or_dash};
 use crate::session::identification::{Identification, Source};
-use crate::session::log_report::{LogReport, PoolReport, Way};
+use crate::session::log_report::{LogReport, PeriodicReport, PoolReport, Way};
 use crate::session::refinement_report::RateReport;
 use std::borrow::ToOwned;
 use std::fmt::{self, Write as _};
@@ -55,6 +55,10 @@ impl Identification {
         ));
         for direction in &self.unobservable {
             text.push_str(&format!("the data do not show the direction {}\n", combination(direction)));
+        }
+        let untested = self.log.as_ref().and_then(LogReport::periodic).and_then(PeriodicReport::untested_remark);
+        if let Some(remark) = untested {
+            text.push_str(&format!("remark: {remark}\n"));
         }
         text.push_str(&self.warnings_text(spell));
         text

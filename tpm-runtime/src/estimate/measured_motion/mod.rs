@@ -16,6 +16,7 @@ mod pooled;
 mod record;
 mod records;
 mod refine;
+mod reliability;
 mod sampling;
 mod variance;
 
@@ -26,3 +27,4 @@ pub(super) use pooled::PooledMotion;
 pub use record::MeasuredMotion;
 #[cfg(feature = "interpret")]
 pub(super) use refine::refine_last;
+pub use reliability::{ASKED_ABOUT, Untested};
