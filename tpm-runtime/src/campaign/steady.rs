@@ -31,7 +31,7 @@ pub(crate) struct SteadyRun {
 
 impl SteadyRun {
     /// Most samples that are simulated of all runs together, so that no more of a single one are kept.
-    pub(crate) const MOST: usize = 100_000;
+    pub(crate) const MOST: usize = 160_000;
 
     /// The end of a settled part, given whole periods of every channel, the first `coordinates` of which are coordinates.
     pub(super) fn of(run: usize, channels: &[&[f64]], coordinates: usize, period: usize, spectra: &Spectra) -> Self {

@@ -346,9 +346,10 @@ impl Session {
         fault.in_experiment(self.place.as_deref())
     }
 
-    /// The simulation that refines the estimates of a campaign, where that is asked for and can be done.
+    /// The simulation that refines the estimates of a campaign, where that is asked for and can be done. With coordinates eliminated these
+    /// are the physical parameters, and the sensors of all coordinates are read; the lumped ones stay as their equations gave them.
     fn simulation(&self, campaign: &Campaign<'_>) -> Option<RunSimulation<'_>> {
-        let wanted = self.experiment.refine != Refine::None && campaign.estimator().lumped().is_none();
+        let wanted = self.experiment.refine != Refine::None;
         let jumps = self.declared.prepared().model.has_jumps();
         wanted.then(|| RunSimulation::new(&self.machine, jumps, campaign.setup()))?
     }

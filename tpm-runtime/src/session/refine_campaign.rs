@@ -22,8 +22,8 @@ use std::vec::Vec;
 /// Most samples of all runs together where a force jumps, whose instant is looked for between two samples.
 const WITH_JUMPS: usize = 16_000;
 /// Most samples of all runs together, times the square of the number of coordinates, where forces are smooth: some seconds of work.
-const WORK: usize = 400_000;
-/// Least share of all samples, as one over this, whose simulation says more than the harmonics of all of them. Their errors are 1.4 to 2.5
+const WORK: usize = 640_000;
+/// Least share of all samples, as one over this, whose simulation says more than the harmonics of all of them. Their errors are 1.4 to 6.5
 /// times the Cramer-Rao bound.
 const WORTH: usize = 3;
 /// Most samples of a run that are simulated to judge it, for every run anew.
@@ -140,12 +140,38 @@ mod tests {
         updates_per_stage = 1
         stages = [{ l = 0.2, w = 6.0 }, { l = 0.3, w = 8.0 }]";
 
+    const TWO_CARTS: [&str; 2] =
+        [include_str!("../../../models/two_carts.tpm"), include_str!("../../../models/two_carts.toml")];
+
     fn identified(changes: &[(&str, &str)]) -> Identification {
-        let model = DeclaredModel::parse("Sled", MODEL).expect("a model");
-        let mut experiment = Experiment::parse(EXPERIMENT).expect("an experiment");
+        identified_of(MODEL, EXPERIMENT, changes)
+    }
+
+    fn identified_of(model: &str, experiment: &str, changes: &[(&str, &str)]) -> Identification {
+        let model = DeclaredModel::parse("model", model).expect("a model");
+        let mut experiment = Experiment::parse(experiment).expect("an experiment");
         changes.iter().for_each(|(key, value)| experiment.apply_override(key, value).expect("known"));
         let session = Session::new(model, experiment, None, BTreeMap::new()).expect("a session");
         session.identify(None, &mut |_, _, _| true).expect("runs")
+    }
+
+    #[test]
+    fn physical_parameters_behind_an_elimination_are_refined_with_all_sensors() {
+        let identify = |changes: &[(&str, &str)]| {
+            identified_of(TWO_CARTS[0], TWO_CARTS[1], &[&[("schedule.measure_time", "10")], changes].concat())
+        };
+        let refined = identify(&[]);
+        let plain = identify(&[("refine", "none")]);
+        assert!(refined.refinement.as_ref().is_some_and(|report| report.used), "{:?}", refined.refinement);
+        assert!(plain.refinement.is_none());
+        for (parameter, before) in refined.physical.iter().zip(&plain.physical) {
+            let (value, std) = (parameter.value.expect("shown"), parameter.std.expect("shown"));
+            let truth = parameter.truth.expect("simulated");
+            assert!((value - truth).abs() < 4.0 * std, "{} {value} +- {std}", parameter.name);
+            assert!(std < 0.8 * before.std.expect("shown"), "{} {std} beside {:?}", parameter.name, before.std);
+        }
+        // The lumped parameters are those of the far cart's equation alone.
+        assert_eq!(refined.parameters, plain.parameters);
     }
 
     #[test]

@@ -51,6 +51,9 @@ pub(super) fn of_refined(
     seed: u64,
 ) -> Identification {
     let mut result = of_estimate(campaign, Some(&refined.estimate), stability, source, seed);
+    if refined.report.as_ref().is_some_and(|report| report.used) {
+        result.residual = refined.estimate.residual;
+    }
     result.current = refined.estimate.values;
     result.refinement = refined.report;
     result.warnings.extend(refined.warnings);
