@@ -132,6 +132,17 @@ impl StoredResult {
         Ok(result)
     }
 
+    /// Name of the model.
+    #[must_use]
+    pub fn model(&self) -> &str {
+        &self.model
+    }
+
+    /// Names of all parameters in which the model is linear.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.parameters.iter().map(|parameter| parameter.name.as_str())
+    }
+
     /// What tells the model of this result from others, for messages.
     pub(super) fn described_model(&self) -> String {
         match &self.provenance.model {
