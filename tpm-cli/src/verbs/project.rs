@@ -9,8 +9,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use tpm_runtime::report::{Align, TextTable, cells, combination, number, or_dash};
-use tpm_runtime::session::{ExperimentRequest, Session, StoredResult};
-use tpm_runtime::study::{ComparedMotion, Projection, ProjectionError, ProjectionRequest, Way, projection};
+use tpm_runtime::session::StoredResult;
+use tpm_runtime::study::{
+    ComparedMotion, Projection, ProjectionError, ProjectionRequest, Way, fitting_experiment, projection,
+};
 use tpm_symbolic::number::rational;
 
 /// What stands below the options in the help.
@@ -42,7 +44,7 @@ pub(crate) struct Args {
     /// The pattern of the motion; the first of the first model that has one when not given.
     #[arg(long, value_name = "NAME")]
     pattern: Option<String>,
-    /// Move as all stages of this experiment on either model do, and take its constants.
+    /// Move as all stages of this experiment do, and take its constants; it may be one of either model.
     #[arg(long, value_name = "FILE", conflicts_with = "pattern")]
     experiment: Option<PathBuf>,
     /// Print JSON (tpm.projection/1), which is read wherever a result of `tpm identify --json` is.
@@ -94,12 +96,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let stated = Stated::load(args)?;
     let session = match &args.experiment {
         None => None,
-        Some(path) => {
-            let mut request = ExperimentRequest::default();
-            request.file = Some(path.clone());
-            let of_second = Session::open(onto.clone(), &args.onto, &request);
-            Some(of_second.or_else(|fault| Session::open(from.clone(), &args.file, &request).map_err(|_| fault))?)
-        }
+        Some(path) => Some(fitting_experiment(path, &[(&onto, &args.onto), (&from, &args.file)])?),
     };
     let motion = match &session {
         Some(session) => ComparedMotion::Stages(session),
@@ -131,7 +128,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if values.is_some() {
         file::remark(&describe(&found));
     }
-    found.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing)))
+    let remedy = match found.other_weights {
+        Some(_) => " (identify with `--weights equal`, or `--set weights=equal` in a campaign)",
+        None => "",
+    };
+    found.shortfall().map_or(Ok(()), |missing| Err(Failure::Incomplete(missing + remedy)))
 }
 
 /// A failure, with the flags that help.
@@ -146,7 +147,7 @@ fn failure(error: ProjectionError, result: Option<&(PathBuf, StoredResult)>) -> 
         fault @ ProjectionError::OtherModel { .. } => format!(
             "{place}{fault}; without --back these are parameters of the first model, with it those of the one behind --onto"
         ),
-        fault @ ProjectionError::OtherParameters { .. } => format!("{place}{fault}"),
+        fault @ (ProjectionError::OtherParameters { .. } | ProjectionError::Twice { .. }) => format!("{place}{fault}"),
         ProjectionError::NoPattern => {
             "neither model has a pattern to move along; declare one, or give --experiment FILE".to_owned()
         }
@@ -179,9 +180,9 @@ fn origin(found: &Projection) -> String {
 
 fn describe(found: &Projection) -> String {
     let mut text = format!("parameters of {}: {}\n", found.model, origin(found));
-    for (number, motion) in found.motions.iter().enumerate() {
-        let frequency = tpm_runtime::report::number(motion.frequency);
-        let _ = writeln!(text, "motion {}: {}; {frequency} rad/s, {} samples", number + 1, motion.name, found.samples);
+    for (at, motion) in found.motions.iter().enumerate() {
+        let frequency = number(motion.frequency);
+        let _ = writeln!(text, "motion {}: {}; {frequency} rad/s, {} samples", at + 1, motion.name, found.samples);
     }
     let mut table = TextTable::new(&[
         ("input", Align::Left),

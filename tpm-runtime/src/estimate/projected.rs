@@ -18,7 +18,8 @@ use std::vec::Vec;
 const RANK_TOLERANCE: f64 = 1e-10;
 /// Components of directions of length one below this are what the nine digits of a stored result leave of nothing.
 const STORED: f64 = 1e-6;
-/// Least deviation of what is known, in forces: a share of their root mean square. Exact values must not make the others vanish in rounding.
+/// Least deviation of what is known, in forces: a share of their root mean square, so that exact values do not make the others vanish
+/// in rounding.
 const SHARPEST: f64 = 1e-6;
 
 /// What is known of parameters: combinations, with their values.
@@ -185,11 +186,14 @@ impl Projector {
         if let Some(weights) = Cholesky::new(covariance) {
             weights.l_dirty().solve_lower_triangular_mut(&mut rows);
         }
-        let solved = Information::of(rows).solve(&[], None);
+        let equations = Information::of(rows);
+        let solved = equations.solve(&[], None);
         let covariance =
             if known.is_exact() { DMatrix::zeros(self.matrix.ncols(), self.matrix.ncols()) } else { solved.covariance };
         let values = DVector::from_vec(solved.values);
+        let condition = equations.scaled().condition(&[]);
         let estimate = self.estimate(values, covariance, solved.unobservable, &self.from_scale);
+        let estimate = Estimate { condition, ..estimate };
         (estimate, solved.remainder, count - solved.rank)
     }
 
@@ -313,7 +317,7 @@ mod tests {
         let (back, left, degrees) = same.backward(&known);
         for found in [same.forward(&known), back] {
             assert_eq!(found.rank, 2);
-            assert!((found.values[1] - 3.0).abs() < 1e-9 && (found.std[1] - 0.3).abs() < 1e-6);
+            assert!((found.values[1] - 3.0).abs() < 1e-9 && (found.std[1] - 0.3).abs() < 1e-6, "{found:?}");
             let shown = found.combinations();
             let lead: Vec<_> =
                 shown.iter().map(|shown| (shown.value / shown.weights[0], shown.std / shown.weights[0])).collect();

@@ -25,7 +25,7 @@ pub use kept::study_kept;
 pub use path::{FittedCoordinate, FittedPath, PathError, PathSettings, fit_path};
 pub use projection::{
     ComparedMotion, Consistency, InputMisfit, MisfitHarmonic, MotionReport, Projection, ProjectionError,
-    ProjectionRequest, Way, projection,
+    ProjectionRequest, Way, fitting_experiment, projection,
 };
 pub use shown::{AnyMotion, AskedPattern, Base, Shown, ShownError, any_motion, shown};
 pub use tally::ParameterStudy;

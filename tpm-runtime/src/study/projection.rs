@@ -12,13 +12,17 @@ use crate::numerics::fourier::analyse;
 use crate::numerics::singular::unit_columns;
 use crate::numerics::tail::chi_squared_upper;
 use crate::numerics::{DMatrix, DVector, root_mean_square};
+use crate::report::number;
 use crate::run::trajectory::{HarmonicSeries, PatternError, ReferencePattern, Trajectory};
-use crate::session::{DeclaredModel, Identifiable as _, ModelFault, Session, StoredResult};
+use crate::session::{
+    DeclaredModel, ExperimentRequest, Identifiable as _, ModelFault, Session, SessionError, StoredResult,
+};
 use num_complex::Complex;
 use serde::Serialize;
 use std::boxed::Box;
 use std::collections::{BTreeMap, BTreeSet};
 use std::format;
+use std::path::Path;
 use std::string::{String, ToString};
 use std::vec;
 use std::vec::Vec;
@@ -34,7 +38,7 @@ use tpm_symbolic::regressor::parameter_map::ParameterMap;
 /// Samples of a period, in the middle of equal intervals.
 const SAMPLES: usize = 1 << 12;
 /// What is unexplained below this share of the force is rounding.
-const ROUNDING: f64 = 1e-12;
+const ROUNDING: f64 = 1e-10;
 
 /// Which way parameters go from one model to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -140,7 +144,11 @@ pub enum ProjectionError {
         names: Vec<String>,
     },
     /// A value is given for something that is not there.
-    #[error("`{name}` is no parameter or run-time constant of the models{} (these are {})", if *.stages { "" } else { ", and no amplitude or frequency" }, .known.join(", "))]
+    #[error(
+        "`{name}` is no parameter or run-time constant of the models{} (these are {})",
+        if *.stages { "; the experiment states the motion" } else { ", and no amplitude or frequency" },
+        .known.join(", ")
+    )]
     Unknown {
         /// The name.
         name: String,
@@ -156,6 +164,14 @@ pub enum ProjectionError {
         found: String,
         /// Model of the known parameters.
         expected: String,
+    },
+    /// Known parameters are stated twice.
+    #[error("the result states the parameters of {model} already; leave out the values of {}", .names.join(", "))]
+    Twice {
+        /// Model of the known parameters.
+        model: String,
+        /// The parameters.
+        names: Vec<String>,
     },
     /// The result has a parameter that the model does not have, or lacks one.
     #[error("the result is one of another version of the model {model}: the parameters {} are not in both", .names.join(", "))]
@@ -262,8 +278,12 @@ pub struct Projection {
     pub combination_covariance: Vec<Vec<Option<f64>>>,
     /// Independent combinations that have a value.
     pub rank: usize,
-    /// Condition number of the columns that were projected onto, each of length one, over what the motion shows of them.
+    /// Condition number of the equations that were solved, their columns of length one, over what follows from them.
     pub condition: Option<f64>,
+    /// On the way back, the share of the first model's force that the second leaves out, where the result was not weighed as the projection
+    /// is. Its values then have another mean, by what deviations do not tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub other_weights: Option<f64>,
     /// Whether the model explains the known parameters; nothing where these are exact, or no more than follow.
     pub consistency: Option<Consistency>,
     /// Whether the parameters are lumped ones.
@@ -275,6 +295,15 @@ impl Projection {
     /// Why this is not all that was asked for; nothing when it is.
     #[must_use]
     pub fn shortfall(&self) -> Option<String> {
+        if let Some(left_out) = self.other_weights {
+            return Some(format!(
+                "{} leaves {} % of the force of {} out, and the result was not weighed as forces are here: its values move with the weights, \
+                 by more than deviations tell",
+                self.of,
+                number(100.0 * left_out),
+                self.model
+            ));
+        }
         if self.parameters.iter().any(|parameter| parameter.status == Status::Untrusted) {
             return Some(no_result(self.residual));
         }
@@ -340,10 +369,6 @@ impl<'a> Side<'a> {
     fn forces(&self, motions: &[Motion], inputs: &[String]) -> Result<Forces, ProjectionError> {
         let model = self.model();
         let dims = model.dims();
-        if dims.rows != dims.inputs {
-            let model = model.name().to_string();
-            return Err(ProjectionError::FreeRows { model, rows: dims.rows, inputs: dims.inputs });
-        }
         let order: Vec<usize> =
             inputs.iter().filter_map(|input| self.inputs().iter().position(|own| own == input)).collect();
         let rows = motions.len() * SAMPLES * dims.inputs;
@@ -371,8 +396,7 @@ impl<'a> Side<'a> {
                 }
                 let solved = map.lu().solve_mut(&mut sides);
                 if !solved || !finite(&sides) {
-                    let model = model.name().to_string();
-                    return Err(ProjectionError::FreeRows { model, rows: dims.rows, inputs: dims.inputs });
+                    return Err(self.free_rows());
                 }
                 for &input in &order {
                     columns.row_mut(at).copy_from(&sides.row(input).columns(0, dims.parameters));
@@ -382,6 +406,11 @@ impl<'a> Side<'a> {
             }
         }
         Ok(Forces { columns, known })
+    }
+
+    fn free_rows(&self) -> ProjectionError {
+        let dims = self.model().dims();
+        ProjectionError::FreeRows { model: self.model().name().to_string(), rows: dims.rows, inputs: dims.inputs }
     }
 
     /// The unit of a coordinate or input.
@@ -403,6 +432,29 @@ struct Motion {
     coordinates: BTreeMap<String, HarmonicSeries>,
 }
 
+/// The experiment in a file, brought together with the first of some models, each with its own file, that it fits.
+///
+/// # Errors
+/// [`SessionError`] of the first model, when it fits none.
+pub fn fitting_experiment(path: &Path, models: &[(&DeclaredModel, &Path)]) -> Result<Session, SessionError> {
+    let request = ExperimentRequest { file: Some(path.to_path_buf()), ..ExperimentRequest::default() };
+    let mut fault = None;
+    for &(model, file) in models {
+        let fitting = Session::open(model.clone(), file, &request).and_then(|session| {
+            let machine = session.machine();
+            session.experiment().setup(machine.plant(), machine.pattern(), Hold::Zoh)?;
+            Ok(session)
+        });
+        match fitting {
+            Ok(session) => return Ok(session),
+            Err(own) => {
+                fault.get_or_insert(own);
+            }
+        }
+    }
+    Err(fault.unwrap_or_else(|| ExperimentError::NoStage.into()))
+}
+
 /// Gives parameters of one model in those of another.
 ///
 /// # Errors
@@ -418,12 +470,12 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
     let (from, onto) = (Side::new(request.from, &stated), Side::new(request.onto, &stated));
     fit_together(&from, &onto)?;
     known_names(request)?;
-    let motions = motions(request, &stated)?;
     let (given, wanted) = match request.way {
         Way::Onto => (&from, &onto),
         Way::Back => (&onto, &from),
     };
     missing(request, given, &stated)?;
+    let motions = motions(request, &stated)?;
     let inputs = from.inputs();
     let (mut rich, mut simple) = (from.forces(&motions, &inputs)?, onto.forces(&motions, &inputs)?);
     let known = known(request, given, &stated)?;
@@ -468,7 +520,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
         let rows: Vec<usize> = (0..forces.nrows()).filter(|row| (row / count) % 2 == 0).collect();
         forces.select_rows(&rows) * f64::sqrt(2.0)
     };
-    let columns = DMatrix::from_columns(&[offset]);
+    let columns = DMatrix::from_columns(std::slice::from_ref(&offset));
     let half = Projector::new(
         &every_second(&rich.columns),
         &every_second(&simple.columns),
@@ -485,7 +537,13 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
     let estimate = Estimate { residual: share(&missed), ..estimate };
     let prior = wanted.columns(&stated).into_iter().map(|value| value.is_finite().then_some(value));
     let prior: Vec<Option<f64>> = prior.collect();
-    let report = EstimateReport::new(wanted.model(), &prior, Some(&estimate));
+    let mut report = EstimateReport::new(wanted.model(), &prior, Some(&estimate));
+    let left_out = share(&(&rich.columns * &of_rich + &offset - &simple.columns * &nearest));
+    let equal = request.result.is_none_or(StoredResult::weighed_equally) || known.is_exact();
+    let other_weights = (request.way == Way::Back && !equal && left_out > ROUNDING).then_some(left_out);
+    for parameter in report.parameters.iter_mut() {
+        parameter.status = parameter.status.in_result(other_weights.is_none());
+    }
     Ok(Projection {
         schema: PROJECTION_SCHEMA,
         model: wanted.model().name().to_string(),
@@ -504,6 +562,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
         combination_covariance: report.combination_covariance,
         rank: estimate.rank,
         condition: estimate.condition.is_finite().then_some(estimate.condition),
+        other_weights,
         consistency: left.map(|(chi_squared, degrees)| Consistency {
             chi_squared,
             degrees,
@@ -545,13 +604,19 @@ fn misfit(
     }
 }
 
-/// Requires that two models have the same inputs, and the same units of what they share.
+/// Requires that two models have the same inputs, as many rows, and the same units of what they share.
 fn fit_together(from: &Side<'_>, onto: &Side<'_>) -> Result<(), ProjectionError> {
     let (from_inputs, onto_inputs) = (from.inputs(), onto.inputs());
     let set = |inputs: &[String]| inputs.iter().cloned().collect::<BTreeSet<String>>();
     if set(&from_inputs) != set(&onto_inputs) {
         let [from, onto] = [from, onto].map(|side| side.model().name().to_string());
         return Err(ProjectionError::Inputs { from, onto, from_inputs, onto_inputs });
+    }
+    for side in [from, onto] {
+        let dims = side.model().dims();
+        if dims.rows != dims.inputs {
+            return Err(side.free_rows());
+        }
     }
     let model = onto.model();
     let coordinates = (0..model.dims().coordinates).map(|c| model.coordinate(c).name.to_string());
@@ -609,6 +674,12 @@ fn missing(
         let model = declared.evaluated();
         names.extend((0..model.dims().constants).map(|i| model.constant(i).name.to_string()));
     }
+    if let ComparedMotion::Pattern(name) = request.motion {
+        let declared = patterned(request)?;
+        let (model, pattern) = (&declared.prepared().model, declared.pattern(name)?);
+        let symbols = pattern.amplitudes.iter().copied().chain([pattern.frequency]);
+        names.extend(symbols.map(|symbol| model.quantity(symbol).name.to_string()));
+    }
     let mut seen = BTreeSet::new();
     names.retain(|name| stated(name).is_none() && seen.insert(name.clone()));
     if names.is_empty() { Ok(()) } else { Err(ProjectionError::NoValue { names }) }
@@ -623,12 +694,13 @@ fn motions(
         ComparedMotion::Pattern(name) => {
             let declared = patterned(request)?;
             let (prepared, pattern) = (declared.prepared(), declared.pattern(name)?);
-            let reference = ReferencePattern::of_rows(pattern, &prepared.model, &prepared.form, stated)?;
+            let reference = ReferencePattern::of_rows(pattern, &prepared.model, &prepared.form, stated).map_err(
+                |fault| match fault {
+                    PatternError::NoValue { name } => ProjectionError::NoValue { names: vec![name] },
+                    other => other.into(),
+                },
+            )?;
             let names: Vec<String> = reference.amplitudes.iter().chain([&reference.frequency]).cloned().collect();
-            let absent: Vec<String> = names.iter().filter(|name| stated(name).is_none()).cloned().collect();
-            if !absent.is_empty() {
-                return Err(ProjectionError::NoValue { names: absent });
-            }
             let values: Vec<f64> = names.iter().filter_map(|name| stated(name)).collect();
             let amplitudes = &values[..reference.amplitudes.len()];
             let trajectory = reference.trajectory(amplitudes, values[amplitudes.len()]);
@@ -678,6 +750,16 @@ fn known(
     let apart: Vec<String> = lacking.chain(strange).map(String::from).collect();
     if !apart.is_empty() {
         return Err(ProjectionError::OtherParameters { model: model.name().to_string(), names: apart });
+    }
+    let wanted = if request.way == Way::Onto { request.onto } else { request.from };
+    let has = |declared: &DeclaredModel, name: &str| {
+        let model = &declared.prepared().model;
+        model.parameters().any(|symbol| model.quantity(symbol).name == name)
+    };
+    let twice = request.values.keys().filter(|name| has(given.declared, name) && !has(wanted, name));
+    let twice: Vec<String> = twice.cloned().collect();
+    if !twice.is_empty() {
+        return Err(ProjectionError::Twice { model: model.name().to_string(), names: twice });
     }
     let (weights, values, covariance) = result.entries();
     let weight = |r: usize, c: usize| weights[r].get(&names[c]).copied().unwrap_or(0.0);
