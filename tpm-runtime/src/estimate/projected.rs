@@ -180,21 +180,45 @@ impl Projector {
         let scaled = |raw: DMatrix<f64>| DMatrix::from_fn(self.onto, raw.ncols(), |r, c| raw[(r, c)] * self.scale[r]);
         let offset = scaled(DMatrix::from_columns(&[self.offset.clone()]));
         let right = basis.tr_mul(&own.values) - (&shown * offset).column(0);
-        let mut rows = (&shown * scaled(self.matrix.clone())).insert_column(self.matrix.ncols(), 0.0);
+        let passed = &shown * scaled(self.matrix.clone());
+        let hidden = self.unfelt(&passed);
+        let mut rows = passed.insert_column(self.matrix.ncols(), 0.0);
         rows.column_mut(self.matrix.ncols()).copy_from(&right);
         let count = rows.nrows();
         if let Some(weights) = Cholesky::new(covariance) {
             weights.l_dirty().solve_lower_triangular_mut(&mut rows);
         }
         let equations = Information::of(rows);
-        let solved = equations.solve(&[], None);
+        let solved = equations.scaled().solve(&[], None, &hidden);
         let covariance =
             if known.is_exact() { DMatrix::zeros(self.matrix.ncols(), self.matrix.ncols()) } else { solved.covariance };
         let values = DVector::from_vec(solved.values);
-        let condition = equations.scaled().condition(&[]);
+        let condition = equations.scaled().condition(&hidden);
         let estimate = self.estimate(values, covariance, solved.unobservable, &self.from_scale);
         let estimate = Estimate { condition, ..estimate };
         (estimate, solved.remainder, count - solved.rank)
+    }
+
+    /// Directions of the parameters along which rows do not change, but for what the digits of a stored result leave of nothing.
+    fn unfelt(&self, rows: &DMatrix<f64>) -> Vec<Vec<f64>> {
+        let of_force = DMatrix::from_fn(rows.nrows(), rows.ncols(), |r, c| rows[(r, c)] / self.from_scale[c]);
+        let lengths: Vec<f64> = of_force.column_iter().map(|column| column.norm()).collect();
+        let largest = lengths.iter().copied().fold(0.0, f64::max);
+        // A column of rounding is not scaled up.
+        let counts = |c: usize| lengths[c] > STORED * largest;
+        let scale: Vec<f64> = (0..lengths.len()).map(|c| if counts(c) { lengths[c] } else { 1.0 }).collect();
+        let unit =
+            DMatrix::from_fn(
+                rows.nrows(),
+                rows.ncols(),
+                |r, c| {
+                    if counts(c) { of_force[(r, c)] / scale[c] } else { 0.0 }
+                },
+            );
+        let null = Singular::new(&unit, STORED).null();
+        let lost = null.column_iter().map(|direction| direction.iter().copied().collect()).collect();
+        let scale: Vec<f64> = scale.iter().zip(&self.from_scale).map(|(own, force)| own * force).collect();
+        beside_known(&[], lost, &scale)
     }
 
     fn estimate(
@@ -325,6 +349,12 @@ mod tests {
             assert_eq!([found.status[0], found.status[2], found.status[3]], [Status::Unobservable; 3]);
         }
         assert!(left < 1e-9 && degrees == 0);
+        // Weights of nine digits show no more.
+        let mut stored = known.clone();
+        stored.weights[(0, 3)] += 1e-9;
+        stored.weights[(0, 2)] += 1e-9;
+        assert_eq!(same.backward(&stored).0.rank, 2);
+        assert_eq!(same.forward(&stored).rank, 2);
     }
 
     /// Nearest parameters of a model that is poorer, and back: the combinations that were put in.
