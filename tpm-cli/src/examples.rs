@@ -5,7 +5,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{Command, Error};
 
 /// Verbs, and for each a command line that is understood. Their files are those of a user.
-const EXAMPLES: [(&str, &str); 36] = [
+const EXAMPLES: [(&str, &str); 37] = [
     ("actuator", "tpm actuator cart.tpm --motor motors.toml"),
     ("campaign next", "tpm campaign next my_campaign"),
     ("campaign result", "tpm campaign result my_campaign"),
@@ -44,6 +44,7 @@ const EXAMPLES: [(&str, &str); 36] = [
     ("linearize", "tpm linearize cart.tpm --at x=0"),
     ("lsp", "tpm lsp"),
     ("man", "tpm man manual_pages"),
+    ("project", "tpm project arm_links.tpm --onto arm.tpm --params arm_links.toml --value A=0.2 --value w=2"),
     ("regulate", "tpm regulate cart.tpm --sample-time 0.001 --params result.json"),
     ("schema", "tpm schema experiment"),
     ("simulate", "tpm simulate cart.tpm --experiment cart.toml -o run.csv"),

@@ -86,6 +86,8 @@ enum Command {
     Lsp(verbs::lsp::Args),
     /// Write manual pages into a folder.
     Man(verbs::shell::ManArgs),
+    /// Give parameters of one model in those of another, either way: the nearest by their forces along a motion.
+    Project(verbs::project::Args),
     /// Design a regulator about an equilibrium: gains, poles, margins, and its code in C or Rust.
     Regulate(Box<verbs::regulate::Args>),
     /// Print the JSON schema of a kind of file, for editors.
@@ -146,6 +148,7 @@ fn dispatch(verb: &Command) -> Outcome {
         Command::Linearize(args) => verbs::linearize::run(args),
         Command::Lsp(args) => verbs::lsp::run(args),
         Command::Man(args) => verbs::shell::man(args, command()),
+        Command::Project(args) => verbs::project::run(args),
         Command::Regulate(args) => verbs::regulate::run(args),
         Command::Schema(args) => verbs::explain::schema(args),
         Command::Split(args) => verbs::split::run(args),

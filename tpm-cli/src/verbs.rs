@@ -21,6 +21,7 @@ pub(crate) mod inspect;
 pub(crate) mod linearize;
 pub(crate) mod lsp;
 pub(crate) mod path;
+pub(crate) mod project;
 pub(crate) mod regulate;
 pub(crate) mod shell;
 pub(crate) mod simulate;

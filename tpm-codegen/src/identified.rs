@@ -24,8 +24,11 @@ const MOTIONS: usize = 32;
 /// The schema of identification results.
 pub const SCHEMA: &str = "tpm.identification/2";
 
-/// The schemas of identification results that can be read: every field of the first one is in the second.
-pub const READABLE_SCHEMAS: [&str; 2] = ["tpm.identification/1", SCHEMA];
+/// The schema of parameters that follow from those of another model.
+pub const PROJECTION_SCHEMA: &str = "tpm.projection/1";
+
+/// The schemas of results that can be read: every field of the first one is in the second, and a projection has those that are read.
+pub const READABLE_SCHEMAS: [&str; 3] = ["tpm.identification/1", SCHEMA, PROJECTION_SCHEMA];
 
 /// Weights by the name of a parameter.
 pub type Weights = BTreeMap<String, f64>;

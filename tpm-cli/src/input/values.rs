@@ -262,7 +262,8 @@ fn symbol(model: &ExactModel, pattern: Option<&Pattern>, name: &str, place: &str
     }
 }
 
-fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
+/// Reads NAME = VALUE lines.
+pub(crate) fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
     let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| at(error.to_string()))?;
     let mut values = Vec::new();

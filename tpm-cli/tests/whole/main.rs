@@ -21,6 +21,7 @@ mod log;
 mod pendulum_study;
 mod physical;
 mod printed;
+mod project;
 mod readme;
 mod regulate;
 mod report;

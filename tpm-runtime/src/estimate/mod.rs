@@ -7,7 +7,7 @@
 //! What estimators share stands below them, and imports run one way, from right to left:
 //!
 //! ```text
-//! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- stack, damping, applies, consistency <- estimators <- method
+//! settings, error <- verdict, result <- equations, information <- table, along <- bound, noise <- stack, damping, applies, consistency, projected <- estimators <- method
 //! ```
 
 mod along;
@@ -35,6 +35,8 @@ mod output_error;
 pub mod physical;
 mod pooled;
 mod prior;
+#[cfg(feature = "interpret")]
+mod projected;
 mod response;
 mod result;
 mod run;
@@ -69,6 +71,8 @@ pub use output_error::{
 #[cfg(feature = "interpret")]
 pub(crate) use output_error::{beside_counts, reach_in};
 pub use pooled::{Contribution, Pooled, pool};
+#[cfg(feature = "interpret")]
+pub(crate) use projected::{Known, Projector};
 pub(crate) use response::ErrorResponse;
 pub use result::Estimate;
 pub(crate) use run::error_lines;

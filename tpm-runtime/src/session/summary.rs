@@ -3,7 +3,7 @@
 use crate::campaign::{Campaign, Contradiction, RunReport};
 use crate::estimate::named::EstimateReport;
 use crate::estimate::physical::{PhysicalError, PhysicalSettings, has_inertia, is_lumped, negative_inertias, physical};
-use crate::estimate::{Estimate, LARGE_RESIDUAL, Status};
+use crate::estimate::{Estimate, LARGE_RESIDUAL, Status, Weights};
 use crate::machine::stability::LoopStability;
 use crate::run::RunEnding;
 use crate::session::identification::{Identification, Provenance, Source};
@@ -61,6 +61,11 @@ pub(super) fn of_refined(
     result
 }
 
+/// Weights other than the usual ones, which a result of a model that leaves something out depends on.
+fn equal_weights(weights: Weights) -> Option<(String, serde_json::Value)> {
+    (weights == Weights::Equal).then(|| ("weights".to_string(), "equal".into()))
+}
+
 /// The result of a campaign so far with an estimate that its runs gave.
 fn of_estimate(
     campaign: &Campaign<'_>,
@@ -111,7 +116,11 @@ fn of_estimate(
         log: None,
         pool: None,
         warnings: campaign_warnings(linear, found, campaign),
-        provenance: Provenance { seed: (source == Source::SimulatedPlant).then_some(seed), ..provenance() },
+        provenance: Provenance {
+            seed: (source == Source::SimulatedPlant).then_some(seed),
+            options: equal_weights(setup.estimation.weights).into_iter().collect(),
+            ..provenance()
+        },
         current: campaign.current().to_vec(),
         estimate: estimate.cloned(),
     };

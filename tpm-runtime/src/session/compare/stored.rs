@@ -52,6 +52,13 @@ pub struct StoredResult {
     pub(super) findings: Vec<Finding>,
     #[serde(default)]
     pub(super) provenance: StoredProvenance,
+    /// Which way the parameters came from those of another model; nothing for a result of an identification.
+    #[serde(default)]
+    way: Option<String>,
+    #[serde(default)]
+    refinement: Option<StoredRefinement>,
+    #[serde(default)]
+    log: Option<StoredLogReport>,
 }
 
 /// Covariance by row and column, with nothing for what has none.
@@ -84,6 +91,20 @@ pub(super) struct StoredProvenance {
     pub(super) model: Option<String>,
     pub(super) logs: Vec<StoredLog>,
     pub(super) seed: Option<u64>,
+    options: BTreeMap<String, serde_json::Value>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+struct StoredLogReport {
+    #[serde(default)]
+    refinement: Option<StoredRefinement>,
+}
+
+/// A refinement by a simulation, which weighs by the noise.
+#[derive(Clone, Debug, Deserialize)]
+struct StoredRefinement {
+    #[serde(default)]
+    used: bool,
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -130,6 +151,25 @@ impl StoredResult {
             return Err(StoredFault::Covariance { of: "the combinations", count });
         }
         Ok(result)
+    }
+
+    /// Name of the model.
+    #[must_use]
+    pub fn model(&self) -> &str {
+        &self.model
+    }
+
+    /// Whether all equations counted alike: the values are those of the model whose forces are nearest.
+    pub(crate) fn weighed_equally(&self) -> bool {
+        let of_log = self.log.as_ref().and_then(|log| log.refinement.as_ref());
+        let refined = self.refinement.as_ref().or(of_log).is_some_and(|refinement| refinement.used);
+        let equal = self.provenance.options.get("weights").is_some_and(|weights| weights == "equal");
+        self.way.is_some() || equal && !refined
+    }
+
+    /// Names of all parameters in which the model is linear.
+    pub(crate) fn names(&self) -> impl Iterator<Item = &str> {
+        self.parameters.iter().map(|parameter| parameter.name.as_str())
     }
 
     /// What tells the model of this result from others, for messages.

@@ -11,7 +11,7 @@ use std::vec;
 use std::vec::Vec;
 
 /// Weights of a combination, by parameter.
-pub(super) type Weights = BTreeMap<String, f64>;
+pub(crate) type Weights = BTreeMap<String, f64>;
 
 /// A remainder below this share of the weights is rounding: weights are stored with nine digits, and come from measured motion.
 const ROUNDING: f64 = 1e-6;
@@ -136,5 +136,14 @@ impl<'a> Vantage<'a> {
     /// The weights of the combinations that are entries.
     pub(super) fn combinations(&self) -> impl Iterator<Item = &Weights> {
         self.together.iter().map(|(weights, _)| weights)
+    }
+}
+
+impl StoredResult {
+    /// What the result shows: parameters and combinations, as weights by parameter, their values, and their covariance.
+    pub(crate) fn entries(&self) -> (Vec<Weights>, DVector<f64>, DMatrix<f64>) {
+        let Vantage { parameters, alone, together, values, covariance } = Vantage::linear(self);
+        let alone = alone.iter().map(|&j| Weights::from([(parameters[j].name.clone(), 1.0)]));
+        (alone.chain(together.into_iter().map(|(weights, _)| weights)).collect(), values, covariance)
     }
 }
