@@ -377,7 +377,7 @@ fn common_mistakes_of_every_verb_say_what_to_type() {
         ),
         (
             "excite cart.tpm --sample-time 0.01 --duration -1 -o e.csv noise --std 1 --hold-time 0.1",
-            &["duration", "-1"],
+            &["a run of -1 s", "lengthen it"],
         ),
         ("expand cart.tpm --harmonics -1", &["'-1' for '--harmonics <N>'", "a whole number is wanted"]),
         ("expand cart.tpm -o nowhere/table.md", &[no_folder, "type a path in a folder that is there"]),
@@ -400,7 +400,7 @@ fn common_mistakes_of_every_verb_say_what_to_type() {
         ("identify cart.tpm --log run.csv --freeze z=1", &["--freeze z", "there are m, d, k"]),
         ("identify cart.tpm --log run.csv --set seed=3", &["--set", "cannot be used with --log"]),
         ("identify cart.tpm --experiment run.csv", &["run.csv", "an experiment is TOML"]),
-        ("identify cart.tpm --set sede=3", &["--set sede", "did you mean seed?"]),
+        ("identify cart.tpm --set sede=3", &["--set sede", "did you mean seed"]),
         ("import run.csv -o arm.tpm", &["run.csv:1:1", "no XML", "export the description again"]),
         ("init cart", &["cart.tpm is there already", "type another name"]),
         ("init nowhere/cart", &[no_folder, "type a path in a folder that is there"]),

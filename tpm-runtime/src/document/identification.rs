@@ -149,7 +149,7 @@ impl Document {
     fn correlations(&mut self, result: &Identification) {
         let mut blocks = Vec::new();
         for (list, covariance) in
-            [(&result.parameters, &result.covariance), (&result.physical, &result.physical_covariance)]
+            [(&result.physical, &result.physical_covariance), (&result.parameters, &result.covariance)]
         {
             let names: Vec<String> = list.iter().map(|parameter| parameter.name.clone()).collect();
             blocks.extend(matrix(&names, covariance));
