@@ -347,6 +347,7 @@ fn common_mistakes_of_every_verb_say_what_to_type() {
     std::fs::write(at.join("text.txt"), "text\n").expect("writable");
     std::fs::write(at.join("other.json"), "{\"a\": 1}\n").expect("writable");
     std::fs::write(at.join("other.toml"), "x = 1\n").expect("writable");
+    std::fs::write(at.join("values.toml"), "m = 2\nd = 3\nk = 40\nlambda = 0.3\nw = 3\n").expect("writable");
     let before = names(at);
     let [no_file, no_folder] = ["type the path of a file that is there", "there is no folder nowhere"];
     let file_of = "type the name of a file, not that of a folder";
@@ -382,6 +383,7 @@ fn common_mistakes_of_every_verb_say_what_to_type() {
         ("expand cart.tpm --harmonics -1", &["'-1' for '--harmonics <N>'", "a whole number is wanted"]),
         ("expand cart.tpm -o nowhere/table.md", &[no_folder, "type a path in a folder that is there"]),
         ("explain nosie", &["`nosie`", "`tpm explain` lists all fields"]),
+        ("feedforward cart.tpm --loop run.csv --params values.toml", &["run.csv: line 1", "the file is TOML"]),
         ("feedforward cart.tpm --loop none.toml --params run.csv", &["run.csv", "type a file ending in .toml"]),
         ("fit none.csv --input u --measured x --order 1/2", &["none.csv", no_file]),
         ("fit run.csv --input u --measured x --order 2", &["`2` is not of the form M/N, such as 1/3"]),
