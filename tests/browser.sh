@@ -14,7 +14,7 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 
 "$tpm" identify models/mass_spring_drag.tpm --report "$folder/cart" >/dev/null
-"$tpm" identify models/closed_loop_arm.tpm --experiment models/closed_loop_arm_thesis.toml --report "$folder/arm" >/dev/null || [ $? = 1 ]
+"$tpm" identify models/closed_loop_arm.tpm --experiment models/closed_loop_arm_thesis.toml --report "$folder/arm" >/dev/null 2>&1 || [ $? = 1 ]
 "$tpm" study models/mass_spring_drag.tpm --seeds 3 --report "$folder/study" >/dev/null
 
 # The page in a frame of the width that is asked for, and how much wider it is than its frame.

@@ -29,4 +29,6 @@ python3 -m venv "$work/fresh"
 "$work/fresh/bin/python" -m pytest -q -p no:cacheprovider tests
 # Types of the stubs as users of the module have them, and the stubs against the module itself.
 MYPYPATH=tests "$work/fresh/bin/mypy" --strict --cache-dir "$work/mypy" tests
-"$work/fresh/bin/python" -m mypy.stubtest tpm --ignore-disjoint-bases
+# maturin wraps the extension module `tpm.tpm` into a package that takes its names over by `__all__`; neither is the module's own.
+printf '%s\n' 'tpm\.__all__' 'tpm\.tpm' >"$work/allowed"
+"$work/fresh/bin/python" -m mypy.stubtest tpm --ignore-disjoint-bases --allowlist "$work/allowed"

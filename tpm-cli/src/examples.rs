@@ -6,7 +6,7 @@ use clap::{Command, Error};
 
 /// Verbs, and for each a command line that is understood. Their files are those of a user.
 const EXAMPLES: [(&str, &str); 37] = [
-    ("actuator", "tpm actuator cart.tpm --motor motors.toml"),
+    ("actuator", "tpm actuator cart.tpm --motor motors.toml --params values.toml"),
     ("campaign next", "tpm campaign next my_campaign"),
     ("campaign result", "tpm campaign result my_campaign"),
     ("campaign run", "tpm campaign run cart.tpm --machine \"python3 adapter.py\""),
@@ -18,24 +18,21 @@ const EXAMPLES: [(&str, &str); 37] = [
     ("design", "tpm design cart.tpm --experiment cart.toml"),
     (
         "excite chirp",
-        "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.json chirp --amplitude 2 --low 0.1 --high 10",
+        "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.csv chirp --amplitude 2 --low 0.1 --high 10",
     ),
     (
         "excite multisine",
-        "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.json multisine --rms 2 --low 0.1 --high 10 --period-samples 10000",
+        "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.csv multisine --rms 2 --low 0.1 --high 10 --period-samples 10000",
     ),
-    (
-        "excite noise",
-        "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.json noise --std 2 --hold-time 0.01",
-    ),
+    ("excite noise", "tpm excite cart.tpm --sample-time 0.001 --duration 20 -o run.csv noise --std 2 --hold-time 0.01"),
     ("expand", "tpm expand cart.tpm --format markdown"),
     ("explain", "tpm explain schedule.stages"),
-    ("feedforward", "tpm feedforward cart.tpm --loop loop.toml"),
+    ("feedforward", "tpm feedforward cart.tpm --loop loop.toml --params values.toml"),
     ("fit", "tpm fit log.csv --input u --measured x --order 1/3"),
     ("flags", "tpm flags"),
     ("fmt", "tpm fmt cart.tpm"),
     ("frf", "tpm frf log.csv --input u --measured x"),
-    ("generate", "tpm generate cart.tpm --lang c --params result.json"),
+    ("generate", "tpm generate cart.tpm --lang c --params result.json -o generated"),
     ("identifiability", "tpm identifiability cart.tpm --value lambda=1/2"),
     ("identify", "tpm identify cart.tpm --log log.csv --map x=position"),
     ("import", "tpm import arm.urdf -o arm.tpm"),
@@ -50,7 +47,7 @@ const EXAMPLES: [(&str, &str); 37] = [
     ("simulate", "tpm simulate cart.tpm --experiment cart.toml -o run.csv"),
     ("split", "tpm split cart.tpm"),
     ("study", "tpm study cart.tpm --experiment cart.toml --seeds 100"),
-    ("trajectories", "tpm trajectories cart.tpm --plot trajectories.svg"),
+    ("trajectories", "tpm trajectories cart.tpm --params values.toml --plot trajectories.svg"),
     ("validate", "tpm validate cart.tpm --params result.json --log other.csv"),
 ];
 
@@ -60,6 +57,10 @@ pub(crate) fn with_examples(command: Command, path: &str, ending: &'static str) 
     let own = command.get_after_help().map(ToString::to_string);
     let common = own.as_ref().is_none_or(|own| !own.contains("Exit codes")).then(|| ending.to_owned());
     let parts: Vec<String> = example.into_iter().chain(own).chain(common).collect();
+    // `-1` behind a flag is its value, so that what is said of it names the flag.
+    let command = command.mut_args(|arg| {
+        if arg.is_positional() || !arg.get_action().takes_values() { arg } else { arg.allow_negative_numbers(true) }
+    });
     command.after_help(parts.join("\n\n")).mut_subcommands(|verb| {
         let path = [path, verb.get_name()].join(" ");
         with_examples(verb, path.trim(), ending)
@@ -69,13 +70,19 @@ pub(crate) fn with_examples(command: Command, path: &str, ending: &'static str) 
 /// A refused command line, with the example of its verb instead of advice to pass a flag as a value.
 pub(crate) fn with_remedy(mut error: Error, command: &Command, words: impl IntoIterator<Item = String>) -> Error {
     let (mut path, mut verb) = (Vec::new(), command);
+    let mut file = None;
     for word in words {
+        file.get_or_insert_with(|| word.clone());
         if let Some(next) = verb.find_subcommand(word) {
             path.push(next.get_name());
             verb = next;
         }
     }
     let path = path.join(" ");
+    if let (true, Some(tip)) = (path.is_empty(), file.as_deref().and_then(verb_of)) {
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(tip)]));
+        return error;
+    }
     let Some((_, example)) = EXAMPLES.iter().find(|(verb, _)| *verb == path || verb.starts_with(&format!("{path} ")))
     else {
         return error;
@@ -85,9 +92,34 @@ pub(crate) fn with_remedy(mut error: Error, command: &Command, words: impl IntoI
         _ => Vec::new(),
     };
     tips.retain(|tip| !tip.to_string().contains("as a value"));
+    tips.extend(number_wanted(&error).map(StyledStr::from));
     tips.push(StyledStr::from(format!("type, for example, `{example}`")));
     error.insert(ContextKind::Suggested, ContextValue::StyledStrs(tips));
     error
+}
+
+/// What to type where a file stands in place of a verb.
+fn verb_of(file: &str) -> Option<String> {
+    let (_, kind) = file.rsplit_once('.')?;
+    let line = match kind.to_ascii_lowercase().as_str() {
+        "tpm" => format!("tpm identify {file}"),
+        "urdf" => format!("tpm init NAME --from {file}"),
+        "csv" | "mat" | "mcap" | "parquet" => format!("tpm inspect {file}"),
+        _ => return None,
+    };
+    Some(format!("a verb comes first: type `{line}`"))
+}
+
+/// What is wanted where a value is no number; the words of the standard library are for programmers.
+fn number_wanted(error: &Error) -> Option<&'static str> {
+    let told = error.to_string();
+    if told.contains("invalid float literal") {
+        Some("a number is wanted, such as 0.001, without a unit")
+    } else if told.contains("invalid digit found in string") {
+        Some("a whole number is wanted, such as 8")
+    } else {
+        None
+    }
 }
 
 #[cfg(test)]
@@ -121,6 +153,23 @@ mod tests {
         }
     }
 
+    /// Every command that has no commands below it, as its own help is printed.
+    fn helps(command: &clap::Command, found: &mut Vec<(String, String)>) {
+        for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
+            helps(verb, found);
+            found.push((verb.get_name().to_owned(), verb.clone().render_long_help().to_string()));
+        }
+    }
+
+    #[test]
+    fn every_help_says_its_exit_codes() {
+        let mut found = Vec::new();
+        helps(&command(), &mut found);
+        for (verb, help) in found {
+            assert_eq!(help.matches("Exit codes: 0").count(), 1, "{verb}: {help}");
+        }
+    }
+
     #[test]
     fn a_refused_line_ends_with_what_to_type() {
         for (line, example) in [
@@ -135,6 +184,17 @@ mod tests {
             let told = with_remedy(error, &command(), words()).to_string();
             assert!(told.contains(&format!("type, for example, {example}")), "{told}");
             assert!(!told.contains("as a value"), "{told}");
+        }
+        for (line, said) in [
+            ("tpm cart.tpm", "a verb comes first: type `tpm identify cart.tpm`"),
+            ("tpm expand cart.tpm --harmonics -3", "'-3' for '--harmonics <N>'"),
+            ("tpm identify cart.tpm --log run.csv --period 2s", "a number is wanted, such as 0.001, without a unit"),
+            ("tpm design cart.tpm --best many", "a whole number is wanted, such as 8"),
+        ] {
+            let words = || line.split(' ').map(str::to_owned);
+            let error = command().try_get_matches_from(words()).expect_err(line);
+            let told = with_remedy(error, &command(), words().skip(1)).to_string();
+            assert!(told.contains(said), "{told}");
         }
     }
 }

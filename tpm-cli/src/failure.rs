@@ -26,7 +26,7 @@ pub(crate) enum Failure {
         source: std::io::Error,
     },
     /// A file could not be written; no partial file was left behind.
-    #[error("error: cannot write {path}: {source}; no partial file was left", path = path.display())]
+    #[error("error: cannot write {path}: {source}; no partial file was left{help}", path = path.display(), help = write_help(source))]
     Write {
         /// The file.
         path: PathBuf,
@@ -56,6 +56,21 @@ fn help(path: &Path, source: &std::io::Error) -> &'static str {
     }
 }
 
+/// What helps where a file cannot be written.
+fn write_help(source: &std::io::Error) -> &'static str {
+    match source.kind() {
+        std::io::ErrorKind::IsADirectory => "; type the name of a file, not that of a folder",
+        std::io::ErrorKind::NotFound => "; type a path in a folder that is there",
+        std::io::ErrorKind::AlreadyExists | std::io::ErrorKind::NotADirectory => {
+            "; a file is in the way of a folder: type another path"
+        }
+        std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
+            "; type a path where you may write"
+        }
+        _ => "",
+    }
+}
+
 impl Failure {
     /// The failure of reading a file.
     pub(crate) fn read(path: &Path, source: std::io::Error) -> Self {
@@ -64,6 +79,16 @@ impl Failure {
 
     /// The failure of writing a file.
     pub(crate) fn write(path: &Path, source: std::io::Error) -> Self {
+        // A message about a temporary file beside the result would name a path that nobody typed.
+        let kind = source.kind();
+        let source = match path.parent() {
+            Some(folder)
+                if kind == std::io::ErrorKind::NotFound && !folder.as_os_str().is_empty() && !folder.exists() =>
+            {
+                std::io::Error::new(kind, format!("there is no folder {}", folder.display()))
+            }
+            _ => source,
+        };
         Self::Write { path: path.to_owned(), source }
     }
 

@@ -8,7 +8,7 @@ use pyo3::types::PyDict;
 use std::fmt::Write as _;
 use tpm_runtime::estimate::ParameterReport;
 use tpm_runtime::report::{number, plus_minus};
-use tpm_runtime::session;
+use tpm_runtime::session::{self, Spelling as _};
 
 /// A value as the command line prints it with `--json`.
 pub(crate) fn json(value: &impl serde::Serialize) -> PyResult<String> {

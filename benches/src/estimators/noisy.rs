@@ -5,7 +5,7 @@ use crate::honesty::machines::Shipped;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::error::Error;
-use tpm_runtime::estimate::Method;
+use tpm_runtime::estimate::{LARGE_RESIDUAL, Method};
 use tpm_runtime::session::{Identification, Warning};
 
 /// Campaigns of one estimator on one machine, for successive seeds.
@@ -74,6 +74,16 @@ impl Campaigns {
         let is_far = |warning: &&Warning| matches!(warning, Warning::FarFromLinear { .. });
         if let Some(warning) = result.warnings.iter().find(is_far) {
             *self.refused.entry(warning.to_string()).or_default() += 1;
+            return;
+        }
+        if !result.is_explained() {
+            *self
+                .refused
+                .entry(format!(
+                    "more than {:.0} % of the force is not explained, and the result says that it is none",
+                    100.0 * LARGE_RESIDUAL
+                ))
+                .or_default() += 1;
             return;
         }
         let mut worst = None;

@@ -6,10 +6,10 @@ use crate::input::log::HoldChoice;
 use crate::output::picture::{self, Picture};
 use crate::render::flags;
 use clap::ValueEnum;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tpm_runtime::frequency::{BodeSettings, FrequencyResponse, NamedModel, ResponseEstimator, Welch, bode};
 use tpm_runtime::harmonics::Hold;
-use tpm_runtime::log::{Assumption, Log, LogOptions};
+use tpm_runtime::log::{Assumption, Log, LogError, LogOptions};
 use tpm_runtime::run::Window;
 
 /// Number of half-overlapping segments in a record when no segment length is given.
@@ -113,8 +113,11 @@ impl Measured {
             scale: once("--scale", &args.scale)?,
             ..LogOptions::default()
         };
-        let (log, assumptions) = Log::open_signals_with(&args.log, &signals, &options)
-            .map_err(|error| Failure::Input(flags::log_error(&error)))?;
+        let (log, assumptions) =
+            Log::open_signals_with(&args.log, &signals, &options).map_err(|error| match error {
+                LogError::Io { path, source } => Failure::read(Path::new(&path), source),
+                other => Failure::Input(flags::log_error(&other)),
+            })?;
         let segment = args.segment.unwrap_or_else(|| chosen_segment(log.len()));
         let hold = args.hold.map_or(Hold::None, Hold::from);
         let welch = if args.periodic {

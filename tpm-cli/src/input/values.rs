@@ -265,7 +265,12 @@ fn symbol(model: &ExactModel, pattern: Option<&Pattern>, name: &str, place: &str
 /// Reads NAME = VALUE lines.
 pub(crate) fn table(path: &Path, text: &str) -> Result<Vec<(String, Rational)>, Failure> {
     let at = |what: String| Failure::Input(format!("{}: {what}", path.display()));
-    let table: toml::Table = text.parse().map_err(|error: toml::de::Error| at(error.to_string()))?;
+    let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
+        at(format!(
+            "{}; type a file ending in .toml with lines such as `m = 1.5`, or a result ending in .json",
+            error.to_string().trim_end()
+        ))
+    })?;
     let mut values = Vec::new();
     for (name, value) in table {
         let text = match &value {

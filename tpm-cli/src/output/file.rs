@@ -5,9 +5,14 @@ use std::io::Write as _;
 use std::path::Path;
 use tpm_runtime::report::{is_special, write_output};
 
+/// The file that was asked for; none for `-`, which names standard output.
+pub(crate) fn named(path: Option<&Path>) -> Option<&Path> {
+    path.filter(|path| *path != Path::new("-"))
+}
+
 /// Writes a result to `path`, or to standard output, which `-` names too.
 pub(crate) fn emit(path: Option<&Path>, text: &str) -> Result<(), Failure> {
-    match path.filter(|path| *path != Path::new("-")) {
+    match named(path) {
         Some(path) => write_file(path, text.as_bytes()),
         None => print(text),
     }

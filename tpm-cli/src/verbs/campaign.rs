@@ -4,7 +4,7 @@ use crate::failure::{Failure, Outcome};
 use crate::input::experiment::{BoundArgs, SimulatedArgs};
 use crate::input::log::ColumnArgs;
 use crate::interrupt;
-use crate::output::file;
+use crate::output::{file, writable};
 use crate::render::campaign::Watched;
 use crate::render::flags;
 use crate::render::method::Style;
@@ -130,6 +130,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         Step::Submit { folder, log, stopped, columns } => submit(folder, log, *stopped, columns),
         Step::Run(args) => play(args),
         Step::Result { folder, bounds, method, report, json, output } => {
+            writable(output.as_deref(), report.as_deref())?;
             let mut folder = CampaignFolder::open(folder, bounds.by_name()?)?;
             if method.is_some() {
                 folder = folder.showing_method();
@@ -175,7 +176,7 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
             number(mode.frequency)
         ));
     }
-    let Some(target) = target else { return file::print(&next.samples) };
+    let Some(target) = file::named(target) else { return file::print(&next.samples) };
     let beside = target.with_extension("json");
     let terms = file::json(&next.terms)?;
     file::write_files(&[(target, next.samples.as_bytes()), (&beside, terms.as_bytes())])?;
@@ -189,6 +190,7 @@ fn next(folder: &Path, target: Option<&Path>) -> Outcome {
 }
 
 fn play(args: &RunArgs) -> Outcome {
+    writable(args.output.as_deref(), args.report.as_deref())?;
     let session = args.simulated.bounded(&args.file, &args.bounds)?;
     let own = || Path::new(args.file.file_name().unwrap_or_default()).with_extension("campaign");
     let place = args.runs.clone().unwrap_or_else(own);

@@ -3,7 +3,7 @@
 use crate::failure::{Failure, Outcome};
 use crate::output::file;
 use std::path::{Path, PathBuf};
-use tpm_runtime::session::{StoredResult, compare};
+use tpm_runtime::session::{StoredFault, StoredResult, compare};
 
 /// What stands below the options in the help.
 const ENDING: &str = "The results must come from different data: their errors are taken for independent.\n\
@@ -43,5 +43,11 @@ pub(crate) fn run(args: &Args) -> Outcome {
 
 fn read(path: &Path) -> Result<StoredResult, Failure> {
     let text = tpm_runtime::report::read_text(path).map_err(|error| Failure::read(path, error))?;
-    StoredResult::parse(&text).map_err(|fault| Failure::Input(format!("{}: {fault}", path.display())))
+    StoredResult::parse(&text).map_err(|fault| {
+        let remedy = match fault {
+            StoredFault::Form(_) | StoredFault::Schema => "; type a file that `tpm identify --json -o FILE` wrote",
+            _ => "",
+        };
+        Failure::Input(format!("{}: {fault}{remedy}", path.display()))
+    })
 }

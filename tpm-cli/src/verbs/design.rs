@@ -2,8 +2,9 @@
 
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
-use crate::output::file;
+use crate::output::{file, writable};
 use crate::render::showing::showing_harmonics;
+use clap::builder::RangedU64ValueParser;
 use std::path::PathBuf;
 use tpm_runtime::model::Model as _;
 use tpm_runtime::report::{Align, TextTable, number, or_dash};
@@ -18,7 +19,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     simulated: SimulatedArgs,
     /// How many candidates to propose.
-    #[arg(long, value_name = "N", default_value_t = 5)]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
     best: usize,
     /// Print all candidates as JSON (tpm.design/1).
     #[arg(long)]
@@ -49,6 +50,7 @@ fn showing(session: &Session, found: &Design) -> Vec<Showing> {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
+    writable(args.output.as_deref(), None)?;
     let session = args.simulated.session(&args.file)?;
     let (machine, experiment) = (session.machine(), session.experiment());
     let found = design(machine.plant(), machine.pattern(), experiment).map_err(SessionError::from)?;

@@ -25,7 +25,8 @@ pub(crate) struct Args {
     /// Largest magnitude of the input: a signal beyond it is refused, and the controller cuts there.
     #[arg(long, value_name = "VALUE")]
     limit: Option<f64>,
-    /// Write the samples to this file, and the terms of the run beside it, to the name that ends in .json.
+    /// Write the samples to this file, and the terms of the run beside it, to the name that ends in .json; `-` prints
+    /// the samples alone.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     #[command(subcommand)]
@@ -121,6 +122,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
         limit: args.limit.unwrap_or(f64::INFINITY),
     };
     let run = request.run(plant).map_err(|error| Failure::Input(error.to_string()))?;
+    if file::named(Some(&args.output)).is_none() {
+        file::remark("remark: the terms of the run go beside a file: -o run.csv");
+        return file::print(&run.samples);
+    }
     let text = file::json(&run.terms)?;
     file::write_files(&[(Path::new(&args.output), run.samples.as_bytes()), (&terms, text.as_bytes())])?;
     let segment = match args.signal {

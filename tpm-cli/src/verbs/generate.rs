@@ -165,7 +165,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
     for gap in estimator.gaps() {
         file::remark(&format!("remark: {gap}"));
     }
-    match &args.output {
+    match file::named(args.output.as_deref()) {
+        None if args.check => {
+            Err(Failure::Input("--check compares files: give the one or the folder that -o wrote".to_owned()))
+        }
         None if files.len() > 1 => {
             let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
             Err(Failure::Input(format!(

@@ -6,7 +6,7 @@ use crate::input::domain::DomainChoice;
 use crate::input::experiment::{BoundArgs, SimulatedArgs, model};
 use crate::input::log::LogArgs;
 use crate::interrupt;
-use crate::output::{file, progress, report};
+use crate::output::{file, progress, report, writable};
 use crate::render::campaign::Watched;
 use crate::render::flags;
 use crate::render::method::Style;
@@ -121,6 +121,7 @@ impl From<WeightsChoice> for Weights {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
+    writable(args.output.as_deref(), args.report.as_deref())?;
     match args.log.as_slice() {
         [] => simulated(args),
         paths => {
@@ -148,8 +149,16 @@ pub(crate) fn run(args: &Args) -> Outcome {
             let result = from_logs(&model, requests)?;
             print(&result, args.json, args.output.as_deref())?;
             if let (Some(folder), Some(requests)) = (&args.report, kept) {
-                let shown: Result<Vec<Validation>, SessionError> =
-                    requests.into_iter().map(|request| validate(&model, request, &result)).collect();
+                let shown: Result<Vec<Validation>, SessionError> = requests
+                    .into_iter()
+                    .map(|mut request| {
+                        // Nothing is fitted here: the result has the values that were held, and what priors made of the others.
+                        request.prior.clear();
+                        request.frozen.clear();
+                        request.bounds.clear();
+                        validate(&model, request, &result)
+                    })
+                    .collect();
                 let shown = shown.unwrap_or_else(|error| {
                     file::remark(&format!(
                         "remark: the report is without measured against model: {}",

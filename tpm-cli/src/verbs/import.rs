@@ -31,7 +31,7 @@ pub(crate) struct Args {
     /// Unknown torques of every drive; those that the description has a value for when not given.
     #[arg(long, value_enum, value_delimiter = ',', value_name = "TORQUES")]
     losses: Option<Vec<LossChoice>>,
-    /// The model file to write; `arm.prior.toml` and `arm.experiment.toml` go beside `arm.tpm`.
+    /// The model file to write; `arm.prior.toml` and `arm.experiment.toml` go beside `arm.tpm`; `-` prints the model alone.
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
@@ -106,6 +106,10 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
     for reading in &imported.readings {
         file::remark(&format!("remark: {reading}"));
+    }
+    if file::named(Some(&args.output)).is_none() {
+        file::remark("remark: prior and experiment go beside a file: -o arm.tpm");
+        return file::print(&imported.model);
     }
     let beside = |extension: &str| args.output.with_extension(extension);
     let (prior, experiment) = (beside("prior.toml"), beside("experiment.toml"));

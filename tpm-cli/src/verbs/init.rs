@@ -79,17 +79,42 @@ pub(crate) fn run(args: &Args) -> Outcome {
     }
 }
 
-/// Names of a log's columns of numbers, and those that are most likely a position and a force: the first and the last.
+/// Names of a log's columns of numbers, and those that are most likely a measured position and the force that moves it.
 fn columns(log: &Path) -> Result<(Vec<String>, String, String), Failure> {
     let seen = inspect(log)?;
-    let names: Vec<String> = seen.channels.iter().map(|channel| channel.name.clone()).collect();
-    match names.as_slice() {
-        [first, .., last] => Ok((names.clone(), first.clone(), last.clone())),
-        _ => Err(Failure::Input(format!(
+    let all: Vec<(&str, Option<&str>)> =
+        seen.channels.iter().map(|channel| (channel.name.as_str(), channel.unit.as_deref())).collect();
+    let recorded: Vec<(&str, Option<&str>)> = all.iter().copied().filter(|(name, _)| !is_asked_for(name)).collect();
+    let likely = if recorded.len() < 2 { &all } else { &recorded };
+    let Some((position, force)) = position_and_force(likely) else {
+        return Err(Failure::Input(format!(
             "{} has no two columns of numbers beside the time; type a log with a position and a force",
             log.display()
-        ))),
-    }
+        )));
+    };
+    Ok((all.iter().map(|(name, _)| (*name).to_owned()).collect(), position, force))
+}
+
+/// Whether a column's name says that it holds what was asked for, which is no measurement.
+fn is_asked_for(name: &str) -> bool {
+    let mut words = name.split(|c: char| !c.is_ascii_alphabetic()).map(str::to_ascii_lowercase);
+    words.any(|word| ["ref", "reference", "des", "desired", "cmd", "target", "setpoint", "ff"].contains(&word.as_str()))
+}
+
+/// The first column with the unit of a force, else of a voltage or a current, else the last one; and of the others the first with the
+/// unit of a length or an angle, else the first one. Nothing of fewer than two columns.
+fn position_and_force(columns: &[(&str, Option<&str>)]) -> Option<(String, String)> {
+    let with_unit = |units: &[&str], but: Option<usize>| {
+        columns
+            .iter()
+            .enumerate()
+            .position(|(i, (_, unit))| Some(i) != but && unit.is_some_and(|unit| units.contains(&unit)))
+    };
+    let kinds: [&[&str]; 3] = [&["N", "kN", "mN", "N*m", "Nm", "mNm", "kNm"], &["V", "mV"], &["A", "mA"]];
+    let force = kinds.into_iter().find_map(|units| with_unit(units, None)).or(columns.len().checked_sub(1))?;
+    let first = (0..columns.len()).find(|i| *i != force);
+    let position = with_unit(&["m", "mm", "cm", "um", "rad", "mrad", "deg", "rev"], Some(force)).or(first)?;
+    Some((columns[position].0.to_owned(), columns[force].0.to_owned()))
 }
 
 /// The name of a model from that of its file: `my_cart` is MyCart.
@@ -99,4 +124,24 @@ fn camel(stem: &str) -> String {
         letters.next().map(|first| first.to_ascii_uppercase().to_string() + letters.as_str()).unwrap_or_default()
     };
     stem.split('_').map(word).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{is_asked_for, position_and_force};
+
+    #[test]
+    fn a_position_and_its_force_are_taken_by_unit_before_place() {
+        let taken = |columns: &[(&str, Option<&str>)]| {
+            position_and_force(columns).map(|(position, force)| format!("{position} {force}"))
+        };
+        let units = [("q_m", Some("m")), ("u_V", Some("V")), ("force_N", Some("N")), ("spare", None)];
+        assert_eq!(taken(&units).as_deref(), Some("q_m force_N"));
+        assert_eq!(taken(&[("u_V", Some("V")), ("y_V", Some("V"))]).as_deref(), Some("y_V u_V"));
+        assert_eq!(taken(&[("x", None), ("v", None), ("u", None)]).as_deref(), Some("x u"));
+        assert_eq!(taken(&[("x", Some("m"))]), None);
+        assert!(
+            is_asked_for("q_ref_m") && is_asked_for("tau_ff1") && !is_asked_for("refined") && !is_asked_for("offset")
+        );
+    }
 }

@@ -3,7 +3,7 @@
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::model;
 use crate::input::log::LogArgs;
-use crate::output::{file, picture};
+use crate::output::{file, picture, writable};
 use crate::render::flags;
 use std::path::{Path, PathBuf};
 use tpm_runtime::session::{Identifiable as _, Inspection, inspect, inspect_for};
@@ -41,6 +41,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
+    writable(args.output.as_deref(), args.report.as_deref())?;
     if args.log.extension().is_some_and(|extension| extension == "tpm") {
         let (log, model) = (args.model.as_deref().unwrap_or(Path::new("LOG")), args.log.display());
         return Err(Failure::Input(format!(

@@ -4,7 +4,7 @@
 use crate::failure::{Failure, Outcome};
 use crate::input::experiment::SimulatedArgs;
 use crate::interrupt;
-use crate::output::{file, progress, report};
+use crate::output::{file, progress, report, writable};
 use std::path::PathBuf;
 use tpm_runtime::document::Document;
 use tpm_runtime::report::{Align, TextTable, beside, cells, digits, number, or_dash};
@@ -45,6 +45,7 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
+    writable(args.output.as_deref(), args.report.as_deref())?;
     let session = args.simulated.session(&args.file)?;
     if args.updates {
         let machine = session.machine();

@@ -5,12 +5,15 @@ use crate::input::domain::DomainChoice;
 use crate::input::experiment::model;
 use crate::input::log::LogArgs;
 use crate::input::values::identification;
-use crate::output::{file, report};
+use crate::output::{file, report, writable};
+use crate::render::flags;
 use std::path::PathBuf;
 use tpm_runtime::document::Document;
 use tpm_runtime::log::Domain;
 use tpm_runtime::report::{Align, TextTable, number};
-use tpm_runtime::session::{CorrelationTest, Fit, Identifiable as _, LAGS, Simulation, Validation, validate};
+use tpm_runtime::session::{
+    CorrelationTest, Fit, Identifiable as _, LAGS, SessionError, Simulation, Validation, validate,
+};
 
 /// Options of `tpm validate`.
 #[derive(clap::Args)]
@@ -42,12 +45,20 @@ pub(crate) struct Args {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
+    writable(args.output.as_deref(), args.report.as_deref())?;
     let model = model(&args.file)?;
     let text = tpm_runtime::report::read_text(&args.params).map_err(|error| Failure::read(&args.params, error))?;
     let known = identification(&args.params, &text, model.evaluated().name())?;
     let mut request = args.reading.request(&args.log, model.evaluated())?;
     request.domain = args.domain.map(Domain::from);
-    let result = validate(&model, request, &known)?;
+    let result = validate(&model, request, &known).map_err(|error| match &error {
+        SessionError::NotIdentified { .. } => Failure::Input(format!(
+            "{}: {}; give a result of this model, or NAME = VALUE lines of all its parameters",
+            args.params.display(),
+            flags::error(&error)
+        )),
+        _ => error.into(),
+    })?;
     file::emit(args.output.as_deref(), &if args.json { file::json(&result)? } else { describe(&result) })?;
     if let Some(folder) = &args.report {
         report::write(folder, &Document::from(&result), &[])?;

@@ -328,3 +328,137 @@ fn an_experiment_of_another_model_is_named() {
     fails(&["identify", &model, "--experiment", &other], 2, &[&plain]);
     fails(&["simulate", &model, "--experiment", &other, "--set", "seed=2", "-o", "-"], 2, &[&changed]);
 }
+
+/// Every verb with mistakes that people make: the folder holds the cart of `tpm init`, a log of it and a result, and things that stand in
+/// the wrong place. Each is refused with the place and what to type instead.
+#[test]
+fn common_mistakes_of_every_verb_say_what_to_type() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = folder.path();
+    let done = |arguments: &[&str]| {
+        let output = tpm_in(at, arguments);
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    done(&["init", "cart"]);
+    done(&["simulate", "cart.tpm", "-o", "run.csv"]);
+    done(&["identify", "cart.tpm", "--log", "run.csv", "--refine", "none", "--json", "-o", "r.json"]);
+    done(&["campaign", "start", "cart.tpm", "runs"]);
+    std::fs::create_dir(at.join("folder")).expect("a folder");
+    std::fs::write(at.join("text.txt"), "text\n").expect("writable");
+    std::fs::write(at.join("other.json"), "{\"a\": 1}\n").expect("writable");
+    std::fs::write(at.join("other.toml"), "x = 1\n").expect("writable");
+    std::fs::write(at.join("values.toml"), "m = 2\nd = 3\nk = 40\nlambda = 0.3\nw = 3\n").expect("writable");
+    let before = names(at);
+    let [no_file, no_folder] = ["type the path of a file that is there", "there is no folder nowhere"];
+    let file_of = "type the name of a file, not that of a folder";
+    let cases: &[(&str, &[&str])] = &[
+        ("cart.tpm", &["a verb comes first: type `tpm identify cart.tpm`"]),
+        ("run.csv", &["a verb comes first: type `tpm inspect run.csv`"]),
+        ("chek cart.tpm", &["unrecognized subcommand 'chek'", "'check'"]),
+        ("actuator cart.tpm", &["--motor <FILE>", "`tpm actuator cart.tpm --motor motors.toml"]),
+        ("actuator cart.tpm --motor none.toml --params other.toml", &["other.toml", "`x`", "it has m, d, k"]),
+        ("campaign start cart.tpm text.txt", &["text.txt: this is no folder", "a path where nothing is yet"]),
+        ("campaign next folder", &["folder holds no campaign", "`tpm campaign start MODEL folder`"]),
+        ("campaign next runs -o folder", &["folder", file_of]),
+        ("campaign submit runs none.csv", &["none.csv", no_file]),
+        ("campaign result runs --report text.txt", &["--report text.txt", "type the name of a folder"]),
+        ("campaign run cart.tpm --machine cat --report text.txt", &["--report text.txt", "type the name of a folder"]),
+        ("check none.tpm", &["none.tpm", no_file, "`tpm init NAME`"]),
+        ("check run.csv", &["run.csv:1:1", "give one ending in .tpm"]),
+        ("check folder", &["folder", "type the path of a file in it"]),
+        ("compare r.json other.json", &["other.json", "type a file that `tpm identify --json -o FILE` wrote"]),
+        ("compare r.json cart.tpm", &["cart.tpm", "type a file that `tpm identify --json -o FILE` wrote"]),
+        ("completions tcsh", &["'tcsh'", "bash, elvish, fish"]),
+        ("design cart.tpm --best 0", &["'0' for '--best <N>'", "`tpm design cart.tpm"]),
+        ("design cart.tpm --best many", &["'many'", "a whole number is wanted"]),
+        ("design cart.tpm -o folder", &["folder", file_of]),
+        (
+            "excite cart.tpm --sample-time 1ms --duration 1 -o e.csv noise --std 1 --hold-time 1",
+            &["'1ms'", "a number is wanted"],
+        ),
+        (
+            "excite cart.tpm --sample-time 0.01 --duration -1 -o e.csv noise --std 1 --hold-time 0.1",
+            &["a run of -1 s", "lengthen it"],
+        ),
+        ("expand cart.tpm --harmonics -1", &["'-1' for '--harmonics <N>'", "a whole number is wanted"]),
+        ("expand cart.tpm -o nowhere/table.md", &[no_folder, "type a path in a folder that is there"]),
+        ("explain nosie", &["`nosie`", "`tpm explain` lists all fields"]),
+        ("feedforward cart.tpm --loop run.csv --params values.toml", &["run.csv: line 1", "the file is TOML"]),
+        ("feedforward cart.tpm --loop none.toml --params run.csv", &["run.csv", "type a file ending in .toml"]),
+        ("fit none.csv --input u --measured x --order 1/2", &["none.csv", no_file]),
+        ("fit run.csv --input u --measured x --order 2", &["`2` is not of the form M/N, such as 1/3"]),
+        ("fmt none.tpm", &["none.tpm", no_file]),
+        ("frf folder --input u --measured x", &["folder", "type the path of a file in it"]),
+        ("frf run.csv --input v --measured x", &["run.csv:1", "no column `v`", "--map v=COLUMN"]),
+        ("generate cart.tpm --lang c", &["give a folder with -o"]),
+        ("generate cart.tpm --lang c -o -", &["give a folder with -o"]),
+        ("generate cart.tpm --lang rust -o - --check", &["--check", "-o"]),
+        ("generate cart.tpm --lang c -o text.txt", &["-o text.txt is no folder"]),
+        ("identifiability cart.tpm --pattern fast", &["no pattern named `fast`", "leave out --pattern"]),
+        ("identify cart.tpm --log run.csv --report text.txt", &["--report text.txt", "type the name of a folder"]),
+        ("identify cart.tpm --log run.csv --json -o folder", &["folder", file_of]),
+        ("identify cart.tpm --log run.csv -o nowhere/result.json", &[no_folder]),
+        ("identify cart.tpm --log run.csv --map y=x", &["--map", "`y`", "it has x, u"]),
+        ("identify cart.tpm --log run.csv --freeze z=1", &["--freeze z", "there are m, d, k"]),
+        ("identify cart.tpm --log run.csv --set seed=3", &["--set", "cannot be used with --log"]),
+        ("identify cart.tpm --experiment run.csv", &["run.csv", "an experiment is TOML"]),
+        ("identify cart.tpm --set sede=3", &["--set sede", "did you mean seed"]),
+        ("import run.csv -o arm.tpm", &["run.csv:1:1", "no XML", "export the description again"]),
+        ("init cart", &["cart.tpm is there already", "type another name"]),
+        ("init nowhere/cart", &[no_folder, "type a path in a folder that is there"]),
+        ("inspect cart.tpm run.csv", &["type `tpm inspect run.csv cart.tpm`"]),
+        ("inspect run.csv --report text.txt", &["--report text.txt", "type the name of a folder"]),
+        ("linearize cart.tpm --at y=0", &["--at y", "it has x, u"]),
+        ("lsp cart.tpm", &["type `tpm check FILE`"]),
+        ("man text.txt", &["text.txt", "type another path"]),
+        ("regulate cart.tpm --sample-time 0.001", &["give --params FILE or --value m=VALUE"]),
+        ("schema cart.toml", &["experiment, motors, run", "`tpm schema experiment`"]),
+        ("simulate cart.tpm --play run.csv", &["run.csv", "type the file that `tpm campaign next DIR -o FILE` wrote"]),
+        ("split cart.tpm --value m=heavy", &["--value m=heavy", "write a number, such as 2"]),
+        ("study cart.tpm --seeds 2 --report text.txt", &["--report text.txt", "type the name of a folder"]),
+        ("trajectories cart.tpm", &["give it with --value NAME=VALUE or in --params FILE"]),
+        ("validate cart.tpm --log run.csv --params other.toml", &["other.toml", "`m`", "give a result of this model"]),
+        (
+            "validate cart.tpm --log run.csv --params run.csv",
+            &["run.csv", "type a file that `tpm identify --json -o FILE` wrote"],
+        ),
+    ];
+    for (line, parts) in cases {
+        let arguments: Vec<&str> = line.split(' ').collect();
+        let output = tpm_in(at, &arguments);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{line}: {message}");
+        assert!(output.stdout.is_empty(), "{line} printed a result");
+        for part in *parts {
+            assert!(message.contains(part), "{line}: `{part}` is missing in\n{message}");
+        }
+    }
+    assert_eq!(names(at), before, "something was left behind");
+}
+
+/// `-` is standard output for every verb that writes a file.
+#[test]
+fn a_dash_is_standard_output() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = folder.path();
+    let printed = |line: &str| {
+        let arguments: Vec<&str> = line.split(' ').collect();
+        let output = tpm_in(at, &arguments);
+        assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text")
+    };
+    printed("init cart");
+    printed("campaign start cart.tpm runs");
+    let arm = r#"<robot name="arm"><link name="base"/><link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+      <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link><joint name="q1" type="revolute">
+      <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/><limit effort="10" velocity="1" lower="-1" upper="1"/></joint></robot>"#;
+    std::fs::write(at.join("arm.urdf"), arm).expect("writable");
+    let before = names(at);
+    assert!(printed("campaign next runs -o -").starts_with("t_s,x_ref"));
+    assert!(printed("generate cart.tpm --lang rust -o -").contains("pub "));
+    let noise = "excite cart.tpm --sample-time 0.01 --duration 5 -o - noise --std 1 --hold-time 0.1";
+    assert!(printed(noise).starts_with("t_s,"));
+    assert!(printed("simulate cart.tpm -o -").starts_with("t_s,x,u"));
+    assert!(printed("import arm.urdf -o -").contains("model "));
+    assert_eq!(names(at), before, "something was written");
+}

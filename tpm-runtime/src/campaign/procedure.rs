@@ -534,7 +534,8 @@ impl<'m> Campaign<'m> {
     /// How far the estimate of a campaign that ended before it had settled is from the parameters about which it is linear; nothing for
     /// estimators whose deviations contain what a linearisation leaves out.
     pub(crate) fn unsettled(&self) -> Option<Vec<f64>> {
-        let about = self.estimator.linear_about().filter(|_| self.outcome == Some(Outcome::RunsUsed))?;
+        let ended = self.outcome.is_some_and(|outcome| outcome != Outcome::Converged);
+        let about = self.estimator.linear_about().filter(|_| ended)?;
         Some(self.estimate.as_ref()?.values.iter().zip(about).map(|(now, before)| now - before).collect())
     }
 

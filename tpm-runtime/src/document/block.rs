@@ -9,7 +9,7 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-/// Significant digits of a share.
+/// Significant digits of shares and of root mean squares, which themselves are known to a percent or so.
 pub(super) const SHARE_DIGITS: usize = 3;
 
 /// A cell of a table.
@@ -36,6 +36,11 @@ impl Cell {
     /// A number with six digits; a dash where there is none.
     pub(super) fn number(value: Option<f64>) -> Self {
         Cell::shown(value.map_or_else(|| "-".to_owned(), number), value)
+    }
+
+    /// A root mean square, a condition number: three digits of it are what one compares.
+    pub(super) fn size(value: Option<f64>) -> Self {
+        Cell::shown(value.map_or_else(|| "-".to_owned(), |value| digits(value, SHARE_DIGITS)), value)
     }
 
     /// A share in percent.
@@ -90,6 +95,17 @@ impl Block {
         let column =
             |name: &&str| Column { name: name.trim_start_matches('#').to_owned(), number: name.starts_with('#') };
         Block::Table { columns: columns.iter().map(column).collect(), rows, caption: caption.to_owned() }
+    }
+}
+
+impl Block {
+    /// Gives the column that was called `from` another name.
+    pub(super) fn rename(&mut self, from: &str, to: &str) {
+        if let Block::Table { columns, .. } = self {
+            for column in columns.iter_mut().filter(|column| column.name == from.trim_start_matches('#')) {
+                to.clone_into(&mut column.name);
+            }
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 //! (Feng, Figures 5.5, 5.6).
 
 use crate::campaign::RunReport;
+use crate::document::identification::RMS;
 use crate::document::page::Document;
 use crate::plot::{Axis, Curve, Figure, Panel, Trace};
 use crate::report::number;
@@ -98,8 +99,8 @@ impl Document {
         let errors = Figure::new("Tracking error, mean over the measured periods", errors.collect());
         let inputs = (0..dims.inputs).map(|i| {
             let traces = vec![
-                Trace::new("applied", 1, Curve::Line(last.input(i))),
-                Trace::new("feed-forward", 0, Curve::Dashed(last.feed_forward(i))),
+                Trace::new("applied", 0, Curve::Line(last.input(i))),
+                Trace::new("feed-forward", 1, Curve::Dashed(last.feed_forward(i))),
             ];
             panel(plant.input(i).to_string(), traces)
         });
@@ -115,6 +116,10 @@ impl Document {
             "Inputs of the last run beside their feed-forward, mean over the measured periods",
         );
         if let Some(runs) = self.sections.iter_mut().find(|section| section.id == "runs") {
+            let coordinates: Vec<String> = (0..dims.coordinates).map(|c| plant.coordinate(c).to_string()).collect();
+            for block in &mut runs.blocks {
+                block.rename(RMS, &format!("rms error of {}", coordinates.join(", ")));
+            }
             runs.blocks.extend([error, input]);
         }
     }

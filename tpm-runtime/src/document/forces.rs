@@ -16,6 +16,8 @@ const MOST: usize = 1600;
 /// Height of a panel, pixels, and of what stands around all of them.
 pub(super) const PANEL: u32 = 250;
 pub(super) const AROUND: u32 = 30;
+/// Factor by which an axis of amplitudes goes on beyond the smallest and the largest, so that their points are seen whole.
+const ROOM: f64 = 2.0;
 /// Harmonics below this share of the largest are not drawn.
 const SMALL: f64 = 1e-9;
 
@@ -118,12 +120,14 @@ pub(super) fn by_harmonic(found: &Validation) -> Option<Figure> {
             continue;
         }
         let last = lines.iter().map(|line| line.0).max().unwrap_or(1) as f64;
+        let sizes = || applied.iter().chain(&missed).map(|point| point.1);
+        let (low, high) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
         let traces = vec![
             Trace::new("applied", 0, Curve::Points(applied)),
-            Trace::new("applied less model", 1, Curve::Points(missed)),
+            Trace::new("applied less model", 2, Curve::Points(missed)),
         ];
-        let x = Axis::linear("harmonic").from_to(0.0, last + 1.0);
-        panels.push(Panel { x, y: Axis::logarithmic(&label(row)), traces });
+        let x = Axis::whole("harmonic").from_to(0.0, last + 1.0);
+        panels.push(Panel { x, y: Axis::logarithmic(&label(row)).from_to(low / ROOM, high * ROOM), traces });
     }
     (!panels.is_empty()).then(|| low(format!("{}: amplitude of every harmonic that is used", found.model), panels))
 }
@@ -149,7 +153,7 @@ pub(super) fn correlations(found: &Validation) -> Option<Figure> {
             let name = format!("with {} before it", own.input);
             traces.push(Trace::new(&name, i + 3, Curve::Points(at(&own.test.correlations))));
         }
-        let x = Axis::linear("lag, samples").from_to(0.0, last + 1.0);
+        let x = Axis::whole("lag, samples").from_to(0.0, last + 1.0);
         panels.push(Panel { x, y: Axis::linear(&format!("errors of {}", channel.name)), traces });
     }
     (!panels.is_empty()).then(|| low(format!("{}: correlations of the one-step errors", found.model), panels))

@@ -9,7 +9,7 @@ use crate::estimate::{CombinationReport, ParameterReport, Status};
 use crate::numerics::tail::NORMAL_95;
 use crate::report::{Remedy, beside, cells, combination, digits, number, or_dash};
 use crate::session::{
-    Identification, LogReport, PeriodicReport, RefinementReport, Source, Validation, Way, closed_loop,
+    Identification, LogReport, PeriodicReport, RefinementReport, Source, Validation, Warning, Way, closed_loop,
 };
 use std::borrow::ToOwned;
 use std::format;
@@ -20,6 +20,8 @@ use std::vec::Vec;
 /// What a front end calls a remedy, such as the name of a flag; nothing where it has no name for it.
 pub type Spell<'a> = dyn Fn(&Remedy) -> Option<String> + 'a;
 
+/// The column of tracking errors, one per coordinate.
+pub(super) const RMS: &str = "#rms error";
 /// Most parameters of which the whole matrix of correlations is shown.
 const MATRIX: usize = 16;
 /// Correlations from this size on are listed where the matrix is too large.
@@ -36,6 +38,7 @@ impl Document {
             subtitle: subtitle(result),
             shortfall: result.shortfall(),
             success: success(result),
+            caution: !result.warnings.is_empty(),
             facts: facts(result),
             sections: Vec::new(),
             figures: Vec::new(),
@@ -54,19 +57,30 @@ impl Document {
     }
 
     fn warnings(&mut self, result: &Identification, spell: &Spell<'_>) {
-        let notice = |warning: &crate::session::Warning| Notice {
+        let notice = |warning: &Warning| Notice {
             text: warning.to_string(),
             remedy: warning.remedy().and_then(|remedy| spell(&remedy)),
             grave: warning.is_distrust(),
         };
-        let list: Vec<Notice> = result.warnings.iter().map(notice).collect();
+        // What is said of single parameters stands in their table too; of an arm it would hide the rest.
+        let place = |warning: &&Warning| match warning {
+            warning if warning.is_distrust() => 0,
+            Warning::PoorlyDetermined { .. } | Warning::NotVisible { .. } | Warning::Physical { .. } => 2,
+            _ => 1,
+        };
+        let mut ordered: Vec<&Warning> = result.warnings.iter().collect();
+        ordered.sort_by_key(place);
+        let list: Vec<Notice> = ordered.into_iter().map(notice).collect();
         let blocks = if list.is_empty() { vec![Block::text("None.")] } else { vec![Block::Notices { list }] };
         self.section("warnings", "Warnings", blocks);
     }
 
     fn parameters(&mut self, result: &Identification) {
         let mut blocks = Vec::new();
-        let lists = [("", &result.parameters), ("physical parameters behind them", &result.physical)];
+        // Where there are physical parameters the others are means to an end.
+        let lumped =
+            if result.physical.is_empty() { "" } else { "combinations of them, in which the equations are linear" };
+        let lists = [("", &result.physical), (lumped, &result.parameters)];
         for (caption, list) in lists.into_iter().filter(|(_, list)| !list.is_empty()) {
             let rows: Vec<Estimated<'_>> = list.iter().map(Estimated::from).collect();
             blocks.push(estimates("parameter", &rows, caption));
@@ -88,7 +102,7 @@ impl Document {
             legend.push_str("; the triangle is the prior");
         }
         legend.push_str(". A mark in the margin lies beyond the strip.");
-        blocks.push(Block::text(legend));
+        blocks.extend((truth || prior).then(|| Block::text(legend)));
         self.section("parameters", "Parameters", blocks);
     }
 
@@ -137,7 +151,7 @@ impl Document {
     fn correlations(&mut self, result: &Identification) {
         let mut blocks = Vec::new();
         for (list, covariance) in
-            [(&result.parameters, &result.covariance), (&result.physical, &result.physical_covariance)]
+            [(&result.physical, &result.physical_covariance), (&result.parameters, &result.covariance)]
         {
             let names: Vec<String> = list.iter().map(|parameter| parameter.name.clone()).collect();
             blocks.extend(matrix(&names, covariance));
@@ -151,17 +165,8 @@ impl Document {
         }
         let rows = result.runs.iter().map(run_row).collect();
         let frequency = format!("#{} [rad/s]", result.frequency_name);
-        let columns = [
-            "#run",
-            "amplitudes",
-            frequency.as_str(),
-            "#periods",
-            "#rms error",
-            "#effort",
-            "#condition",
-            "#residual",
-            "ending",
-        ];
+        let columns =
+            ["#run", "amplitudes", frequency.as_str(), "#periods", RMS, "#effort", "#condition", "#residual", "ending"];
         self.section("runs", "Runs", vec![Block::table(&columns, rows, "what was played, in order")]);
     }
 
@@ -206,7 +211,9 @@ impl Document {
         rows.extend(own.experiment.clone().map(|hash| ("fingerprint of the experiment".to_owned(), hash)));
         rows.extend(own.seed.map(|seed| ("seed of the simulated noise".to_owned(), seed.to_string())));
         rows.extend(own.logs.iter().map(|log| (log.path.clone(), log.hash.clone())));
-        rows.extend(own.options.iter().map(|(name, value)| (format!("option {name}"), value.to_string())));
+        rows.extend(own.options.iter().map(|(name, value)| {
+            (format!("option {name}"), value.as_str().map_or_else(|| value.to_string(), ToOwned::to_owned))
+        }));
         self.section("provenance", "Provenance", vec![Block::Facts { rows }]);
     }
 }
@@ -227,16 +234,25 @@ fn success(result: &Identification) -> String {
     let lists = result.parameters.iter().chain(&result.physical);
     let poor = lists.filter(|parameter| parameter.status == Status::PoorlyDetermined);
     let poor: Vec<&str> = poor.map(|parameter| parameter.name.as_str()).collect();
-    let known = "The data show everything that was asked for, and the model explains what was measured";
-    if poor.is_empty() { format!("{known}.") } else { format!("{known}; poorly determined: {}.", poor.join(", ")) }
+    let mut text = "The data show everything that was asked for".to_owned();
+    text.push_str(if result.warnings.iter().any(Warning::is_misfit) {
+        "; the model leaves something of what was measured unexplained"
+    } else {
+        ", and the model explains what was measured"
+    });
+    if !poor.is_empty() {
+        text.push_str(&format!("; poorly determined: {}", poor.join(", ")));
+    }
+    text.push('.');
+    text
 }
 
 fn facts(result: &Identification) -> Vec<(String, String)> {
     let of = if result.is_refined() { "the motion or input" } else { "the force" };
     let mut facts = vec![
         ("unexplained".to_owned(), format!("{} % of {of}", digits(100.0 * result.residual, SHARE_DIGITS))),
-        ("rank".to_owned(), format!("{} of {}", result.rank, result.parameters.len())),
-        ("condition number".to_owned(), or_dash(result.condition, number)),
+        ("rank".to_owned(), format!("{} of {}", result.rank, result.wanted())),
+        ("condition number".to_owned(), or_dash(result.condition, |condition| digits(condition, SHARE_DIGITS))),
         ("estimator".to_owned(), result.estimator.name().to_owned()),
         ("hold of the inputs".to_owned(), result.hold.to_string()),
     ];
@@ -300,7 +316,10 @@ fn estimates(of: &str, rows: &[Estimated<'_>], caption: &str) -> Block {
     let simulated = rows.iter().any(|row| row.truth.is_some());
     let priors = rows.iter().any(|row| row.prior.is_some());
     let remarks = rows.iter().any(|row| !row.remark.is_empty());
-    let mut columns = vec![of, "unit", "#identified", "#std. dev.", "95 % interval", "#from", "#to"];
+    // An interval is drawn where there is something to hold it against.
+    let drawn = simulated || priors;
+    let mut columns = vec![of, "unit", "#identified", "#std. dev."];
+    columns.extend(if drawn { &["95 % interval", "#from", "#to"][..] } else { &["#95 % from", "#to"] });
     columns.extend(priors.then_some("#prior"));
     columns.extend(simulated.then_some(["#true", "#error/std"]).into_iter().flatten());
     columns.extend(remarks.then_some("status"));
@@ -316,10 +335,9 @@ fn estimates(of: &str, rows: &[Estimated<'_>], caption: &str) -> Block {
             Cell::text(row.unit.unwrap_or("-")),
             Cell::shown(value, row.value),
             Cell::shown(std, row.std),
-            Cell::interval(Interval::of(row.value, row.std, row.truth, row.prior)),
-            end(-1.0),
-            end(1.0),
         ];
+        line.extend(drawn.then(|| Cell::interval(Interval::of(row.value, row.std, row.truth, row.prior))));
+        line.extend([end(-1.0), end(1.0)]);
         line.extend(priors.then(|| Cell::number(row.prior)));
         if simulated {
             let error = known.zip(row.truth).map(|((value, std), truth)| (value - truth) / std);
@@ -367,18 +385,18 @@ fn matrix(names: &[String], covariance: &[Vec<Option<f64>>]) -> Option<Block> {
 }
 
 fn run_row(run: &RunReport) -> Vec<Cell> {
-    let amplitudes = run.amplitudes.iter().map(|(name, value)| format!("{name} = {}", number(*value)));
+    let amplitudes = run.amplitudes.iter().map(|(name, value)| format!("{name}\u{a0}=\u{a0}{}", number(*value)));
     let amplitudes: Vec<String> = run.pattern.clone().into_iter().chain(amplitudes).collect();
-    let errors: Vec<String> = run.tracking_rms.iter().map(|rms| number(*rms)).collect();
+    let errors: Vec<String> = run.tracking_rms.iter().map(|rms| digits(*rms, SHARE_DIGITS)).collect();
     let pooled = if run.contradicts.is_some() { ", not pooled" } else { "" };
     vec![
         Cell::text(run.run.to_string()),
         Cell::text(amplitudes.join(", ")),
         Cell::number(Some(run.frequency)),
         Cell::text(run.periods.to_string()),
-        Cell::text(errors.join(" ")),
+        Cell::text(errors.join(", ")),
         Cell::shown(or_dash(run.effort_share, |share| format!("{:.1} %", 100.0 * share)), run.effort_share),
-        Cell::number(run.condition),
+        Cell::size(run.condition),
         Cell::percent(run.residual),
         Cell::text(format!("{}{pooled}", run.ending)),
     ]
@@ -400,7 +418,7 @@ fn log(log: &LogReport) -> Vec<Block> {
             rows.push(("window".to_owned(), found.window.clone()));
             rows.push((
                 "last two periods differ by".to_owned(),
-                format!("{} % of the motion", number(100.0 * found.mismatch)),
+                format!("{} % of the motion", digits(100.0 * found.mismatch, SHARE_DIGITS)),
             ));
         }
         Way::Time(found) => {
@@ -408,7 +426,7 @@ fn log(log: &LogReport) -> Vec<Block> {
             rows.push(("low pass".to_owned(), format!("{} Hz", number(found.cut_off))));
         }
     }
-    let hold = |residual: Option<f64>| or_dash(residual, |share| format!("{} %", number(100.0 * share)));
+    let hold = |residual: Option<f64>| or_dash(residual, |share| format!("{} %", digits(100.0 * share, SHARE_DIGITS)));
     let holds =
         format!("{} as recorded, {} held between samples", hold(log.hold_residuals.none), hold(log.hold_residuals.zoh));
     rows.push(("unexplained force with either hold".to_owned(), holds));

@@ -8,6 +8,7 @@ use serde::Serialize;
 use std::borrow::ToOwned;
 use std::format;
 use std::string::{String, ToString};
+use std::vec;
 use std::vec::Vec;
 
 const TEMPLATE: &str = include_str!("page.html");
@@ -27,18 +28,19 @@ pub struct Document {
     pub(super) shortfall: Option<String>,
     /// What is said where nothing is short.
     pub(super) success: String,
+    /// Whether there are warnings to read before the numbers are used.
+    pub(super) caution: bool,
     /// The few numbers that one looks for first.
     pub(super) facts: Vec<(String, String)>,
     pub(super) sections: Vec<Section>,
     pub(super) figures: Vec<Named>,
 }
 
-/// A figure as drawn into the page, for wide and for narrow screens.
+/// A figure as drawn into the page, for wide and for narrow screens: panel by panel, so that a printed page may end between two.
 #[derive(Serialize)]
 struct Drawn {
-    wide: String,
-    narrow: String,
-    title: String,
+    wide: Vec<String>,
+    narrow: Vec<String>,
 }
 
 impl Document {
@@ -68,11 +70,15 @@ impl Document {
     /// [`DocumentError`] where a figure cannot be drawn.
     pub fn html(&self) -> Result<String, DocumentError> {
         let drawn = |named: &Named| {
+            let height = named.figure.height / named.figure.panels.len().max(1) as u32;
             let at = |width: u32| {
-                let own = Figure { width, title: String::new(), ..named.figure.clone() };
-                own.svg().map_err(|source| DocumentError::Figure { name: named.name.clone(), source })
+                let alone = named.figure.panels.iter().map(|panel| {
+                    let own = Figure { title: String::new(), width, height, panels: vec![panel.clone()] };
+                    own.svg().map_err(|source| DocumentError::Figure { name: named.name.clone(), source })
+                });
+                alone.collect::<Result<Vec<_>, _>>()
             };
-            Ok(Drawn { wide: at(WIDTHS.0)?, narrow: at(WIDTHS.1)?, title: named.figure.title.clone() })
+            Ok(Drawn { wide: at(WIDTHS.0)?, narrow: at(WIDTHS.1)? })
         };
         let figures: Vec<Drawn> = self.figures.iter().map(drawn).collect::<Result<_, DocumentError>>()?;
         let refused = |error: minijinja::Error| DocumentError::Template { reason: error.to_string() };
@@ -89,6 +95,7 @@ impl Document {
             subtitle => self.subtitle,
             shortfall => self.shortfall,
             success => self.success,
+            caution => self.caution,
             facts => self.facts,
             sections => self.sections,
             figures => figures,

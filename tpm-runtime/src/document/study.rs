@@ -24,6 +24,7 @@ impl From<&Study> for Document {
             shortfall: (!incomplete.is_empty())
                 .then(|| format!("{} of {} campaigns did not identify everything", incomplete.len(), study.campaigns)),
             success: "Every campaign identified everything.".to_owned(),
+            caution: !study.warnings.is_empty(),
             facts: vec![
                 ("campaigns".to_owned(), study.campaigns.to_string()),
                 ("estimator".to_owned(), study.estimator.to_owned()),

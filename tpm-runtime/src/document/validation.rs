@@ -20,6 +20,7 @@ impl From<&Validation> for Document {
             subtitle: format!("predicted on {}; nothing is fitted", found.log),
             shortfall: found.shortfall(),
             success: "Every row of the model is predicted.".to_owned(),
+            caution: false,
             facts: facts(found),
             sections: Vec::new(),
             figures: Vec::new(),
@@ -150,8 +151,8 @@ fn row_table(found: &Validation, caption: &str) -> Block {
         vec![
             Cell::text(row.name.clone()),
             Cell::text(row.unit.clone().unwrap_or_else(|| "-".to_owned())),
-            Cell::number(Some(row.force)),
-            Cell::number(Some(row.missed)),
+            Cell::size(Some(row.force)),
+            Cell::size(Some(row.missed)),
             Cell::percent(Some(row.share)),
         ]
     };
@@ -167,11 +168,11 @@ fn fits(found: &Validation, caption: &str) -> Block {
         vec![
             Cell::text(channel.name.clone()),
             Cell::text(channel.unit.clone().unwrap_or_else(|| "-".to_owned())),
-            Cell::number(Some(channel.one_step.rms)),
+            Cell::size(Some(channel.one_step.rms)),
             percent(channel.one_step.fit),
-            free.map_or_else(|| Cell::text("diverges"), |free| Cell::number(Some(free.rms))),
+            free.map_or_else(|| Cell::text("diverges"), |free| Cell::size(Some(free.rms))),
             percent(free.and_then(|free| free.fit)),
-            Cell::number(Some(channel.noise)),
+            Cell::size(Some(channel.noise)),
         ]
     });
     let columns = ["coordinate", "unit", "#one step, rms", "#fit", "#free run, rms", "#fit", "#sensor noise found"];

@@ -676,8 +676,12 @@ mod tests {
     /// Largest relative error after every update, and the runs that it took, on an exact machine.
     fn errors(settings: &str) -> Vec<(usize, f64)> {
         let mut experiment = Experiment::parse(include_str!("../../../models/mass_spring_drag.toml")).expect("shipped");
+        use crate::numerics::{DMatrix, DVector};
         for (key, value) in [("noise", "0"), ("counts", "0"), ("measure_time", "0"), ("max_runs", "14")] {
             experiment.apply_override(key, value).expect("known");
+            use rand::SeedableRng;
+            use rand_chacha::ChaCha8Rng;
+            use rand_distr::{Distribution, StandardNormal};
         }
         experiment.apply_override("estimator", "numerical").expect("known");
         experiment.apply_override("numerical", settings).expect("known");
@@ -708,6 +712,54 @@ mod tests {
         let plain = errors("{}");
         assert_eq!((plain[0].0, plain[1].0), (4, 8), "four runs to an update");
         let secant = errors("{ secant = true }");
+    }
+
+    /// Two columns, measured as differences from a base run whose noise is in the right-hand side as well.
+    #[test]
+    fn noise_that_columns_share_with_the_base_moves_no_estimate() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let (count, draws, truth) = (40, 4000, [-0.3, 0.5]);
+        let exact = DMatrix::from_fn(count, 2, |e, j| {
+            let phase = (e as f64) * 0.7;
+            4.0 * phase.sin() + if j == 0 { 0.0 } else { 5.0 * phase.cos() }
+        });
+        let target = &exact * DVector::from_column_slice(&truth);
+        // The base is in both columns with -1, and every column has a run of its own.
+        let noise = DMatrix::from_row_slice(2, 2, &[2.0, 1.0, 1.0, 2.0]);
+        let shared = DVector::from_element(2, -1.0);
+        let (mut plain, mut calibrated, mut squares) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        let mut stated = [0.0; 2];
+        for _ in 0..draws {
+            let base = DVector::from_fn(count, |_, _| normal());
+            let columns = DMatrix::from_fn(count, 2, |e, j| exact[(e, j)] + normal() - base[e]);
+            let right = &target + &base;
+            // Noise of an equation: the base, without what the columns say of the update.
+            let scale = (1.0_f64 + truth.iter().sum::<f64>()).powi(2) + truth.iter().map(|x| x * x).sum::<f64>();
+            let weighted = |m: &DMatrix<f64>| m.tr_mul(m) / scale;
+            let solved = |m: &DMatrix<f64>, right: &DVector<f64>| {
+                m.tr_mul(m).cholesky().expect("regular").solve(&m.tr_mul(right))
+            };
+            let factors = (count as f64 / scale, weighted(&columns));
+            let (mixed, part) =
+                super::reliability(factors.1, &(&noise * factors.0), &(&shared * factors.0)).expect("regular");
+            let (expected, rest) = (&columns * mixed, &right - &columns * part);
+            let own = solved(&expected, &rest);
+            let covariance = weighted(&expected).try_inverse().expect("regular");
+            let naive = solved(&columns, &right);
+            for j in 0..2 {
+                plain[j] += (naive[j] - truth[j]) / draws as f64;
+                calibrated[j] += (own[j] - truth[j]) / draws as f64;
+                squares[j] += (own[j] - truth[j]).powi(2) / draws as f64;
+                stated[j] += covariance[(j, j)] / draws as f64;
+            }
+        }
+        for j in 0..2 {
+            let std = squares[j].sqrt();
+            assert!(calibrated[j].abs() < 0.2 * plain[j].abs(), "{calibrated:?} {plain:?}");
+            assert!(plain[j].abs() > 0.2 * std, "the test tells nothing: {plain:?} {std}");
+            assert!((0.9..1.1).contains(&(stated[j].sqrt() / std)), "{stated:?} {squares:?}");
+        }
         assert_eq!((secant[0].0, secant[1].0), (4, 5), "one run to an update after the first");
         // Plain updates converge quadratically at four runs each, the secant's superlinearly at one.
         let (plain, secant) = (runs_to(&plain, 1e-6), runs_to(&secant, 1e-6));

@@ -447,6 +447,9 @@ impl Experiment {
             let message = std::string::ToString::to_string(&fault);
             let missing = fault.message().strip_prefix("missing field `").and_then(|rest| rest.split('`').next());
             let remedy = match missing {
+                None if text.parse::<toml::Table>().is_err() => {
+                    "an experiment is TOML, lines such as `sample_time = 0.001` below tables such as [control]".into()
+                }
                 None => return ExperimentError::Syntax { message },
                 Some("control") => {
                     "add [control] with sample_time = SECONDS and feedback = [{ input = \"..\", coordinate = \"..\", kp = .., kd = .. }]".into()

@@ -95,7 +95,7 @@ pub fn bode(response: &FrequencyResponse, models: &[NamedModel<'_>], settings: &
     };
     // The range of the phase comes from the points: a band of half a turn would squeeze the rest.
     let angles: Vec<f64> = phase.iter().filter(|s| !matches!(s.curve, Curve::Band(_))).flat_map(angles_of).collect();
-    let mut ordinate = Axis::linear("Phase [deg]");
+    let mut ordinate = Axis::degrees("Phase [deg]");
     if let (Some(low), Some(high)) = (angles.iter().copied().reduce(f64::min), angles.iter().copied().reduce(f64::max))
     {
         ordinate = ordinate.from_to((low / 45.0).floor() * 45.0 - 15.0, (high / 45.0).ceil() * 45.0 + 15.0);

@@ -90,7 +90,12 @@ impl Figure {
         {
             let root = SVGBackend::with_string(&mut text, (width, height)).into_drawing_area();
             root.fill(&WHITE).map_err(refused)?;
-            let below = root.titled(&self.title, (FONT, TITLE)).map_err(refused)?;
+            // An empty title takes no room.
+            let below = if self.title.is_empty() {
+                root.clone()
+            } else {
+                root.titled(&self.title, (FONT, TITLE)).map_err(refused)?
+            };
             for ((area, panel), scale) in
                 below.split_evenly((self.panels.len(), 1)).iter().zip(&self.panels).zip(scales)
             {

@@ -9,6 +9,10 @@ pub enum Spacing {
     /// Even.
     #[default]
     Linear,
+    /// Even, of numbers that count something: ticks stand at whole numbers only.
+    Whole,
+    /// Even, of angles in degrees: ticks stand at 45 and 90 rather than at 50 and 100.
+    Degrees,
     /// By decades.
     Logarithmic,
 }
@@ -29,6 +33,18 @@ impl Axis {
     #[must_use]
     pub fn linear(label: &str) -> Self {
         Axis { label: label.into(), spacing: Spacing::Linear, range: None }
+    }
+
+    /// An evenly spaced axis of whole numbers.
+    #[must_use]
+    pub fn whole(label: &str) -> Self {
+        Axis { spacing: Spacing::Whole, ..Axis::linear(label) }
+    }
+
+    /// An evenly spaced axis of angles in degrees.
+    #[must_use]
+    pub fn degrees(label: &str) -> Self {
+        Axis { spacing: Spacing::Degrees, ..Axis::linear(label) }
     }
 
     /// An axis by decades over the data.

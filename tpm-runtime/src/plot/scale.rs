@@ -9,8 +9,8 @@ use std::vec::Vec;
 
 /// Share of the data's extent that is left free at each end of an even axis.
 const MARGIN: f64 = 0.05;
-/// Step of an axis of angles, degrees, in place of 50.
-const ANGLE: f64 = 45.0;
+/// Steps of an axis of angles, degrees, in place of 50 and 100.
+const ANGLES: [f64; 2] = [45.0, 90.0];
 
 /// An axis with its ends.
 #[derive(Clone, Debug)]
@@ -23,7 +23,7 @@ pub(super) struct Scaled {
 impl Scaled {
     /// Ends that were given, or those of the values that can be shown; `None` when there are no two.
     pub(super) fn new(spacing: Spacing, range: Option<(f64, f64)>, values: &[f64]) -> Option<Self> {
-        let shown = |value: &f64| value.is_finite() && (spacing == Spacing::Linear || *value > 0.0);
+        let shown = |value: &f64| value.is_finite() && (spacing != Spacing::Logarithmic || *value > 0.0);
         let (first, last) = match range {
             Some(ends) => ends,
             None => {
@@ -31,10 +31,10 @@ impl Scaled {
                 let high = values.iter().copied().filter(shown).fold(f64::NEG_INFINITY, f64::max);
                 match spacing {
                     // A constant still gets an axis around it.
-                    Spacing::Linear if low == high => (low - 1.0, high + 1.0),
-                    Spacing::Linear => (low - MARGIN * (high - low), high + MARGIN * (high - low)),
                     Spacing::Logarithmic if low == high => (low / 2.0, high * 2.0),
                     Spacing::Logarithmic => (low, high),
+                    _ if low == high => (low - 1.0, high + 1.0),
+                    _ => (low - MARGIN * (high - low), high + MARGIN * (high - low)),
                 }
             }
         };
@@ -43,7 +43,7 @@ impl Scaled {
 
     /// Whether a value has a place on an axis of this spacing.
     pub(super) fn can_show(&self, value: f64) -> bool {
-        value.is_finite() && (self.spacing == Spacing::Linear || value > 0.0)
+        value.is_finite() && (self.spacing != Spacing::Logarithmic || value > 0.0)
     }
 
     fn place(&self, value: f64) -> f64 {
@@ -51,15 +51,18 @@ impl Scaled {
         (of(value) - of(self.first)) / (of(self.last) - of(self.first))
     }
 
-    /// Even steps of 1, 2 or 5 times a power of ten, or of 45 (angles), at most `most` of them.
+    /// Even steps of 1, 2 or 5 times a power of ten, of angles also of 45 and 90, at most `most` of them.
     fn even(&self, most: usize) -> Vec<f64> {
         let (low, high) = (self.first.min(self.last), self.first.max(self.last));
         let raw = (high - low) / most.max(1) as f64;
         let power = 10.0_f64.powf(raw.log10().floor());
         let steps = [1.0, 2.0, 5.0, 10.0].map(|multiple| multiple * power);
-        let step = match steps.into_iter().find(|step| *step >= raw).unwrap_or(10.0 * power) {
-            50.0 if raw <= ANGLE => ANGLE,
-            step => step,
+        let even = steps.into_iter().find(|step| *step >= raw).unwrap_or(10.0 * power);
+        let angle = ANGLES.into_iter().find(|step| *step >= raw && (*step..1.2 * step).contains(&even));
+        let step = match self.spacing {
+            Spacing::Degrees => angle.unwrap_or(even),
+            Spacing::Whole => even.max(1.0),
+            _ => even,
         };
         ((low / step).ceil() as i64..=(high / step).floor() as i64).map(|i| i as f64 * step).collect()
     }
@@ -99,7 +102,9 @@ impl Ranged for Scaled {
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
         let most = if hint.weight().allow_light_points() { hint.max_num_points() } else { hint.bold_points() };
         match self.spacing {
-            Spacing::Linear => self.even(most.min(if hint.weight().allow_light_points() { 40 } else { 10 })),
+            Spacing::Linear | Spacing::Whole | Spacing::Degrees => {
+                self.even(most.min(if hint.weight().allow_light_points() { 40 } else { 10 }))
+            }
             Spacing::Logarithmic => self.decades(most),
         }
     }
@@ -136,8 +141,12 @@ mod tests {
         assert_eq!(axis.map(&0.2, (10, 110)), 10);
         assert_eq!(axis.map(&(0.2_f64 * 23.0).sqrt(), (10, 110)), 60);
         assert!(!axis.can_show(0.0) && axis.can_show(1e9));
-        let phase = Scaled::new(Spacing::Linear, None, &[-180.0, 90.0, f64::NAN]).expect("two values");
-        assert_eq!(phase.even(7), [-180.0, -135.0, -90.0, -45.0, 0.0, 45.0, 90.0]);
+        let over = |spacing| Scaled::new(spacing, None, &[-180.0, 90.0, f64::NAN]).expect("two values");
+        assert_eq!(over(Spacing::Degrees).even(7), [-180.0, -135.0, -90.0, -45.0, 0.0, 45.0, 90.0]);
+        assert_eq!(over(Spacing::Degrees).even(4), [-180.0, -90.0, 0.0, 90.0]);
+        assert_eq!(over(Spacing::Linear).even(7), [-150.0, -100.0, -50.0, 0.0, 50.0, 100.0]);
+        let harmonics = Scaled::new(Spacing::Whole, Some((0.0, 5.0)), &[]).expect("a range");
+        assert_eq!(harmonics.even(20), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
         assert!(Scaled::new(Spacing::Logarithmic, None, &[-1.0]).is_none());
         assert!(Scaled::new(Spacing::Linear, None, &[2.0]).is_some());
         let text = |v: f64| <Scaled as ValueFormatter<f64>>::format(&v);

@@ -139,6 +139,12 @@ impl Identification {
         self.shortfall().is_none()
     }
 
+    /// How many of the parameters were to be identified: all but those that were held.
+    #[must_use]
+    pub fn wanted(&self) -> usize {
+        self.parameters.iter().filter(|parameter| parameter.status != Status::Frozen).count()
+    }
+
     /// Whether the model explains what was measured: the residual is not above [`LARGE_RESIDUAL`].
     #[must_use]
     pub fn is_explained(&self) -> bool {
@@ -172,15 +178,9 @@ impl Identification {
         }
         match (self.source, self.outcome) {
             (Source::Log, _) if !self.is_explained() => Some(no_result(self.residual)),
-            (Source::Log, _) => {
-                let wanted = self.parameters.iter().filter(|parameter| parameter.status != Status::Frozen).count();
-                (self.rank < wanted).then(|| {
-                    format!(
-                        "the data determine {} independent combinations of the parameters, not all of them",
-                        self.rank
-                    )
-                })
-            }
+            (Source::Log, _) => (self.rank < self.wanted()).then(|| {
+                format!("the data determine {} independent combinations of the parameters, not all of them", self.rank)
+            }),
             (_, None) => Some("not everything was identified: the campaign is not finished".to_string()),
             (_, Some(_)) if !self.is_explained() => Some(no_result(self.residual)),
             (_, Some(outcome)) => {
@@ -189,7 +189,16 @@ impl Identification {
                 let known =
                     |parameter: &ParameterReport| matches!(parameter.status, Status::Identified | Status::Frozen);
                 let whole = wanted.iter().all(known) && self.estimate.is_some() && outcome.is_normal();
-                (!whole).then(|| format!("not everything was identified: {}", outcome.describe()))
+                let open: Vec<&str> = wanted
+                    .iter()
+                    .filter(|parameter| !known(parameter))
+                    .map(|parameter| parameter.name.as_str())
+                    .collect();
+                (!whole).then(|| match (outcome.is_normal(), open.is_empty()) {
+                    // A campaign that went as planned is no reason: its runs are what shows too little.
+                    (true, false) => format!("not everything was identified: the runs do not show {}", open.join(", ")),
+                    _ => format!("not everything was identified: {}", outcome.describe()),
+                })
             }
         }
     }

@@ -20,12 +20,13 @@ impl Simulation {
         let mut panels = Vec::new();
         for channel in &self.channels {
             let unit = channel.unit.as_ref().map_or(String::new(), |unit| format!(" [{unit}]"));
-            panels.push(self.motion(channel, &format!("{}{unit}", channel.name)));
-            let name = &channel.name;
+            let label = format!("{}{unit}", channel.name);
+            panels.push(self.motion(channel, &label));
             if self.diverges.is_none() {
-                panels.push(self.missed(channel, &channel.simulated, (1, &format!("{name} less free run{unit}"))));
+                panels.push(self.missed(channel, &channel.simulated, (1, "measured less free run"), &label));
             }
-            panels.push(self.missed(channel, &channel.predicted, (2, &format!("{name} less one step ahead{unit}"))));
+            let name = "measured less prediction one step ahead";
+            panels.push(self.missed(channel, &channel.predicted, (2, name), &label));
         }
         Figure::new(title, panels)
     }
@@ -38,9 +39,15 @@ impl Simulation {
         Panel { x: self.time(), y: Axis::linear(label), traces }
     }
 
-    fn missed(&self, channel: &ChannelSimulation, simulated: &[f64], (colour, label): (usize, &str)) -> Panel {
+    fn missed(
+        &self,
+        channel: &ChannelSimulation,
+        simulated: &[f64],
+        (colour, name): (usize, &str),
+        label: &str,
+    ) -> Panel {
         let errors: Vec<f64> = channel.measured.iter().zip(simulated).map(|(y, simulated)| y - simulated).collect();
-        let traces = vec![Trace::new("", colour, Curve::Line(self.points(&errors)))];
+        let traces = vec![Trace::new(name, colour, Curve::Line(self.points(&errors)))];
         Panel { x: self.time(), y: Axis::linear(label), traces }
     }
 

@@ -48,7 +48,7 @@ impl Identification {
         text.push_str(&format!(
             "rank {} of {}, condition number {}, residual {} % of {}\n",
             self.rank,
-            self.parameters.len(),
+            self.wanted(),
             or_dash(self.condition, number),
             number(100.0 * self.residual),
             if self.is_refined() { "the motion or input" } else { "the force" },

@@ -3,7 +3,7 @@
 use crate::campaign::{NearMode, Outcome};
 use crate::log::Repeated;
 use crate::machine::actuator::LimitUse;
-use crate::report::{Remedy, displayed, number, plus_minus};
+use crate::report::{Remedy, digits, displayed, number, plus_minus};
 use crate::run::RunEnding;
 use crate::session::refinement_report::MissingTerm;
 use serde::Serialize;
@@ -13,6 +13,9 @@ use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
+
+/// Significant digits of a term that a model lacks, which a few logs hardly show better.
+const TERM_DIGITS: usize = 3;
 
 /// Which data a statement is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -311,6 +314,19 @@ impl Warning {
         }
     }
 
+    /// Whether the warning says that the model does not explain all of what was measured.
+    #[must_use]
+    pub fn is_misfit(&self) -> bool {
+        match self {
+            Warning::Unexplained { .. }
+            | Warning::MissingTerm { .. }
+            | Warning::Repeats { .. }
+            | Warning::Vibration { .. } => true,
+            Warning::InLog { warning, .. } => warning.is_misfit(),
+            _ => false,
+        }
+    }
+
     /// The setting that would remove the warning, when there is one.
     #[must_use]
     pub fn remedy(&self) -> Option<Remedy> {
@@ -446,8 +462,8 @@ impl fmt::Display for Warning {
             ),
             Warning::MissingTerm { term } => write!(
                 f,
-                "the model leaves something unexplained, of which a term {:.4e} * {}{} takes {:.0} %: {}; deviations contain how far the parameters would move with it",
-                term.value,
+                "the model leaves something unexplained, of which a term {} * {}{} takes {:.0} %: {}; deviations contain how far the parameters would move with it",
+                digits(term.value, TERM_DIGITS),
                 term.term,
                 term.row.as_ref().map(|row| format!(" in row {row}")).unwrap_or_default(),
                 100.0 * term.gain,

@@ -9,12 +9,16 @@
 
 use crate::machine::actuator::motor::{Limit, Motor};
 use crate::machine::actuator::requirement::Requirement;
+use crate::report::digits;
 use num_complex::Complex;
 use serde::Serialize;
 use std::fmt;
 use std::string::{String, ToString};
 use std::vec::Vec;
 use tpm_core::model::Model;
+
+/// Significant digits of a value beside its limit.
+const DIGITS: usize = 4;
 
 /// A motor on the coordinate that its rotor turns with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,10 +62,10 @@ impl fmt::Display for LimitUse {
         let unit = self.unit.as_deref().map(|unit| std::format!(" {unit}")).unwrap_or_default();
         write!(
             f,
-            "the {} of {} takes {:.4}{unit} of {}{unit} ({:.1} %) at sample {} of the period ({:.4} s)",
+            "the {} of {} takes {}{unit} of {}{unit} ({:.1} %) at sample {} of the period ({:.4} s)",
             self.limit,
             self.input,
-            self.value,
+            digits(self.value, DIGITS),
             self.available,
             100.0 * self.share,
             self.sample,
@@ -69,8 +73,8 @@ impl fmt::Display for LimitUse {
         )?;
         let written = match self.harmonic {
             Some((harmonic, _)) if self.limit == "bandwidth" => write!(f, ", by harmonic {harmonic} of its force"),
-            Some((0, value)) => write!(f, ", {value:.4}{unit} of it as its mean"),
-            Some((harmonic, value)) => write!(f, ", {value:.4}{unit} of it by harmonic {harmonic}"),
+            Some((0, value)) => write!(f, ", {}{unit} of it as its mean", digits(value, DIGITS)),
+            Some((harmonic, value)) => write!(f, ", {}{unit} of it by harmonic {harmonic}", digits(value, DIGITS)),
             None => Ok(()),
         };
         written?;

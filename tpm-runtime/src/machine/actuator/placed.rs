@@ -70,8 +70,10 @@ pub(super) struct Table {
 
 /// Reads a file's text.
 pub(super) fn parse(text: &str) -> Result<Table, FileFault> {
-    let parsed = DeTable::parse(text)
-        .map_err(|fault| FileFault::at(text, fault.span().map_or(0, |span| span.start), fault.message().to_string()))?;
+    let parsed = DeTable::parse(text).map_err(|fault| {
+        let message = format!("{}; the file is TOML: lines `KEY = VALUE` below [TABLE] lines", fault.message());
+        FileFault::at(text, fault.span().map_or(0, |span| span.start), message)
+    })?;
     Ok(table(parsed.get_ref(), "", 0))
 }
 
