@@ -126,7 +126,7 @@ impl Projector {
     }
 
     /// What the columns that are projected are divided by to have length one.
-    pub(crate) fn from_scale(&self) -> &[f64] {
+    pub(crate) fn projected_scale(&self) -> &[f64] {
         &self.from_scale
     }
 
@@ -178,7 +178,7 @@ impl Projector {
         let equal = &along * along.transpose();
         let covariance = basis.tr_mul(&own.covariance) * &basis + equal * (SHARPEST * SHARPEST);
         let scaled = |raw: DMatrix<f64>| DMatrix::from_fn(self.onto, raw.ncols(), |r, c| raw[(r, c)] * self.scale[r]);
-        let offset = scaled(DMatrix::from_columns(&[self.offset.clone()]));
+        let offset = scaled(DMatrix::from_columns(std::slice::from_ref(&self.offset)));
         let right = basis.tr_mul(&own.values) - (&shown * offset).column(0);
         let passed = &shown * scaled(self.matrix.clone());
         let hidden = self.unfelt(&passed);

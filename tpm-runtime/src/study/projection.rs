@@ -509,7 +509,7 @@ pub fn projection(request: &ProjectionRequest<'_>) -> Result<Projection, Project
     };
     let found = DVector::from_column_slice(&estimate.values);
     let (of_rich, nearest) = match request.way {
-        Way::Onto => (known.settled(projector.from_scale()), found),
+        Way::Onto => (known.settled(projector.projected_scale()), found),
         Way::Back => (found.clone(), projector.apply(&found)),
     };
     let missed = match request.way {
