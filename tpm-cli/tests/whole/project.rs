@@ -59,11 +59,10 @@ fn solve(mut matrix: Vec<Vec<f64>>, mut right: Vec<f64>) -> Vec<f64> {
         let pivot = (k..n).max_by(|&a, &b| matrix[a][k].abs().total_cmp(&matrix[b][k].abs())).expect("rows");
         matrix.swap(k, pivot);
         right.swap(k, pivot);
+        let own = matrix[k].clone();
         for row in k + 1..n {
-            let factor = matrix[row][k] / matrix[k][k];
-            for column in k..n {
-                matrix[row][column] -= factor * matrix[k][column];
-            }
+            let factor = matrix[row][k] / own[k];
+            matrix[row].iter_mut().zip(&own).for_each(|(entry, pivot)| *entry -= factor * pivot);
             right[row] -= factor * right[k];
         }
     }
