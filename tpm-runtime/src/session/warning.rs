@@ -378,7 +378,7 @@ impl fmt::Display for Warning {
             Warning::InLog { path, warning } => write!(f, "{path}: {warning}"),
             Warning::LogsDisagree { path, parameter, deviations } => write!(
                 f,
-                "{path} contradicts the other logs: {parameter} differs most, by {deviations:.1} deviations; the machine was another one, or a load, a setting, a scale of a column; identify each log by itself"
+                "{path} contradicts the other logs: {parameter} differs most, by {deviations:.1} deviations; the machine was another one, or a load, a setting, a scale of a column, or the model lacks a force that grows with the frequency, as that of a flexible part does; identify each log by itself"
             ),
             Warning::RateDiffers { coordinate, gain } => write!(
                 f,
