@@ -66,8 +66,6 @@ pub(super) struct Numerical {
     updates: Vec<Measured>,
     /// Whether the last run made an update.
     ready: bool,
-    /// The estimate of the last update.
-    estimate: Option<Estimate>,
     base: Option<Base>,
     /// Per perturbed parameter so far.
     columns: Vec<Column>,
@@ -95,8 +93,6 @@ struct Base {
     /// How much of the noise of every run since the matrix was begun is in the error: all of one run.
     noise: Vec<f64>,
     variance: Vec<Vec<f64>>,
-    /// Size of every parameter: its value, or the value at which it makes the whole force where it is nearly nothing.
-    sizes: Vec<f64>,
     /// Change of every parameter in a perturbed run.
     steps: Vec<f64>,
     /// The parameters that are perturbed.
@@ -171,23 +167,21 @@ impl Base {
             run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
         let variance = variances(model, run, highest);
         let noise = variance.iter().flatten().sum::<f64>().sqrt();
-        let whole = error.iter().map(|lines| power(lines)).sum::<f64>().sqrt();
-        let target = (SMALL * whole).max(ABOVE_NOISE * noise);
+        let size = error.iter().map(|lines| power(lines)).sum::<f64>().sqrt();
+        let target = (SMALL * size).max(ABOVE_NOISE * noise);
         // Square of the size of H^-1, row by row and harmonic by harmonic.
         let stiffness = |r: usize, k: usize| {
             let felt = along.response(r, &run.trial.parameters, k);
             let gain = fed_back(run.trial, &along, run.hold, r, k);
             felt.iter().zip(gain).map(|(j, gain)| (j + gain).norm_sqr()).sum::<f64>()
         };
-        let size = |j: usize| {
+        // What changes the error as much as wanted, and no more than half of the value, or than what makes half of the applied force
+        // when the value is nearly nothing.
+        let step = |j: usize| {
             let felt = (0..dims.rows).map(|r| power(along.regressor(r, j))).fold(0.0, f64::max).sqrt();
             let whole = if felt > 0.0 { force / felt } else { 1.0 };
             let value = run.trial.parameters[j].abs();
-            if value > 0.1 * whole { value } else { whole }
-        };
-        // What changes the error as much as wanted, and no more than half of the size.
-        let step = |j: usize| {
-            let most = PERTURBATION * size(j);
+            let most = PERTURBATION * if value > 0.1 * whole { value } else { whole };
             let lines =
                 (0..dims.rows).flat_map(|r| along.regressor(r, j).iter().enumerate().map(move |line| (r, line)));
             let moved = |(r, (k, line)): (usize, (usize, &Complex<f64>))| match stiffness(r, k) {
@@ -207,7 +201,6 @@ impl Base {
             reference: run.trial.trajectory.clone(),
             parameters: run.trial.parameters.clone(),
             variance,
-            sizes: (0..dims.parameters).map(size).collect(),
             steps: (0..dims.parameters).map(step).collect(),
             moved: vec![0.0; perturbed.len()],
             perturbed,
@@ -324,7 +317,6 @@ impl Numerical {
             table,
             updates: Vec::new(),
             ready: false,
-            estimate: None,
             base: None,
             columns: Vec::new(),
             known: false,
@@ -405,20 +397,6 @@ impl Numerical {
         }
         self.base = Some(Base::new(model, run, error, self.harmonics, self.table.as_deref(), &self.settings)?);
         Ok(())
-    }
-
-    /// Where the next run goes towards an estimate: the mean of both, the parameters of the last update being as uncertain as they are
-    /// large. A combination that hardly shows would else go as far as noise, or what M leaves out, takes it.
-    fn next(&self, estimate: &[f64]) -> Vec<f64> {
-        let (Some(update), Some(known)) = (self.updates.last(), &self.estimate) else { return estimate.to_vec() };
-        let Base { parameters, sizes, .. } = &update.base;
-        let count = sizes.len();
-        let scaled = DMatrix::from_fn(count, count, |r, c| known.covariance[(r, c)] / (sizes[r] * sizes[c]));
-        let eigen = scaled.symmetric_eigen();
-        let step = DVector::from_fn(count, |j, _| (estimate[j] - parameters[j]) / sizes[j]);
-        let shares = eigen.eigenvalues.map(|variance| 1.0 / (1.0 + variance.max(0.0)));
-        let step = &eigen.eigenvectors * eigen.eigenvectors.tr_mul(&step).component_mul(&shares);
-        (0..count).map(|j| parameters[j] + step[j] * sizes[j]).collect()
     }
 
     /// The estimate from all updates, each weighted where the parameters are about their own estimate.
@@ -549,9 +527,7 @@ impl Estimator for Numerical {
     }
 
     fn play(&self, current: &[f64]) -> Vec<f64> {
-        let Some(base) = self.base.as_ref().filter(|_| !self.known) else {
-            return self.damping.towards(&self.next(current));
-        };
+        let Some(base) = self.base.as_ref().filter(|_| !self.known) else { return self.damping.towards(current) };
         let mut changed = base.parameters.clone();
         if let Some(&j) = base.perturbed.get(self.columns.len()) {
             changed[j] += base.steps[j];
@@ -651,11 +627,7 @@ impl Estimator for Numerical {
     }
 
     fn update(&mut self) -> Result<Option<Estimate>, EstimateError> {
-        if !self.ready {
-            return Ok(None);
-        }
-        self.estimate = Some(self.solve()?);
-        Ok(self.estimate.clone())
+        if self.ready { self.solve().map(Some) } else { Ok(None) }
     }
 
     fn harmonics(&self) -> usize {
