@@ -82,7 +82,7 @@ pub(super) fn identify(
     let restate = |values, covariance| record.restated(&estimate, values, covariance, settings);
     let refined = refined(machine, start, Conditions::of_log(options), settings, &restate);
     let untested = record
-        .untested(&refined.estimate, settings)
+        .untested(&estimate, settings)
         .map_err(|source| LogError::Estimate { path: log.path.clone(), source })?
         .into_iter()
         .map(|own| untested_report(model, &refined.estimate, own))

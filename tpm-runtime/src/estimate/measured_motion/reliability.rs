@@ -35,7 +35,8 @@ pub struct Untested {
 }
 
 impl MeasuredMotion {
-    /// The parameters that the record does not test, each with the harmonic at which a force changes it most.
+    /// The parameters that the record does not test, each with the harmonic at which a force changes it most. `estimate` is the record's own:
+    /// what its equations would notice and what they state come from the same noise.
     ///
     /// # Errors
     /// [`EstimateError::Frozen`] and [`EstimateError::AllFrozen`] where the settings hold parameters that do not exist, or all.
