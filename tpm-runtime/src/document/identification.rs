@@ -108,7 +108,7 @@ impl Document {
 
     fn not_shown(&mut self, result: &Identification) {
         let hidden: Vec<String> = result.unobservable.iter().map(combination).collect();
-        let blocks = if hidden.is_empty() {
+        let mut blocks = if hidden.is_empty() {
             vec![Block::text("Nothing: the data show every parameter by itself.")]
         } else {
             let list =
@@ -121,6 +121,8 @@ impl Document {
                 ),
             ]
         };
+        let untested = result.log.as_ref().and_then(LogReport::periodic).and_then(PeriodicReport::untested_remark);
+        blocks.extend(untested.map(|text| Block::Notices { list: vec![remark(text)] }));
         self.section("not-shown", "What the data do not show", blocks);
     }
 
@@ -436,8 +438,7 @@ fn log(log: &LogReport) -> Vec<Block> {
             format!("{} of {} samples, {} steps", refined.samples, refined.of, refined.steps),
         ));
     }
-    let untested = log.periodic().and_then(PeriodicReport::untested_remark);
-    let list: Vec<Notice> = log.reading.remarks().into_iter().chain(untested).map(remark).collect();
+    let list: Vec<Notice> = log.reading.remarks().into_iter().map(remark).collect();
     let mut blocks = vec![Block::Facts { rows }];
     blocks.extend((!list.is_empty()).then_some(Block::Notices { list }));
     blocks
