@@ -7,7 +7,9 @@
 //! (secant). Invariant: M belongs to one reference; another reference begins anew.
 //!
 //! M is measured, so that its own noise counts in every equation: that of a column as often as the update is longer than the step behind
-//! the column. What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update, and,
+//! the column. All columns are differences from the base, whose noise is in the right-hand side too. Least squares would take this noise
+//! for a part of the update, always to the same side; what is expected of the exact columns, given the measured ones, takes their place
+//! (`Measured::calibrated`). What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update, and,
 //! as M is a quotient of differences, with the product of update and step. The noise of the sensors moves the machine on its way round the
 //! loop, and terms that are even in a velocity have a mean there, which is in the error of the base and in none of the differences.
 
@@ -27,7 +29,7 @@ use crate::estimate::run::{Run, error_lines};
 use crate::estimate::settings::{NumericalSettings, Settings};
 use crate::estimate::stack::solve_reweighted;
 use crate::estimate::table::LineTable;
-use crate::numerics::DMatrix;
+use crate::numerics::{Cholesky, DMatrix, DVector};
 use crate::run::Trial;
 use crate::run::trajectory::Trajectory;
 use num_complex::Complex;
@@ -65,12 +67,21 @@ pub(super) struct Numerical {
     /// Whether the last run made an update.
     ready: bool,
     base: Option<Base>,
-    /// Per perturbed parameter so far: change of every coordinate's error lines per change of the parameter.
-    columns: Vec<Lines>,
+    /// Per perturbed parameter so far.
+    columns: Vec<Column>,
     /// Whether M is whole, so that every further run corrects it.
     known: bool,
     damping: Damping,
     harmonics: usize,
+}
+
+/// A measured column of M.
+#[derive(Clone)]
+struct Column {
+    /// Change of every coordinate's error lines per change of the parameter.
+    lines: Lines,
+    /// How much of the noise of every run since the matrix was begun is in the column for one step.
+    noise: Vec<f64>,
 }
 
 /// The run with which perturbed runs are compared.
@@ -79,6 +90,8 @@ struct Base {
     reference: Trajectory,
     parameters: Vec<f64>,
     error: Lines,
+    /// How much of the noise of every run since the matrix was begun is in the error: all of one run.
+    noise: Vec<f64>,
     variance: Vec<Vec<f64>>,
     /// Change of every parameter in a perturbed run.
     steps: Vec<f64>,
@@ -133,8 +146,8 @@ struct Measured {
     /// Error of the linearisation in a line, as a variance for an update of length one in steps; nothing before another run on the
     /// reference has shown it.
     curvature: Option<f64>,
-    /// Per parameter.
-    matrix: Vec<Lines>,
+    /// Per perturbed parameter.
+    columns: Vec<Column>,
     base: Base,
 }
 
@@ -196,6 +209,7 @@ impl Base {
             shift: MeanShift::new(model, run, &along, highest)?,
             repeated: rounding_shares(run.spectra, run.hold, dims).iter().map(|(_, repeated)| *repeated).collect(),
             error,
+            noise: vec![1.0],
         })
     }
 
@@ -221,16 +235,16 @@ impl Base {
     }
 
     /// The columns of all parameters.
-    fn matrix(&self, columns: &[Lines]) -> Vec<Lines> {
+    fn matrix(&self, columns: Vec<Lines>) -> Vec<Lines> {
         let none: Lines = self.error.iter().map(|lines| vec![Complex::new(0.0, 0.0); lines.len()]).collect();
         let mut matrix = vec![none; self.parameters.len()];
         for (&j, column) in self.perturbed.iter().zip(columns) {
-            matrix[j].clone_from(column);
             for (own, direction) in &self.dependent {
                 for (sum, line) in matrix[*own].iter_mut().flatten().zip(column.iter().flatten()) {
                     *sum -= line * direction[j];
                 }
             }
+            matrix[j] = column;
         }
         matrix
     }
@@ -247,6 +261,34 @@ fn unknowns(settings: &Settings, parameters: usize) -> Result<(Vec<usize>, Vec<(
 
 fn squares(step: &[f64]) -> f64 {
     step.iter().map(|step| step * step).sum()
+}
+
+/// How much of the noise of every run remains in the error of a base run without what columns say of a change, given in steps.
+fn remaining(base: &[f64], columns: &[Column], steps: &[f64]) -> Vec<f64> {
+    let mut noise = base.to_vec();
+    for (column, step) in columns.iter().zip(steps) {
+        noise.iter_mut().zip(&column.noise).for_each(|(sum, own)| *sum -= own * step);
+    }
+    noise
+}
+
+fn product(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// `1 - N^-1 D` and `N^-1 d`; nothing where N is singular. A combination whose noise would be more than all of it is noise alone.
+fn reliability(
+    products: DMatrix<f64>,
+    noise: &DMatrix<f64>,
+    shared: &DVector<f64>,
+) -> Option<(DMatrix<f64>, DVector<f64>)> {
+    let factor = Cholesky::new(products)?;
+    let inverse = factor.l().solve_lower_triangular(&DMatrix::identity(noise.nrows(), noise.nrows()))?;
+    // With N = L L', the share of noise along a combination is an eigenvalue of L^-1 D L'^-1.
+    let shares = (&inverse * noise * inverse.transpose()).symmetric_eigen();
+    let left = shares.eigenvalues.map(|share| 1.0 - share.min(1.0));
+    let kept = &shares.eigenvectors * DMatrix::from_diagonal(&left) * shares.eigenvectors.transpose();
+    Some((inverse.tr_mul(&(kept * factor.l().transpose())), inverse.tr_mul(&(&inverse * shared))))
 }
 
 /// Variances of the error's lines: noise, and rounding to counts as far as it repeats with the motion.
@@ -292,7 +334,7 @@ impl Numerical {
         for (c, lines) in missed.iter_mut().enumerate() {
             for (k, line) in lines.iter_mut().enumerate() {
                 let columns = self.columns.iter().zip(&step).zip(&base.perturbed);
-                let foreseen: Complex<f64> = columns.map(|((m, s), &j)| m[c][k] * (*s * base.steps[j])).sum();
+                let foreseen: Complex<f64> = columns.map(|((m, s), &j)| m.lines[c][k] * (*s * base.steps[j])).sum();
                 *line -= base.error[c][k] + foreseen;
             }
         }
@@ -327,16 +369,22 @@ impl Numerical {
         let all: f64 = missed.iter().flatten().map(|line| line.norm_sqr()).sum();
         let of_noise: f64 = variance.iter().chain(&base.variance).flatten().sum();
         let share = if all > of_noise && length > 0.0 { (1.0 - of_noise / all) / length } else { 0.0 };
+        let noise = remaining(&base.noise, &self.columns, &step);
         for ((column, step), &j) in self.columns.iter_mut().zip(&step).zip(&base.perturbed) {
-            for (line, missed) in column.iter_mut().flatten().zip(missed.iter().flatten()) {
+            for (line, missed) in column.lines.iter_mut().flatten().zip(missed.iter().flatten()) {
                 *line += missed * (share * step / base.steps[j]);
             }
+            // What was missed has the noise of the new run, without that of the base and of the columns.
+            column.noise.iter_mut().zip(&noise).for_each(|(own, noise)| *own -= noise * share * step);
+            column.noise.push(share * step);
         }
         if let Some(base) = self.base.as_mut() {
             base.moved.iter_mut().zip(&step).for_each(|(moved, step)| *moved += step);
             base.variance = variance;
             base.parameters.clone_from(&run.trial.parameters);
             base.error = error;
+            base.noise.fill(0.0);
+            base.noise.push(1.0);
         }
     }
 
@@ -373,6 +421,74 @@ impl Measured {
         self.curvature.map(|curvature| curvature * ratio.powi(4))
     }
 
+    /// The columns, and the error of the base, as they are expected without the noise that the columns share with the equations.
+    ///
+    /// With the weighted products N of the measured columns, the products D of their noise among these and the products d of their noise
+    /// and that of the error, `E[exact columns | measured]` is `M (1 - N^-1 D)`, and `M N^-1 d` of the error is noise of the columns
+    /// (regression calibration). The normal equations are then `(N - D) x = M' E - d`, without bias, and the covariance is theirs. What
+    /// cannot be told from noise along a combination leaves nothing of it. Noise is in what the update leaves of the error too, and is not
+    /// taken for larger than this shows: variances are upper limits where a machine has no noise to speak of.
+    fn calibrated(
+        &self,
+        steps: &[f64],
+        cleared: bool,
+        variance: impl Fn(usize, usize) -> f64,
+    ) -> (Vec<Lines>, Lines) {
+        let base = &self.base;
+        let count = self.columns.len();
+        let (mut products, mut noise) = (DMatrix::<f64>::zeros(count, count), DMatrix::<f64>::zeros(count, count));
+        let mut shared = DVector::<f64>::zeros(count);
+        let is_used = |j: usize, k: usize| !(cleared && base.zero[base.perturbed[j]][k]);
+        // Per step, so that columns are of the same size.
+        let mut columns: Vec<Lines> = self.columns.iter().map(|column| column.lines.clone()).collect();
+        for (j, lines) in columns.iter_mut().enumerate() {
+            for line in lines.iter_mut().flat_map(|lines| lines.iter_mut().enumerate()) {
+                *line.1 *= if is_used(j, line.0) { base.steps[base.perturbed[j]] } else { 0.0 };
+            }
+        }
+        let weight = |c: usize, k: usize| if k == 0 { 1.0 } else { 2.0 } / variance(c, k);
+        // What is left of the error at the update, which noise explains up to what is expected of it.
+        let (mut left, mut expected) = (0.0, 0.0);
+        let remaining = squares(&remaining(&base.noise, &self.columns, steps));
+        for (c, error) in base.error.iter().enumerate() {
+            for (k, (line, known)) in error.iter().zip(&base.variance[c]).enumerate().skip(1) {
+                let foreseen = columns.iter().zip(steps).map(|(column, step)| column[c][k] * step).sum::<Complex<f64>>();
+                left += weight(c, k) * (line - foreseen).norm_sqr();
+                expected += weight(c, k) * known * remaining;
+            }
+        }
+        let shown = if left < expected { left / expected } else { 1.0 };
+        for (c, error) in base.error.iter().enumerate() {
+            for (k, known) in base.variance[c].iter().enumerate().take(error.len()) {
+                let weight = weight(c, k);
+                let own = weight * known * shown;
+                for i in (0..count).filter(|&i| is_used(i, k)) {
+                    shared[i] += own * product(&self.columns[i].noise, &base.noise);
+                    for j in (0..count).filter(|&j| is_used(j, k)) {
+                        products[(i, j)] += weight * (columns[i][c][k].conj() * columns[j][c][k]).re;
+                        noise[(i, j)] += own * product(&self.columns[i].noise, &self.columns[j].noise);
+                    }
+                }
+            }
+        }
+        let mut error = base.error.clone();
+        if let Some((mixed, part)) = reliability(products, &noise, &shared) {
+            let measured = columns.clone();
+            for (c, lines) in error.iter_mut().enumerate() {
+                for (k, line) in lines.iter_mut().enumerate() {
+                    *line -= (0..count).map(|i| measured[i][c][k] * part[i]).sum::<Complex<f64>>();
+                    for (j, column) in columns.iter_mut().enumerate() {
+                        column[c][k] = (0..count).map(|i| measured[i][c][k] * mixed[(i, j)]).sum();
+                    }
+                }
+            }
+        }
+        for (column, &j) in columns.iter_mut().zip(&base.perturbed) {
+            column.iter_mut().flatten().for_each(|line| *line /= base.steps[j]);
+        }
+        (columns, error)
+    }
+
     /// `E = M (theta' - theta)`, with the variances where the parameters are about `theta`, beside so many other updates on the same
     /// reference.
     fn equations(&self, theta: &[f64], settings: &Settings, rank: usize, others: usize) -> Equations {
@@ -382,26 +498,26 @@ impl Measured {
         let steps = base.in_steps(&update);
         let length = squares(&steps);
         // The noise of the perturbed runs, and that of the base, with which all of them were compared.
-        let noise = length + (1.0 + steps.iter().sum::<f64>().abs()).powi(2);
+        let noise = squares(&remaining(&base.noise, &self.columns, &steps));
         let missed = match self.curvature {
             Some(curvature) => curvature * bent(length),
             // Nothing is known of the linearisation: it may miss as much as there is.
             None => base.error.iter().flatten().map(|line| line.norm_sqr()).fold(0.0, f64::max),
         };
-        let mut equations = Equations::new(self.matrix.len());
-        for (c, error) in base.error.iter().enumerate() {
+        // What all updates repeat counts in each as often as there are updates.
+        let variance = |c: usize, k: usize| base.variance[c][k] * (noise + others as f64 * base.repeated[c]) + missed;
+        let (columns, error) = self.calibrated(&steps, cleared, variance);
+        let matrix = base.matrix(columns);
+        let mut equations = Equations::new(matrix.len());
+        for (c, error) in error.iter().enumerate() {
             for (k, line) in error.iter().enumerate() {
-                let entry = |(column, zero): (&Lines, &Vec<bool>)| {
-                    if cleared && zero[k] { Complex::new(0.0, 0.0) } else { column[c][k] }
-                };
-                let mut phi: Vec<Complex<f64>> = self.matrix.iter().zip(&base.zero).map(entry).collect();
+                let mut phi: Vec<Complex<f64>> = matrix.iter().map(|column| column[c][k]).collect();
                 if cleared && base.zero.iter().all(|zero| zero[k]) {
                     continue;
                 }
                 let mut right: Complex<f64> = phi.iter().zip(&base.parameters).map(|(m, value)| m * *value).sum();
                 right -= line;
-                // What all updates repeat counts in each as often as there are updates.
-                let mut variance = base.variance[c][k] * (noise + others as f64 * base.repeated[c]) + missed;
+                let mut variance = variance(c, k);
                 if let Some(MeanShift { coordinates, uncertainty }) = base.shift.as_ref().filter(|_| k == 0) {
                     let (own, known) = coordinates[c].split_at(phi.len());
                     let known: f64 = known.iter().sum();
@@ -495,16 +611,22 @@ impl Estimator for Numerical {
             self.correct(model, run, error);
         } else if let Some(base) = &self.base {
             let step = base.steps[base.perturbed[self.columns.len()]];
-            let column = error
+            let lines = error
                 .iter()
                 .zip(&base.error)
                 .map(|(changed, before)| changed.iter().zip(before).map(|(a, b)| (a - b) / step).collect())
                 .collect();
-            self.columns.push(column);
+            let runs = base.perturbed.len() + 1;
+            let mut noise = vec![0.0; runs];
+            (noise[0], noise[self.columns.len() + 1]) = (-1.0, 1.0);
+            self.columns.push(Column { lines, noise });
             if self.columns.len() < base.perturbed.len() {
                 return Ok(());
             }
             self.known = true;
+            if let Some(base) = self.base.as_mut() {
+                base.noise.resize(runs, 0.0);
+            }
         }
         if let Some(base) = &self.base {
             let kept = self.settings.kept(self.updates.len());
@@ -514,7 +636,7 @@ impl Estimator for Numerical {
             self.updates.push(Measured {
                 fresh: base.is_fresh(),
                 curvature: self.updates.last().and_then(|last| last.curvature_in(&base.steps)),
-                matrix: base.matrix(&self.columns),
+                columns: self.columns.clone(),
                 base: base.clone(),
             });
         }
@@ -536,8 +658,12 @@ mod tests {
     use crate::campaign::Campaign;
     use crate::experiment::Experiment;
     use crate::machine::simulated::simulate;
+    use crate::numerics::{DMatrix, DVector};
     use crate::run::trajectory::tests::rest_to_rest_3;
     use crate::test_models::MassSpringDrag;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
     use std::vec::Vec;
     use tpm_core::harmonics::Hold;
 
@@ -585,6 +711,54 @@ mod tests {
         {
             let errors = errors(settings);
             assert!(errors.iter().any(|e| e.1 <= 1e-3), "{settings}: {errors:?}");
+        }
+    }
+
+    /// Two columns, measured as differences from a base run whose noise is in the right-hand side as well.
+    #[test]
+    fn noise_that_columns_share_with_the_base_moves_no_estimate() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let (count, draws, truth) = (40, 4000, [-0.3, 0.5]);
+        let exact = DMatrix::from_fn(count, 2, |e, j| {
+            let phase = (e as f64) * 0.7;
+            4.0 * phase.sin() + if j == 0 { 0.0 } else { 5.0 * phase.cos() }
+        });
+        let target = &exact * DVector::from_column_slice(&truth);
+        // The base is in both columns with -1, and every column has a run of its own.
+        let noise = DMatrix::from_row_slice(2, 2, &[2.0, 1.0, 1.0, 2.0]);
+        let shared = DVector::from_element(2, -1.0);
+        let (mut plain, mut calibrated, mut squares) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        let mut stated = [0.0; 2];
+        for _ in 0..draws {
+            let base = DVector::from_fn(count, |_, _| normal());
+            let columns = DMatrix::from_fn(count, 2, |e, j| exact[(e, j)] + normal() - base[e]);
+            let right = &target + &base;
+            // Noise of an equation: the base, without what the columns say of the update.
+            let scale = (1.0_f64 + truth.iter().sum::<f64>()).powi(2) + truth.iter().map(|x| x * x).sum::<f64>();
+            let weighted = |m: &DMatrix<f64>| m.tr_mul(m) / scale;
+            let solved = |m: &DMatrix<f64>, right: &DVector<f64>| {
+                m.tr_mul(m).cholesky().expect("regular").solve(&m.tr_mul(right))
+            };
+            let factors = (count as f64 / scale, weighted(&columns));
+            let (mixed, part) =
+                super::reliability(factors.1, &(&noise * factors.0), &(&shared * factors.0)).expect("regular");
+            let (expected, rest) = (&columns * mixed, &right - &columns * part);
+            let own = solved(&expected, &rest);
+            let covariance = weighted(&expected).try_inverse().expect("regular");
+            let naive = solved(&columns, &right);
+            for j in 0..2 {
+                plain[j] += (naive[j] - truth[j]) / draws as f64;
+                calibrated[j] += (own[j] - truth[j]) / draws as f64;
+                squares[j] += (own[j] - truth[j]).powi(2) / draws as f64;
+                stated[j] += covariance[(j, j)] / draws as f64;
+            }
+        }
+        for j in 0..2 {
+            let std = squares[j].sqrt();
+            assert!(calibrated[j].abs() < 0.2 * plain[j].abs(), "{calibrated:?} {plain:?}");
+            assert!(plain[j].abs() > 0.2 * std, "the test tells nothing: {plain:?} {std}");
+            assert!((0.9..1.1).contains(&(stated[j].sqrt() / std)), "{stated:?} {squares:?}");
         }
     }
 }
