@@ -349,7 +349,9 @@ pub(super) fn row_variance(
         }
         let scale = if k == 0 { 1.0 } else { 4.0 };
         let line = k as isize * bins.periods;
-        let (_, shape) = pair(line);
+        // A third of a line's noise comes from the two bins beside it, through the window. They are all of it where the row does not feel
+        // the line itself, as the mean of a coordinate on which no force depends.
+        let shape = (4.0 * pair(line).1 + pair(line - 1).1 + pair(line + 1).1) / 6.0;
         for &m in &mixing {
             response(slots, gain, m, bins.frequency(line - m * bins.periods), &mut felt);
             apart += felt.iter().zip(repeating).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();

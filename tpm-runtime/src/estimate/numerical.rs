@@ -428,12 +428,7 @@ impl Measured {
     /// (regression calibration). The normal equations are then `(N - D) x = M' E - d`, without bias, and the covariance is theirs. What
     /// cannot be told from noise along a combination leaves nothing of it. Noise is in what the update leaves of the error too, and is not
     /// taken for larger than this shows: variances are upper limits where a machine has no noise to speak of.
-    fn calibrated(
-        &self,
-        steps: &[f64],
-        cleared: bool,
-        variance: impl Fn(usize, usize) -> f64,
-    ) -> (Vec<Lines>, Lines) {
+    fn calibrated(&self, steps: &[f64], cleared: bool, variance: impl Fn(usize, usize) -> f64) -> (Vec<Lines>, Lines) {
         let base = &self.base;
         let count = self.columns.len();
         let (mut products, mut noise) = (DMatrix::<f64>::zeros(count, count), DMatrix::<f64>::zeros(count, count));
@@ -452,7 +447,8 @@ impl Measured {
         let remaining = squares(&remaining(&base.noise, &self.columns, steps));
         for (c, error) in base.error.iter().enumerate() {
             for (k, (line, known)) in error.iter().zip(&base.variance[c]).enumerate().skip(1) {
-                let foreseen = columns.iter().zip(steps).map(|(column, step)| column[c][k] * step).sum::<Complex<f64>>();
+                let foreseen =
+                    columns.iter().zip(steps).map(|(column, step)| column[c][k] * step).sum::<Complex<f64>>();
                 left += weight(c, k) * (line - foreseen).norm_sqr();
                 expected += weight(c, k) * known * remaining;
             }

@@ -72,8 +72,11 @@ pub(super) fn solve(runs: &[Equations], settings: &Settings, current: &[f64]) ->
     let covariance = free.spread_square(&(solution.covariance * inflation));
     let touched = scaled.touched(&solution.unobservable);
     let Verdict { std, status } = Verdict::new(&free, &touched, &values, &covariance, |_, _| f64::INFINITY);
+    // Equations count by their noise: what noise makes of high harmonics, the squares of their frequencies times as much, is no force that
+    // the model lacks.
     let (left, force) = (0..latest.len()).fold((0.0, 0.0), |(left, force), e| {
-        (left + latest.residual(e, &values).norm_sqr(), force + latest.right[e].norm_sqr())
+        let weight = latest.weight(e);
+        (left + weight * latest.residual(e, &values).norm_sqr(), force + weight * latest.right[e].norm_sqr())
     });
     Ok(Estimate {
         values,
