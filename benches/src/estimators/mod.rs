@@ -10,6 +10,7 @@ use crate::honesty::machines::Shipped;
 use crate::honesty::table::Table;
 use cell::Cell;
 use machines::MACHINES;
+use noisy::COVERED;
 use std::error::Error;
 use tpm_runtime::estimate::Method;
 
@@ -18,7 +19,7 @@ pub const MOST: f64 = 4.0;
 /// Fewest seeds for a sample of campaigns.
 pub const SEEDS: usize = 20;
 
-/// The report: both tables, and below them why cells have no number.
+/// The report: its tables, and below them why cells have no number.
 ///
 /// # Errors
 /// Whatever keeps a machine from being simulated.
@@ -27,6 +28,7 @@ pub fn report(words: &str, seeds: usize, progress: &dyn Fn(&str)) -> Result<Stri
     head.extend(Method::ALL.iter().map(|method| method.name()));
     let mut updates = Table::new(&head);
     let mut deviations = Table::new(&head);
+    let mut coverage = Table::new(&head);
     let mut sizes = Table::new(&head);
     let mut notes = Vec::new();
     for machine in MACHINES.iter().filter(|machine| machine.name.contains(words)) {
@@ -37,6 +39,8 @@ pub fn report(words: &str, seeds: usize, progress: &dyn Fn(&str)) -> Result<Stri
         updates.push(row(machine, &quiet, &mut notes));
         let cells: Vec<Cell> = noisy.iter().map(noisy::Campaigns::cell).collect();
         deviations.push(row(machine, &cells, &mut notes));
+        let covered: Vec<Cell> = noisy.iter().map(noisy::Campaigns::coverage).collect();
+        coverage.push(row(machine, &covered, &mut notes));
         let own = noisy.first().map_or(&[][..], |own| own.deviations.as_slice());
         let ratios: Vec<Cell> = noisy.iter().map(|campaigns| campaigns.beside(own)).collect();
         sizes.push(row(machine, &ratios, &mut notes));
@@ -47,6 +51,7 @@ pub fn report(words: &str, seeds: usize, progress: &dyn Fn(&str)) -> Result<Stri
          Estimates start half as large as the truth or half as large again. In brackets the runs behind one update, where there is more \
          than one in the first.\n\n{updates}\n\
          ## Errors in deviations with noise\n\nLargest error of any number in {seeds} campaigns, in its own stated deviations.\n\n{deviations}\n\
+         ## Coverage\n\nNumbers of all these campaigns within {COVERED} deviations of the truth; 95 % are asked of normal errors.\n\n{coverage}\n\
          ## Deviations beside those of measured motion\n\nLargest ratio over the parameters of the median stated deviations.\n\n{sizes}\n\
          ## Why\n\n{notes}"
     ))

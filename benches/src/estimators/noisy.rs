@@ -8,11 +8,16 @@ use std::error::Error;
 use tpm_runtime::estimate::{LARGE_RESIDUAL, Method};
 use tpm_runtime::session::{Identification, Warning};
 
+/// Deviations within which 95 % of normal errors are.
+pub const COVERED: f64 = 1.96;
+
 /// Campaigns of one estimator on one machine, for successive seeds.
 #[derive(Clone, Debug, Default)]
 pub struct Campaigns {
     /// Largest error of a campaign's numbers in their deviations, and the name of the number; campaigns without any are left out.
     pub worst: Vec<(f64, String)>,
+    /// Numbers within [`COVERED`] of their deviations, and all of them.
+    pub covered: (usize, usize),
     /// Median deviation of every number, by its name.
     pub deviations: Vec<(String, f64)>,
     /// Ranks that the campaigns found.
@@ -90,6 +95,8 @@ impl Campaigns {
         for (name, value, std, truth) in numbers(result) {
             stds.entry(name.clone()).or_default().push(std);
             let error = (value - truth).abs() / std;
+            self.covered.0 += usize::from(error < COVERED);
+            self.covered.1 += 1;
             if worst.as_ref().is_none_or(|(most, _)| error > *most) {
                 worst = Some((error, name));
             }
@@ -118,6 +125,16 @@ impl Campaigns {
 
     fn seeds(&self) -> usize {
         self.worst.len() + self.refused.values().sum::<usize>()
+    }
+
+    /// The share of numbers within [`COVERED`] deviations as a cell.
+    #[must_use]
+    pub fn coverage(&self) -> Cell {
+        let text = match self.covered {
+            (_, 0) => "-".into(),
+            (within, all) => format!("{:.1} %", 100.0 * within as f64 / all as f64),
+        };
+        Cell { text, note: None }
     }
 
     /// Largest ratio of the deviations to other ones; nothing where no number is in both.
