@@ -58,6 +58,9 @@ const SHIFT_UNCERTAINTY: f64 = 0.02;
 pub(super) struct NoiseAlong {
     /// Variance of every row's phasors by harmonic.
     pub(super) variance: Vec<Vec<f64>>,
+    /// The part of a phasor's error, as a variance, that every run of the same motion repeats because it is rounded to the same counts;
+    /// laid out as `variance`.
+    pub(super) repeated: Vec<Vec<f64>>,
     /// Per row, the shifts of the means of the regressors and, last, of the known term by the motion that noise causes on its
     /// way round the loop. Beside them the standard deviation of a shift as a share of it. Nothing where that motion is not
     /// known.
@@ -90,13 +93,15 @@ pub(super) fn noise_along(
         variance.iter().zip(&apart).map(|(noise, apart)| noise + apart).collect()
     };
     let variance = (0..dims.rows).map(of_row).collect();
+    let rounding: Vec<f64> = (0..dims.coordinates).map(|c| bins.rounding(c, bins.alike(c))).collect();
+    let repeated = gains.iter().map(|gain| row_rounding(&bins, highest, slots, gain, &rounding)).collect();
     let shifts = match true_motion(&bins, &maps, slots, &gains, dims.coordinates) {
         Some((motion, uncertainty)) => {
             Some((shifts(model, &run.trial.constants, spectra, highest, slots, &motion)?, uncertainty))
         }
         None => None,
     };
-    Ok(Some(NoiseAlong { variance, shifts }))
+    Ok(Some(NoiseAlong { variance, repeated, shifts }))
 }
 
 /// What rounding to counts adds to every line of each coordinate, as a share of the variance that the noise of its sensor makes: in one
@@ -333,7 +338,6 @@ pub(super) fn row_variance(
         }
         (residual.norm_sqr(), shape)
     };
-    let mut felt = vec![Complex::new(0.0, 0.0); coordinates];
     let mut variances = (Vec::with_capacity(highest + 1), Vec::with_capacity(highest + 1));
     for k in 0..=highest {
         let mut sum = |least: usize| {
@@ -352,14 +356,33 @@ pub(super) fn row_variance(
         // A third of a line's noise comes from the two bins beside it, through the window. They are all of it where the row does not feel
         // the line itself, as the mean of a coordinate on which no force depends.
         let shape = (4.0 * pair(line).1 + pair(line - 1).1 + pair(line + 1).1) / 6.0;
-        for &m in &mixing {
-            response(slots, gain, m, bins.frequency(line - m * bins.periods), &mut felt);
-            apart += felt.iter().zip(repeating).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
-        }
         variances.0.push(scale * level * shape);
         variances.1.push(scale * apart);
     }
+    let of_rounding = row_rounding(bins, highest, slots, gain, repeating);
+    variances.1.iter_mut().zip(of_rounding).for_each(|(apart, rounding)| *apart += rounding);
     variances
+}
+
+/// E|n|^2 of a row's phasors, harmonics 0 to `highest`, when every sensor adds a power of its own to each of its lines.
+fn row_rounding(
+    bins: &Bins<'_>,
+    highest: usize,
+    slots: &[(usize, usize)],
+    gain: &[Vec<Complex<f64>>],
+    power: &[f64],
+) -> Vec<f64> {
+    let mixing = mixing(gain);
+    let mut felt = vec![Complex::new(0.0, 0.0); power.len()];
+    let of = |k: usize| {
+        let mut sum = 0.0;
+        for &m in &mixing {
+            response(slots, gain, m, bins.frequency((k as isize - m) * bins.periods), &mut felt);
+            sum += felt.iter().zip(power).map(|(z, power)| z.norm_sqr() * power).sum::<f64>();
+        }
+        if k == 0 { sum } else { 4.0 * sum }
+    };
+    (0..=highest).map(of).collect()
 }
 
 /// Covariance of the motion between the lines, per pair of slots: the motion that the inputs between the lines explain, or the

@@ -68,7 +68,10 @@ impl Linearised {
         let runs: Vec<&Reduced> = self.runs.iter().chain(latest).collect();
         let current = runs.last().map_or(&[][..], |run| run.parameters.as_slice());
         solve_reweighted(&self.settings, current, |theta| {
-            let of = |(i, run): (usize, &&Reduced)| run.weighted(theta, self.better && i + 1 == runs.len());
+            let of = |(i, run): (usize, &&Reduced)| {
+                let others = runs.iter().filter(|other| other.repeats(run)).count() - 1;
+                run.weighted(theta, self.better && i + 1 == runs.len(), others)
+            };
             runs.iter().enumerate().map(of).collect()
         })
     }
@@ -149,7 +152,7 @@ impl Estimator for Linearised {
         let along = &self.reference.as_ref().expect("invariant: the reference was just kept").along;
         if let Some(noise) = noise_along(model, run, along, &first, highest)? {
             if self.kind != FirstOrder::Effort {
-                reduced.equations.set_variance(own, &noise.variance);
+                reduced.set_noise(own, &noise.variance, &noise.repeated);
             }
             if let Some((shifts, uncertainty)) = &noise.shifts {
                 reduced.shift_means(shifts, &first, *uncertainty);

@@ -58,8 +58,12 @@ pub(super) struct Reduced {
     missed: Vec<Complex<f64>>,
     /// Square of the size of `H^-1`: what an error of one makes of an equation.
     size: Vec<f64>,
+    /// Variance of the part of every equation's error that other runs of the same motion repeat.
+    repeated: Vec<f64>,
     /// theta', the parameters of the feed-forward.
     pub(super) parameters: Vec<f64>,
+    /// The reference, and the coordinates that it leaves open.
+    reference: (Trajectory, Vec<usize>),
 }
 
 impl Reduced {
@@ -67,8 +71,28 @@ impl Reduced {
     ///
     /// The latest run is linearised at the parameters of its feed-forward. In an earlier run the response to the error is taken for every
     /// parameter by itself, as a part of its regressor: as far as its lines stand out of their noise, so that noise is no regressor.
-    pub(super) fn weighted(&self, theta: &[f64], latest: bool) -> Equations {
-        self.linearised(theta, latest).0
+    ///
+    /// An error that so many `others` repeat does not average out: it counts in each run as often as there are runs.
+    pub(super) fn weighted(&self, theta: &[f64], latest: bool, others: usize) -> Equations {
+        let mut equations = self.linearised(theta, latest).0;
+        for (variance, repeated) in equations.variance.iter_mut().zip(&self.repeated) {
+            *variance += others as f64 * repeated;
+        }
+        equations
+    }
+
+    /// Whether two runs have one reference. Open coordinates are not compared: their reference follows from the parameters.
+    pub(super) fn repeats(&self, other: &Self) -> bool {
+        self.reference.0.prescribes_as(&other.reference.0, &other.reference.1)
+    }
+
+    /// Sets the variance of the noise of the first `count` equations, and that of what other runs repeat, by row and harmonic.
+    pub(super) fn set_noise(&mut self, count: usize, variance: &[Vec<f64>], repeated: &[Vec<f64>]) {
+        self.equations.set_variance(count, variance);
+        let places = self.equations.row.iter().zip(&self.equations.harmonic).take(count);
+        for (slot, (&row, &harmonic)) in self.repeated.iter_mut().zip(places) {
+            *slot = repeated.get(row).and_then(|of_row| of_row.get(harmonic)).copied().unwrap_or(0.0);
+        }
     }
 
     /// Whether the noise of the equations is larger than what the linearisation leaves out where the parameters are `theta`.
@@ -110,7 +134,7 @@ impl Reduced {
 
     /// Sum of squares of the tracking error, as far as the equations show it, and of the noise in it.
     pub(super) fn tracking(&self) -> (f64, f64) {
-        let equations = self.weighted(&self.parameters, true);
+        let equations = self.linearised(&self.parameters, true).0;
         (0..equations.len()).fold((0.0, 0.0), |(error, noise), e| {
             let of_error = equations.residual(e, &self.parameters).norm_sqr();
             (error + of_error / self.size[e], noise + self.equations.variance[e] / self.size[e])
@@ -125,6 +149,7 @@ impl Reduced {
         self.certain.append(&mut others.certain);
         self.missed.append(&mut others.missed);
         self.size.append(&mut others.size);
+        self.repeated.append(&mut others.repeated);
     }
 
     /// Shifts the means of the regressors and of the known term as noise does: `shifts` has, per row, one number for every
@@ -248,7 +273,9 @@ impl FirstOrder {
             certain: Vec::new(),
             missed: Vec::new(),
             size: Vec::new(),
+            repeated: Vec::new(),
             parameters: trial.parameters.clone(),
+            reference: (trial.trajectory.clone(), trial.open.clone()),
         };
         let mut phi = vec![Complex::new(0.0, 0.0); dims.parameters];
         let certain = certain(error, noise);
@@ -263,6 +290,7 @@ impl FirstOrder {
                 let Driven { through, size } = drive(row, k, &linear, &mut applied);
                 reduced.applied.push(applied);
                 reduced.size.push(size);
+                reduced.repeated.push(0.0);
                 for j in 0..width {
                     let change = match regressors.get(row * dims.parameters + j).filter(|_| j < dims.parameters) {
                         Some(lines) => lines[k] - along.regressor(row, j)[k],
