@@ -182,7 +182,7 @@ impl<'a> Bins<'a> {
     }
 
     /// The share of the error of counts that is the same in every period; zero without counts.
-    fn alike(&self, channel: usize) -> f64 {
+    pub(super) fn alike(&self, channel: usize) -> f64 {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
         // Noise of the sensor and motion that differs from period to period alike bring the counts out of step with the period. The
@@ -200,7 +200,7 @@ impl<'a> Bins<'a> {
     /// The part of the error that follows from the motion is the same in every period, and in successive samples whose rounding errors are
     /// alike. It is also the same in all runs of one motion, and does not average out over them, even where noise of the sensor hides it in
     /// one run.
-    fn rounding(&self, channel: usize, share: f64) -> f64 {
+    pub(super) fn rounding(&self, channel: usize, share: f64) -> f64 {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let per_period = self.spectra.samples_per_period;
         // The motion without the lines of its rounding.
@@ -365,7 +365,7 @@ pub(super) fn row_variance(
 }
 
 /// E|n|^2 of a row's phasors, harmonics 0 to `highest`, when every sensor adds a power of its own to each of its lines.
-fn row_rounding(
+pub(super) fn row_rounding(
     bins: &Bins<'_>,
     highest: usize,
     slots: &[(usize, usize)],

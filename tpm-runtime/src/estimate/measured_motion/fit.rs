@@ -10,6 +10,7 @@ use crate::estimate::information::Information;
 use crate::estimate::measured_motion::coupled::Weighed;
 use crate::estimate::measured_motion::model_error::excess;
 use crate::estimate::measured_motion::record::MeasuredMotion;
+use crate::estimate::measured_motion::repeats::share_repeats;
 use crate::estimate::result::Estimate;
 use crate::estimate::settings::{Settings, Weights};
 use crate::estimate::verdict::Verdict;
@@ -70,6 +71,7 @@ pub(in crate::estimate) fn estimate_structured(
     let Some(dims) = records.first().map(|r| r.dims) else {
         return Err(EstimateError::NoSignal);
     };
+    share_repeats(records);
     let mut fitted = solve_records(records, dims, settings, structure)?;
     if settings.harmonics.is_none() {
         // Each cut lowers the median of what remains, so the loop is short; it ends at half of the lines at the latest.

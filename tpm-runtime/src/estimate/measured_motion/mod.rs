@@ -17,6 +17,7 @@ mod record;
 mod records;
 mod refine;
 mod reliability;
+mod repeats;
 mod sampling;
 mod variance;
 

@@ -7,6 +7,7 @@ use crate::estimate::error::EstimateError;
 use crate::estimate::information::Information;
 use crate::estimate::measured_motion::coupled::Coupled;
 use crate::estimate::measured_motion::path::NoisePath;
+use crate::estimate::measured_motion::repeats::Repeats;
 use crate::estimate::measured_motion::sampling::{Context, Lines, drive_lines, hold_corrected};
 use crate::estimate::select::{ALONE, highest_visible, strongest, unexplained_tail, visible, without_stragglers};
 use crate::estimate::settings::Settings;
@@ -50,6 +51,10 @@ pub struct MeasuredMotion {
     pub(super) refined: Option<Vec<Vec<f64>>>,
     /// Variance of the rows' phasors by harmonic that does not come from the sensors' noise; no two equations share it.
     pub(super) apart: Vec<Vec<f64>>,
+    /// What other records of the same motion repeat; nothing without counts.
+    pub(super) repeats: Option<Repeats>,
+    /// Variance of the rows' phasors by harmonic that the records which are solved together repeat, as often as there are others.
+    pub(super) repeated: Vec<Vec<f64>>,
     /// Relative level of the white noise of every coordinate's sensor, where the sensors are known to be the only source of noise.
     white: Option<Vec<f64>>,
     /// Correlations of the used equations' noise, where they are known.
@@ -121,6 +126,8 @@ impl MeasuredMotion {
             tail: None,
             refined: None,
             apart: vec![Vec::new(); dims.rows],
+            repeats: None,
+            repeated: vec![Vec::new(); dims.rows],
             white: None,
             coupled: None,
         };

@@ -2,6 +2,7 @@
 
 use crate::estimate::error::EstimateError;
 use crate::estimate::measured_motion::record::MeasuredMotion;
+use crate::estimate::measured_motion::repeats::Repeats;
 use crate::estimate::noise::{Bins, row_variance, shifts, true_motion};
 use crate::run::Spectra;
 use num_complex::Complex;
@@ -41,6 +42,8 @@ pub(in crate::estimate) fn refine_last(
     };
     let (variance, apart) = (0..dims.rows).map(of_row).unzip();
     record.set_variance(variance, apart, (!sensors.counted).then_some(sensors.white));
+    let used: Vec<usize> = (0..dims.rows).map(|row| record.used(row).last().copied().unwrap_or(0)).collect();
+    record.repeats = Repeats::of(spectra, &bins, &used, &slots, &gains);
     let motion = true_motion(&bins, &maps, &slots, &gains, dims.coordinates);
     if let Some((motion, uncertainty)) = motion {
         let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;

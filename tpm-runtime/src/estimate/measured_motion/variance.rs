@@ -9,7 +9,8 @@ use std::vec::Vec;
 impl MeasuredMotion {
     /// Variance of an equation that it shares with no other equation.
     pub(super) fn error_apart(&self, row: usize, k: usize) -> f64 {
-        self.apart[row].get(k).copied().unwrap_or(0.0)
+        let of = |rows: &[Vec<f64>]| rows[row].get(k).copied().unwrap_or(0.0);
+        of(&self.apart) + of(&self.repeated)
     }
 
     /// Variance of every used equation's noise at theta.

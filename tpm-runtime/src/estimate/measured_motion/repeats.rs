@@ -1,0 +1,102 @@
+//! Rounding to counts that records of one motion repeat.
+//!
+//! A reading is rounded by what the motion is at that moment. Records of the same motion therefore share a part of their rounding errors,
+//! which does not average out over them: with n records it counts in each n times, so that it remains whole in their mean. Invariant: how
+//! much two records share follows from how far their motions are apart in counts, and from nothing else.
+
+use crate::estimate::measured_motion::record::MeasuredMotion;
+use crate::estimate::noise::{Bins, row_rounding};
+use crate::run::{Spectra, repeating};
+use num_complex::Complex;
+use std::vec;
+use std::vec::Vec;
+
+/// Share of two records below which their rounding errors have nothing in common.
+const NOTHING: f64 = 1e-6;
+
+/// The motion of a record, and what rounding it to counts does to the rows.
+#[derive(Clone, Debug)]
+pub(super) struct Repeats {
+    samples_per_period: f64,
+    sample_time: f64,
+    coordinates: Vec<Rounded>,
+}
+
+/// A coordinate whose readings are counts.
+#[derive(Clone, Debug)]
+struct Rounded {
+    /// Its channel.
+    channel: usize,
+    step: f64,
+    lines: Vec<Complex<f64>>,
+    /// Variance of every row's phasors by harmonic that its rounding makes in all records of this motion.
+    variance: Vec<Vec<f64>>,
+}
+
+impl Repeats {
+    /// Of a record whose rows use harmonics up to `used`; nothing where no coordinate is read in counts.
+    pub(super) fn of(
+        spectra: &Spectra,
+        bins: &Bins<'_>,
+        used: &[usize],
+        slots: &[(usize, usize)],
+        gains: &[Vec<Vec<Complex<f64>>>],
+    ) -> Option<Self> {
+        let highest = used.iter().copied().max().unwrap_or(0);
+        let count = gains.len();
+        let of = |channel: usize| {
+            let power = bins.rounding(channel, bins.alike(channel));
+            (power > 0.0).then(|| {
+                let mut powers = vec![0.0; count];
+                powers[channel] = power;
+                let rows = used.iter().zip(gains);
+                let variance = rows.map(|(&used, gain)| row_rounding(bins, used, slots, gain, &powers)).collect();
+                let lines = spectra.lines[channel].iter().take(highest + 1).copied().collect();
+                Rounded { channel, step: spectra.step(channel), lines, variance }
+            })
+        };
+        let coordinates: Vec<Rounded> = (0..count).filter_map(of).collect();
+        let (samples_per_period, sample_time) = (spectra.samples_per_period, spectra.sample_time);
+        (!coordinates.is_empty()).then_some(Repeats { samples_per_period, sample_time, coordinates })
+    }
+
+    /// The share of a coordinate's repeated rounding that another record has too.
+    fn shared(&self, own: &Rounded, other: &Self) -> f64 {
+        let sampled = |repeats: &Self| (repeats.samples_per_period.to_bits(), repeats.sample_time.to_bits());
+        let Some(theirs) = other.coordinates.iter().find(|theirs| theirs.channel == own.channel) else { return 0.0 };
+        if sampled(self) != sampled(other) {
+            return 0.0;
+        }
+        let zero = Complex::new(0.0, 0.0);
+        let apart = |k: usize| own.lines.get(k).unwrap_or(&zero) - theirs.lines.get(k).unwrap_or(&zero);
+        let lines = own.lines.len().max(theirs.lines.len());
+        let apart: f64 = (0..lines).map(|k| apart(k).norm_sqr() * if k == 0 { 1.0 } else { 0.5 }).sum();
+        // Motions that are apart by a part of a count share what noise of half this power would leave of a rounding error in each.
+        repeating(0.5 * apart / (own.step * own.step)) / repeating(0.0)
+    }
+}
+
+/// Gives every record the variance of what the others repeat of it.
+pub(super) fn share_repeats(records: &mut [MeasuredMotion]) {
+    let of = |(i, record): (usize, &MeasuredMotion)| -> Vec<Vec<f64>> {
+        let mut repeated = vec![Vec::new(); record.dims.rows];
+        let Some(own) = &record.repeats else { return repeated };
+        for rounded in &own.coordinates {
+            let others = records.iter().enumerate().filter(|(j, _)| *j != i);
+            let shares = others.filter_map(|(_, other)| Some(own.shared(rounded, other.repeats.as_ref()?)));
+            let shares: f64 = shares.sum();
+            if shares < NOTHING {
+                continue;
+            }
+            for (sum, variance) in repeated.iter_mut().zip(&rounded.variance) {
+                sum.resize(variance.len(), 0.0);
+                sum.iter_mut().zip(variance).for_each(|(sum, variance)| *sum += shares * variance);
+            }
+        }
+        repeated
+    };
+    let repeated: Vec<Vec<Vec<f64>>> = records.iter().enumerate().map(of).collect();
+    for (record, repeated) in records.iter_mut().zip(repeated) {
+        record.repeated = repeated;
+    }
+}
