@@ -10,7 +10,7 @@ use crate::estimate::information::Information;
 use crate::estimate::measured_motion::coupled::Weighed;
 use crate::estimate::measured_motion::model_error::excess;
 use crate::estimate::measured_motion::record::MeasuredMotion;
-use crate::estimate::measured_motion::repeats::share_repeats;
+use crate::estimate::measured_motion::repeats::{Repeats, repeated};
 use crate::estimate::result::Estimate;
 use crate::estimate::settings::{Settings, Weights};
 use crate::estimate::verdict::Verdict;
@@ -71,7 +71,6 @@ pub(in crate::estimate) fn estimate_structured(
     let Some(dims) = records.first().map(|r| r.dims) else {
         return Err(EstimateError::NoSignal);
     };
-    share_repeats(records);
     let mut fitted = solve_records(records, dims, settings, structure)?;
     if settings.harmonics.is_none() {
         // Each cut lowers the median of what remains, so the loop is short; it ends at half of the lines at the latest.
@@ -209,7 +208,19 @@ fn solve_records(
     let chi_squared = if freedom > 0 { remainder / freedom as f64 } else { 0.0 };
     // Errors that repeat in every period do not show between the lines; the residuals show them.
     let inflation = chi_squared.max(1.0);
-    let covariance = covariance * inflation;
+    // Rounding that several records share is no reason to weigh them otherwise: the model's own error, which they share as well, is larger
+    // where a machine does not obey it.
+    let mut shared = DMatrix::zeros(free.indices.len(), free.indices.len());
+    let repeats: Vec<Option<&Repeats>> = records.iter().map(|record| record.repeats.as_ref()).collect();
+    for (i, (equations, repeated)) in equations.iter().zip(repeated(&repeats, dims.rows)).enumerate() {
+        let rows = scaled_rows(&equations.weighted(&free.indices, &settings.frozen), equations, |e| {
+            let variance = repeated[equations.row[e]].get(equations.harmonic[e]).copied().unwrap_or(0.0);
+            (variance / equations.variance[e]).sqrt()
+        });
+        shared += rows.tr_mul(&rows) * settings.memory(records.len() - 1 - i).powi(2);
+    }
+    let shared = free.spread_square(&(&solution.covariance * shared * &solution.covariance));
+    let covariance = covariance * inflation + shared;
     let unobservable = solution.unobservable.iter().map(|direction| free.spread(direction)).collect();
     let scaled = information.scaled();
     let touched = scaled.touched(&solution.unobservable);
@@ -269,20 +280,25 @@ impl Noise {
 
     /// Rows B with `B' B` the covariance of `A' W n`, from the real equations `W^1/2 [A b]` as they were weighted.
     fn rows(&self, weighted: &DMatrix<f64>, equations: &Equations) -> DMatrix<f64> {
-        let mut rows = weighted.columns(0, weighted.ncols() - 1).into_owned();
-        let ratio = |e: usize| (self.variance[e] / equations.variance[e]).sqrt();
-        let of_real = (0..equations.len()).flat_map(|e| {
-            let real = if equations.harmonic[e] == 0 { 1 } else { 2 };
-            std::iter::repeat_n(ratio(e), real)
-        });
-        for (mut row, ratio) in rows.row_iter_mut().zip(of_real) {
-            row *= ratio;
-        }
+        let rows = scaled_rows(weighted, equations, |e| (self.variance[e] / equations.variance[e]).sqrt());
         match &self.weighed {
             Some(weighed) => weighed.decouple(&rows),
             None => rows,
         }
     }
+}
+
+/// The regressors of real equations `[A b]`, times a factor of the equation.
+fn scaled_rows(weighted: &DMatrix<f64>, equations: &Equations, ratio: impl Fn(usize) -> f64) -> DMatrix<f64> {
+    let mut rows = weighted.columns(0, weighted.ncols() - 1).into_owned();
+    let of_real = (0..equations.len()).flat_map(|e| {
+        let real = if equations.harmonic[e] == 0 { 1 } else { 2 };
+        std::iter::repeat_n(ratio(e), real)
+    });
+    for (mut row, ratio) in rows.row_iter_mut().zip(of_real) {
+        row *= ratio;
+    }
+    rows
 }
 
 /// Residual of all records as a share of the force: root mean square over rows and records of each one's share.

@@ -53,8 +53,6 @@ pub struct MeasuredMotion {
     pub(super) apart: Vec<Vec<f64>>,
     /// What other records of the same motion repeat; nothing without counts.
     pub(super) repeats: Option<Repeats>,
-    /// Variance of the rows' phasors by harmonic that the records which are solved together repeat, as often as there are others.
-    pub(super) repeated: Vec<Vec<f64>>,
     /// Relative level of the white noise of every coordinate's sensor, where the sensors are known to be the only source of noise.
     white: Option<Vec<f64>>,
     /// Correlations of the used equations' noise, where they are known.
@@ -127,7 +125,6 @@ impl MeasuredMotion {
             refined: None,
             apart: vec![Vec::new(); dims.rows],
             repeats: None,
-            repeated: vec![Vec::new(); dims.rows],
             white: None,
             coupled: None,
         };

@@ -4,15 +4,11 @@
 //! which does not average out over them: with n records it counts in each n times, so that it remains whole in their mean. Invariant: how
 //! much two records share follows from how far their motions are apart in counts, and from nothing else.
 
-use crate::estimate::measured_motion::record::MeasuredMotion;
 use crate::estimate::noise::{Bins, row_rounding};
 use crate::run::{Spectra, repeating};
 use num_complex::Complex;
 use std::vec;
 use std::vec::Vec;
-
-/// Share of two records below which their rounding errors have nothing in common.
-const NOTHING: f64 = 1e-6;
 
 /// The motion of a record, and what rounding it to counts does to the rows.
 #[derive(Clone, Debug)]
@@ -76,27 +72,20 @@ impl Repeats {
     }
 }
 
-/// Gives every record the variance of what the others repeat of it.
-pub(super) fn share_repeats(records: &mut [MeasuredMotion]) {
-    let of = |(i, record): (usize, &MeasuredMotion)| -> Vec<Vec<f64>> {
-        let mut repeated = vec![Vec::new(); record.dims.rows];
-        let Some(own) = &record.repeats else { return repeated };
+/// For every record, by row and harmonic, the variance of what other records repeat of its rounding, times how many they are.
+pub(super) fn repeated(all: &[Option<&Repeats>], rows: usize) -> Vec<Vec<Vec<f64>>> {
+    let of = |(i, own): (usize, &Option<&Repeats>)| -> Vec<Vec<f64>> {
+        let mut sums = vec![Vec::new(); rows];
+        let Some(own) = own else { return sums };
         for rounded in &own.coordinates {
-            let others = records.iter().enumerate().filter(|(j, _)| *j != i);
-            let shares = others.filter_map(|(_, other)| Some(own.shared(rounded, other.repeats.as_ref()?)));
-            let shares: f64 = shares.sum();
-            if shares < NOTHING {
-                continue;
-            }
-            for (sum, variance) in repeated.iter_mut().zip(&rounded.variance) {
+            let others = all.iter().enumerate().filter(|(j, _)| *j != i);
+            let shares: f64 = others.filter_map(|(_, other)| Some(own.shared(rounded, (*other)?))).sum();
+            for (sum, variance) in sums.iter_mut().zip(&rounded.variance) {
                 sum.resize(variance.len(), 0.0);
                 sum.iter_mut().zip(variance).for_each(|(sum, variance)| *sum += shares * variance);
             }
         }
-        repeated
+        sums
     };
-    let repeated: Vec<Vec<Vec<f64>>> = records.iter().enumerate().map(of).collect();
-    for (record, repeated) in records.iter_mut().zip(repeated) {
-        record.repeated = repeated;
-    }
+    all.iter().enumerate().map(of).collect()
 }

@@ -9,8 +9,7 @@ use std::vec::Vec;
 impl MeasuredMotion {
     /// Variance of an equation that it shares with no other equation.
     pub(super) fn error_apart(&self, row: usize, k: usize) -> f64 {
-        let of = |rows: &[Vec<f64>]| rows[row].get(k).copied().unwrap_or(0.0);
-        of(&self.apart) + of(&self.repeated)
+        self.apart[row].get(k).copied().unwrap_or(0.0)
     }
 
     /// Variance of every used equation's noise at theta.
