@@ -9,9 +9,11 @@
 //! M is measured, so that its own noise counts in every equation: that of a column as often as the update is longer than the step behind
 //! the column. All columns are differences from the base, whose noise is in the right-hand side too. Least squares would take this noise
 //! for a part of the update, always to the same side; what is expected of the exact columns, given the measured ones, takes their place
-//! (`Measured::calibrated`). What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update, and,
-//! as M is a quotient of differences, with the product of update and step. The noise of the sensors moves the machine on its way round the
-//! loop, and terms that are even in a velocity have a mean there, which is in the error of the base and in none of the differences.
+//! (`Measured::calibrated`).
+//!
+//! What a run shows beyond the prediction of M is the error of the linearisation. It grows with the square of the update, and, as M is a
+//! quotient of differences, with the product of update and step. The noise of the sensors moves the machine on its way round the loop, and
+//! terms that are even in a velocity have a mean there, which is in the error of the base and in none of the differences.
 
 use crate::estimate::along::Along;
 use crate::estimate::applies::{check_reference, check_runs};
