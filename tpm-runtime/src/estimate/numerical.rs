@@ -107,8 +107,9 @@ struct Base {
     zero: Vec<Vec<bool>>,
     /// What noise makes of the mean of the error; nothing where it is not known.
     shift: Option<MeanShift>,
-    /// Rounding to counts that other runs on the reference repeat, per coordinate, as a share of the variance.
-    repeated: Vec<f64>,
+    /// Rounding to counts that other runs on the reference repeat, per coordinate, as a share of the variance; and as much of it as the
+    /// variance does not have already.
+    repeated: Vec<(f64, f64)>,
 }
 
 /// What the motion that noise causes makes of the means of the tracking error.
@@ -209,7 +210,10 @@ impl Base {
             dependent,
             zero: (0..dims.parameters).map(zero).collect(),
             shift: MeanShift::new(model, run, &along, highest)?,
-            repeated: rounding_shares(run.spectra, run.hold, dims).iter().map(|(_, repeated)| *repeated).collect(),
+            repeated: rounding_shares(run.spectra, run.hold, dims)
+                .iter()
+                .map(|(in_one, repeated)| (*repeated, f64::max(repeated - in_one, 0.0)))
+                .collect(),
             error,
             noise: vec![1.0],
         })
@@ -502,8 +506,11 @@ impl Measured {
             // Nothing is known of the linearisation: it may miss as much as there is.
             None => base.error.iter().flatten().map(|line| line.norm_sqr()).fold(0.0, f64::max),
         };
-        // What all updates repeat counts in each as often as there are updates.
-        let variance = |c: usize, k: usize| base.variance[c][k] * (noise + others as f64 * base.repeated[c]) + missed;
+        // What all updates repeat counts in each as often as there are updates, this one among them.
+        let variance = |c: usize, k: usize| {
+            let (repeated, own) = base.repeated[c];
+            base.variance[c][k] * (noise + own + others as f64 * repeated) + missed
+        };
         let (columns, error) = self.calibrated(&steps, cleared, variance);
         let matrix = base.matrix(columns);
         let mut equations = Equations::new(matrix.len());
