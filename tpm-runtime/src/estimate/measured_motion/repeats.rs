@@ -89,3 +89,33 @@ pub(super) fn repeated(all: &[Option<&Repeats>], rows: usize) -> Vec<Vec<Vec<f64
     };
     all.iter().enumerate().map(of).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Repeats, Rounded, repeated};
+    use num_complex::Complex;
+    use std::vec;
+
+    /// A record of a motion of this amplitude, in counts.
+    fn record(amplitude: f64, sample_time: f64) -> Repeats {
+        let lines = vec![Complex::new(0.0, 0.0), Complex::new(amplitude, 0.0)];
+        let coordinate = Rounded { channel: 0, step: 1.0, lines, variance: vec![vec![2.0, 3.0]] };
+        Repeats { samples_per_period: 100.0, sample_time, coordinates: vec![coordinate] }
+    }
+
+    #[test]
+    fn records_share_what_their_motions_round_alike() {
+        let (first, same, near) = (record(10.0, 0.01), record(10.0, 0.01), record(10.2, 0.01));
+        let (apart, sampled_otherwise) = (record(12.0, 0.01), record(10.0, 0.02));
+        assert_eq!(repeated(&[Some(&first)], 1), [vec![vec![0.0, 0.0]]], "nothing without another record");
+        let two = repeated(&[Some(&first), Some(&same), None], 1);
+        assert_eq!(two[0], [vec![2.0, 3.0]]);
+        assert_eq!(two[1], two[0]);
+        assert!(two[2][0].is_empty(), "no counts, nothing to share");
+        let share = |other| repeated(&[Some(&first), Some(other)], 1)[0][0][1] / 3.0;
+        // A mean square of 0.02 apart leaves exp(-0.04 pi^2 m^2) / m^2 of the m-th term of the sum of 1 / m^2.
+        assert!((0.44..0.45).contains(&share(&near)), "{}", share(&near));
+        assert!(share(&apart) < 1e-6, "{}", share(&apart));
+        assert!(share(&sampled_otherwise).abs() < f64::EPSILON);
+    }
+}
