@@ -93,7 +93,7 @@ pub(super) fn noise_along(
         variance.iter().zip(&apart).map(|(noise, apart)| noise + apart).collect()
     };
     let variance = (0..dims.rows).map(of_row).collect();
-    let rounding: Vec<f64> = (0..dims.coordinates).map(|c| bins.rounding(c, bins.alike(c))).collect();
+    let rounding: Vec<f64> = (0..dims.coordinates).map(|c| bins.repeated(c)).collect();
     let repeated = gains.iter().map(|gain| row_rounding(&bins, highest, slots, gain, &rounding)).collect();
     let shifts = match true_motion(&bins, &maps, slots, &gains, dims.coordinates) {
         Some((motion, uncertainty)) => {
@@ -111,9 +111,9 @@ pub(super) fn rounding_shares(spectra: &Spectra, hold: Hold, dims: Dims) -> Vec<
         return vec![(0.0, 0.0); dims.coordinates];
     };
     let of = |c: usize| {
-        let (alike, in_one, white) = (bins.alike(c), bins.repeating(c), bins.white(c));
+        let white = bins.white(c);
         let share = |power: f64| if white > 0.0 { power / white } else { 0.0 };
-        (share(in_one), share(bins.rounding(c, alike)))
+        (share(bins.repeating(c)), share(bins.repeated(c)))
     };
     (0..dims.coordinates).map(of).collect()
 }
@@ -181,8 +181,13 @@ impl<'a> Bins<'a> {
         self.rounding(channel, alike)
     }
 
+    /// Power of rounding to counts in every line of a sensor that all runs of the same motion repeat; zero without counts.
+    pub(super) fn repeated(&self, channel: usize) -> f64 {
+        self.rounding(channel, self.alike(channel))
+    }
+
     /// The share of the error of counts that is the same in every period; zero without counts.
-    pub(super) fn alike(&self, channel: usize) -> f64 {
+    fn alike(&self, channel: usize) -> f64 {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let samples = self.spectra.samples_per_period * self.spectra.periods as f64;
         // Noise of the sensor and motion that differs from period to period alike bring the counts out of step with the period. The
@@ -200,7 +205,7 @@ impl<'a> Bins<'a> {
     /// The part of the error that follows from the motion is the same in every period, and in successive samples whose rounding errors are
     /// alike. It is also the same in all runs of one motion, and does not average out over them, even where noise of the sensor hides it in
     /// one run.
-    pub(super) fn rounding(&self, channel: usize, share: f64) -> f64 {
+    fn rounding(&self, channel: usize, share: f64) -> f64 {
         let Some(step) = self.spectra.steps.get(channel).filter(|step| **step > 0.0) else { return 0.0 };
         let per_period = self.spectra.samples_per_period;
         // The motion without the lines of its rounding.

@@ -67,12 +67,13 @@ impl Linearised {
     fn solve(&self, latest: Option<&Reduced>) -> Result<Estimate, EstimateError> {
         let runs: Vec<&Reduced> = self.runs.iter().chain(latest).collect();
         let current = runs.last().map_or(&[][..], |run| run.parameters.as_slice());
+        let others = |run: &&Reduced| runs.iter().filter(|other| other.repeats(run)).count() - 1;
+        let others: Vec<usize> = runs.iter().map(others).collect();
         solve_reweighted(&self.settings, current, |theta| {
-            let of = |(i, run): (usize, &&Reduced)| {
-                let others = runs.iter().filter(|other| other.repeats(run)).count() - 1;
-                run.weighted(theta, self.better && i + 1 == runs.len(), others)
+            let of = |(i, (run, others)): (usize, (&&Reduced, &usize))| {
+                run.weighted(theta, self.better && i + 1 == runs.len(), *others)
             };
-            runs.iter().enumerate().map(of).collect()
+            runs.iter().zip(&others).enumerate().map(of).collect()
         })
     }
 }

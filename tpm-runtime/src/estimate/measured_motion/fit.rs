@@ -213,6 +213,9 @@ fn solve_records(
     let mut shared = DMatrix::zeros(free.indices.len(), free.indices.len());
     let repeats: Vec<Option<&Repeats>> = records.iter().map(|record| record.repeats.as_ref()).collect();
     for (i, (equations, repeated)) in equations.iter().zip(repeated(&repeats, dims.rows)).enumerate() {
+        if repeated.iter().all(Vec::is_empty) {
+            continue;
+        }
         let rows = scaled_rows(&equations.weighted(&free.indices, &settings.frozen), equations, |e| {
             let variance = repeated[equations.row[e]].get(equations.harmonic[e]).copied().unwrap_or(0.0);
             (variance / equations.variance[e]).sqrt()

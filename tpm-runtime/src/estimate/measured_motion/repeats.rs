@@ -41,7 +41,7 @@ impl Repeats {
         let highest = used.iter().copied().max().unwrap_or(0);
         let count = gains.len();
         let of = |channel: usize| {
-            let power = bins.rounding(channel, bins.alike(channel));
+            let power = bins.repeated(channel);
             (power > 0.0).then(|| {
                 let mut powers = vec![0.0; count];
                 powers[channel] = power;
