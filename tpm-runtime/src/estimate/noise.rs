@@ -93,8 +93,7 @@ pub(super) fn noise_along(
         variance.iter().zip(&apart).map(|(noise, apart)| noise + apart).collect()
     };
     let variance = (0..dims.rows).map(of_row).collect();
-    let rounding: Vec<f64> = (0..dims.coordinates).map(|c| bins.repeated(c)).collect();
-    let repeated = gains.iter().map(|gain| row_rounding(&bins, highest, slots, gain, &rounding)).collect();
+    let repeated = gains.iter().map(|gain| row_rounding(&bins, highest, slots, gain, &sensors.repeated)).collect();
     let shifts = match true_motion(&bins, &maps, slots, &gains, dims.coordinates) {
         Some((motion, uncertainty)) => {
             Some((shifts(model, &run.trial.constants, spectra, highest, slots, &motion)?, uncertainty))
@@ -113,7 +112,8 @@ pub(super) fn rounding_shares(spectra: &Spectra, hold: Hold, dims: Dims) -> Vec<
     let of = |c: usize| {
         let white = bins.white(c);
         let share = |power: f64| if white > 0.0 { power / white } else { 0.0 };
-        (share(bins.repeating(c)), share(bins.repeated(c)))
+        let (repeating, repeated) = bins.repeating(c);
+        (share(repeating), share(repeated))
     };
     (0..dims.coordinates).map(of).collect()
 }
@@ -124,6 +124,8 @@ pub(super) struct Sensors {
     pub(super) white: Vec<f64>,
     /// Power that rounding to counts gives every line of a sensor because it repeats with the motion.
     repeating: Vec<f64>,
+    /// Power of rounding to counts in every line of a sensor that all runs of the same motion repeat; zero without counts.
+    pub(super) repeated: Vec<f64>,
     /// Whether rounding to counts makes up so much of the noise that it repeats.
     pub(super) counted: bool,
 }
@@ -159,8 +161,8 @@ impl<'a> Bins<'a> {
     /// What the sensors of the first `coordinates` channels add.
     pub(super) fn sensors(&self, coordinates: usize) -> Sensors {
         let white: Vec<f64> = (0..coordinates).map(|c| self.white(c)).collect();
-        let repeating = (0..coordinates).map(|c| self.repeating(c)).collect();
-        Sensors { repeating, counted: self.counted(&white), white }
+        let (repeating, repeated) = (0..coordinates).map(|c| self.repeating(c)).unzip();
+        Sensors { repeating, repeated, counted: self.counted(&white), white }
     }
 
     /// Whether rounding to counts makes up so much of the sensors' noise, given in every bin, that it repeats.
@@ -171,19 +173,14 @@ impl<'a> Bins<'a> {
         white.iter().zip(&self.spectra.steps).any(|(power, step)| step * step / 12.0 > share * power)
     }
 
-    /// Power that rounding to counts gives every line of a sensor because it repeats with the motion. Where the motion rests, one error
-    /// lasts so long that even the small share that noise of the sensor leaves counts.
-    fn repeating(&self, channel: usize) -> f64 {
+    /// Power that rounding to counts gives every line of a sensor because it repeats with the motion: as noise of one run, and alike in all
+    /// runs of the same motion. Where the motion rests, one error lasts so long that even the small share that noise of the sensor leaves
+    /// counts in one run.
+    fn repeating(&self, channel: usize) -> (f64, f64) {
         let alike = self.alike(channel);
-        if alike < UNDITHERED && !self.spectra.rests.get(channel).copied().unwrap_or(false) {
-            return 0.0;
-        }
-        self.rounding(channel, alike)
-    }
-
-    /// Power of rounding to counts in every line of a sensor that all runs of the same motion repeat; zero without counts.
-    pub(super) fn repeated(&self, channel: usize) -> f64 {
-        self.rounding(channel, self.alike(channel))
+        let repeated = self.rounding(channel, alike);
+        let rests = self.spectra.rests.get(channel).copied().unwrap_or(false);
+        (if alike < UNDITHERED && !rests { 0.0 } else { repeated }, repeated)
     }
 
     /// The share of the error of counts that is the same in every period; zero without counts.
@@ -323,7 +320,7 @@ pub(super) fn row_variance(
     gain: &[Vec<Complex<f64>>],
     sensors: &Sensors,
 ) -> (Vec<f64>, Vec<f64>) {
-    let Sensors { white, repeating, counted } = sensors;
+    let Sensors { white, repeating, counted, .. } = sensors;
     let coordinates = white.len();
     let mixing = mixing(gain);
     let mut through = vec![Complex::new(0.0, 0.0); coordinates];

@@ -168,7 +168,8 @@ impl Base {
         let power = |lines: &[Complex<f64>]| lines.iter().map(|z| z.norm_sqr()).sum::<f64>();
         let force =
             run.spectra.lines.iter().skip(dims.coordinates).map(|lines| power(lines)).fold(0.0, f64::max).sqrt();
-        let variance = variances(model, run, highest);
+        let rounding = rounding_shares(run.spectra, run.hold, dims);
+        let variance = with_rounding(run, &rounding, highest);
         let noise = variance.iter().flatten().sum::<f64>().sqrt();
         let size = error.iter().map(|lines| power(lines)).sum::<f64>().sqrt();
         let target = (SMALL * size).max(ABOVE_NOISE * noise);
@@ -210,10 +211,7 @@ impl Base {
             dependent,
             zero: (0..dims.parameters).map(zero).collect(),
             shift: MeanShift::new(model, run, &along, highest)?,
-            repeated: rounding_shares(run.spectra, run.hold, dims)
-                .iter()
-                .map(|(in_one, repeated)| (*repeated, f64::max(repeated - in_one, 0.0)))
-                .collect(),
+            repeated: rounding.iter().map(|(in_one, repeated)| (*repeated, f64::max(repeated - in_one, 0.0))).collect(),
             error,
             noise: vec![1.0],
         })
@@ -299,7 +297,11 @@ fn reliability(
 
 /// Variances of the error's lines: noise, and rounding to counts as far as it repeats with the motion.
 fn variances(model: &dyn Model<f64>, run: &Run<'_>, highest: usize) -> Vec<Vec<f64>> {
-    let shares = rounding_shares(run.spectra, run.hold, model.dims());
+    with_rounding(run, &rounding_shares(run.spectra, run.hold, model.dims()), highest)
+}
+
+/// The same, given what rounding adds to every coordinate as a share of its noise.
+fn with_rounding(run: &Run<'_>, shares: &[(f64, f64)], highest: usize) -> Vec<Vec<f64>> {
     let of = |(c, (rounding, _)): (usize, &(f64, f64))| {
         let peak = run.spectra.lines[c].iter().map(|line| line.norm()).fold(0.0, f64::max);
         let least = (ROUNDING * peak).powi(2) + f64::MIN_POSITIVE;

@@ -41,9 +41,9 @@ pub(in crate::estimate) fn refine_last(
         row_variance(&bins, (&maps[row], highest), &slots, &gains[row], &sensors)
     };
     let (variance, apart) = (0..dims.rows).map(of_row).unzip();
-    record.set_variance(variance, apart, (!sensors.counted).then_some(sensors.white));
     let used: Vec<usize> = (0..dims.rows).map(|row| record.used(row).last().copied().unwrap_or(0)).collect();
-    record.repeats = Repeats::of(spectra, &bins, &used, &slots, &gains);
+    record.repeats = Repeats::of(spectra, &bins, &sensors.repeated, &used, &slots, &gains);
+    record.set_variance(variance, apart, (!sensors.counted).then_some(sensors.white));
     let motion = true_motion(&bins, &maps, &slots, &gains, dims.coordinates);
     if let Some((motion, uncertainty)) = motion {
         let shift = shifts(model, constants, spectra, record.motion_harmonics(), &slots, &motion)?;

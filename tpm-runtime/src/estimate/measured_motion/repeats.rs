@@ -30,28 +30,28 @@ struct Rounded {
 }
 
 impl Repeats {
-    /// Of a record whose rows use harmonics up to `used`; nothing where no coordinate is read in counts.
+    /// Of a record whose rows use harmonics up to `used`, and to every line of whose coordinates rounding gives these powers; nothing where
+    /// no coordinate is read in counts.
     pub(super) fn of(
         spectra: &Spectra,
         bins: &Bins<'_>,
+        powers: &[f64],
         used: &[usize],
         slots: &[(usize, usize)],
         gains: &[Vec<Vec<Complex<f64>>>],
     ) -> Option<Self> {
         let highest = used.iter().copied().max().unwrap_or(0);
-        let count = gains.len();
-        let of = |channel: usize| {
-            let power = bins.repeated(channel);
+        let of = |(channel, &power): (usize, &f64)| {
             (power > 0.0).then(|| {
-                let mut powers = vec![0.0; count];
-                powers[channel] = power;
+                let mut alone = vec![0.0; powers.len()];
+                alone[channel] = power;
                 let rows = used.iter().zip(gains);
-                let variance = rows.map(|(&used, gain)| row_rounding(bins, used, slots, gain, &powers)).collect();
+                let variance = rows.map(|(&used, gain)| row_rounding(bins, used, slots, gain, &alone)).collect();
                 let lines = spectra.lines[channel].iter().take(highest + 1).copied().collect();
                 Rounded { channel, step: spectra.step(channel), lines, variance }
             })
         };
-        let coordinates: Vec<Rounded> = (0..count).filter_map(of).collect();
+        let coordinates: Vec<Rounded> = powers.iter().enumerate().filter_map(of).collect();
         let (samples_per_period, sample_time) = (spectra.samples_per_period, spectra.sample_time);
         (!coordinates.is_empty()).then_some(Repeats { samples_per_period, sample_time, coordinates })
     }
