@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::error::Error;
 use tpm_runtime::estimate::{LARGE_RESIDUAL, Method};
+use tpm_runtime::experiment::Experiment;
 use tpm_runtime::session::{Identification, Warning};
 
 /// Deviations within which 95 % of normal errors are.
@@ -30,13 +31,21 @@ pub struct Campaigns {
     pub hidden_numbers: usize,
 }
 
-/// Runs the campaigns.
+/// Runs the campaigns of a machine's own experiment with an estimator.
 ///
 /// # Errors
 /// The faults of the experiment.
 pub fn campaigns(machine: &Shipped, method: Method, seeds: usize) -> Result<Campaigns, Box<dyn Error>> {
     let mut experiment = machine.experiment();
     experiment.estimator = method;
+    played(machine, experiment, seeds)
+}
+
+/// The same for an experiment on a machine.
+///
+/// # Errors
+/// Whatever keeps the machine from being simulated.
+pub fn played(machine: &Shipped, mut experiment: Experiment, seeds: usize) -> Result<Campaigns, Box<dyn Error>> {
     experiment.stability.points = experiment.stability.points.min(10);
     let session = machine.session(experiment)?;
     let one = |seed: u64| session.identify_seeded(seed, &mut |_, _, _| true).map_err(|error| error.to_string());

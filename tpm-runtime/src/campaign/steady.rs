@@ -23,7 +23,7 @@ pub(crate) struct SteadyRun {
     pub(crate) of: usize,
     /// Highest frequency of every coordinate's motion, Hz.
     pub(crate) highest: Vec<f64>,
-    /// Step of every coordinate's sensor; zero for a sensor without steps.
+    /// Step of every coordinate's sensor; zero for a sensor without steps, and where the mean error of rounding was taken out.
     pub(crate) steps: Vec<f64>,
     /// Whether rounding to counts, whose error repeats with the motion, makes up the noise of a sensor.
     pub(crate) counted: bool,
@@ -35,11 +35,25 @@ impl SteadyRun {
 
     /// The end of a settled part, given whole periods of every channel, the first `coordinates` of which are coordinates.
     pub(super) fn of(run: usize, channels: &[&[f64]], coordinates: usize, period: usize, spectra: &Spectra) -> Self {
-        let steps: Vec<f64> = (0..coordinates).map(|c| spectra.step(c)).collect();
+        let readings = channels.iter().take(coordinates).enumerate();
+        let rounding: Vec<Option<Vec<f64>>> =
+            readings.map(|(c, own)| spectra.mean_rounding(c, *own.first()?)).collect();
+        // Readings without the mean error of their rounding are no counts.
+        let step = |(c, rounding): (usize, &Option<_>)| if rounding.is_some() { 0.0 } else { spectra.step(c) };
+        let steps: Vec<f64> = rounding.iter().enumerate().map(step).collect();
         let by_counts = |(channel, step): (&&[f64], &f64)| beside_counts(white_noise(channel), *step).is_some();
+        let kept = |(c, channel): (usize, &&[f64])| {
+            let from = channel.len().saturating_sub(Self::MOST);
+            let mut readings = channel[from..].to_vec();
+            if let Some(Some(errors)) = rounding.get(c) {
+                let errors = errors.iter().cycle().skip(from % period);
+                readings.iter_mut().zip(errors).for_each(|(reading, error)| *reading -= error);
+            }
+            readings
+        };
         SteadyRun {
             run,
-            channels: channels.iter().map(|channel| end(channel, Self::MOST).to_vec()).collect(),
+            channels: channels.iter().enumerate().map(kept).collect(),
             period,
             of: channels.first().map_or(0, |channel| channel.len()),
             highest: (0..coordinates).map(|c| highest(spectra, c)).collect(),

@@ -5,6 +5,10 @@ use std::vec::Vec;
 
 /// Harmonics of the saw tooth of rounding that are added up.
 const SAW_TOOTH: u32 = 100;
+/// Halvings of an interval in which a variance lies.
+const HALVINGS: u32 = 40;
+/// Share of a harmonic of the saw tooth that is too small to count.
+const NEGLIGIBLE: f64 = 1e-12;
 
 /// Lengths of the stretches of successive samples in which the rounding errors of a motion are alike, in the order of the samples.
 ///
@@ -39,9 +43,39 @@ pub(crate) fn repeating(noise: f64) -> f64 {
     (1..=SAW_TOOTH).map(harmonic).sum()
 }
 
+/// Variance of the noise of a sensor, in squares of a count, of whose readings this variance differs from period to period.
+///
+/// The whole error of a reading has the variance of the noise and 1/12, of which [`repeating`] is the same in every period.
+pub(crate) fn noise_within(between: f64) -> f64 {
+    let (mut low, mut high) = ((between - 1.0 / 12.0).max(0.0), between.max(0.0));
+    for _ in 0..HALVINGS {
+        let middle = f64::midpoint(low, high);
+        if middle + 1.0 / 12.0 - repeating(middle) < between { low = middle } else { high = middle }
+    }
+    f64::midpoint(low, high)
+}
+
+/// Mean error of rounding a value in counts, in counts, beside normal noise of a variance in squares of a count.
+///
+/// The saw tooth of [`repeating`], of which noise leaves a smooth wave.
+pub(crate) fn mean_error(value: f64, noise: f64) -> f64 {
+    let turn = 2.0 * PI * (value - value.round());
+    let mut error = 0.0;
+    for m in 1..=SAW_TOOTH {
+        let order = f64::from(m);
+        let left = (-2.0 * (PI * order).powi(2) * noise).exp();
+        if left < NEGLIGIBLE {
+            break;
+        }
+        let sign = if m % 2 == 0 { 1.0 } else { -1.0 };
+        error += sign * left * (order * turn).sin() / (PI * order);
+    }
+    error
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{alike, repeating};
+    use super::{alike, mean_error, noise_within, repeating};
     use std::vec;
     use std::vec::Vec;
 
@@ -71,6 +105,19 @@ mod tests {
             let squares = (0..400).map(|i| mean((f64::from(i) + 0.5) / 400.0).powi(2)).sum::<f64>() / 400.0;
             let found = repeating(sigma * sigma);
             assert!((found - squares).abs() < 1e-2 * squares + 1e-7, "{sigma}: {found:e} {squares:e}");
+            for x in [0.1, 0.25, 0.45, 3.7, -1.2] {
+                let found = mean_error(x, sigma * sigma);
+                // The quadrature is wrong by up to a point where the rounding jumps.
+                assert!((found - mean(x)).abs() < 5e-4, "{sigma}, {x}: {found} {}", mean(x));
+            }
+            // What differs from period to period: the whole error of a reading without the mean at its place.
+            let whole = |x: f64| -> f64 {
+                let error = |z: &f64| ((x + sigma * z).round() - x).powi(2) * normal(*z);
+                points.iter().map(error).sum::<f64>() / total
+            };
+            let between = (0..400).map(|i| whole((f64::from(i) + 0.5) / 400.0)).sum::<f64>() / 400.0 - squares;
+            let noise = noise_within(between);
+            assert!((noise / (sigma * sigma) - 1.0).abs() < 1e-2, "{sigma}: {noise}");
         }
     }
 }

@@ -31,7 +31,7 @@ pub use bench::{Bench, BenchError};
 pub use completion::OpenReason;
 pub(crate) use completion::{CompletionError, complete};
 pub(crate) use controller::Controller;
-pub(crate) use counts::{alike, repeating};
+pub(crate) use counts::{alike, mean_error, noise_within, repeating};
 pub(crate) use driven::Driven;
 pub(crate) use dry::{CREEP, Sides};
 pub use error::TrialError;

@@ -5,8 +5,9 @@
 //! normal equations of the fit, a Hermitian Toeplitz matrix with a condition near one, are solved. The noise of a line is
 //! read from the same windowed transform between the lines, where a periodic signal has nothing.
 
-use crate::numerics::fourier::forward;
+use crate::numerics::fourier::{analyse, forward, synthesise};
 use crate::numerics::{Cholesky, DMatrix, DVector, Dyn};
+use crate::run::{mean_error, noise_within};
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -17,6 +18,14 @@ use std::vec::Vec;
 const MAX_FITTED: usize = 256;
 /// Largest distance of a difference from whole steps, as a share of a step, of values that lie on a grid.
 const GRID_TOLERANCE: f64 = 1e-3;
+/// Noise, in squares of a count, from which on the mean error of rounding is less steep than the motion: 2 exp(-2 pi^2 s^2) is below one.
+const DITHER: f64 = std::f64::consts::LN_2 / (2.0 * PI * PI);
+/// A line belongs to the motion when its power is this many times that of its noise.
+const CERTAIN: f64 = 9.0;
+/// Most passes in which a motion and the error of rounding it are found together.
+const MOST_PASSES: usize = 50;
+/// They are found when the motion changes by no more than this share of a count.
+const SETTLED: f64 = 1e-6;
 /// Least number of bins between the lines that one noise estimate averages.
 const LEAST_NOISE_BINS: usize = 16;
 
@@ -240,6 +249,50 @@ impl Spectra {
         }
     }
 
+    /// The mean error of rounding to counts along a period of a channel of which one reading is given; nothing where the readings are no
+    /// counts, or where noise does not dither them.
+    ///
+    /// Normal noise of s counts leaves a mean error of rounding that is a smooth function of the motion, see [`mean_error`]. It is the same in
+    /// every period, and shows as wrong lines, largest where the motion dwells. The motion follows from the lines, the error from the motion.
+    /// From [`DITHER`] on the error is less steep than the motion, so that finding one from the other again and again converges.
+    pub(crate) fn mean_rounding(&self, channel: usize, reading: f64) -> Option<Vec<f64>> {
+        let (step, points) = (self.step(channel), self.samples_per_period.round() as usize);
+        let whole = (self.samples_per_period - self.samples_per_period.round()).abs() < 1e-9;
+        let highest = self.highest();
+        if !(step > 0.0 && whole && self.noise_bins > 0 && highest > 0) {
+            return None;
+        }
+        // White noise has E|n|^2 = 4 sigma^2 bandwidth / N in every line; what differs from period to period shakes the counts alike.
+        let samples = self.samples_per_period * self.periods as f64;
+        let power = (1..=highest).map(|k| self.variance(channel, k)).sum::<f64>() / highest as f64;
+        let noise = noise_within(power * samples / (4.0 * self.window.bandwidth() * step * step));
+        if noise < DITHER {
+            return None;
+        }
+        let measured = &self.lines[channel];
+        let stands_out =
+            |(k, line): (usize, &Complex<f64>)| k == 0 || line.norm_sqr() > CERTAIN * self.variance(channel, k);
+        let certain: Vec<bool> = measured.iter().enumerate().map(stands_out).collect();
+        let motion = |lines: &[Complex<f64>]| {
+            let of = |(line, certain): (&Complex<f64>, &bool)| if *certain { *line } else { Complex::new(0.0, 0.0) };
+            let lines: Vec<Complex<f64>> = lines.iter().zip(&certain).map(of).collect();
+            synthesise(&lines, 0, self.fundamental, highest, points)
+        };
+        let mut before = motion(measured);
+        for _ in 0..MOST_PASSES {
+            let error: Vec<f64> = before.iter().map(|x| step * mean_error((x - reading) / step, noise)).collect();
+            let of_error = analyse(&error, 0, 1, highest);
+            let lines: Vec<Complex<f64>> = measured.iter().zip(&of_error).map(|(line, error)| line - error).collect();
+            let now = motion(&lines);
+            let moved = now.iter().zip(&before).map(|(now, before)| (now - before).abs()).fold(0.0, f64::max);
+            if moved <= SETTLED * step {
+                return Some(error);
+            }
+            before = now;
+        }
+        None
+    }
+
     /// Highest harmonic that the record resolves.
     #[must_use]
     pub fn highest(&self) -> usize {
@@ -437,7 +490,7 @@ fn project(signal: &[f64], angle: f64, out: &mut [Complex<f64>]) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Spectra, Window};
+    use super::{Spectra, Window, analyse};
     use num_complex::Complex;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
@@ -533,5 +586,42 @@ mod tests {
             let ratio = stated / spread;
             assert!((0.8..1.3).contains(&ratio), "period {period}: {ratio}");
         }
+    }
+
+    #[test]
+    fn noise_that_dithers_counts_shows_the_motion_between_them() {
+        let (step, points, periods) = (1e-3, 5000, 40);
+        let wave = |i: usize| {
+            let angle = 2.0 * PI * i as f64 / points as f64;
+            0.0137 * (angle.cos() - (3.0 * angle).cos() / 9.0) + 0.00021
+        };
+        // Errors of the lines 0 to 9 before and after, in counts.
+        let errors = |deviation: f64| {
+            let mut rng = ChaCha8Rng::seed_from_u64(7);
+            let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+            let readings: Vec<f64> = (0..points * periods)
+                .map(|i| ((wave(i) + step * deviation * normal()) / step).round() * step + 0.02)
+                .collect();
+            let spectra = Spectra::analyse(&[&readings], 1e-3, points as f64, periods).expect("whole periods");
+            let truth = |k: usize| match k {
+                0 => 0.02021,
+                1 => 0.0137,
+                3 => -0.0137 / 9.0,
+                _ => 0.0,
+            };
+            let error = |rounding: &[Complex<f64>]| {
+                let left = |k: usize| spectra.lines[0][k] - rounding.get(k).copied().unwrap_or_default() - truth(k);
+                (0..10).map(|k| left(k).norm()).fold(0.0, f64::max) / step
+            };
+            let rounding = spectra.mean_rounding(0, readings[0]);
+            (error(&[]), rounding.map(|rounding| error(&analyse(&rounding, 0, 1, 9))))
+        };
+        for deviation in [0.22, 0.3] {
+            let (before, after) = errors(deviation);
+            let after = after.expect("dithered");
+            assert!(after < 0.25 * before, "{deviation}: {before} {after}");
+        }
+        // Without noise nothing tells where between two counts the motion is.
+        assert!(errors(0.02).1.is_none());
     }
 }

@@ -6,8 +6,8 @@
 //! its samples the simulation solves the equations of motion as they are. It takes the samples themselves and not their mean over the
 //! periods: the mean of a sign, or of a square, of a velocity with noise is not that of the mean.
 //!
-//! The error of rounding to counts repeats with the motion and falls with no number of samples. Little of it lies at the harmonics of a
-//! smooth force, which therefore have the last word there.
+//! The error of rounding to counts repeats with the motion and falls with no number of samples. Where noise dithers the counts, its mean is
+//! known and was taken out. Elsewhere little of it lies at the harmonics of a smooth force, which therefore have the last word there.
 
 use crate::campaign::{Campaign, Refinement, Setup, SteadyRun};
 use crate::estimate::{Course, Differentiable, Estimate, Method, Weights, reach_in};
