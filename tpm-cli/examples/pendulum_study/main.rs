@@ -82,9 +82,10 @@ fn run(args: &Args) -> Result<(), Failure> {
         |path: &Option<PathBuf>, shipped: fn() -> Input| path.as_deref().map_or_else(|| Ok(shipped()), Input::read);
     let values = given(&args.params, Input::table_1)?;
     let upright = Machine::load(&given(&args.upright, Input::upright)?, &values)?;
-    let down = Machine::load(&given(&args.down, Input::down)?, &values)?;
+    let down_file = given(&args.down, Input::down)?;
+    let down = Machine::load(&down_file, &values)?;
     let experiment = given(&args.down.as_ref().map(|path| path.with_extension("toml")), Input::experiment)?;
-    let simulation = Simulation::new(&experiment, &down)?;
+    let simulation = Simulation::new(&experiment, &down, &down_file)?;
 
     // In steps of an identification with a balance; the frequency responses take about as long as four.
     let bar = progress(u64::from(args.seeds) + 4);

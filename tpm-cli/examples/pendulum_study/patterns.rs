@@ -34,12 +34,9 @@ impl Identified {
         settings.constants.clone_from(&simulation.written.constants);
         let mut campaigns = Vec::new();
         for seed in 0..seeds {
-            let mut experiment = simulation.experiment.clone();
-            experiment.seed = simulation.experiment.seed.wrapping_add(u64::from(seed));
-            let fault = |error: &dyn std::fmt::Display| {
-                Failure::Input(format!("identification, seed {}: {error}", experiment.seed))
-            };
-            let found = simulation.machine.identify(&experiment, &mut |_| true).map_err(|error| fault(&error))?;
+            let seed = simulation.experiment.seed.wrapping_add(u64::from(seed));
+            let fault = |error: &dyn std::fmt::Display| Failure::Input(format!("identification, seed {seed}: {error}"));
+            let found = simulation.session.identify_seeded(seed, &mut |_, _, _| true).map_err(|error| fault(&error))?;
             let estimate = found.estimate.as_ref().ok_or_else(|| fault(&"no run was accepted"))?;
             let physical = physical(&down.prepared, estimate, &settings).map_err(|error| fault(&error))?;
             let named = |p: tpm_runtime::estimate::ParameterReport| Some((p.name, (p.value?, p.std)));

@@ -5,16 +5,16 @@ use super::input::Input;
 use super::machine::Machine;
 use std::collections::BTreeMap;
 use tpm_runtime::experiment::Experiment;
-use tpm_runtime::session;
+use tpm_runtime::session::{DeclaredModel, Session};
 
 /// A simulated machine with its experiment.
 pub(super) struct Simulation {
-    /// The machine, which moves along the experiment's pattern.
-    pub(super) machine: session::Machine,
     /// The experiment in the physical parameters of the model.
     pub(super) written: Experiment,
     /// The experiment in the parameters in which the model is linear.
     pub(super) experiment: Experiment,
+    /// Campaigns of the experiment, as the command line plays them.
+    pub(super) session: Session,
 }
 
 impl Simulation {
@@ -23,7 +23,7 @@ impl Simulation {
     /// # Errors
     ///
     /// The file is no experiment, it asks for motors, or it does not fit the model.
-    pub(super) fn new(file: &Input, machine: &Machine) -> Result<Self, Failure> {
+    pub(super) fn new(file: &Input, machine: &Machine, model_file: &Input) -> Result<Self, Failure> {
         let model = &machine.prepared.model;
         let mut written = Experiment::parse(file.text()?).map_err(|error| file.fault(error))?;
         if written.motors.is_some() {
@@ -33,12 +33,13 @@ impl Simulation {
         written.constants = machine.values(&model.run_time_constants().collect::<Vec<_>>());
         let experiment = written.lumped(&machine.prepared);
         let pattern = experiment.pattern.as_deref();
-        let pattern = machine.pattern(pattern).ok_or_else(|| match pattern {
+        machine.pattern(pattern).ok_or_else(|| match pattern {
             Some(name) => file.fault(format!("model {} has no pattern named `{name}`", model.name)),
             None => file.fault(format!("model {} has no pattern", model.name)),
         })?;
-        let machine = session::Machine::new(&machine.prepared, pattern, &experiment, &BTreeMap::new())
+        let declared = DeclaredModel::parse("down", model_file.text()?).map_err(|error| model_file.fault(error))?;
+        let session = Session::new(declared, written.clone(), None, BTreeMap::new())
             .map_err(|error| Failure::Input(error.to_string()))?;
-        Ok(Self { machine, written, experiment })
+        Ok(Self { written, experiment, session })
     }
 }
