@@ -52,7 +52,7 @@ pub(super) fn chapter(
             .map_err(|error| Failure::Input(format!("regulator: {error}")))
     };
     let ideal = regulator(&BTreeMap::new())?;
-    let noise = simulation.experiment.plant.sensors.values().map(|sensor| sensor.noise).fold(0.0, f64::max);
+    let noise = simulation.written.plant.sensors.values().map(|sensor| sensor.noise).fold(0.0, f64::max);
     let play = |regulator: &Regulator, seed: u64| {
         let sensors = vec![Sensor { noise, step: TAU / COUNTS, ..Sensor::default() }; 2];
         let regulation = Regulation {

@@ -34,7 +34,7 @@ impl Identified {
         settings.constants.clone_from(&simulation.written.constants);
         let mut campaigns = Vec::new();
         for seed in 0..seeds {
-            let seed = simulation.experiment.seed.wrapping_add(u64::from(seed));
+            let seed = simulation.written.seed.wrapping_add(u64::from(seed));
             let fault = |error: &dyn std::fmt::Display| Failure::Input(format!("identification, seed {seed}: {error}"));
             let found = simulation.session.identify_seeded(seed, &mut |_, _, _| true).map_err(|error| fault(&error))?;
             let estimate = found.estimate.as_ref().ok_or_else(|| fault(&"no run was accepted"))?;

@@ -11,8 +11,6 @@ use tpm_runtime::session::{DeclaredModel, Session};
 pub(super) struct Simulation {
     /// The experiment in the physical parameters of the model.
     pub(super) written: Experiment,
-    /// The experiment in the parameters in which the model is linear.
-    pub(super) experiment: Experiment,
     /// Campaigns of the experiment, as the command line plays them.
     pub(super) session: Session,
 }
@@ -31,8 +29,7 @@ impl Simulation {
         }
         written.plant.parameters = machine.values(&model.parameters().collect::<Vec<_>>());
         written.constants = machine.values(&model.run_time_constants().collect::<Vec<_>>());
-        let experiment = written.lumped(&machine.prepared);
-        let pattern = experiment.pattern.as_deref();
+        let pattern = written.pattern.as_deref();
         machine.pattern(pattern).ok_or_else(|| match pattern {
             Some(name) => file.fault(format!("model {} has no pattern named `{name}`", model.name)),
             None => file.fault(format!("model {} has no pattern", model.name)),
@@ -40,6 +37,6 @@ impl Simulation {
         let declared = DeclaredModel::parse("down", model_file.text()?).map_err(|error| model_file.fault(error))?;
         let session = Session::new(declared, written.clone(), None, BTreeMap::new())
             .map_err(|error| Failure::Input(error.to_string()))?;
-        Ok(Self { written, experiment, session })
+        Ok(Self { written, session })
     }
 }

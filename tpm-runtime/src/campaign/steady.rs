@@ -43,10 +43,10 @@ impl SteadyRun {
         let steps: Vec<f64> = rounding.iter().enumerate().map(step).collect();
         let by_counts = |(channel, step): (&&[f64], &f64)| beside_counts(white_noise(channel), *step).is_some();
         let kept = |(c, channel): (usize, &&[f64])| {
-            let from = channel.len().saturating_sub(Self::MOST);
-            let mut readings = channel[from..].to_vec();
+            let mut readings = end(channel, Self::MOST).to_vec();
             if let Some(Some(errors)) = rounding.get(c) {
-                let errors = errors.iter().cycle().skip(from % period);
+                let left_out = channel.len() - readings.len();
+                let errors = errors.iter().cycle().skip(left_out % period);
                 readings.iter_mut().zip(errors).for_each(|(reading, error)| *reading -= error);
             }
             readings

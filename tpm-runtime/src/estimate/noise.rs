@@ -145,9 +145,8 @@ impl<'a> Bins<'a> {
     /// The transforms of a record. Nothing where periods are not whole numbers of samples (a shift by a harmonic is then no
     /// shift by bins), are fewer than four, or where channels or rows do not fit.
     pub(super) fn of(spectra: &'a Spectra, hold: Hold, dims: Dims) -> Option<Self> {
-        let whole = (spectra.samples_per_period - spectra.samples_per_period.round()).abs() < 1e-9;
         let channels = spectra.bins.len() == dims.coordinates + dims.inputs;
-        let usable = whole && dims.rows == dims.coordinates && spectra.periods >= 4 && channels;
+        let usable = spectra.has_whole_periods() && dims.rows == dims.coordinates && spectra.periods >= 4 && channels;
         let periods = spectra.periods as isize;
         let mut between = vec![0];
         for beyond in 0..periods {

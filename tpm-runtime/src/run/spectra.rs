@@ -171,7 +171,7 @@ impl Spectra {
         samples_per_period: f64,
         periods: usize,
     ) -> Result<Self, SpectrumError> {
-        let whole = (samples_per_period - samples_per_period.round()).abs() < 1e-9;
+        let whole = is_whole(samples_per_period);
         // Negative or missing periods become zero samples, which is refused below.
         let used = (samples_per_period * periods as f64 + 1e-6).floor().max(0.0) as usize;
         let samples = channels.iter().map(|c| c.len()).min().unwrap_or(0);
@@ -257,9 +257,8 @@ impl Spectra {
     /// From [`DITHER`] on the error is less steep than the motion, so that finding one from the other again and again converges.
     pub(crate) fn mean_rounding(&self, channel: usize, reading: f64) -> Option<Vec<f64>> {
         let (step, points) = (self.step(channel), self.samples_per_period.round() as usize);
-        let whole = (self.samples_per_period - self.samples_per_period.round()).abs() < 1e-9;
         let highest = self.highest();
-        if !(step > 0.0 && whole && self.noise_bins > 0 && highest > 0) {
+        if !(step > 0.0 && self.has_whole_periods() && self.noise_bins > 0 && highest > 0) {
             return None;
         }
         // White noise has E|n|^2 = 4 sigma^2 bandwidth / N in every line; what differs from period to period shakes the counts alike.
@@ -291,6 +290,11 @@ impl Spectra {
             before = now;
         }
         None
+    }
+
+    /// Whether a period is a whole number of samples.
+    pub(crate) fn has_whole_periods(&self) -> bool {
+        is_whole(self.samples_per_period)
     }
 
     /// Highest harmonic that the record resolves.
@@ -334,6 +338,10 @@ impl Spectra {
     pub fn variance(&self, channel: usize, harmonic: usize) -> f64 {
         self.noise.get(harmonic).map_or(0.0, |m| m[(channel, channel)].re)
     }
+}
+
+fn is_whole(samples_per_period: f64) -> bool {
+    (samples_per_period - samples_per_period.round()).abs() < 1e-9
 }
 
 /// The step of values that lie on a grid, more than once on every point of it on average; zero when they do not.
