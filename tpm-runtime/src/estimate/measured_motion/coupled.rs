@@ -53,7 +53,10 @@ impl Coupled {
     /// where there is no equation, or the parts would be too large.
     pub(super) fn new(path: &NoisePath, white: &[f64], used: &[Vec<usize>]) -> Option<Self> {
         let (p, c) = (path.dims.parameters, path.dims.coordinates);
-        let highest = path.motion_harmonics;
+        // Every line of noise from which a used equation gets some. A jump of a term is no linear function of noise, and the harmonics
+        // of its derivative only say so: noise beyond the motion is then left out.
+        let last = used.iter().flatten().copied().max().unwrap_or(0);
+        let highest = path.jacobian.reach().map_or(path.motion_harmonics, |reach| last + reach);
         let width = 2 * highest + 1;
         let mut places = Vec::new();
         let mut count = 0;

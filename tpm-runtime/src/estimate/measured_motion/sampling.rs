@@ -27,18 +27,35 @@ const JACOBIAN_GRID: usize = 1024;
 const REPEATED: f64 = 4.0;
 /// Harmonics of a derivative below this share of its strongest one are left out: they mix no noise that counts.
 const MIXING: f64 = 1e-9;
+/// A derivative ends with its last harmonic of this share of its strongest one. That of a term that jumps is a row of spikes, which
+/// does not end within the grid.
+const ENDING: f64 = 1e-3;
 
 /// d row / d slot along the period, slots being the coordinates' derivatives that the model uses.
 #[derive(Clone, Debug)]
 pub(super) struct Jacobian {
     /// (coordinate, derivative).
     pub(super) slots: Vec<(usize, usize)>,
+    /// Points of the grid on the period.
+    points: usize,
     /// Two-sided Fourier coefficients along the period from the mean on, up to the last above [`MIXING`]:
     /// `[slot][row * (parameters + 1) + j]`; j = parameters is the known term.
     pub(super) lines: Vec<Lines>,
 }
 
 impl Jacobian {
+    /// The highest harmonic that the derivatives have, but for a small share of each; nothing where one does not end, because its
+    /// term jumps.
+    pub(super) fn reach(&self) -> Option<usize> {
+        let of = |lines: &Vec<Complex<f64>>| {
+            let strongest = lines.iter().map(Complex::norm_sqr).fold(0.0, f64::max);
+            lines.iter().rposition(|line| line.norm_sqr() > ENDING * ENDING * strongest).unwrap_or(0)
+        };
+        let reach = self.lines.iter().flatten().map(of).max().unwrap_or(0);
+        // The grid has harmonics up to half of its points.
+        (4 * reach < self.points).then_some(reach)
+    }
+
     /// The coefficients of a row's derivative with respect to every slot at theta.
     pub(super) fn gains(&self, row: usize, theta: &[f64]) -> Lines {
         let width = theta.len() + 1;
@@ -306,7 +323,7 @@ impl Context<'_> {
             }
             lines.push(series.chunks_exact(points).map(mixing_lines).collect());
         }
-        Ok(Jacobian { slots, lines })
+        Ok(Jacobian { slots, points, lines })
     }
 
     /// Per row, whether a term depends on velocities (odd derivatives) and does not change when all of them change sign.
