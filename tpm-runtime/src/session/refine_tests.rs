@@ -146,7 +146,8 @@ fn deviations_under_a_delay_by_a_sample_hold_the_truth() {
 
 #[test]
 fn a_clipped_input_is_named_with_its_limit() {
-    for limit in [20.0, 12.0] {
+    // The last is a hundredth of the largest command: the input is at its limit but for 50 of 8000 samples.
+    for (limit, tolerance) in [(20.0, 0.01), (12.0, 0.01), (1.2, 0.1)] {
         let rig = Rig { limit, ..Rig::default() };
         names_and_holds(rig, "u beyond", TRUTH);
         for seed in 0..2 {
@@ -156,7 +157,11 @@ fn a_clipped_input_is_named_with_its_limit() {
                 _ => None,
             });
             let found = limited.and_then(|term| term.trim_start_matches("u beyond ").parse::<f64>().ok());
-            assert!(found.is_some_and(|found| (found / limit - 1.0).abs() < 0.01), "{limit}: {:?}", texts(&result));
+            assert!(
+                found.is_some_and(|found| (found / limit - 1.0).abs() < tolerance),
+                "{limit}: {:?}",
+                texts(&result)
+            );
         }
     }
 }

@@ -19,9 +19,9 @@ const PROMISING: f64 = 0.7;
 /// Share of the force that must be unexplained for a limit to be looked for.
 const NOTICED: f64 = 0.01;
 /// Limits that are tried between the smallest share of the peak and the peak.
-const TRIED: usize = 60;
-/// Smallest limit that is tried, as a share of the peak.
-const LEAST: f64 = 0.04;
+const TRIED: usize = 104;
+/// Smallest limit that is tried, as a share of the peak: a loop that cannot follow commands many times what acts.
+const LEAST: f64 = 0.004;
 /// Power of a combination of regressors of unit length below which the regression leaves it out.
 const COLLINEAR: f64 = 1e-9;
 /// Reach of the low pass on either side of a sample, as a share of the period.
