@@ -181,7 +181,7 @@ const SPIKES: &[Mark] = &[("lone_readings", "")];
 const TIME: &[Mark] = &[("error", "time")];
 const NUMBER: &[Mark] = &[("error", "not a finite number")];
 const CONSTANT: &[Mark] = &[("error", "throughout")];
-const COLUMN: &[Mark] = &[("", "a column"), ("", "the right column")];
+const COLUMN: &[Mark] = &[("exchanged", ""), ("", "a column"), ("", "the right column")];
 
 /// Share of the samples that repeat the one before them, where a sensor is stale.
 const STALE_SHARE: f64 = 0.05;

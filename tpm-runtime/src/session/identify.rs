@@ -16,6 +16,10 @@ use tpm_core::model::Model;
 
 /// The other hold explains a log clearly better when it leaves less than this share of the residual.
 const CLEARLY_BETTER: f64 = 0.7;
+/// Share of the force that must be unexplained for exchanged columns to be looked for.
+const NOTICED: f64 = 0.1;
+/// Columns are exchanged when the model then leaves less than this share of the residual.
+const FAR_BETTER: f64 = 0.1;
 
 /// Identifies the parameters in which a model is linear from one log.
 ///
@@ -69,6 +73,20 @@ pub(super) fn identify_from(
         hidden: options.hidden.clone(),
         ..Settings::default()
     };
+    let mut found = find(model, machine, segments, options, &settings)?;
+    found.warnings.extend(exchanged(model, segments, options, &settings, found.estimate.residual));
+    result(model, segments, options, found).ok_or_else(nothing)
+}
+
+/// What is found in the segments of a record, in the way that it is to be used.
+fn find(
+    model: &dyn Model<f64>,
+    machine: Option<Differentiable<'_>>,
+    segments: &[&Log],
+    options: &LogOptions,
+    settings: &Settings,
+) -> Result<Found, LogError> {
+    let dims = model.dims();
     let whole = match segments {
         [log] => Some(*log),
         _ => None,
@@ -82,23 +100,58 @@ pub(super) fn identify_from(
         }
         (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
-    let found = match &periodic {
+    match &periodic {
         Some((log, (periodic, spectra))) => {
-            periodic_log::identify(model, machine, log, (periodic, spectra), options, &settings)?
+            periodic_log::identify(model, machine, log, (periodic, spectra), options, settings)
         }
         None => {
-            let found = any_log::identify(model, machine, segments, options, &settings);
+            let found = any_log::identify(model, machine, segments, options, settings);
             match (found, options.domain, whole) {
                 // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
                 (Err(LogError::Estimate { source: EstimateError::NoSignal, path }), None, Some(log)) => {
                     periodic_log::spectra(log, dims.coordinates, options)?;
                     return Err(LogError::Estimate { source: EstimateError::NoSignal, path });
                 }
-                (found, ..) => found?,
+                (found, ..) => found,
             }
         }
+    }
+}
+
+/// Says that the model explains a record far better when a coordinate and an input are exchanged.
+fn exchanged(
+    model: &dyn Model<f64>,
+    segments: &[&Log],
+    options: &LogOptions,
+    settings: &Settings,
+    left: f64,
+) -> Option<Warning> {
+    if left < NOTICED {
+        return None;
+    }
+    let dims = model.dims();
+    let pairs = (0..dims.coordinates).flat_map(|c| (0..dims.inputs).map(move |i| (c, i)));
+    let of = |(c, i): (usize, usize)| {
+        let exchange = |log: &&Log| {
+            let mut log = (*log).clone();
+            log.channels.swap(c, dims.coordinates + i);
+            if let Some(rate) = log.rates.get_mut(c) {
+                *rate = None;
+            }
+            log
+        };
+        let logs: Vec<Log> = segments.iter().map(exchange).collect();
+        let logs: Vec<&Log> = logs.iter().collect();
+        let found = find(model, None, &logs, options, settings).ok()?;
+        Some(((c, i), found.estimate.residual))
     };
-    result(model, segments, options, found).ok_or_else(nothing)
+    let ((c, i), left_by_exchange) = pairs.filter_map(of).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (left_by_exchange < FAR_BETTER * left).then(|| Warning::Exchanged {
+        coordinate: model.coordinate(c).name.into(),
+        input: model.input(i).name.into(),
+        left,
+        left_by_exchange,
+    })
 }
 
 /// The error of a record without samples.

@@ -235,7 +235,8 @@ pub(super) fn warn_of_negative_inertias(
         .extend(negative.into_iter().map(|(parameter, value)| Warning::NegativeInertia { parameter, value }));
 }
 
-/// Trusts parameters no more of which halves of the record contradict each other, and none where nothing follows the record.
+/// Trusts parameters no more of which halves of the record contradict each other, and none where nothing follows the record, or
+/// its columns are exchanged.
 pub(super) fn distrust(result: &mut Identification) {
     for warning in &result.warnings {
         let all = is_about_all(warning);
@@ -252,7 +253,13 @@ pub(super) fn distrust(result: &mut Identification) {
 
 /// Whether a warning says that no number of a result is to be trusted.
 const fn is_about_all(warning: &Warning) -> bool {
-    matches!(warning, Warning::Unsettled { .. } | Warning::FarFromLinear { .. } | Warning::EndOfInterval { .. })
+    matches!(
+        warning,
+        Warning::Exchanged { .. }
+            | Warning::Unsettled { .. }
+            | Warning::FarFromLinear { .. }
+            | Warning::EndOfInterval { .. }
+    )
 }
 
 /// A model whose parameters were lumped.

@@ -2,7 +2,7 @@
 
 use crate::estimate::{Estimate, Status, Weights};
 use crate::log::{Domain, Log, LogError, LogOptions};
-use crate::session::{Identification, LogReport, PeriodicReport, identify_log};
+use crate::session::{Identification, LogReport, PeriodicReport, Warning, identify_log};
 use crate::test_models::{Emps, MassSpringDrag, Silverbox, TwoCarts};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -76,6 +76,26 @@ fn exact_logs_give_exact_parameters() {
         assert_eq!(result.rank, 3);
         assert!(result.warnings.is_empty(), "{:?}", result.warnings);
     }
+}
+
+#[test]
+fn exchanged_columns_are_named_and_nothing_of_them_is_trusted() {
+    let mut log = slider([20.0, 500.0, 30.0], 2000.0, 8000, [1e-4, 0.0], 1);
+    let sound = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("identifies");
+    assert!(sound.warnings.is_empty(), "{:?}", sound.warnings);
+    log.channels.swap(0, 1);
+    let result = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("identifies");
+    let named = result.warnings.iter().any(|warning| match warning {
+        Warning::Exchanged { coordinate, input, left, left_by_exchange } => {
+            (left_by_exchange - sound.residual).abs() < 1e-3 * sound.residual
+                && (left - result.residual).abs() < 1e-12
+                && (coordinate.as_str(), input.as_str()) == ("x", "u")
+        }
+        _ => false,
+    });
+    assert!(named, "{:?}", result.warnings);
+    let trusted = result.parameters.iter().filter(|parameter| parameter.status == Status::Identified);
+    assert_eq!(trusted.count(), 0, "{:?}", result.parameters);
 }
 
 /// A log of m x'' + k1 x + k2 x'^2 = u on any motion of a period of one second, with noise on the position, and a force `lacking` at one

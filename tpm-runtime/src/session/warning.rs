@@ -57,6 +57,17 @@ pub enum Warning {
         /// Share of the force that the better hold leaves unexplained.
         left_by_better: f64,
     },
+    /// The model explains the log with the readings of a coordinate and of an input exchanged, and not as they are.
+    Exchanged {
+        /// The coordinate.
+        coordinate: String,
+        /// The input.
+        input: String,
+        /// Share of the force that is left unexplained as the readings are.
+        left: f64,
+        /// Share of the force that is left unexplained with both exchanged.
+        left_by_exchange: f64,
+    },
     /// The estimates are not refined by a simulation, because that would take long.
     LongSimulation {
         /// Floating-point operations of one step.
@@ -303,7 +314,8 @@ impl Warning {
     #[must_use]
     pub fn is_distrust(&self) -> bool {
         match self {
-            Warning::NegativeInertia { .. }
+            Warning::Exchanged { .. }
+            | Warning::NegativeInertia { .. }
             | Warning::Halves { .. }
             | Warning::Unsettled { .. }
             | Warning::FarFromLinear { .. }
@@ -333,6 +345,7 @@ impl Warning {
         match self {
             Warning::InLog { warning, .. } => warning.remedy(),
             Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
+            Warning::Exchanged { coordinate, .. } => Some(Remedy::MapColumn { signal: coordinate.clone() }),
             Warning::PeriodNotUsed { .. } => Some(Remedy::HarmonicsOfOneStretch),
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
             Warning::LongSimulation { .. } => Some(Remedy::Simulation),
@@ -350,6 +363,13 @@ impl fmt::Display for Warning {
                 "hold {better} explains the log clearly better: it leaves {:.3} % of the force, hold {stated} leaves {:.3} %",
                 100.0 * left_by_better,
                 100.0 * left
+            ),
+            Warning::Exchanged { coordinate, input, left, left_by_exchange } => write!(
+                f,
+                "the readings of {coordinate} and {input} seem to be exchanged: as they are the model leaves {:.3} % of the force \
+                 unexplained, and {:.3} % with both exchanged",
+                100.0 * left,
+                100.0 * left_by_exchange
             ),
             Warning::LongSimulation { work, most } => write!(
                 f,

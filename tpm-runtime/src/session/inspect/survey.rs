@@ -289,6 +289,7 @@ fn is_of_log(warning: &Warning) -> bool {
     matches!(
         warning,
         Warning::OtherHold { .. }
+            | Warning::Exchanged { .. }
             | Warning::RateDiffers { .. }
             | Warning::Unsteady { .. }
             | Warning::MostlyLeftOut { .. }
