@@ -155,7 +155,6 @@ impl<'a> Excerpt<'a> {
         sample_time: f64,
         hold: Hold,
         (course, steps): (Course, &[f64]),
-        unexplained: f64,
     ) -> Signals<'_> {
         let channels: Vec<&[f64]> = self.channels.iter().map(AsRef::as_ref).collect();
         let (channels, rates) = channels.split_at(channels.len() - self.rates.len());
@@ -173,7 +172,6 @@ impl<'a> Excerpt<'a> {
             joins: self.joins.clone(),
             // A mean of several roundings is on no grid.
             steps: steps.iter().map(|step| if self.averaged > 1 { 0.0 } else { *step }).collect(),
-            unexplained,
         }
     }
 }

@@ -128,7 +128,7 @@ fn refine(
     let dims = model.dims();
     let Start { estimate, excerpt, .. } = start;
     let known = (start.course.clone(), start.steps.as_slice());
-    let signals = excerpt.signals(dims.coordinates, start.sample_time, conditions.hold, known, estimate.residual);
+    let signals = excerpt.signals(dims.coordinates, start.sample_time, conditions.hold, known);
     let free: Vec<usize> =
         (0..dims.parameters).filter(|j| settings.frozen.iter().all(|frozen| frozen.parameter != *j)).collect();
     let hidden: Vec<Vec<f64>> =

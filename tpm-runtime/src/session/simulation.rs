@@ -203,7 +203,7 @@ fn of_parts(
     let Pace { typical_period, reach, highest, steps } = pace;
     let excerpt = Excerpt::joined(parts);
     let course = Course::Any { typical_period, reach, highest, copies: 1.0 };
-    let signals = excerpt.signals(dims.coordinates, sample_time, options.hold, (course, &steps), 0.0);
+    let signals = excerpt.signals(dims.coordinates, sample_time, options.hold, (course, &steps));
     let found = Simulated::of(machine, &options.constants, &signals, parameters).map_err(|fault| format!("{fault}"))?;
     let count = found.counts.len();
     // Regular samples in a row, of which correlations are taken.

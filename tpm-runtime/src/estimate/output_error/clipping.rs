@@ -1,9 +1,10 @@
 //! Inputs that were cut off at a limit behind the place where they were recorded.
 //!
 //! A command that is recorded before a limiter shows no plateau. Along the measured motion the rows are linear in the parameters
-//! whatever the limit is, so that a limit can be tried by one regression, with the same low pass on both sides; those that leave much
-//! less than none does are promising. Where the input is at its limit nearly all the time, the regression shows the parameters over the
-//! limit rather than both; the likelihood of every sample tells them apart, and decides whether there is a limit at all.
+//! whatever the limit is, so that a limit can be tried by one regression, with the same low pass on both sides; those that leave less
+//! than none does are promising. Where the input is at its limit nearly all the time, the regression shows the parameters over the limit
+//! rather than both, and where few commands pass the limit, it hardly shows it; the likelihood of every sample tells them apart, and
+//! decides whether there is a limit at all.
 
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::local;
@@ -14,10 +15,8 @@ use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 
-/// A limit is worth a fit when it leaves less than this share of the squares that are left without one.
-const PROMISING: f64 = 0.7;
-/// Share of the force that must be unexplained for a limit to be looked for.
-const NOTICED: f64 = 0.01;
+/// Smaller limits are not tried where one leaves so many times the squares that are left without one.
+const HOPELESS: f64 = 4.0;
 /// Limits that are tried between the smallest share of the peak and the peak.
 const TRIED: usize = 104;
 /// Smallest limit that is tried, as a share of the peak: a loop that cannot follow commands many times what acts.
@@ -39,7 +38,7 @@ pub(super) struct Limit {
     pub(super) row: usize,
 }
 
-/// Limits that explain much of what is left without one, each with the parameters, all of the model's, that explain the record with it.
+/// Limits that explain some of what is left without one, each with the parameters, all of the model's, that explain the record with it.
 pub(super) fn promising(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
@@ -49,7 +48,7 @@ pub(super) fn promising(
     let dims = model.dims();
     let whole = problem.samples();
     let high = (0..dims.coordinates).any(|c| model.coordinate_order(c) > 2);
-    if dims.inputs != 1 || high || signals.unexplained < NOTICED {
+    if dims.inputs != 1 || high {
         return Ok(Vec::new());
     }
     let half = (signals.typical_period() * WINDOW) as usize;
@@ -140,17 +139,19 @@ pub(super) fn promising(
     let (none, _) = fit(2.0 * peak);
     let ratio = LEAST.powf(1.0 / TRIED as f64);
     let tried = (1..=TRIED).map(|i| peak * ratio.powi(i as i32)).map(|limit| (limit, fit(limit)));
+    // Of a sound record a limit just below its peak leaves more than none does, and every smaller one more still.
+    let tried = tried.take_while(|(_, (squares, _))| *squares < HOPELESS * none);
     let row =
         (0..dims.rows).find(|row| (0..samples).any(|k| maps[k * dims.rows + row].abs() > 0.0)).unwrap_or_default();
     let factor: Vec<f64> = (0..whole).map(|k| maps[k / stride * dims.rows + row]).collect();
-    let promising = tried.filter(|(_, (squares, _))| *squares < PROMISING * none).map(|(size, (_, solved))| {
+    let limits = tried.filter(|(_, (squares, _))| *squares < none).map(|(size, (_, solved))| {
         let mut theta = start.to_vec();
         for ((&j, value), scale) in problem.free.iter().zip(solved.iter()).zip(&scales) {
             theta[j] = value / scale;
         }
         (Limit { input: 0, size, factor: factor.clone(), row }, theta)
     });
-    Ok(promising.collect())
+    Ok(limits.collect())
 }
 
 impl Limit {

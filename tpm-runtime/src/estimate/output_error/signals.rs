@@ -73,8 +73,6 @@ pub struct Signals<'a> {
     pub white: Vec<f64>,
     /// Step of each sensor; zero where its values lie on no grid.
     pub steps: Vec<f64>,
-    /// Share of the force that the values from which the fit begins leave unexplained.
-    pub unexplained: f64,
 }
 
 /// Samples on either side of a sample over which a polynomial follows a motion that repeats.

@@ -65,7 +65,6 @@ fn signals<'a>(position: &'a [f64], force: &'a [f64], joins: &[usize], highest: 
         joins: joins.to_vec(),
         white: vec![white_noise(position)],
         steps: vec![0.0],
-        unexplained: 0.0,
     }
 }
 
