@@ -40,7 +40,42 @@ pub(super) fn identify_segments(
     segments: &[&Log],
     options: &LogOptions,
 ) -> Result<Identification, LogError> {
-    identify_from(model, machine, segments, options, &[])
+    let mut result = identify_from(model, machine, segments, options, &[])?;
+    if let Some(warning) = exchanged(model, segments, options, result.residual) {
+        result.warnings.push(warning);
+        summary::distrust(&mut result);
+    }
+    Ok(result)
+}
+
+/// Says that the model explains a record far better when a coordinate and an input are exchanged.
+fn exchanged(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, left: f64) -> Option<Warning> {
+    if left < NOTICED {
+        return None;
+    }
+    let dims = model.dims();
+    let pairs = (0..dims.coordinates).flat_map(|c| (0..dims.inputs).map(move |i| (c, i)));
+    let of = |(c, i): (usize, usize)| {
+        let exchange = |log: &&Log| {
+            let mut log = (*log).clone();
+            log.channels.swap(c, dims.coordinates + i);
+            if let Some(rate) = log.rates.get_mut(c) {
+                *rate = None;
+            }
+            log
+        };
+        let logs: Vec<Log> = segments.iter().map(exchange).collect();
+        let logs: Vec<&Log> = logs.iter().collect();
+        let result = identify_from(model, None, &logs, options, &[]).ok()?;
+        Some(((c, i), result.residual))
+    };
+    let ((c, i), left_by_exchange) = pairs.filter_map(of).min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (left_by_exchange < FAR_BETTER * left).then(|| Warning::Exchanged {
+        coordinate: model.coordinate(c).name.into(),
+        input: model.input(i).name.into(),
+        left,
+        left_by_exchange,
+    })
 }
 
 /// [`identify_segments`] with what directions that the data do not show keep where no prior was stated, one value per parameter; zeros
@@ -73,20 +108,6 @@ pub(super) fn identify_from(
         hidden: options.hidden.clone(),
         ..Settings::default()
     };
-    let mut found = find(model, machine, segments, options, &settings)?;
-    found.warnings.extend(exchanged(model, segments, options, &settings, found.estimate.residual));
-    result(model, segments, options, found).ok_or_else(nothing)
-}
-
-/// What is found in the segments of a record, in the way that it is to be used.
-fn find(
-    model: &dyn Model<f64>,
-    machine: Option<Differentiable<'_>>,
-    segments: &[&Log],
-    options: &LogOptions,
-    settings: &Settings,
-) -> Result<Found, LogError> {
-    let dims = model.dims();
     let whole = match segments {
         [log] => Some(*log),
         _ => None,
@@ -100,58 +121,23 @@ fn find(
         }
         (None, Some(log)) => periodic_log::repeating(log, dims.coordinates, options)?.map(|found| (log, found)),
     };
-    match &periodic {
+    let found = match &periodic {
         Some((log, (periodic, spectra))) => {
-            periodic_log::identify(model, machine, log, (periodic, spectra), options, settings)
+            periodic_log::identify(model, machine, log, (periodic, spectra), options, &settings)?
         }
         None => {
-            let found = any_log::identify(model, machine, segments, options, settings);
+            let found = any_log::identify(model, machine, segments, options, &settings);
             match (found, options.domain, whole) {
                 // A log that shows nothing either way is refused by what keeps it from repeating, which says more.
                 (Err(LogError::Estimate { source: EstimateError::NoSignal, path }), None, Some(log)) => {
                     periodic_log::spectra(log, dims.coordinates, options)?;
                     return Err(LogError::Estimate { source: EstimateError::NoSignal, path });
                 }
-                (found, ..) => found,
+                (found, ..) => found?,
             }
         }
-    }
-}
-
-/// Says that the model explains a record far better when a coordinate and an input are exchanged.
-fn exchanged(
-    model: &dyn Model<f64>,
-    segments: &[&Log],
-    options: &LogOptions,
-    settings: &Settings,
-    left: f64,
-) -> Option<Warning> {
-    if left < NOTICED {
-        return None;
-    }
-    let dims = model.dims();
-    let pairs = (0..dims.coordinates).flat_map(|c| (0..dims.inputs).map(move |i| (c, i)));
-    let of = |(c, i): (usize, usize)| {
-        let exchange = |log: &&Log| {
-            let mut log = (*log).clone();
-            log.channels.swap(c, dims.coordinates + i);
-            if let Some(rate) = log.rates.get_mut(c) {
-                *rate = None;
-            }
-            log
-        };
-        let logs: Vec<Log> = segments.iter().map(exchange).collect();
-        let logs: Vec<&Log> = logs.iter().collect();
-        let found = find(model, None, &logs, options, settings).ok()?;
-        Some(((c, i), found.estimate.residual))
     };
-    let ((c, i), left_by_exchange) = pairs.filter_map(of).min_by(|a, b| a.1.total_cmp(&b.1))?;
-    (left_by_exchange < FAR_BETTER * left).then(|| Warning::Exchanged {
-        coordinate: model.coordinate(c).name.into(),
-        input: model.input(i).name.into(),
-        left,
-        left_by_exchange,
-    })
+    result(model, segments, options, found).ok_or_else(nothing)
 }
 
 /// The error of a record without samples.
