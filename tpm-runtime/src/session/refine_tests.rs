@@ -7,6 +7,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::format;
 use std::string::{String, ToString as _};
@@ -163,6 +164,59 @@ fn a_clipped_input_is_named_with_its_limit() {
                 texts(&result)
             );
         }
+    }
+}
+
+/// Two carts on springs, joined by a third one; the command of the second one acts up to a limit.
+const CARTS: &str =
+    "model Carts { coordinate x [m], y [m]; input u [N], v [N]; parameter m1 [kg], m2 [kg], k1 [N/m], k2 [N/m];
+    constant d1 = 6 [N*s/m], d2 = 2 [N*s/m], k = 30 [N/m];
+    m1*ddot(x) + d1*dot(x) + k1*x + k*(x - y) = u; m2*ddot(y) + d2*dot(y) + k2*y + k*(y - x) = v; }";
+
+#[test]
+fn the_one_of_two_inputs_that_is_clipped_is_named() {
+    let (truth, limit) = ([5.0, 0.5, 200.0, 40.0], 6.0);
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut text = String::from("t_s,x,y,u,v\n");
+    let mut state = [0.0; 4];
+    let steps = 4;
+    for i in 0..16_000 {
+        let t = f64::from(i) * SAMPLE_TIME;
+        let wave = |harmonics: [f64; 3]| harmonics.iter().map(|k| (k * 2.0 * PI * t + k).sin()).sum::<f64>();
+        let (u, v) = (20.0 * wave([1.0, 2.0, 3.0]), 4.0 * wave([1.0, 3.0, 4.0]));
+        if i >= 8000 {
+            let mut read = |x: f64| x + 1e-5 * Distribution::<f64>::sample(&StandardNormal, &mut rng);
+            let (x, y) = (read(state[0]), read(state[1]));
+            writeln!(text, "{:.6},{x:.9e},{y:.9e},{u:.9e},{v:.9e}", t - 8.0).expect("a string takes everything");
+        }
+        let rates = |[x, y, dx, dy]: [f64; 4]| {
+            let own = u - 6.0 * dx - truth[2] * x - 30.0 * (x - y);
+            let other = v.clamp(-limit, limit) - 2.0 * dy - truth[3] * y - 30.0 * (y - x);
+            [dx, dy, own / truth[0], other / truth[1]]
+        };
+        for _ in 0..steps {
+            let h = SAMPLE_TIME / f64::from(steps);
+            let along = |by: f64, rates: [f64; 4]| [0, 1, 2, 3].map(|j| state[j] + by * h * rates[j]);
+            let first = rates(state);
+            let second = rates(along(0.5, first));
+            let third = rates(along(0.5, second));
+            let last = rates(along(1.0, third));
+            let mean = [0, 1, 2, 3].map(|j| (first[j] + 2.0 * second[j] + 2.0 * third[j] + last[j]) / 6.0);
+            state = along(1.0, mean);
+        }
+    }
+    let file = tempfile::NamedTempFile::new().expect("a file");
+    std::fs::write(file.path(), text).expect("written");
+    let model = DeclaredModel::parse("Carts", CARTS).expect("a model");
+    let result = from_log(&model, LogRequest::new(file.path()).hold(Hold::Zoh)).expect("identifies");
+    let named = result.warnings.iter().any(|warning| match warning {
+        Warning::Limited { term } => term.term.starts_with("v beyond 6.0") || term.term.starts_with("v beyond 5.9"),
+        _ => false,
+    });
+    assert!(named, "{:?}", texts(&result));
+    for (parameter, truth) in result.parameters.iter().zip(truth) {
+        let (value, std) = (parameter.value.expect("seen"), parameter.std.expect("seen"));
+        assert!((value - truth).abs() < 3.0 * std && std < 1e-3 * truth, "{parameter:?}");
     }
 }
 

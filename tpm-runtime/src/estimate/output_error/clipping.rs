@@ -48,7 +48,7 @@ pub(super) fn promising(
     let dims = model.dims();
     let whole = problem.samples();
     let high = (0..dims.coordinates).any(|c| model.coordinate_order(c) > 2);
-    if dims.inputs != 1 || high {
+    if high {
         return Ok(Vec::new());
     }
     let half = (signals.typical_period() * WINDOW) as usize;
@@ -70,7 +70,7 @@ pub(super) fn promising(
     let p = problem.free.len();
     let mut left = DMatrix::zeros(samples * dims.rows, p);
     let mut fixed = DVector::zeros(samples * dims.rows);
-    let mut maps = vec![0.0; samples * dims.rows];
+    let mut maps = vec![0.0; samples * dims.input_map_len()];
     for k in 0..samples {
         for (c, (order, motion)) in motions.iter().enumerate() {
             for d in 0..=*order {
@@ -89,9 +89,10 @@ pub(super) fn promising(
             for (j, value) in start.iter().enumerate().filter(|(j, _)| !problem.free.contains(j)) {
                 fixed[at] -= phi[row * dims.parameters + j] * value;
             }
-            maps[at] = map[row];
         }
+        maps[k * map.len()..(k + 1) * map.len()].copy_from_slice(&map);
     }
+    let factor = |k: usize, row: usize, input: usize| maps[k * map.len() + row * dims.inputs + input];
     let smooth = |values: &mut dyn FnMut(usize) -> f64| -> Vec<f64> {
         let raw: Vec<f64> = (0..samples).map(values).collect();
         mean_over(&raw, half / stride)
@@ -110,48 +111,56 @@ pub(super) fn promising(
     }
     // A machine that swings at one frequency does not tell its mass from its stiffness here; a start needs none of both alone.
     let Ok(inverse) = left.tr_mul(&left).pseudo_inverse(COLLINEAR) else { return Ok(Vec::new()) };
-    let u = signals.inputs[0];
     // What is held until the next sample acts half a sample later than it was recorded.
     let held = |applied: &[f64], k: usize| match problem.hold {
         Hold::Zoh => 0.5 * (applied[k] + applied[k.saturating_sub(1)]),
         Hold::None => applied[k],
     };
-    let fit = |limit: f64| -> (f64, DVector<f64>) {
-        let applied: Vec<f64> = u.iter().map(|u| u.clamp(-limit, limit)).collect();
-        let mut right = fixed.clone();
+    // The forces of an input, limited.
+    let forces = |input: usize, limit: f64| -> DVector<f64> {
+        let applied: Vec<f64> = signals.inputs[input].iter().map(|u| u.clamp(-limit, limit)).collect();
+        let held: Vec<f64> = (0..whole).map(|k| held(&applied, k)).collect();
+        let mut forces = DVector::zeros(samples * dims.rows);
+        // The polynomials of the motion and the mean are the low pass of the other side.
+        let Some(held) = local::derivatives(&held, problem.sample_time, half.max(4), 2, stride) else { return forces };
         for row in 0..dims.rows {
-            let held: Vec<f64> = (0..whole).map(|k| held(&applied, k)).collect();
-            // The polynomials of the motion and the mean are the low pass of the other side.
-            let Some(held) = local::derivatives(&held, problem.sample_time, half.max(4), 2, stride) else { continue };
-            let force: Vec<f64> =
-                held.iter().step_by(3).enumerate().map(|(k, u)| maps[k * dims.rows + row] * u).collect();
-            let smoothed = mean_over(&force, half / stride);
-            smoothed.iter().enumerate().for_each(|(k, value)| right[k * dims.rows + row] += *value);
+            let own: Vec<f64> = held.iter().step_by(3).enumerate().map(|(k, u)| factor(k, row, input) * u).collect();
+            let smoothed = mean_over(&own, half / stride);
+            smoothed.iter().enumerate().for_each(|(k, value)| forces[k * dims.rows + row] = *value);
         }
-        let solved = &inverse * left.tr_mul(&right);
-        let squares = (&right - &left * &solved).norm_squared() / right.norm_squared().max(f64::MIN_POSITIVE);
-        (squares, solved)
+        forces
     };
-    let peak = u.iter().map(|u| u.abs()).fold(0.0, f64::max);
-    if peak <= 0.0 {
-        return Ok(Vec::new());
-    }
-    let (none, _) = fit(2.0 * peak);
     let ratio = LEAST.powf(1.0 / TRIED as f64);
-    let tried = (1..=TRIED).map(|i| peak * ratio.powi(i as i32)).map(|limit| (limit, fit(limit)));
-    // Of a sound record a limit just below its peak leaves more than none does, and every smaller one more still.
-    let tried = tried.take_while(|(_, (squares, _))| *squares < HOPELESS * none);
-    let row =
-        (0..dims.rows).find(|row| (0..samples).any(|k| maps[k * dims.rows + row].abs() > 0.0)).unwrap_or_default();
-    let factor: Vec<f64> = (0..whole).map(|k| maps[k / stride * dims.rows + row]).collect();
-    let limits = tried.filter(|(_, (squares, _))| *squares < none).map(|(size, (_, solved))| {
-        let mut theta = start.to_vec();
-        for ((&j, value), scale) in problem.free.iter().zip(solved.iter()).zip(&scales) {
-            theta[j] = value / scale;
-        }
-        (Limit { input: 0, size, factor: factor.clone(), row }, theta)
-    });
-    Ok(limits.collect())
+    let mut limits = Vec::new();
+    for input in 0..dims.inputs {
+        let peak = signals.inputs[input].iter().map(|u| u.abs()).fold(0.0, f64::max);
+        let acts = |row: &usize| (0..samples).any(|k| factor(k, *row, input).abs() > 0.0);
+        let Some(row) = (0..dims.rows).find(acts).filter(|_| peak > 0.0) else { continue };
+        let others = (0..dims.inputs).filter(|other| *other != input);
+        let others = others.fold(fixed.clone(), |sum, other| sum + forces(other, f64::INFINITY));
+        // What a limit leaves of the row in which the input acts, as a share, and the parameters with it.
+        let fit = |limit: f64| -> (f64, DVector<f64>) {
+            let right = &others + forces(input, limit);
+            let solved = &inverse * left.tr_mul(&right);
+            let left = &right - &left * &solved;
+            let squares =
+                |values: &DVector<f64>| values.iter().skip(row).step_by(dims.rows).map(|x| x * x).sum::<f64>();
+            (squares(&left) / squares(&right).max(f64::MIN_POSITIVE), solved)
+        };
+        let (none, _) = fit(f64::INFINITY);
+        let factors: Vec<f64> = (0..whole).map(|k| factor(k / stride, row, input)).collect();
+        let tried = (1..=TRIED).map(|i| peak * ratio.powi(i as i32)).map(|limit| (limit, fit(limit)));
+        // Of a sound record a limit just below its peak leaves more than none does, and every smaller one more still.
+        let tried = tried.take_while(|(_, (squares, _))| *squares < HOPELESS * none);
+        limits.extend(tried.filter(|(_, (squares, _))| *squares < none).map(|(size, (_, solved))| {
+            let mut theta = start.to_vec();
+            for ((&j, value), scale) in problem.free.iter().zip(solved.iter()).zip(&scales) {
+                theta[j] = value / scale;
+            }
+            (Limit { input, size, factor: factors.clone(), row }, theta)
+        }));
+    }
+    Ok(limits)
 }
 
 impl Limit {

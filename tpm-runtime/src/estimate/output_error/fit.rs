@@ -4,6 +4,7 @@ use crate::estimate::output_error::candidates::CandidateKind;
 use crate::estimate::output_error::clipping::{self, Limit};
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::misfit::{self, Examined, Misfit};
+use crate::estimate::output_error::noise::Noise;
 use crate::estimate::output_error::problem::{Differentiable, Problem, Trajectory};
 use crate::estimate::output_error::rates::{self, RateUse};
 use crate::estimate::output_error::signals::Signals;
@@ -79,7 +80,7 @@ impl OutputError {
         problem.steps = problem.needed_steps(&begun.trajectory, &begun.theta)?;
         let whole = fitted(&problem, signals, begun.clone());
         let exact = whole.as_ref().is_ok_and(|fitted| fitted.iterations.is_some() && fitted.state.noise.is_plain());
-        let limited = if exact { None } else { most_likely_limit(&problem, signals, &begun)? };
+        let limited = if exact { None } else { most_likely_limit(&problem, signals, &begun, whole.as_ref().ok())? };
         let limited = limited.and_then(|state| fitted(&problem, signals, state).ok());
         let least = whole.as_ref().map_or(f64::INFINITY, |fitted| fitted.examined.cost);
         let Fitted { mut state, iterations, mut examined } = match limited {
@@ -152,25 +153,36 @@ fn fitted(problem: &Problem<'_>, signals: &Signals<'_>, begun: State) -> Result<
     }
 }
 
-/// The state with the limit of an input that is most likely among those that are promising.
+/// The state with the limit of an input that is most likely among those that are promising; nothing where even that one is less likely than
+/// what was fitted without a limit.
 fn most_likely_limit(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
     begun: &State,
+    without: Option<&Fitted>,
 ) -> Result<Option<State>, OutputErrorFault> {
+    let cost = |state: &State, noise: &Noise| -> Result<f64, OutputErrorFault> {
+        let columns = state.own(problem);
+        let chain = problem.linearise_at(&state.trajectory, &state.theta, &columns, &vec![0.0; columns.len()])?;
+        Ok(Smoothed::new(&chain, noise, chain.columns, false).least_cost())
+    };
     let mut best: Option<(State, f64)> = None;
     for (limit, theta) in clipping::promising(problem, signals, &begun.theta)? {
         let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
         let state = State { trajectory, theta, limit: Some(limit), ..begun.clone() };
-        let columns = state.own(problem);
-        let chain = problem.linearise_at(&state.trajectory, &state.theta, &columns, &vec![0.0; columns.len()])?;
-        let smoothed = Smoothed::new(&chain, &state.noise, chain.columns, false);
-        let cost = smoothed.least_cost();
+        let cost = cost(&state, &state.noise)?;
         if best.as_ref().is_none_or(|(_, least)| cost < *least) {
             best = Some((state, cost));
         }
     }
-    Ok(best.map(|(state, _)| state))
+    let Some((mut state, _)) = best else { return Ok(None) };
+    let Some(without) = without else { return Ok(Some(state)) };
+    if state.settle(problem, signals, false).is_err() {
+        return Ok(None);
+    }
+    // Coloured noise was found on the way to what was fitted without a limit.
+    let least = cost(&state, &state.noise)?.min(cost(&state, &without.state.noise)?);
+    Ok((least < without.examined.cost - BELIEVED).then_some(state))
 }
 
 /// A limit of an input, with what it costs in likelihood and how far it moves the parameters.
