@@ -90,6 +90,10 @@ impl Spelling for Keywords {
 pub(crate) fn remedy(found: &Remedy) -> Option<String> {
     Some(match found {
         Remedy::MapColumn { signal } => format!("map={{\"{signal}\": COLUMN}}"),
+        Remedy::MapColumns { signals } => {
+            let columns: Vec<String> = signals.iter().map(|signal| format!("\"{signal}\": COLUMN")).collect();
+            format!("map={{{}}}", columns.join(", "))
+        }
         Remedy::Scale { signal } => format!("scale={{\"{signal}\": FACTOR}}"),
         Remedy::PeriodAndStart => "period=SECONDS, from_sample=N".to_owned(),
         Remedy::Period => "period=SECONDS".to_owned(),

@@ -34,6 +34,9 @@ impl Spelling for Flags {
 pub(crate) fn remedy(remedy: &Remedy) -> Option<String> {
     Some(match remedy {
         Remedy::MapColumn { signal } => format!("--map {signal}=COLUMN"),
+        Remedy::MapColumns { signals } => {
+            signals.iter().map(|signal| format!("--map {signal}=COLUMN")).collect::<Vec<_>>().join(" ")
+        }
         Remedy::Scale { signal } => format!("--scale {signal}=FACTOR"),
         Remedy::PeriodAndStart => "--period SECONDS, --from-sample N".to_owned(),
         Remedy::Period => "--period SECONDS".to_owned(),

@@ -16,6 +16,11 @@ pub enum Remedy {
         /// The signal, as the model names it.
         signal: String,
     },
+    /// Name the columns of the file in which these signals of the model stand.
+    MapColumns {
+        /// The signals, as the model names them.
+        signals: std::vec::Vec<String>,
+    },
     /// State the factor from the column of a signal to the signal's unit.
     Scale {
         /// The signal, as the model names it; `t_s` for the time.

@@ -16,7 +16,7 @@ use tpm_core::model::Model;
 
 /// The other hold explains a log clearly better when it leaves less than this share of the residual.
 const CLEARLY_BETTER: f64 = 0.7;
-/// Share of the force that must be unexplained for exchanged columns to be looked for.
+/// Share of the record that must be unexplained for exchanged columns to be looked for.
 const NOTICED: f64 = 0.1;
 /// Columns are exchanged when the model then leaves less than this share of the residual.
 const FAR_BETTER: f64 = 0.1;
@@ -41,18 +41,26 @@ pub(super) fn identify_segments(
     options: &LogOptions,
 ) -> Result<Identification, LogError> {
     let mut result = identify_from(model, machine, segments, options, &[])?;
-    if let Some(warning) = exchanged(model, segments, options, result.residual) {
-        result.warnings.push(warning);
+    if let Some(warning) = exchanged(model, segments, options, &result) {
+        // Whatever else was noticed follows from the exchange.
+        result.warnings.insert(0, warning);
         summary::distrust(&mut result);
     }
     Ok(result)
 }
 
-/// Says that the model explains a record far better when a coordinate and an input are exchanged.
-fn exchanged(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, left: f64) -> Option<Warning> {
-    if left < NOTICED {
+/// Says that the model explains a record far better when a coordinate and an input are exchanged, given the result without the exchange.
+fn exchanged(
+    model: &dyn Model<f64>,
+    segments: &[&Log],
+    options: &LogOptions,
+    result: &Identification,
+) -> Option<Warning> {
+    if result.residual < NOTICED {
         return None;
     }
+    // A refined residual is a share of the motion, which the exchanged record, that is not refined, cannot be compared with.
+    let left = result.log.as_ref()?.hold_residuals.with(options.hold)?;
     let dims = model.dims();
     let pairs = (0..dims.coordinates).flat_map(|c| (0..dims.inputs).map(move |i| (c, i)));
     let of = |(c, i): (usize, usize)| {
@@ -211,10 +219,7 @@ fn result(model: &dyn Model<f64>, segments: &[&Log], options: &LogOptions, found
 
 /// Says that the other hold explains a log clearly better.
 fn other_hold(stated: Hold, residuals: HoldResiduals) -> Option<Warning> {
-    let (left, left_by_better) = match stated {
-        Hold::None => (residuals.none?, residuals.zoh?),
-        Hold::Zoh => (residuals.zoh?, residuals.none?),
-    };
     let better = stated.other();
+    let (left, left_by_better) = (residuals.with(stated)?, residuals.with(better)?);
     (left_by_better < CLEARLY_BETTER * left).then_some(Warning::OtherHold { stated, left, better, left_by_better })
 }

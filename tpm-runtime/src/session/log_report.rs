@@ -28,6 +28,14 @@ impl HoldResiduals {
             Hold::Zoh => HoldResiduals { none: other, zoh: Some(residual) },
         }
     }
+
+    /// The residual with this hold.
+    pub(super) const fn with(self, hold: Hold) -> Option<f64> {
+        match hold {
+            Hold::None => self.none,
+            Hold::Zoh => self.zoh,
+        }
+    }
 }
 
 /// How a log was used, and what was found on the way.

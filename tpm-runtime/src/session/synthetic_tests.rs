@@ -2,6 +2,7 @@
 
 use crate::estimate::{Estimate, Status, Weights};
 use crate::log::{Domain, Log, LogError, LogOptions};
+use crate::report::Remedy;
 use crate::session::{Identification, LogReport, PeriodicReport, Warning, identify_log};
 use crate::test_models::{Emps, MassSpringDrag, Silverbox, TwoCarts};
 use rand::SeedableRng;
@@ -85,15 +86,17 @@ fn exchanged_columns_are_named_and_nothing_of_them_is_trusted() {
     assert!(sound.warnings.is_empty(), "{:?}", sound.warnings);
     log.channels.swap(0, 1);
     let result = identify_log(&MassSpringDrag, &log, &LogOptions::default()).expect("identifies");
-    let named = result.warnings.iter().any(|warning| match warning {
+    let first = result.warnings.first().expect("warns");
+    let named = match first {
         Warning::Exchanged { coordinate, input, left, left_by_exchange } => {
             (left_by_exchange - sound.residual).abs() < 1e-3 * sound.residual
                 && (left - result.residual).abs() < 1e-12
                 && (coordinate.as_str(), input.as_str()) == ("x", "u")
         }
         _ => false,
-    });
+    };
     assert!(named, "{:?}", result.warnings);
+    assert_eq!(first.remedy(), Some(Remedy::MapColumns { signals: vec!["x".into(), "u".into()] }));
     let trusted = result.parameters.iter().filter(|parameter| parameter.status == Status::Identified);
     assert_eq!(trusted.count(), 0, "{:?}", result.parameters);
 }

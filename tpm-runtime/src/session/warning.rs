@@ -11,6 +11,7 @@ use std::boxed::Box;
 use std::fmt;
 use std::format;
 use std::string::{String, ToString};
+use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 
@@ -345,7 +346,9 @@ impl Warning {
         match self {
             Warning::InLog { warning, .. } => warning.remedy(),
             Warning::OtherHold { better, .. } => Some(Remedy::Hold { hold: *better }),
-            Warning::Exchanged { coordinate, .. } => Some(Remedy::MapColumn { signal: coordinate.clone() }),
+            Warning::Exchanged { coordinate, input, .. } => {
+                Some(Remedy::MapColumns { signals: vec![coordinate.clone(), input.clone()] })
+            }
             Warning::PeriodNotUsed { .. } => Some(Remedy::HarmonicsOfOneStretch),
             Warning::MostlyLeftOut { .. } => Some(Remedy::FromSample),
             Warning::LongSimulation { .. } => Some(Remedy::Simulation),

@@ -116,7 +116,7 @@ pub(super) fn promising(
         Hold::Zoh => 0.5 * (applied[k] + applied[k.saturating_sub(1)]),
         Hold::None => applied[k],
     };
-    // The forces of an input, limited.
+    // The forces of an input that was cut off at a limit.
     let forces = |input: usize, limit: f64| -> DVector<f64> {
         let applied: Vec<f64> = signals.inputs[input].iter().map(|u| u.clamp(-limit, limit)).collect();
         let held: Vec<f64> = (0..whole).map(|k| held(&applied, k)).collect();
@@ -130,22 +130,23 @@ pub(super) fn promising(
         }
         forces
     };
+    let unlimited: Vec<DVector<f64>> = (0..dims.inputs).map(|input| forces(input, f64::INFINITY)).collect();
     let ratio = LEAST.powf(1.0 / TRIED as f64);
     let mut limits = Vec::new();
     for input in 0..dims.inputs {
         let peak = signals.inputs[input].iter().map(|u| u.abs()).fold(0.0, f64::max);
         let acts = |row: &usize| (0..samples).any(|k| factor(k, *row, input).abs() > 0.0);
         let Some(row) = (0..dims.rows).find(acts).filter(|_| peak > 0.0) else { continue };
-        let others = (0..dims.inputs).filter(|other| *other != input);
-        let others = others.fold(fixed.clone(), |sum, other| sum + forces(other, f64::INFINITY));
+        let others = unlimited.iter().enumerate().filter(|(other, _)| *other != input);
+        let others = others.fold(fixed.clone(), |sum, (_, force)| sum + force);
         // What a limit leaves of the row in which the input acts, as a share, and the parameters with it.
         let fit = |limit: f64| -> (f64, DVector<f64>) {
             let right = &others + forces(input, limit);
             let solved = &inverse * left.tr_mul(&right);
-            let left = &right - &left * &solved;
+            let residual = &right - &left * &solved;
             let squares =
                 |values: &DVector<f64>| values.iter().skip(row).step_by(dims.rows).map(|x| x * x).sum::<f64>();
-            (squares(&left) / squares(&right).max(f64::MIN_POSITIVE), solved)
+            (squares(&residual) / squares(&right).max(f64::MIN_POSITIVE), solved)
         };
         let (none, _) = fit(f64::INFINITY);
         let factors: Vec<f64> = (0..whole).map(|k| factor(k / stride, row, input)).collect();
