@@ -7,12 +7,13 @@ use crate::input::load::Loaded;
 use crate::output::file;
 use crate::render::combination::{not_counted, sum};
 use crate::render::showing::showing_harmonics;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use tpm_runtime::report::{Align, TextTable, or_dash};
 use tpm_runtime::study::{AskedPattern, shown};
 use tpm_symbolic::harmonic::identifiability::PhysicalIdentifiability;
-use tpm_symbolic::harmonic::report::{Means, Report};
+use tpm_symbolic::harmonic::report::{Means, Report, ReportedRow};
 use tpm_symbolic::number::rational::{self, Rational};
 
 /// Options of `tpm identifiability`.
@@ -127,6 +128,12 @@ pub(crate) fn run(args: &Args) -> Outcome {
     Ok(())
 }
 
+/// The harmonics of rows, each once.
+fn harmonics(rows: &[ReportedRow]) -> String {
+    let harmonics: BTreeSet<usize> = rows.iter().map(|row| row.harmonic).collect();
+    harmonics.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
+}
+
 fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> String {
     let certainty = match (report.method, report.proven) {
         (Means::Numerical, _) => "numerical, along the pattern",
@@ -146,16 +153,15 @@ fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Stri
         ("observable", Align::Left),
         ("harmonics up to", Align::Right),
         ("seen in harmonics", Align::Left),
+        ("unchecked in", Align::Left),
     ]);
     for parameter in &report.parameters {
-        let mut harmonics: Vec<usize> = parameter.visible_in.iter().map(|row| row.harmonic).collect();
-        harmonics.sort_unstable();
-        harmonics.dedup();
         table.row(&[
             parameter.name.clone(),
             if parameter.observable { "yes" } else { "no" }.to_owned(),
             or_dash(parameter.harmonics_up_to, |harmonic| harmonic.to_string()),
-            harmonics.iter().map(usize::to_string).collect::<Vec<_>>().join(" "),
+            harmonics(&parameter.visible_in),
+            or_dash(Some(harmonics(&parameter.unchecked_in)).filter(|list| !list.is_empty()), |list| list),
         ]);
     }
     let _ = write!(text, "\n{}", table.finish());
@@ -174,8 +180,19 @@ fn describe(report: &Report, physical: Option<&PhysicalIdentifiability>) -> Stri
         for one in base {
             let rest = if one.plus.is_empty() { String::new() } else { format!(" + {}", sum(&one.plus)) };
             let band = one.harmonics_up_to.map(|harmonic| format!("   harmonics up to {harmonic}")).unwrap_or_default();
-            let _ = writeln!(text, "  {}{rest}{band}", one.parameter);
+            let unchecked = match harmonics(&one.unchecked_in) {
+                list if list.is_empty() => list,
+                list => format!("   unchecked in {list}"),
+            };
+            let _ = writeln!(text, "  {}{rest}{band}{unchecked}", one.parameter);
         }
+    }
+    let parameters = report.parameters.iter().flat_map(|parameter| &parameter.unchecked_in);
+    if parameters.chain(report.base.iter().flatten().flat_map(|one| &one.unchecked_in)).next().is_some() {
+        text.push_str(
+            "\nunchecked: a force that the model lacks at such a harmonic is taken for the parameter, whatever its size, and leaves no\n\
+             residual; another frequency checks it, or a pattern with more harmonics\n",
+        );
     }
     let base = report.base.iter().flatten();
     text.push_str(&showing_harmonics(base.map(|one| (one.parameter.as_str(), one.shown_by.as_slice()))));

@@ -48,6 +48,8 @@ const SHARES: [f64; 2] = [1.0, 0.1];
 const ROUNDING: f64 = 1e-10;
 /// Factor on the measured error.
 const SAFETY: f64 = 4.0;
+/// Rows may have no redundancy when their share in the fit of themselves is above this; it is one for those that have none.
+const LEVERAGE: f64 = 0.9;
 /// Components of scaled directions below this share of the largest are zero.
 const COMPONENT: f64 = 1e-6;
 /// Largest denominator of a coefficient that is written as a rational number.
@@ -442,6 +444,11 @@ impl Scaled {
     }
 }
 
+/// Whether no direction has a part along a combination.
+fn is_shown(weights: &DVector<f64>, null: &DMatrix<f64>) -> bool {
+    null.tr_mul(weights).iter().all(|part| part.abs() <= COMPONENT)
+}
+
 /// Whether no direction has a part in a column.
 fn determined(null: &DMatrix<f64>) -> Vec<bool> {
     null.row_iter().map(|row| row.iter().all(|part| part.abs() <= COMPONENT)).collect()
@@ -505,7 +512,17 @@ impl Setting {
             columns.iter().map(|&column| names[column].clone()).zip(texts).collect::<BTreeMap<String, String>>()
         });
         let free = self.free();
-        let bands = self.bands();
+        let rows = &self.harmonics.rows;
+        let reported = |row: usize| {
+            let HarmonicRow { pattern, equation, harmonic, function } = rows[row];
+            ReportedRow {
+                experiment: patterns[pattern].name.clone(),
+                equation: Model::<f64>::row(model, equation).name.to_string(),
+                harmonic,
+                function,
+            }
+        };
+        let (bands, unchecked) = (self.bands(), self.unchecked());
         let base = (0..columns).filter(|column| !free.contains(column)).map(|column| ReportedBase {
             parameter: names[column].clone(),
             plus: (0..free.len())
@@ -518,8 +535,8 @@ impl Setting {
                 .zip(contents)
                 .flat_map(|(played, entries)| showing(model, entries, column, played.harmonics, &played.name))
                 .collect(),
+            unchecked_in: unchecked[column].iter().map(|&row| reported(row)).collect(),
         });
-        let rows = &self.harmonics.rows;
         let observable = determined(&self.scaled.null(|_| true));
         let highest = rows.iter().map(|row| row.harmonic).max().unwrap_or(0);
         let mut band = vec![None; columns];
@@ -534,21 +551,13 @@ impl Setting {
         }
         let alone: Vec<Vec<bool>> =
             (0..patterns.len()).map(|p| determined(&self.scaled.null(|row| rows[row].pattern == p))).collect();
-        let reported = |row: &HarmonicRow| ReportedRow {
-            experiment: patterns[row.pattern].name.clone(),
-            equation: Model::<f64>::row(model, row.equation).name.to_string(),
-            harmonic: row.harmonic,
-            function: row.function,
-        };
         let parameters = (0..columns).map(|column| ReportedParameter {
             name: names[column].clone(),
             observable: observable[column],
             harmonics_up_to: band[column].filter(|_| observable[column]),
             by_itself_in: (0..patterns.len()).filter(|&p| alone[p][column]).map(|p| patterns[p].name.clone()).collect(),
-            visible_in: (0..rows.len())
-                .filter(|&row| self.visible(row, column))
-                .map(|row| reported(&rows[row]))
-                .collect(),
+            visible_in: (0..rows.len()).filter(|&row| self.visible(row, column)).map(reported).collect(),
+            unchecked_in: unchecked[column].iter().filter(|_| observable[column]).map(|&row| reported(row)).collect(),
         });
         Report {
             schema: SCHEMA.to_string(),
@@ -565,11 +574,9 @@ impl Setting {
         }
     }
 
-    /// By leading column: the least harmonic up to which the harmonics determine its base parameter.
-    fn bands(&self) -> Vec<Option<usize>> {
+    /// The base parameters: the leading column, and the combination in scaled parameters, of length one.
+    fn combinations(&self) -> Vec<(usize, DVector<f64>)> {
         let columns = self.scaled.matrix.ncols();
-        let free = self.free();
-        // The combination in scaled parameters, of length one.
         let combination = |lead: usize| {
             let mut weights = DVector::zeros(columns);
             weights[lead] = 1.0;
@@ -579,24 +586,43 @@ impl Setting {
             for (weight, scale) in weights.iter_mut().zip(&self.scaled.columns) {
                 *weight /= scale;
             }
-            weights.normalize()
+            (lead, weights.normalize())
         };
-        let leads: Vec<usize> = (0..columns).filter(|column| !free.contains(column)).collect();
-        let combinations: Vec<DVector<f64>> = leads.iter().map(|&lead| combination(lead)).collect();
+        let free = self.free();
+        (0..columns).filter(|column| !free.contains(column)).map(combination).collect()
+    }
+
+    /// By leading column: the least harmonic up to which the harmonics determine its base parameter.
+    fn bands(&self) -> Vec<Option<usize>> {
+        let combinations = self.combinations();
         let rows = &self.harmonics.rows;
-        let mut bands = vec![None; columns];
+        let mut bands = vec![None; self.scaled.matrix.ncols()];
         for harmonic in 0..=rows.iter().map(|row| row.harmonic).max().unwrap_or(0) {
             let null = self.scaled.null(|row| rows[row].harmonic <= harmonic);
-            for (&lead, weights) in leads.iter().zip(&combinations) {
-                if bands[lead].is_none() && null.tr_mul(weights).iter().all(|part| part.abs() <= COMPONENT) {
-                    bands[lead] = Some(harmonic);
+            for (lead, weights) in &combinations {
+                if bands[*lead].is_none() && is_shown(weights, &null) {
+                    bands[*lead] = Some(harmonic);
                 }
             }
-            if leads.iter().all(|&lead| bands[lead].is_some()) {
+            if combinations.iter().all(|(lead, _)| bands[*lead].is_some()) {
                 break;
             }
         }
         bands
+    }
+
+    /// By leading column: the rows without redundancy that determine its base parameter.
+    fn unchecked(&self) -> Vec<Vec<usize>> {
+        let combinations = self.combinations();
+        let mut unchecked = vec![Vec::new(); self.scaled.matrix.ncols()];
+        let left = Singular::new(&self.scaled.matrix, self.scaled.tolerance).left;
+        for row in (0..left.nrows()).filter(|&row| left.row(row).norm_squared() > LEVERAGE) {
+            let null = self.scaled.null(|other| other != row);
+            for (lead, _) in combinations.iter().filter(|(_, weights)| !is_shown(weights, &null)) {
+                unchecked[*lead].push(row);
+            }
+        }
+        unchecked
     }
 
     /// The values that were drawn.
@@ -701,7 +727,7 @@ mod tests {
     use tpm_symbolic::algebra::fourier::Trig;
     use tpm_symbolic::harmonic::expand::expand;
     use tpm_symbolic::harmonic::identifiability::{Experiment, PhysicalIdentifiability, identifiability};
-    use tpm_symbolic::harmonic::report::{Means, Report};
+    use tpm_symbolic::harmonic::report::{Means, Report, ReportedRow};
     use tpm_symbolic::regressor::parameter_map::ParameterMap;
 
     fn numerical(model: &DeclaredModel, harmonics: usize) -> (Report, PhysicalIdentifiability) {
@@ -736,18 +762,21 @@ mod tests {
             let name = &prepared.model.name;
             assert_eq!((found.rank, found.columns), (exact.rank, exact.columns), "{name}");
             assert_eq!((found.method, exact.method), (Means::Numerical, Means::Exact));
+            let rows = |report: &[ReportedRow]| -> Vec<String> {
+                let row = |row: &ReportedRow| format!("{} {} {:?}", row.equation, row.harmonic, row.function);
+                let mut rows: Vec<String> = report.iter().map(row).collect();
+                rows.sort();
+                rows
+            };
             for (found, exact) in found.parameters.iter().zip(&exact.parameters) {
                 assert_eq!(found.observable, exact.observable, "{name}: {}", exact.name);
                 assert_eq!(found.harmonics_up_to, exact.harmonics_up_to, "{name}: {}", exact.name);
-                let rows = |report: &[tpm_symbolic::harmonic::report::ReportedRow]| -> Vec<String> {
-                    let mut rows: Vec<String> = report
-                        .iter()
-                        .map(|row| format!("{} {} {:?}", row.equation, row.harmonic, row.function))
-                        .collect();
-                    rows.sort();
-                    rows
-                };
                 assert_eq!(rows(&found.visible_in), rows(&exact.visible_in), "{name}: {}", exact.name);
+                assert_eq!(rows(&found.unchecked_in), rows(&exact.unchecked_in), "{name}: {}", exact.name);
+            }
+            for (found, exact) in found.base.iter().flatten().zip(exact.base.iter().flatten()) {
+                assert_eq!(found.parameter, exact.parameter, "{name}");
+                assert_eq!(rows(&found.unchecked_in), rows(&exact.unchecked_in), "{name}: {}", exact.parameter);
             }
             let free = |report: &Report| -> Vec<Vec<String>> {
                 let directions = report.unobservable.as_ref().expect("short");

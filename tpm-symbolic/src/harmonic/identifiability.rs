@@ -9,6 +9,9 @@
 //!   to satisfy M v = 0 identically, an upper bound. Where both agree ([`Identifiability::proven`]) the rank is certain;
 //! - pi is transcendental, so that over the rationals it is an indeterminate as well.
 //!
+//! A row that is needed for the rank has no redundancy (Baarda 1968): what acts in it beside the model is taken for parameters, whatever
+//! its size, and M theta fits it exactly. Rows without redundancy are those that are zero in every relation between rows.
+//!
 //! Amplitudes without a value are taken as positive where a term depends on their sign.
 //!
 //! Invariants of [`Identifiability`]: directions are primitive polynomial vectors (no common monomial factor, whole
@@ -26,6 +29,7 @@ use crate::regressor::parameter_map::ParameterMap;
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
+use std::mem;
 
 pub use crate::harmonic::stacked::{Experiment, IdentifiabilityError, RowLabel, evaluated_matrix};
 
@@ -49,6 +53,9 @@ pub struct Observability {
     pub band: Option<usize>,
     /// The experiments each of which determines it alone.
     pub experiments: Vec<usize>,
+    /// The rows without redundancy that determine the base parameter which the column leads: a force there that the model lacks is taken
+    /// for it, and leaves no residual. Empty for a column that leads none.
+    pub unchecked: Vec<usize>,
 }
 
 /// The result of [`identifiability`].
@@ -238,13 +245,48 @@ fn observability(matrix: &Matrix, point: &[Vec<Rational>]) -> Vec<Observability>
     }
     let count = matrix.rows.iter().map(|label| label.experiment + 1).max().unwrap_or(0);
     let alone: Vec<Vec<bool>> = (0..count).map(|number| chosen(&|label| label.experiment == number)).collect();
+    let mut unchecked = unchecked(point);
     let each = (0..columns).map(|column| Observability {
         observable: all[column],
         visible: (0..matrix.rows.len()).filter(|&r| !matrix.entries[r][column].is_zero()).collect(),
         band: band[column],
         experiments: (0..count).filter(|&number| alone[number][column]).collect(),
+        unchecked: mem::take(&mut unchecked[column]),
     });
     each.collect()
+}
+
+/// By leading column of a base parameter: the rows without redundancy that determine it.
+fn unchecked(point: &[Vec<Rational>]) -> Vec<Vec<usize>> {
+    let columns = point.first().map_or(0, Vec::len);
+    let mut found = vec![Vec::new(); columns];
+    // The echelon form has a row for every base parameter: its factors.
+    let mut base = point.to_vec();
+    let pivots = linear::reduce(&mut base);
+    for row in without_redundancy(point, columns) {
+        let rest = point.iter().enumerate().filter(|(other, _)| *other != row).map(|(_, rest)| rest.clone());
+        let unseen = linear::null_space(rest.collect(), columns);
+        for (factors, &lead) in base.iter().zip(&pivots) {
+            let part =
+                |direction: &Vec<Rational>| -> Rational { factors.iter().zip(direction).map(|(f, d)| f * d).sum() };
+            if unseen.iter().any(|direction| !part(direction).is_zero()) {
+                found[lead].push(row);
+            }
+        }
+    }
+    found
+}
+
+/// The rows without which the rank is smaller.
+fn without_redundancy(point: &[Vec<Rational>], columns: usize) -> Vec<usize> {
+    // The echelon form writes all rows as combinations of the pivots; a pivot that is in none but itself has no redundancy.
+    let mut transposed: Vec<Vec<Rational>> =
+        (0..columns).map(|column| point.iter().map(|row| row[column].clone()).collect()).collect();
+    let pivots = linear::reduce(&mut transposed);
+    let alone = |(parts, pivot): &(&Vec<Rational>, usize)| {
+        parts.iter().enumerate().all(|(row, part)| row == *pivot || part.is_zero())
+    };
+    transposed.iter().zip(pivots).filter(alone).map(|(_, pivot)| pivot).collect()
 }
 
 /// What the experiments tell about the physical parameters behind the columns, for parameters in general position.

@@ -64,6 +64,9 @@ pub struct ReportedBase {
     /// the regressor has other functions of the motion than sines and cosines in it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub shown_by: Vec<ShowingHarmonic>,
+    /// Where a force that the model lacks is taken for it and leaves no residual: rows without redundancy.
+    #[serde(default)]
+    pub unchecked_in: Vec<ReportedRow>,
 }
 
 /// A harmonic that shows a base parameter.
@@ -94,6 +97,10 @@ pub struct ReportedParameter {
     pub by_itself_in: Vec<String>,
     /// Where it has a coefficient.
     pub visible_in: Vec<ReportedRow>,
+    /// Where a force that the model lacks is taken for it and leaves no residual: rows without redundancy. Empty for a parameter that is
+    /// not observable.
+    #[serde(default)]
+    pub unchecked_in: Vec<ReportedRow>,
 }
 
 /// A row of the table.
@@ -121,6 +128,15 @@ impl Identifiability {
             };
             directions.iter().map(entries).collect()
         });
+        let label = |row: &usize| {
+            let RowLabel { experiment, equation, harmonic, function } = self.rows[*row];
+            ReportedRow {
+                experiment: self.experiments[experiment].clone(),
+                equation: self.equations[equation].clone(),
+                harmonic,
+                function,
+            }
+        };
         let base = self.base.as_ref().map(|base| {
             let one = |base: &BaseParameter| ReportedBase {
                 parameter: self.parameters[base.column].clone(),
@@ -131,24 +147,17 @@ impl Identifiability {
                     .collect(),
                 harmonics_up_to: None,
                 shown_by: Vec::new(),
+                unchecked_in: self.observability[base.column].unchecked.iter().map(label).collect(),
             };
             base.iter().map(one).collect()
         });
-        let label = |row: &usize| {
-            let RowLabel { experiment, equation, harmonic, function } = self.rows[*row];
-            ReportedRow {
-                experiment: self.experiments[experiment].clone(),
-                equation: self.equations[equation].clone(),
-                harmonic,
-                function,
-            }
-        };
         let parameters = self.parameters.iter().zip(&self.observability).map(|(name, found)| ReportedParameter {
             name: name.clone(),
             observable: found.observable,
             harmonics_up_to: found.band,
             by_itself_in: found.experiments.iter().map(|number| self.experiments[*number].clone()).collect(),
             visible_in: found.visible.iter().map(label).collect(),
+            unchecked_in: found.unchecked.iter().filter(|_| found.observable).map(label).collect(),
         });
         Report {
             schema: SCHEMA.to_owned(),

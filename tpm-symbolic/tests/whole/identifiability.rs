@@ -2,6 +2,7 @@
 
 use crate::chain::{Chain, chain, cubic};
 use std::collections::BTreeMap;
+use std::slice;
 use tpm_symbolic::algebra::fourier::{Fourier, Trig};
 use tpm_symbolic::algebra::polynomial::{Monomial, Polynomial};
 use tpm_symbolic::expr::graph::{Coordinate, ExprId};
@@ -257,6 +258,29 @@ fn which_harmonics_make_a_parameter_observable() {
     // Mass and stiffness share harmonic 1 and come apart with harmonic 3; drag shows in the mean already.
     let bands: Vec<Option<usize>> = found.observability.iter().map(|o| o.band).collect();
     assert_eq!(bands, [Some(3), Some(3), Some(0)]);
+}
+
+#[test]
+fn what_acts_beside_the_model_at_a_harmonic_without_redundancy_is_taken_for_parameters() {
+    let b = mass_spring_drag();
+    let (_, table) = b.table(0);
+    let unchecked = |runs: &[Experiment<'_>]| -> Vec<Vec<usize>> {
+        let found = identifiability(runs).expect("experiments");
+        found.observability.iter().map(|o| o.unchecked.iter().map(|&row| found.rows[row].harmonic).collect()).collect()
+    };
+    // Two harmonics determine mass and stiffness, and drag has four for itself.
+    let run = Experiment::new("run", &table);
+    assert_eq!(unchecked(slice::from_ref(&run)), [vec![1, 3], vec![1, 3], vec![]]);
+    // Mass and stiffness together are one base parameter, which harmonic 1 alone shows.
+    assert_eq!(unchecked(&[run.clone().up_to(Some(2))]), [vec![1], vec![], vec![]]);
+    assert!(unchecked(&[run.clone(), run.with("w", integer(2))]).iter().all(Vec::is_empty));
+    // Of carts with as many rows as rank all that is known is unchecked, parameters and base parameters.
+    let prepared = prepare(cubic(3)).expect("a chain");
+    let table = expand(&prepared.model, &prepared.form, &prepared.model.patterns[0]).expect("finite");
+    let found = identifiability(&[Experiment::of("run", &prepared.model, &table)]).expect("one table");
+    assert_eq!(found.rank, found.rows.len());
+    let base = found.base.as_ref().expect("short");
+    assert!(base.iter().all(|one| !found.observability[one.column].unchecked.is_empty()));
 }
 
 #[test]
