@@ -64,12 +64,13 @@ pub(crate) use information::reduced;
 pub use measured_motion::{ASKED_ABOUT, MeasuredMotion, Untested, estimate_measured_motion};
 pub use method::Method;
 pub use named::{CombinationReport, ParameterReport};
+pub(crate) use output_error::beside_counts;
+#[cfg(feature = "interpret")]
+pub(crate) use output_error::reach_in;
 pub use output_error::{
     Candidate, CandidateKind, Course, Differentiable, Divergence, Misfit, OutputError, OutputErrorFault, Rate,
     RateFault, RateUse, Signals, Simulated,
 };
-#[cfg(feature = "interpret")]
-pub(crate) use output_error::{beside_counts, reach_in};
 pub use pooled::{Contribution, Pooled, pool};
 #[cfg(feature = "interpret")]
 pub(crate) use projected::{Known, Projector};
