@@ -50,6 +50,10 @@ pub(crate) struct Rig {
     pub(crate) drift: f64,
     /// Samples by which the force acts later than it was recorded.
     pub(crate) delay: usize,
+    /// Gains of the loop on position and velocity, N/m and N s/m.
+    pub(crate) gains: [f64; 2],
+    /// Share of the way to the newest difference of positions that the loop's velocity goes in one sample.
+    pub(crate) smoothing: f64,
     /// Largest force; the command is recorded before it is cut off, N.
     pub(crate) limit: f64,
 }
@@ -78,6 +82,8 @@ impl Default for Rig {
             offset: 0.0,
             drift: 0.0,
             delay: 0,
+            gains: [400.0, 20.0],
+            smoothing: 0.8,
             limit: f64::INFINITY,
         }
     }
@@ -114,8 +120,8 @@ impl Rig {
             }
             let error = r - y;
             let difference = (error - before.replace(error).unwrap_or(error)) / SAMPLE_TIME;
-            slope += 0.8 * (difference - slope);
-            let u = m * ddr + damping * dr + k * r + 400.0 * error + 20.0 * slope;
+            slope += self.smoothing * (difference - slope);
+            let u = m * ddr + damping * dr + k * r + self.gains[0] * error + self.gains[1] * slope;
             let noise = self.force_noise * normal();
             if i >= SETTLING {
                 recorded.position.push(y);

@@ -167,6 +167,15 @@ fn a_clipped_input_is_named_with_its_limit() {
     }
 }
 
+#[test]
+fn the_limit_of_a_loop_that_swings_within_seven_samples_is_named() {
+    // The sampled loop has no stability of its own, and only the limit holds it: nearly all of the motion is its swinging.
+    for (limit, white) in [(2600.0, 5e-4), (3000.0, 1e-4)] {
+        let swinging = Rig { gains: [5e3, 1e3], smoothing: 0.4, steps: 4, ..Rig::default() };
+        names_and_holds(Rig { limit, white, ..swinging }, "u beyond", TRUTH);
+    }
+}
+
 /// Two carts on springs, joined by a third one; the command of the second one acts up to a limit.
 const CARTS: &str =
     "model Carts { coordinate x [m], y [m]; input u [N], v [N]; parameter m1 [kg], m2 [kg], k1 [N/m], k2 [N/m];

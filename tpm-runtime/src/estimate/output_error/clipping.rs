@@ -4,12 +4,14 @@
 //! whatever the limit is, so that a limit can be tried by one regression, with the same low pass on both sides; those that leave less
 //! than none does are promising. Where the input is at its limit nearly all the time, the regression shows the parameters over the limit
 //! rather than both, and where few commands pass the limit, it hardly shows it; the likelihood of every sample tells them apart, and
-//! decides whether there is a limit at all.
+//! decides whether there is a limit at all. Of a loop that swings within a few samples between its limits, no derivatives are known well
+//! enough for the regression: there all limits are promising that are not hopeless.
 
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::local;
 use crate::estimate::output_error::problem::{Column, Place, Problem};
 use crate::estimate::output_error::signals::Signals;
+use crate::estimate::time_domain::typical_period;
 use crate::numerics::{DMatrix, DVector};
 use std::vec;
 use std::vec::Vec;
@@ -23,7 +25,9 @@ const TRIED: usize = 104;
 const LEAST: f64 = 0.004;
 /// Power of a combination of regressors of unit length below which the regression leaves it out.
 const COLLINEAR: f64 = 1e-9;
-/// Reach of the low pass on either side of a sample, as a share of the period.
+/// A low pass that reaches fewer samples than this to either side leaves derivatives too far off for the regression.
+const SHORT: usize = 5;
+/// Reach of the low pass on either side of a sample, as a share of the time in which the fastest coordinate goes to and fro.
 const WINDOW: f64 = 0.05;
 
 /// A limit of an input.
@@ -38,7 +42,7 @@ pub(super) struct Limit {
     pub(super) row: usize,
 }
 
-/// Limits that explain some of what is left without one, each with the parameters, all of the model's, that explain the record with it.
+/// Limits that are promising, each with the parameters, all of the model's, that explain the record with it.
 pub(super) fn promising(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
@@ -51,14 +55,20 @@ pub(super) fn promising(
     if high {
         return Ok(Vec::new());
     }
-    let half = (signals.typical_period() * WINDOW) as usize;
+    // A loop may swing faster than the motion that repeats.
+    let periods = signals.coordinates.iter().zip(&signals.white);
+    let periods = periods.map(|(signal, white)| typical_period(signal, problem.sample_time, *white));
+    let period = periods.fold(f64::INFINITY, f64::min);
+    let half = (period / problem.sample_time * WINDOW) as usize;
+    let fast = half < SHORT;
     // The low pass leaves nothing that needs every sample.
     let stride = (half / 6).max(1);
     let samples = whole.div_ceil(stride);
     let mut motions = Vec::with_capacity(dims.coordinates);
     for (c, signal) in signals.coordinates.iter().enumerate() {
         let order = model.coordinate_order(c);
-        let Some(motion) = local::derivatives(signal, problem.sample_time, half.max(3 + order), order, stride) else {
+        let Some(motion) = local::derivatives(signal, problem.sample_time, half.max(order).max(1), order, stride)
+        else {
             return Ok(Vec::new());
         };
         motions.push((order, motion));
@@ -122,7 +132,7 @@ pub(super) fn promising(
         let held: Vec<f64> = (0..whole).map(|k| held(&applied, k)).collect();
         let mut forces = DVector::zeros(samples * dims.rows);
         // The polynomials of the motion and the mean are the low pass of the other side.
-        let Some(held) = local::derivatives(&held, problem.sample_time, half.max(4), 2, stride) else { return forces };
+        let Some(held) = local::derivatives(&held, problem.sample_time, half.max(2), 2, stride) else { return forces };
         for row in 0..dims.rows {
             let own: Vec<f64> = held.iter().step_by(3).enumerate().map(|(k, u)| factor(k, row, input) * u).collect();
             let smoothed = mean_over(&own, half / stride);
@@ -131,7 +141,6 @@ pub(super) fn promising(
         forces
     };
     let unlimited: Vec<DVector<f64>> = (0..dims.inputs).map(|input| forces(input, f64::INFINITY)).collect();
-    let ratio = LEAST.powf(1.0 / TRIED as f64);
     let mut limits = Vec::new();
     for input in 0..dims.inputs {
         let peak = signals.inputs[input].iter().map(|u| u.abs()).fold(0.0, f64::max);
@@ -150,10 +159,11 @@ pub(super) fn promising(
         };
         let (none, _) = fit(f64::INFINITY);
         let factors: Vec<f64> = (0..whole).map(|k| factor(k / stride, row, input)).collect();
-        let tried = (1..=TRIED).map(|i| peak * ratio.powi(i as i32)).map(|limit| (limit, fit(limit)));
+        let tried = (1..=TRIED).map(|i| peak * ratio().powi(i as i32)).map(|limit| (limit, fit(limit)));
         // Of a sound record a limit just below its peak leaves more than none does, and every smaller one more still.
         let tried = tried.take_while(|(_, (squares, _))| *squares < HOPELESS * none);
-        limits.extend(tried.filter(|(_, (squares, _))| *squares < none).map(|(size, (_, solved))| {
+        let promising = tried.filter(|(_, (squares, _))| fast || *squares < none);
+        limits.extend(promising.map(|(size, (_, solved))| {
             let mut theta = start.to_vec();
             for ((&j, value), scale) in problem.free.iter().zip(solved.iter()).zip(&scales) {
                 theta[j] = value / scale;
@@ -162,6 +172,11 @@ pub(super) fn promising(
         }));
     }
     Ok(limits)
+}
+
+/// A limit that is tried as a share of the one before.
+pub(super) fn ratio() -> f64 {
+    LEAST.powf(1.0 / TRIED as f64)
 }
 
 impl Limit {

@@ -18,6 +18,8 @@ use std::vec::Vec;
 
 /// A limit of an input is told from none when it is so many times its deviation.
 const TOLD: f64 = 5.0;
+/// How often the distance between limits that are tried is halved about the most likely one.
+const HALVINGS: usize = 6;
 /// Limits of an input that are weighed on either side of the most likely one.
 const LIMITS: i32 = 20;
 /// How far from it they reach, in deviations by the curvature there.
@@ -153,36 +155,72 @@ fn fitted(problem: &Problem<'_>, signals: &Signals<'_>, begun: State) -> Result<
     }
 }
 
-/// The state with the limit of an input that is most likely among those that are promising; nothing where even that one is less likely than
-/// what was fitted without a limit.
+/// The settled state with the limit of an input that is most likely; nothing where even that one is less likely than what was fitted without a
+/// limit. Where nothing was, the state is not settled.
 fn most_likely_limit(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
     begun: &State,
     without: Option<&Fitted>,
 ) -> Result<Option<State>, OutputErrorFault> {
-    let cost = |state: &State, noise: &Noise| -> Result<f64, OutputErrorFault> {
-        let columns = state.own(problem);
-        let chain = problem.linearise_at(&state.trajectory, &state.theta, &columns, &vec![0.0; columns.len()])?;
-        Ok(Smoothed::new(&chain, noise, chain.columns, false).least_cost())
-    };
-    let mut best: Option<(State, f64)> = None;
-    for (limit, theta) in clipping::promising(problem, signals, &begun.theta)? {
-        let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
-        let state = State { trajectory, theta, limit: Some(limit), ..begun.clone() };
-        let cost = cost(&state, &state.noise)?;
-        if best.as_ref().is_none_or(|(_, least)| cost < *least) {
-            best = Some((state, cost));
+    let promising = clipping::promising(problem, signals, &begun.theta)?;
+    let Some(without) = without else { return nearest_limit(problem, begun, &promising) };
+    // Where the motion is too fast for its derivatives, the parameters that were fitted without a limit are nearer.
+    let fitted = promising.iter().map(|(limit, _)| (limit.clone(), without.state.theta.clone())).collect();
+    let mut best: Option<(f64, State)> = None;
+    for tried in [promising, fitted] {
+        let Some(mut state) = nearest_limit(problem, begun, &tried)? else { continue };
+        if state.settle(problem, signals, false).is_err() {
+            continue;
+        }
+        // Coloured noise was found on the way to what was fitted without a limit.
+        let cost = cost(problem, &state, &state.noise)?.min(cost(problem, &state, &without.state.noise)?);
+        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+            best = Some((cost, state));
         }
     }
-    let Some((mut state, _)) = best else { return Ok(None) };
-    let Some(without) = without else { return Ok(Some(state)) };
-    if state.settle(problem, signals, false).is_err() {
-        return Ok(None);
+    let likelier = best.filter(|(cost, _)| *cost < without.examined.cost - BELIEVED);
+    Ok(likelier.map(|(_, state)| state))
+}
+
+/// The state with the most likely of limits that are tried along the measured motion, each with its parameters; nothing where there are none.
+fn nearest_limit(
+    problem: &Problem<'_>,
+    begun: &State,
+    tried: &[(Limit, Vec<f64>)],
+) -> Result<Option<State>, OutputErrorFault> {
+    let limited = |limit: Limit, theta: &[f64]| -> Result<(f64, State), OutputErrorFault> {
+        let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
+        let state = State { trajectory, theta: theta.to_vec(), limit: Some(limit), ..begun.clone() };
+        Ok((cost(problem, &state, &state.noise)?, state))
+    };
+    let mut best: Option<(f64, State, &Limit)> = None;
+    for (limit, theta) in tried {
+        let (cost, state) = limited(limit.clone(), theta)?;
+        if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+            best = Some((cost, state, limit));
+        }
     }
-    // Coloured noise was found on the way to what was fitted without a limit.
-    let least = cost(&state, &state.noise)?.min(cost(&state, &without.state.noise)?);
-    Ok((least < without.examined.cost - BELIEVED).then_some(state))
+    let Some((mut least, mut state, limit)) = best else { return Ok(None) };
+    // Limits were tried far apart, and the likelihood of the right one is sharp.
+    let (mut size, mut factor) = (limit.size, clipping::ratio());
+    for _ in 0..HALVINGS {
+        factor = factor.sqrt();
+        for nearer in [size * factor, size / factor] {
+            let (cost, other) = limited(Limit { size: nearer, ..limit.clone() }, &state.theta)?;
+            if cost < least {
+                (size, least, state) = (nearer, cost, other);
+            }
+        }
+    }
+    Ok(Some(state))
+}
+
+/// What the record costs in likelihood about a state.
+fn cost(problem: &Problem<'_>, state: &State, noise: &Noise) -> Result<f64, OutputErrorFault> {
+    let columns = state.own(problem);
+    let chain = problem.linearise_at(&state.trajectory, &state.theta, &columns, &vec![0.0; columns.len()])?;
+    Ok(Smoothed::new(&chain, noise, chain.columns, false).least_cost())
 }
 
 /// A limit of an input, with what it costs in likelihood and how far it moves the parameters.

@@ -27,17 +27,21 @@ impl Swiftness {
     pub(crate) fn of(signals: &[&[f64]], sample_time: f64, noise: f64) -> Self {
         let bands = Bands::of(signals, sample_time);
         let highest = bands.highest(noise);
-        let (position, rate) = bands.moments(highest);
-        let frequency = (rate / position.max(f64::MIN_POSITIVE)).sqrt();
         let level = |(upper, power, unit, count): &(f64, f64, f64, f64)| {
             (*count > 0.0).then(|| (upper / BAND.sqrt() / (2.0 * PI), (power / unit).sqrt()))
         };
         Swiftness {
             highest: highest / (2.0 * PI),
-            typical_period: 2.0 * PI / frequency.max(f64::MIN_POSITIVE),
+            typical_period: bands.typical_period(highest),
             spectrum: bands.bands.iter().filter_map(level).collect(),
         }
     }
+}
+
+/// Time in which a signal goes to and fro once, on the average, given the deviation of its noise, s.
+pub(crate) fn typical_period(signal: &[f64], sample_time: f64, noise: f64) -> f64 {
+    let bands = Bands::of(&[signal], sample_time);
+    bands.typical_period(bands.highest(noise))
 }
 
 /// A spectrum of power over all stretches, in bands.
@@ -87,5 +91,12 @@ impl Bands {
     pub(super) fn moments(&self, highest: f64) -> (f64, f64) {
         let own = self.bands.iter().filter(|band| band.0 <= highest * BAND);
         own.fold((0.0, 0.0), |(position, rate), band| (position + band.1, rate + band.1 * band.0 * band.0 / BAND))
+    }
+
+    /// Time in which the signal goes to and fro once, on the average, up to a frequency, s.
+    fn typical_period(&self, highest: f64) -> f64 {
+        let (position, rate) = self.moments(highest);
+        let frequency = (rate / position.max(f64::MIN_POSITIVE)).sqrt();
+        2.0 * PI / frequency.max(f64::MIN_POSITIVE)
     }
 }
