@@ -59,7 +59,8 @@ pub(super) fn promising(
     let periods = signals.coordinates.iter().zip(&signals.white);
     let periods = periods.map(|(signal, white)| typical_period(signal, problem.sample_time, *white));
     let period = periods.fold(f64::INFINITY, f64::min);
-    let half = (period / problem.sample_time * WINDOW) as usize;
+    // What hardly moves within these samples shows no limit, and has no window that is short enough.
+    let half = (period / problem.sample_time * WINDOW).min(whole as f64) as usize;
     let fast = half < SHORT;
     // The low pass leaves nothing that needs every sample.
     let stride = (half / 6).max(1);
