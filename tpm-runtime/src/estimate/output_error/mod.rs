@@ -47,8 +47,8 @@ pub use fit::OutputError;
 pub use misfit::Misfit;
 pub use problem::Differentiable;
 pub use rates::{RateFault, RateUse};
-pub use signals::{Course, Rate, Signals};
 pub(crate) use signals::beside_counts;
 #[cfg(feature = "interpret")]
 pub(crate) use signals::reach_in;
+pub use signals::{Course, Rate, Signals};
 pub use simulated::{Divergence, Simulated};
