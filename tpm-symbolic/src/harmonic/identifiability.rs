@@ -109,7 +109,7 @@ pub fn identifiability(experiments: &[Experiment<'_>]) -> Result<Identifiability
         None => pivots.len() == columns,
     };
     let base = unobservable.as_ref().map(|directions| base_parameters(&pivots, columns, directions));
-    let observability = observability(&matrix, &point);
+    let observability = observability(&matrix, &point, &pivots);
     Ok(Identifiability {
         parameters: matrix.parameters,
         experiments: experiments.iter().map(|experiment| experiment.name.clone()).collect(),
@@ -224,7 +224,7 @@ fn determined(rows: Vec<Vec<Rational>>, columns: usize) -> Vec<bool> {
     (0..columns).map(|column| null.iter().all(|vector| vector[column].is_zero())).collect()
 }
 
-fn observability(matrix: &Matrix, point: &[Vec<Rational>]) -> Vec<Observability> {
+fn observability(matrix: &Matrix, point: &[Vec<Rational>], pivots: &[usize]) -> Vec<Observability> {
     let columns = matrix.parameters.len();
     let chosen = |keep: &dyn Fn(&RowLabel) -> bool| -> Vec<bool> {
         let rows = point.iter().zip(&matrix.rows).filter(|(_, label)| keep(label)).map(|(row, _)| row.clone());
@@ -245,7 +245,7 @@ fn observability(matrix: &Matrix, point: &[Vec<Rational>]) -> Vec<Observability>
     }
     let count = matrix.rows.iter().map(|label| label.experiment + 1).max().unwrap_or(0);
     let alone: Vec<Vec<bool>> = (0..count).map(|number| chosen(&|label| label.experiment == number)).collect();
-    let mut unchecked = unchecked(point);
+    let mut unchecked = unchecked(point, pivots);
     let each = (0..columns).map(|column| Observability {
         observable: all[column],
         visible: (0..matrix.rows.len()).filter(|&r| !matrix.entries[r][column].is_zero()).collect(),
@@ -256,37 +256,38 @@ fn observability(matrix: &Matrix, point: &[Vec<Rational>]) -> Vec<Observability>
     each.collect()
 }
 
-/// By leading column of a base parameter: the rows without redundancy that determine it.
-fn unchecked(point: &[Vec<Rational>]) -> Vec<Vec<usize>> {
+/// By leading column of a base parameter, which `pivots` are: the rows without redundancy that determine it.
+fn unchecked(point: &[Vec<Rational>], pivots: &[usize]) -> Vec<Vec<usize>> {
     let columns = point.first().map_or(0, Vec::len);
     let mut found = vec![Vec::new(); columns];
-    // The echelon form has a row for every base parameter: its factors.
-    let mut base = point.to_vec();
-    let pivots = linear::reduce(&mut base);
-    for row in without_redundancy(point, columns) {
-        let rest = point.iter().enumerate().filter(|(other, _)| *other != row).map(|(_, rest)| rest.clone());
-        let unseen = linear::null_space(rest.collect(), columns);
-        for (factors, &lead) in base.iter().zip(&pivots) {
-            let part =
-                |direction: &Vec<Rational>| -> Rational { factors.iter().zip(direction).map(|(f, d)| f * d).sum() };
-            if unseen.iter().any(|direction| !part(direction).is_zero()) {
-                found[lead].push(row);
-            }
-        }
-    }
-    found
-}
-
-/// The rows without which the rank is smaller.
-fn without_redundancy(point: &[Vec<Rational>], columns: usize) -> Vec<usize> {
-    // The echelon form writes all rows as combinations of the pivots; a pivot that is in none but itself has no redundancy.
+    // The echelon form of the transpose writes all rows as combinations of as many as the rank; of these, one that is in none but itself
+    // has no redundancy.
     let mut transposed: Vec<Vec<Rational>> =
         (0..columns).map(|column| point.iter().map(|row| row[column].clone()).collect()).collect();
-    let pivots = linear::reduce(&mut transposed);
-    let alone = |(parts, pivot): &(&Vec<Rational>, usize)| {
-        parts.iter().enumerate().all(|(row, part)| row == *pivot || part.is_zero())
+    let independent = linear::reduce(&mut transposed);
+    let alone = |(parts, own): &(&Vec<Rational>, &usize)| {
+        parts.iter().enumerate().all(|(row, part)| row == **own || part.is_zero())
     };
-    transposed.iter().zip(pivots).filter(alone).map(|(_, pivot)| pivot).collect()
+    let needed: Vec<usize> = transposed.iter().zip(&independent).filter(alone).map(|(_, &own)| own).collect();
+    if needed.is_empty() {
+        return found;
+    }
+    // The independent rows are T b of the base parameters b, where T has their entries at the leading columns. A base parameter depends
+    // on a row as the inverse of T says.
+    let mut system: Vec<Vec<Rational>> = independent
+        .iter()
+        .map(|row| {
+            let entries = pivots.iter().map(|&lead| point[*row][lead].clone());
+            let unit = needed.iter().map(|own| if own == row { Rational::one() } else { Rational::zero() });
+            entries.chain(unit).collect()
+        })
+        .collect();
+    linear::reduce(&mut system);
+    for (&lead, parts) in pivots.iter().zip(&system) {
+        let dependent = needed.iter().zip(&parts[pivots.len()..]).filter(|(_, part)| !part.is_zero());
+        found[lead].extend(dependent.map(|(&row, _)| row));
+    }
+    found
 }
 
 /// What the experiments tell about the physical parameters behind the columns, for parameters in general position.
