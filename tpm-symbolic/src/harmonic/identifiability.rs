@@ -260,15 +260,12 @@ fn observability(matrix: &Matrix, point: &[Vec<Rational>], pivots: &[usize]) -> 
 fn unchecked(point: &[Vec<Rational>], pivots: &[usize]) -> Vec<Vec<usize>> {
     let columns = point.first().map_or(0, Vec::len);
     let mut found = vec![Vec::new(); columns];
-    // The echelon form of the transpose writes all rows as combinations of as many as the rank; of these, one that is in none but itself
-    // has no redundancy.
-    let mut transposed: Vec<Vec<Rational>> =
-        (0..columns).map(|column| point.iter().map(|row| row[column].clone()).collect()).collect();
-    let independent = linear::reduce(&mut transposed);
-    let alone = |(parts, own): &(&Vec<Rational>, &usize)| {
-        parts.iter().enumerate().all(|(row, part)| row == **own || part.is_zero())
+    let (independent, needed) = if pivots.len() == point.len() {
+        let all: Vec<usize> = (0..point.len()).collect();
+        (all.clone(), all)
+    } else {
+        independent_rows(point, columns)
     };
-    let needed: Vec<usize> = transposed.iter().zip(&independent).filter(alone).map(|(_, &own)| own).collect();
     if needed.is_empty() {
         return found;
     }
@@ -288,6 +285,20 @@ fn unchecked(point: &[Vec<Rational>], pivots: &[usize]) -> Vec<Vec<usize>> {
         found[lead].extend(dependent.map(|(&row, _)| row));
     }
     found
+}
+
+/// As many independent rows as the rank, and those of them that have no redundancy.
+fn independent_rows(point: &[Vec<Rational>], columns: usize) -> (Vec<usize>, Vec<usize>) {
+    // The echelon form of the transpose writes all rows as combinations of the independent ones; one of these that is in none but itself
+    // has no redundancy.
+    let mut transposed: Vec<Vec<Rational>> =
+        (0..columns).map(|column| point.iter().map(|row| row[column].clone()).collect()).collect();
+    let independent = linear::reduce(&mut transposed);
+    let alone = |(parts, own): &(&Vec<Rational>, &usize)| {
+        parts.iter().enumerate().all(|(row, part)| row == **own || part.is_zero())
+    };
+    let needed = transposed.iter().zip(&independent).filter(alone).map(|(_, &own)| own).collect();
+    (independent, needed)
 }
 
 /// What the experiments tell about the physical parameters behind the columns, for parameters in general position.
