@@ -42,11 +42,13 @@ pub(super) struct Limit {
     pub(super) row: usize,
 }
 
-/// Limits that are promising, each with the parameters, all of the model's, that explain the record with it.
+/// Limits that are promising, each with the parameters, all of the model's, that explain the record with it. The inputs are
+/// doubtful where a fit without a limit needs noise on them.
 pub(super) fn promising(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
     start: &[f64],
+    doubtful: bool,
 ) -> Result<Vec<(Limit, Vec<f64>)>, OutputErrorFault> {
     let model = problem.machine.model;
     let dims = model.dims();
@@ -61,7 +63,7 @@ pub(super) fn promising(
     let period = periods.fold(f64::INFINITY, f64::min);
     // What hardly moves within these samples shows no limit, and has no window that is short enough.
     let half = (period / problem.sample_time * WINDOW).min(whole as f64) as usize;
-    let fast = half < SHORT;
+    let fast = half < SHORT && doubtful;
     // The low pass leaves nothing that needs every sample.
     let stride = (half / 6).max(1);
     let samples = whole.div_ceil(stride);

@@ -163,7 +163,8 @@ fn most_likely_limit(
     begun: &State,
     without: Option<&Fitted>,
 ) -> Result<Option<State>, OutputErrorFault> {
-    let promising = clipping::promising(problem, signals, &begun.theta)?;
+    let doubtful = without.is_none_or(|without| without.state.noise.inputs.iter().any(|sigma| *sigma > 0.0));
+    let promising = clipping::promising(problem, signals, &begun.theta, doubtful)?;
     let Some(without) = without else { return nearest_limit(problem, begun, &promising) };
     // Where the motion is too fast for its derivatives, the parameters that were fitted without a limit are nearer.
     let fitted = promising.iter().map(|(limit, _)| (limit.clone(), without.state.theta.clone())).collect();
