@@ -29,7 +29,6 @@ use crate::regressor::parameter_map::ParameterMap;
 use num_traits::{One, Zero};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
-use std::mem;
 
 pub use crate::harmonic::stacked::{Experiment, IdentifiabilityError, RowLabel, evaluated_matrix};
 
@@ -245,20 +244,19 @@ fn observability(matrix: &Matrix, point: &[Vec<Rational>], pivots: &[usize]) -> 
     }
     let count = matrix.rows.iter().map(|label| label.experiment + 1).max().unwrap_or(0);
     let alone: Vec<Vec<bool>> = (0..count).map(|number| chosen(&|label| label.experiment == number)).collect();
-    let mut unchecked = unchecked(point, pivots);
-    let each = (0..columns).map(|column| Observability {
+    let unchecked = unchecked(point, pivots, columns);
+    let each = unchecked.into_iter().enumerate().map(|(column, unchecked)| Observability {
         observable: all[column],
         visible: (0..matrix.rows.len()).filter(|&r| !matrix.entries[r][column].is_zero()).collect(),
         band: band[column],
         experiments: (0..count).filter(|&number| alone[number][column]).collect(),
-        unchecked: mem::take(&mut unchecked[column]),
+        unchecked,
     });
     each.collect()
 }
 
 /// By leading column of a base parameter, which `pivots` are: the rows without redundancy that determine it.
-fn unchecked(point: &[Vec<Rational>], pivots: &[usize]) -> Vec<Vec<usize>> {
-    let columns = point.first().map_or(0, Vec::len);
+fn unchecked(point: &[Vec<Rational>], pivots: &[usize], columns: usize) -> Vec<Vec<usize>> {
     let mut found = vec![Vec::new(); columns];
     let (independent, needed) = if pivots.len() == point.len() {
         let all: Vec<usize> = (0..point.len()).collect();

@@ -281,6 +281,11 @@ fn what_acts_beside_the_model_at_a_harmonic_without_redundancy_is_taken_for_para
     assert_eq!(found.rank, found.rows.len());
     let base = found.base.as_ref().expect("short");
     assert!(base.iter().all(|one| !found.observability[one.column].unchecked.is_empty()));
+    // No harmonic of theirs is the mean.
+    let nothing = Experiment::of("run", &prepared.model, &table).up_to(Some(0));
+    let nothing = identifiability(&[nothing]).expect("one table");
+    assert_eq!((nothing.rank, nothing.rows.len()), (0, 0));
+    assert!(nothing.observability.iter().all(|o| !o.observable && o.unchecked.is_empty()));
 }
 
 #[test]
