@@ -88,13 +88,13 @@ impl Bands {
     }
 
     /// Mean square of the signal and of its rate, but for a factor, up to a frequency.
-    pub(super) fn moments(&self, highest: f64) -> (f64, f64) {
+    fn moments(&self, highest: f64) -> (f64, f64) {
         let own = self.bands.iter().filter(|band| band.0 <= highest * BAND);
         own.fold((0.0, 0.0), |(position, rate), band| (position + band.1, rate + band.1 * band.0 * band.0 / BAND))
     }
 
     /// Time in which the signal goes to and fro once, on the average, up to a frequency, s.
-    fn typical_period(&self, highest: f64) -> f64 {
+    pub(super) fn typical_period(&self, highest: f64) -> f64 {
         let (position, rate) = self.moments(highest);
         let frequency = (rate / position.max(f64::MIN_POSITIVE)).sqrt();
         2.0 * PI / frequency.max(f64::MIN_POSITIVE)

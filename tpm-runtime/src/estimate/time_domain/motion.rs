@@ -9,7 +9,6 @@ use num_complex::Complex;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use std::f64::consts::PI;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -90,9 +89,8 @@ impl Motion {
             (0..coordinates).map(|c| rates(c).map(|rates| Sensor::of(&rates).noise)).collect();
         let bands: Vec<Bands> = (0..coordinates).map(|c| Bands::of(&of(c), record.sample_time)).collect();
         let highest: Vec<f64> = bands.iter().zip(&white).map(|(bands, white)| bands.highest(*white)).collect();
-        let moments = bands.iter().zip(&highest).map(|(bands, highest)| bands.moments(*highest));
-        let fastest =
-            moments.map(|(position, rate)| (rate / position.max(f64::MIN_POSITIVE)).sqrt()).fold(0.0, f64::max);
+        let periods = bands.iter().zip(&highest).map(|(bands, highest)| bands.typical_period(*highest));
+        let typical_period = periods.fold(f64::INFINITY, f64::min);
         let mut gains = vec![(0.0, 0.0); coordinates];
         let mut rng = ChaCha8Rng::seed_from_u64(SEED);
         let mut stretches = Vec::with_capacity(record.stretches.len());
@@ -133,7 +131,6 @@ impl Motion {
         }
         let gain = |(own, power): (f64, f64)| own / power.max(f64::MIN_POSITIVE);
         let rate_gains = gains.iter().zip(&rate_noise).map(|(&of, noise)| noise.map(|_| gain(of))).collect();
-        let typical_period = 2.0 * PI / fastest.max(f64::MIN_POSITIVE);
         Ok(Motion { stretches, white, steps, highest, typical_period, rate_gains })
     }
 
