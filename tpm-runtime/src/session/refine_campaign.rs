@@ -26,6 +26,8 @@ const WORK: usize = 640_000;
 /// Least share of all samples, as one over this, whose simulation says more than the harmonics of all of them. Their errors are 1.4 to 6.5
 /// times the Cramer-Rao bound.
 const WORTH: usize = 3;
+/// Samples of all runs together above which the model must follow a part of them first.
+const LONG: usize = 50_000;
 /// Most samples of a run that are simulated to judge it, for every run anew.
 const JUDGED: usize = 4_000;
 
@@ -63,7 +65,16 @@ impl<'a> RunSimulation<'a> {
             }
             most
         };
-        let mut refined = self.of_runs(&runs, campaign.estimate()?, most)?;
+        let estimate = campaign.estimate()?;
+        // A model that cannot follow the ends of the runs cannot follow more of them, and would take minutes to say so.
+        let part = JUDGED * runs.len();
+        let long = runs.iter().map(|run| run.len()).sum::<usize>().min(most) > LONG.max(part);
+        let judged = if long { self.of_runs(&runs, estimate, part) } else { None };
+        let refused = judged.filter(|judged| judged.report.as_ref().is_some_and(|report| !report.used));
+        let mut refined = match refused {
+            Some(refused) => refused,
+            None => self.of_runs(&runs, estimate, most)?,
+        };
         if let Some(report) = &mut refined.report {
             report.runs = runs.len();
         }
