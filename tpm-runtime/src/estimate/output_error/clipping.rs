@@ -42,20 +42,29 @@ pub(super) struct Limit {
     pub(super) row: usize,
 }
 
-/// Limits that are promising, each with the parameters, all of the model's, that explain the record with it. The inputs are
-/// doubtful where a fit without a limit needs noise on them.
+/// Limits of inputs that are worth to be weighed by the likelihood.
+#[derive(Default)]
+pub(super) struct Promising {
+    /// Each with the parameters, all of the model's, that explain the record with it.
+    pub(super) limits: Vec<(Limit, Vec<f64>)>,
+    /// Whether the motion is too fast for a regression, so that all limits are among them that are not hopeless, and the
+    /// parameters are far off.
+    pub(super) fast: bool,
+}
+
+/// Limits that are promising. The inputs are doubtful where a fit without a limit needs noise on them.
 pub(super) fn promising(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
     start: &[f64],
     doubtful: bool,
-) -> Result<Vec<(Limit, Vec<f64>)>, OutputErrorFault> {
+) -> Result<Promising, OutputErrorFault> {
     let model = problem.machine.model;
     let dims = model.dims();
     let whole = problem.samples();
     let high = (0..dims.coordinates).any(|c| model.coordinate_order(c) > 2);
     if high {
-        return Ok(Vec::new());
+        return Ok(Promising::default());
     }
     // A loop may swing faster than the motion that repeats.
     let periods = signals.coordinates.iter().zip(&signals.white);
@@ -72,7 +81,7 @@ pub(super) fn promising(
         let order = model.coordinate_order(c);
         let Some(motion) = local::derivatives(signal, problem.sample_time, half.max(order).max(1), order, stride)
         else {
-            return Ok(Vec::new());
+            return Ok(Promising::default());
         };
         motions.push((order, motion));
     }
@@ -123,7 +132,7 @@ pub(super) fn promising(
         column /= *scale;
     }
     // A machine that swings at one frequency does not tell its mass from its stiffness here; a start needs none of both alone.
-    let Ok(inverse) = left.tr_mul(&left).pseudo_inverse(COLLINEAR) else { return Ok(Vec::new()) };
+    let Ok(inverse) = left.tr_mul(&left).pseudo_inverse(COLLINEAR) else { return Ok(Promising::default()) };
     // What is held until the next sample acts half a sample later than it was recorded.
     let held = |applied: &[f64], k: usize| match problem.hold {
         Hold::Zoh => 0.5 * (applied[k] + applied[k.saturating_sub(1)]),
@@ -174,7 +183,7 @@ pub(super) fn promising(
             (Limit { input, size, factor: factors.clone(), row }, theta)
         }));
     }
-    Ok(limits)
+    Ok(Promising { limits, fast })
 }
 
 /// A limit that is tried as a share of the one before.

@@ -1,7 +1,7 @@
 //! The fit of a record: noise, parameters and motion first, then what is left.
 
 use crate::estimate::output_error::candidates::CandidateKind;
-use crate::estimate::output_error::clipping::{self, Limit};
+use crate::estimate::output_error::clipping::{self, Limit, Promising};
 use crate::estimate::output_error::error::OutputErrorFault;
 use crate::estimate::output_error::misfit::{self, Examined, Misfit};
 use crate::estimate::output_error::noise::Noise;
@@ -13,6 +13,7 @@ use crate::estimate::output_error::solution::Solution;
 use crate::estimate::output_error::state::State;
 use crate::estimate::output_error::tuning::BELIEVED;
 use crate::numerics::{DMatrix, root_mean_square};
+use std::ops::Range;
 use std::vec;
 use std::vec::Vec;
 
@@ -22,6 +23,8 @@ const TOLD: f64 = 5.0;
 const HALVINGS: usize = 6;
 /// Limits of an input that are weighed on either side of the most likely one.
 const LIMITS: i32 = 20;
+/// Samples of a record by which limits are told from each other, and from none, before the whole of it is asked.
+const WEIGHED: usize = 16_000;
 /// How far from it they reach, in deviations by the curvature there.
 const REACH: f64 = 6.0;
 
@@ -164,13 +167,18 @@ fn most_likely_limit(
     without: Option<&Fitted>,
 ) -> Result<Option<State>, OutputErrorFault> {
     let doubtful = without.is_none_or(|without| without.state.noise.inputs.iter().any(|sigma| *sigma > 0.0));
-    let promising = clipping::promising(problem, signals, &begun.theta, doubtful)?;
-    let Some(without) = without else { return nearest_limit(problem, begun, &promising) };
-    // Where the motion is too fast for its derivatives, the parameters that were fitted without a limit are nearer.
-    let fitted = promising.iter().map(|(limit, _)| (limit.clone(), without.state.theta.clone())).collect();
+    let Promising { limits, fast } = clipping::promising(problem, signals, &begun.theta, doubtful)?;
+    let Some(without) = without else { return nearest_limit(problem, begun, &limits) };
+    let mut starts = vec![(begun.theta.clone(), limits)];
+    if fast {
+        // Of such motion the parameters that were fitted without a limit are nearer than those of the regression.
+        let fitted = &without.state.theta;
+        let limits = starts[0].1.iter().map(|(limit, _)| (limit.clone(), fitted.clone())).collect();
+        starts.push((fitted.clone(), limits));
+    }
     let mut best: Option<(f64, State)> = None;
-    for tried in [promising, fitted] {
-        let Some(mut state) = nearest_limit(problem, begun, &tried)? else { continue };
+    for (theta, limits) in starts {
+        let Some(mut state) = nearest_limit(problem, &State { theta, ..begun.clone() }, &limits)? else { continue };
         if state.settle(problem, signals, false).is_err() {
             continue;
         }
@@ -184,37 +192,74 @@ fn most_likely_limit(
     Ok(likelier.map(|(_, state)| state))
 }
 
-/// The state with the most likely of limits that are tried along the measured motion, each with its parameters; nothing where there are none.
+/// The state with the most likely of limits that are tried along the measured motion, each with its parameters; nothing where none is likelier
+/// than no limit along the same motion. Of a long record the part with the largest inputs is asked.
 fn nearest_limit(
     problem: &Problem<'_>,
     begun: &State,
     tried: &[(Limit, Vec<f64>)],
 ) -> Result<Option<State>, OutputErrorFault> {
-    let limited = |limit: Limit, theta: &[f64]| -> Result<(f64, State), OutputErrorFault> {
-        let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
-        let state = State { trajectory, theta: theta.to_vec(), limit: Some(limit), ..begun.clone() };
-        Ok((cost(problem, &state, &state.noise)?, state))
+    if tried.is_empty() {
+        return Ok(None);
+    }
+    let samples = strongest(&problem.inputs, WEIGHED);
+    let part = problem.part(samples.clone());
+    let (states, inputs, outputs) = (problem.states.len(), problem.inputs.len(), problem.sensors.len());
+    let noise = Noise {
+        readings: begun.noise.readings[samples.start * outputs..samples.end * outputs].to_vec(),
+        ..begun.noise.clone()
     };
-    let mut best: Option<(f64, State, &Limit)> = None;
-    for (limit, theta) in tried {
-        let (cost, state) = limited(limit.clone(), theta)?;
-        if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
-            best = Some((cost, state, limit));
+    let trajectory = begun.trajectory.recorded(samples.clone(), states, inputs);
+    let within = |limit: &Limit| Limit { factor: limit.factor[samples.clone()].to_vec(), ..limit.clone() };
+    let with = |limit: Limit, theta: &[f64]| -> Result<f64, OutputErrorFault> {
+        let trajectory = Trajectory { applied: Some(limit.applied(&part.inputs)), ..trajectory.clone() };
+        let state = State { trajectory, theta: theta.to_vec(), limit: Some(limit), ..begun.clone() };
+        cost(&part, &state, &noise)
+    };
+    let mut best: Option<(f64, &(Limit, Vec<f64>))> = None;
+    for one in tried {
+        let cost = with(within(&one.0), &one.1)?;
+        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+            best = Some((cost, one));
         }
     }
-    let Some((mut least, mut state, limit)) = best else { return Ok(None) };
+    let Some((mut least, (limit, theta))) = best else { return Ok(None) };
     // Limits were tried far apart, and the likelihood of the right one is sharp.
     let (mut size, mut factor) = (limit.size, clipping::ratio());
     for _ in 0..HALVINGS {
         factor = factor.sqrt();
         for nearer in [size * factor, size / factor] {
-            let (cost, other) = limited(Limit { size: nearer, ..limit.clone() }, &state.theta)?;
+            let cost = with(Limit { size: nearer, ..within(limit) }, theta)?;
             if cost < least {
-                (size, least, state) = (nearer, cost, other);
+                (size, least) = (nearer, cost);
             }
         }
     }
-    Ok(Some(state))
+    let unlimited = State { trajectory, ..begun.clone() };
+    if least >= cost(&part, &unlimited, &noise)? - BELIEVED {
+        return Ok(None);
+    }
+    let limit = Limit { size, ..limit.clone() };
+    let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
+    Ok(Some(State { trajectory, theta: theta.clone(), limit: Some(limit), ..begun.clone() }))
+}
+
+/// So many samples, at most, where the inputs are largest, each beside its mean square.
+pub(super) fn strongest(inputs: &[&[f64]], most: usize) -> Range<usize> {
+    let samples = inputs.first().map_or(0, |input| input.len());
+    let length = most.min(samples);
+    let powers: Vec<f64> =
+        inputs.iter().map(|input| root_mean_square(input.iter().copied()).powi(2).max(f64::MIN_POSITIVE)).collect();
+    let at = |k: usize| inputs.iter().zip(&powers).map(|(input, power)| input[k].powi(2) / power).sum::<f64>();
+    let mut sum: f64 = (0..length).map(at).sum();
+    let (mut largest, mut from) = (sum, 0);
+    for k in length..samples {
+        sum += at(k) - at(k - length);
+        if sum > largest {
+            (largest, from) = (sum, k + 1 - length);
+        }
+    }
+    from..from + length
 }
 
 /// What the record costs in likelihood about a state.

@@ -1,6 +1,6 @@
 //! Fits of simulated records: what is stated against what comes out over many seeds, and against the Cramer-Rao bound.
 
-use crate::estimate::output_error::fit::OutputError;
+use crate::estimate::output_error::fit::{OutputError, strongest};
 use crate::estimate::output_error::problem::Differentiable;
 use crate::estimate::output_error::signals::{Course, Rate, Signals};
 use crate::interpret::{Interpreted, InterpretedDerivatives};
@@ -254,4 +254,18 @@ fn a_start_from_far_away_ends_at_the_same_values() {
         let apart = (near.values[j] - far.values[j]) / deviation(&near, j);
         assert!(apart.abs() < 0.05, "{j}: {apart}");
     }
+}
+
+#[test]
+fn limits_are_weighed_where_the_inputs_are_largest_beside_their_own_size() {
+    let mut one = vec![1.0; 100];
+    let mut other = vec![1e-3; 100];
+    assert_eq!(strongest(&[&one, &other], 200), 0..100);
+    other[71..75].fill(2e-3);
+    assert_eq!(strongest(&[&one, &other], 4), 71..75);
+    one[20..24].fill(-4.0);
+    assert_eq!(strongest(&[&one, &other], 4), 20..24);
+    one[96..].fill(5.0);
+    assert_eq!(strongest(&[&one, &other], 4), 96..100);
+    assert_eq!(strongest(&[], 4), 0..0);
 }

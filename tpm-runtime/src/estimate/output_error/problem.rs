@@ -6,6 +6,7 @@ use crate::estimate::output_error::noise::Noise;
 use crate::estimate::output_error::signals::Signals;
 use crate::numerics::root_mean_square;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::derivatives::RowDerivatives;
@@ -84,7 +85,16 @@ pub(super) struct Trajectory {
     pub(super) applied: Option<(usize, Vec<f64>)>,
 }
 
+impl Trajectory {
+    /// The motion of some samples, of so many states and inputs, as the inputs were recorded.
+    pub(super) fn recorded(&self, samples: Range<usize>, states: usize, inputs: usize) -> Self {
+        let of = |values: &[f64], each: usize| values[samples.start * each..samples.end * each].to_vec();
+        Trajectory { states: of(&self.states, states), disturbed: of(&self.disturbed, inputs), applied: None }
+    }
+}
+
 /// A record whose motion follows from its inputs.
+#[derive(Clone)]
 pub(super) struct Problem<'a> {
     pub(super) machine: Differentiable<'a>,
     pub(super) constants: &'a [f64],
@@ -181,6 +191,18 @@ impl<'a> Problem<'a> {
             scale: (0..outputs).map(|c| noise.typical(c, outputs)).collect(),
             hidden: hidden.to_vec(),
         })
+    }
+
+    /// The problem of some of the samples.
+    pub(super) fn part(&self, samples: Range<usize>) -> Self {
+        let cut = |signals: &[&'a [f64]]| signals.iter().map(|signal| &signal[samples.clone()]).collect();
+        Problem {
+            coordinates: cut(&self.coordinates),
+            readings: cut(&self.readings),
+            inputs: cut(&self.inputs),
+            breaks: self.breaks[samples.start..samples.end.max(samples.start + 1) - 1].to_vec(),
+            ..self.clone()
+        }
     }
 
     pub(super) fn samples(&self) -> usize {
