@@ -110,11 +110,12 @@ fn runs_and_samples_equal_identify_on_every_kind_of_machine() {
         ("rotary_pendulum_down.tpm", &[]),
     ] {
         let sets = [&["--set", "schedule.max_runs=2", "--set", "schedule.measure_time=4"], sets].concat();
+        let identified = Place::new(model).identified(&sets);
         for more in ["--chunk 7000", "--samples"] {
             let place = Place::new(model);
             let played = place.play(&place.machine(&sets, more), &sets);
             let own = result_alone(&played);
-            assert_eq!(own, place.identified(&sets), "{model} {more}");
+            assert_eq!(own, identified, "{model} {more}");
             assert_eq!(own["runs"].as_array().map(Vec::len), Some(2), "{model} {more}");
         }
     }
