@@ -13,6 +13,7 @@ use crate::estimate::output_error::problem::{Column, Place, Problem};
 use crate::estimate::output_error::signals::Signals;
 use crate::estimate::time_domain::typical_period;
 use crate::numerics::{DMatrix, DVector};
+use std::ops::Range;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -192,6 +193,11 @@ pub(super) fn ratio() -> f64 {
 }
 
 impl Limit {
+    /// The limit for some of the samples.
+    pub(super) fn part(&self, samples: Range<usize>) -> Self {
+        Limit { factor: self.factor[samples].to_vec(), ..self.clone() }
+    }
+
     /// The input and how it acts, given all inputs as they were recorded.
     pub(super) fn applied(&self, recorded: &[&[f64]]) -> (usize, Vec<f64>) {
         (self.input, recorded[self.input].iter().map(|u| u.clamp(-self.size, self.size)).collect())

@@ -158,8 +158,8 @@ fn fitted(problem: &Problem<'_>, signals: &Signals<'_>, begun: State) -> Result<
     }
 }
 
-/// The settled state with the limit of an input that is most likely; nothing where even that one is less likely than what was fitted without a
-/// limit. Where nothing was, the state is not settled.
+/// The state with the limit of an input that is most likely, of a long record by the part with the largest inputs; nothing where even that one
+/// is less likely than what was fitted without a limit.
 fn most_likely_limit(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
@@ -168,80 +168,80 @@ fn most_likely_limit(
 ) -> Result<Option<State>, OutputErrorFault> {
     let doubtful = without.is_none_or(|without| without.state.noise.inputs.iter().any(|sigma| *sigma > 0.0));
     let Promising { limits, fast } = clipping::promising(problem, signals, &begun.theta, doubtful)?;
-    let Some(without) = without else { return nearest_limit(problem, begun, &limits) };
-    let mut starts = vec![(begun.theta.clone(), limits)];
-    if fast {
-        // Of such motion the parameters that were fitted without a limit are nearer than those of the regression.
-        let fitted = &without.state.theta;
-        let limits = starts[0].1.iter().map(|(limit, _)| (limit.clone(), fitted.clone())).collect();
-        starts.push((fitted.clone(), limits));
-    }
+    let samples = strongest(&problem.inputs, WEIGHED);
+    let part = problem.part(samples.clone());
+    let partly = begun.part(problem, samples.clone());
+    let within = |(limit, theta): &(Limit, Vec<f64>)| (limit.part(samples.clone()), theta.clone());
+    let tried: Vec<(Limit, Vec<f64>)> = limits.iter().map(within).collect();
     let mut best: Option<(f64, State)> = None;
-    for (theta, limits) in starts {
-        let Some(mut state) = nearest_limit(problem, &State { theta, ..begun.clone() }, &limits)? else { continue };
-        if state.settle(problem, signals, false).is_err() {
-            continue;
+    if let Some(without) = without {
+        let without = without.state.part(problem, samples.clone());
+        let mut starts = vec![(begun.theta.clone(), tried)];
+        if fast {
+            // Of such motion the parameters that were fitted without a limit are nearer than those of the regression.
+            let limits = starts[0].1.iter().map(|(limit, _)| (limit.clone(), without.theta.clone())).collect();
+            starts.push((without.theta.clone(), limits));
         }
-        // Coloured noise was found on the way to what was fitted without a limit.
-        let cost = cost(problem, &state, &state.noise)?.min(cost(problem, &state, &without.state.noise)?);
-        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-            best = Some((cost, state));
+        for (theta, limits) in starts {
+            let Some(mut state) = nearest_limit(&part, &State { theta, ..partly.clone() }, &limits)? else { continue };
+            if state.settle(&part, signals, false).is_err() {
+                continue;
+            }
+            // Coloured noise was found on the way to what was fitted without a limit.
+            let cost = cost(&part, &state, &state.noise)?.min(cost(&part, &state, &without.noise)?);
+            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                best = Some((cost, state));
+            }
         }
+        let least = cost(&part, &without, &without.noise)?;
+        best = best.filter(|(cost, _)| *cost < least - BELIEVED);
+    } else if let Some(state) = nearest_limit(&part, &partly, &tried)? {
+        best = Some((f64::INFINITY, state));
     }
-    let likelier = best.filter(|(cost, _)| *cost < without.examined.cost - BELIEVED);
-    Ok(likelier.map(|(_, state)| state))
+    let Some((_, state)) = best else { return Ok(None) };
+    if part.samples() == problem.samples() {
+        return Ok(Some(state));
+    }
+    let State { theta, limit: Some(found), .. } = state else { return Ok(None) };
+    let Some((limit, _)) = limits.into_iter().find(|(limit, _)| limit.input == found.input) else { return Ok(None) };
+    let limit = Limit { size: found.size, ..limit };
+    let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
+    Ok(Some(State { trajectory, theta, limit: Some(limit), ..begun.clone() }))
 }
 
 /// The state with the most likely of limits that are tried along the measured motion, each with its parameters; nothing where none is likelier
-/// than no limit along the same motion. Of a long record the part with the largest inputs is asked.
+/// than no limit along the same motion.
 fn nearest_limit(
     problem: &Problem<'_>,
     begun: &State,
     tried: &[(Limit, Vec<f64>)],
 ) -> Result<Option<State>, OutputErrorFault> {
-    if tried.is_empty() {
-        return Ok(None);
-    }
-    let samples = strongest(&problem.inputs, WEIGHED);
-    let part = problem.part(samples.clone());
-    let (states, inputs, outputs) = (problem.states.len(), problem.inputs.len(), problem.sensors.len());
-    let noise = Noise {
-        readings: begun.noise.readings[samples.start * outputs..samples.end * outputs].to_vec(),
-        ..begun.noise.clone()
-    };
-    let trajectory = begun.trajectory.recorded(samples.clone(), states, inputs);
-    let within = |limit: &Limit| Limit { factor: limit.factor[samples.clone()].to_vec(), ..limit.clone() };
-    let with = |limit: Limit, theta: &[f64]| -> Result<f64, OutputErrorFault> {
-        let trajectory = Trajectory { applied: Some(limit.applied(&part.inputs)), ..trajectory.clone() };
+    let limited = |limit: Limit, theta: &[f64]| -> Result<(f64, State), OutputErrorFault> {
+        let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
         let state = State { trajectory, theta: theta.to_vec(), limit: Some(limit), ..begun.clone() };
-        cost(&part, &state, &noise)
+        Ok((cost(problem, &state, &state.noise)?, state))
     };
-    let mut best: Option<(f64, &(Limit, Vec<f64>))> = None;
-    for one in tried {
-        let cost = with(within(&one.0), &one.1)?;
-        if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-            best = Some((cost, one));
+    let mut best: Option<(f64, State, &Limit)> = None;
+    for (limit, theta) in tried {
+        let (cost, state) = limited(limit.clone(), theta)?;
+        if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+            best = Some((cost, state, limit));
         }
     }
-    let Some((mut least, (limit, theta))) = best else { return Ok(None) };
+    let Some((mut least, mut state, limit)) = best else { return Ok(None) };
     // Limits were tried far apart, and the likelihood of the right one is sharp.
     let (mut size, mut factor) = (limit.size, clipping::ratio());
     for _ in 0..HALVINGS {
         factor = factor.sqrt();
         for nearer in [size * factor, size / factor] {
-            let cost = with(Limit { size: nearer, ..within(limit) }, theta)?;
+            let (cost, other) = limited(Limit { size: nearer, ..limit.clone() }, &state.theta)?;
             if cost < least {
-                (size, least) = (nearer, cost);
+                (size, least, state) = (nearer, cost, other);
             }
         }
     }
-    let unlimited = State { trajectory, ..begun.clone() };
-    if least >= cost(&part, &unlimited, &noise)? - BELIEVED {
-        return Ok(None);
-    }
-    let limit = Limit { size, ..limit.clone() };
-    let trajectory = Trajectory { applied: Some(limit.applied(&problem.inputs)), ..begun.trajectory.clone() };
-    Ok(Some(State { trajectory, theta: theta.clone(), limit: Some(limit), ..begun.clone() }))
+    let unlimited = cost(problem, begun, &begun.noise)?;
+    Ok((least < unlimited - BELIEVED).then_some(state))
 }
 
 /// So many samples, at most, where the inputs are largest, each beside its mean square.

@@ -85,14 +85,6 @@ pub(super) struct Trajectory {
     pub(super) applied: Option<(usize, Vec<f64>)>,
 }
 
-impl Trajectory {
-    /// The motion of some samples, of so many states and inputs, as the inputs were recorded.
-    pub(super) fn recorded(&self, samples: Range<usize>, states: usize, inputs: usize) -> Self {
-        let of = |values: &[f64], each: usize| values[samples.start * each..samples.end * each].to_vec();
-        Trajectory { states: of(&self.states, states), disturbed: of(&self.disturbed, inputs), applied: None }
-    }
-}
-
 /// A record whose motion follows from its inputs.
 #[derive(Clone)]
 pub(super) struct Problem<'a> {

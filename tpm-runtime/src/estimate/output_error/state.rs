@@ -9,6 +9,7 @@ use crate::estimate::output_error::signals::Signals;
 use crate::estimate::output_error::smoother::Smoothed;
 use crate::estimate::output_error::solution::Solution;
 use crate::estimate::output_error::tuning::tune;
+use std::ops::Range;
 use std::vec;
 use std::vec::Vec;
 
@@ -61,6 +62,21 @@ impl State {
             terms: Vec::new(),
             noise,
             limit: None,
+        }
+    }
+
+    /// The state of some samples of a problem, without a limit.
+    pub(super) fn part(&self, problem: &Problem<'_>, samples: Range<usize>) -> Self {
+        let of = |values: &[f64], each: usize| values[samples.start * each..samples.end * each].to_vec();
+        State {
+            trajectory: Trajectory {
+                states: of(&self.trajectory.states, problem.states.len()),
+                disturbed: of(&self.trajectory.disturbed, problem.inputs.len()),
+                applied: None,
+            },
+            noise: Noise { readings: of(&self.noise.readings, problem.sensors.len()), ..self.noise.clone() },
+            limit: None,
+            ..self.clone()
         }
     }
 
