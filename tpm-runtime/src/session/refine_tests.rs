@@ -168,6 +168,11 @@ fn a_clipped_input_is_named_with_its_limit() {
 }
 
 #[test]
+fn the_limit_in_a_long_record_is_found_by_a_part_of_it() {
+    names_and_holds(Rig { periods: 72, limit: 20.0, ..Rig::default() }, "u beyond", TRUTH);
+}
+
+#[test]
 fn the_limit_of_a_loop_that_swings_within_seven_samples_is_named() {
     // The sampled loop has no stability of its own, and only the limit holds it: nearly all of the motion is its swinging.
     for (limit, white) in [(2600.0, 5e-4), (3000.0, 1e-4)] {

@@ -43,7 +43,7 @@ pub(super) struct Limit {
     pub(super) row: usize,
 }
 
-/// Limits of inputs that are worth to be weighed by the likelihood.
+/// Limits of inputs that are worth weighing by the likelihood.
 #[derive(Default)]
 pub(super) struct Promising {
     /// Each with the parameters, all of the model's, that explain the record with it.

@@ -173,32 +173,34 @@ fn most_likely_limit(
     let partly = begun.part(problem, samples.clone());
     let within = |(limit, theta): &(Limit, Vec<f64>)| (limit.part(samples.clone()), theta.clone());
     let tried: Vec<(Limit, Vec<f64>)> = limits.iter().map(within).collect();
-    let mut best: Option<(f64, State)> = None;
-    if let Some(without) = without {
-        let without = without.state.part(problem, samples.clone());
-        let mut starts = vec![(begun.theta.clone(), tried)];
-        if fast {
-            // Of such motion the parameters that were fitted without a limit are nearer than those of the regression.
-            let limits = starts[0].1.iter().map(|(limit, _)| (limit.clone(), without.theta.clone())).collect();
-            starts.push((without.theta.clone(), limits));
-        }
-        for (theta, limits) in starts {
-            let Some(mut state) = nearest_limit(&part, &State { theta, ..partly.clone() }, &limits)? else { continue };
-            if state.settle(&part, signals, false).is_err() {
-                continue;
+    let state = match without {
+        None => nearest_limit(&part, &partly, &tried)?,
+        Some(without) => {
+            let without = without.state.part(problem, samples);
+            let mut starts = vec![(begun.theta.clone(), tried)];
+            if fast {
+                // Of such motion the parameters that were fitted without a limit are nearer than those of the regression.
+                let limits = starts[0].1.iter().map(|(limit, _)| (limit.clone(), without.theta.clone())).collect();
+                starts.push((without.theta.clone(), limits));
             }
-            // Coloured noise was found on the way to what was fitted without a limit.
-            let cost = cost(&part, &state, &state.noise)?.min(cost(&part, &state, &without.noise)?);
-            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                best = Some((cost, state));
+            let mut least = cost(&part, &without, &without.noise)? - BELIEVED;
+            let mut best = None;
+            for (theta, limits) in starts {
+                let begun = State { theta, ..partly.clone() };
+                let Some(mut state) = nearest_limit(&part, &begun, &limits)? else { continue };
+                if state.settle(&part, signals, false).is_err() {
+                    continue;
+                }
+                // Coloured noise was found on the way to what was fitted without a limit.
+                let own = cost(&part, &state, &state.noise)?.min(cost(&part, &state, &without.noise)?);
+                if own < least {
+                    (least, best) = (own, Some(state));
+                }
             }
+            best
         }
-        let least = cost(&part, &without, &without.noise)?;
-        best = best.filter(|(cost, _)| *cost < least - BELIEVED);
-    } else if let Some(state) = nearest_limit(&part, &partly, &tried)? {
-        best = Some((f64::INFINITY, state));
-    }
-    let Some((_, state)) = best else { return Ok(None) };
+    };
+    let Some(state) = state else { return Ok(None) };
     if part.samples() == problem.samples() {
         return Ok(Some(state));
     }
