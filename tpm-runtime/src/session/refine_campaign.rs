@@ -16,6 +16,7 @@ use crate::log::Refine;
 use crate::session::excerpt::Excerpt;
 use crate::session::machine::Machine;
 use crate::session::refine::{Conditions, Refined, Start, refined};
+use crate::session::warning::Warning;
 use std::sync::OnceLock;
 use std::vec::Vec;
 
@@ -66,11 +67,13 @@ impl<'a> RunSimulation<'a> {
             most
         };
         let estimate = campaign.estimate()?;
-        // A model that cannot follow the ends of the runs cannot follow more of them, and would take minutes to say so.
+        // A model that cannot follow the ends of the runs cannot follow more of them, and would take minutes to say so. Ends that are too
+        // short to show the parameters say nothing.
         let part = JUDGED * runs.len();
         let long = runs.iter().map(|run| run.len()).sum::<usize>().min(most) > LONG.max(part);
         let judged = if long { self.of_runs(&runs, estimate, part) } else { None };
-        let refused = judged.filter(|judged| judged.report.as_ref().is_some_and(|report| !report.used));
+        let unsettled = |warning: &Warning| matches!(warning, Warning::Unsettled { .. });
+        let refused = judged.filter(|judged| judged.warnings.iter().any(unsettled));
         let mut refined = match refused {
             Some(refused) => refused,
             None => self.of_runs(&runs, estimate, most)?,
