@@ -159,7 +159,7 @@ fn fitted(problem: &Problem<'_>, signals: &Signals<'_>, begun: State) -> Result<
 }
 
 /// The state with the limit of an input that is most likely, of a long record by the part with the largest inputs; nothing where even that one
-/// is less likely than what was fitted without a limit.
+/// is less likely than what was fitted without a limit. It need not be settled.
 fn most_likely_limit(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
@@ -168,6 +168,9 @@ fn most_likely_limit(
 ) -> Result<Option<State>, OutputErrorFault> {
     let doubtful = without.is_none_or(|without| without.state.noise.inputs.iter().any(|sigma| *sigma > 0.0));
     let Promising { limits, fast } = clipping::promising(problem, signals, &begun.theta, doubtful)?;
+    if limits.is_empty() {
+        return Ok(None);
+    }
     let samples = strongest(&problem.inputs, WEIGHED);
     let part = problem.part(samples.clone());
     let partly = begun.part(problem, samples.clone());

@@ -189,8 +189,7 @@ fn halves(chain: &Chain, noise: &Noise, p: usize, hidden: &[Vec<f64>]) -> Vec<Ha
     let outputs = chain.outputs.len();
     let of = |from: usize, samples: usize| -> Option<Vec<(f64, f64)>> {
         let part = chain.stretch(from, samples);
-        let readings = noise.readings[from * outputs..(from + samples) * outputs].to_vec();
-        let smoothed = Smoothed::new(&part, &Noise { readings, ..noise.clone() }, p, false);
+        let smoothed = Smoothed::new(&part, &noise.part(from..from + samples, outputs), p, false);
         let solution = Solution::of_columns(&smoothed, p, hidden).ok()?;
         Some((0..p).map(|j| (solution.step[j], solution.covariance[(j, j)])).collect())
     };

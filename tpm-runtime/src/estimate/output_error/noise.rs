@@ -1,5 +1,6 @@
 //! The noise of a record.
 
+use std::ops::Range;
 use std::vec::Vec;
 
 /// The size of what is not known in a record.
@@ -16,6 +17,12 @@ pub(super) struct Noise {
 }
 
 impl Noise {
+    /// The noise of some of the samples, each with so many readings.
+    pub(super) fn part(&self, samples: Range<usize>, outputs: usize) -> Self {
+        let readings = self.readings[samples.start * outputs..samples.end * outputs].to_vec();
+        Noise { readings, colour: self.colour.clone(), inputs: self.inputs.clone(), ..*self }
+    }
+
     /// Whether nothing but white noise of the sensors is there.
     pub(super) fn is_plain(&self) -> bool {
         self.inputs.iter().chain(&self.colour).all(|value| value.abs() <= 0.0)

@@ -74,9 +74,10 @@ impl State {
                 disturbed: of(&self.trajectory.disturbed, problem.inputs.len()),
                 applied: None,
             },
-            noise: Noise { readings: of(&self.noise.readings, problem.sensors.len()), ..self.noise.clone() },
+            theta: self.theta.clone(),
+            terms: self.terms.clone(),
+            noise: self.noise.part(samples.clone(), problem.sensors.len()),
             limit: None,
-            ..self.clone()
         }
     }
 
