@@ -192,7 +192,7 @@ fn a_study_that_was_stopped_or_killed_ends_as_the_unbroken_one() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let model = root().join("models/mass_spring_drag.tpm");
     let model = model.to_str().expect("plain");
-    let study = ["study", model, "--json", "--seeds", "40", "--set", "schedule.max_runs=3"];
+    let study = ["study", model, "--json", "--seeds", "12", "--set", "schedule.max_runs=3"];
     let kept = [&study[..], &["--resume", "kept"]].concat();
     let unbroken = tpm_in(folder.path(), &study);
     let begin = || {

@@ -97,7 +97,7 @@ fn a_whole_campaign_equals_identify() {
 }
 
 /// Several coordinates and inputs, free coordinates, measured rates, bounds that are passed; the loop closed on either side, to the
-/// last bit.
+/// last bit. That a refinement is the same too is seen on the others: along the arm it takes a quarter of a minute.
 #[test]
 fn runs_and_samples_equal_identify_on_every_kind_of_machine() {
     let rates = ["--set", "estimator=error", "--set", "plant.sensors.x.rate_noise=1e-3"];
@@ -106,7 +106,7 @@ fn runs_and_samples_equal_identify_on_every_kind_of_machine() {
         ("mass_spring_drag.tpm", &rates[..]),
         ("mass_spring_drag.tpm", &bound),
         ("two_carts.tpm", &[]),
-        ("closed_loop_arm.tpm", &[]),
+        ("closed_loop_arm.tpm", &["--set", "refine=none"]),
         ("rotary_pendulum_down.tpm", &[]),
     ] {
         let sets = [&["--set", "schedule.max_runs=2", "--set", "schedule.measure_time=4"], sets].concat();

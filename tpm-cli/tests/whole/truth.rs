@@ -34,7 +34,7 @@ fn lumped_and_physical_parameters_have_the_values_of_their_machine() {
 #[test]
 fn what_nobody_knows_has_no_true_value() {
     // The arm does not obey the model that is identified; a mass that drifts has many values.
-    let arm = result("closed_loop_arm", &[]);
+    let arm = result("closed_loop_arm", &["refine=none"]);
     assert!(arm["parameters"].as_array().expect("a list").iter().all(|entry| entry.get("truth").is_none()), "{arm}");
     let drifting = result("mass_spring_drag", &["plant.drift.m=0.01"]);
     assert_eq!((truth(&drifting, "parameters", "m"), truth(&drifting, "parameters", "k1")), (None, Some(40.0)));

@@ -16,7 +16,8 @@ fn a_campaign_survives_a_fault_of_every_operation() {
     let model = DeclaredModel::parse("mass_spring_drag", model).expect("the shipped model is right");
     let file = include_str!("../../../models/mass_spring_drag.toml");
     let mut experiment = Experiment::parse(file).expect("the shipped file is right");
-    for (key, value) in [("schedule.max_runs", "2"), ("schedule.measure_time", "0.0")] {
+    // A refinement touches no file.
+    for (key, value) in [("schedule.max_runs", "2"), ("schedule.measure_time", "0.0"), ("refine", "none")] {
         experiment.apply_override(key, value).expect("a key of experiments");
     }
     let session = Session::new(model, experiment, None, BTreeMap::new()).expect("a session");
