@@ -29,8 +29,8 @@ pub struct Experiment {
     /// How much every equation counts in measured-motion: noise (default), or equal, for models that leave something out.
     #[serde(default)]
     pub weights: Weights,
-    /// Whether the estimates of measured-motion are refined by simulating the model along the runs, where a force jumps:
-    /// auto (default) and output-error do, none does not.
+    /// Whether the estimates of measured-motion are refined by simulating the model along the runs: auto (default) where that takes no
+    /// long time, output-error however long it takes, none not at all.
     #[serde(default, skip_serializing_if = "Refine::is_default")]
     pub refine: Refine,
     /// How the estimator numerical uses its matrix.
