@@ -5,6 +5,7 @@ use crate::estimate::{Course, Rate, Signals, Stretch};
 use crate::log::Periodic;
 use crate::numerics::differences::white_noise;
 use std::borrow::Cow;
+use std::sync::OnceLock;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
 
@@ -172,6 +173,7 @@ impl<'a> Excerpt<'a> {
             joins: self.joins.clone(),
             // A mean of several roundings is on no grid.
             steps: steps.iter().map(|step| if self.averaged > 1 { 0.0 } else { *step }).collect(),
+            calm: OnceLock::new(),
         }
     }
 }

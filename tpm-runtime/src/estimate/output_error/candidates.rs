@@ -148,9 +148,9 @@ impl<'a> Along<'a> {
         let free: Vec<bool> = (0..samples).map(free).collect();
         let h = problem.sample_time;
         let replaced = !exact || free.contains(&true);
+        let calm = if replaced { signals.inputs_without_noise() } else { &[] };
         let input_rates = (0..dims.inputs).map(|i| {
-            let calm = if replaced { signals.input_without_noise(i) } else { Vec::new() };
-            let at = |k: usize| if exact && !free[k] { signals.inputs[i] } else { &calm };
+            let at = |k: usize| if exact && !free[k] { signals.inputs[i] } else { &calm[i] };
             let rate = |k: usize| (at(k)[k] - at(k)[k.saturating_sub(1)]) / h;
             let bend = |k: usize| {
                 let u = at(k);

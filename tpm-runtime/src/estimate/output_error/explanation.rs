@@ -70,19 +70,26 @@ impl Explanation {
         state: &State,
     ) -> Result<(Self, Option<Self>, Chain), OutputErrorFault> {
         let (columns, chain) = widened(problem, signals, state, &state.trajectory)?;
-        let usual = Explanation::of(problem, signals, &chain, columns, state.noise.clone(), state.trajectory.clone())?;
+        let usual =
+            || Explanation::of(problem, signals, &chain, columns, state.noise.clone(), state.trajectory.clone());
         if state.noise.is_plain() {
-            return Ok((usual, None, chain));
+            return Ok((usual()?, None, chain));
         }
         let recorded =
             Trajectory { disturbed: vec![0.0; state.trajectory.disturbed.len()], ..state.trajectory.clone() };
-        let (columns, exact) = widened(problem, signals, state, &recorded)?;
         let white = signals.noise();
         let at_turns = Noise { inputs: state.noise.inputs.clone(), only_at_turns: true, ..white.clone() };
+        // Each is a pass over the whole record with dozens of columns.
+        let (usual, others) = rayon::join(usual, || {
+            let (columns, exact) = widened(problem, signals, state, &recorded)?;
+            let beside =
+                |noise: Noise| Explanation::of(problem, signals, &exact, columns.clone(), noise, recorded.clone()).ok();
+            let (white, at_turns) = rayon::join(|| beside(white), || beside(at_turns));
+            Ok::<_, OutputErrorFault>([white, at_turns])
+        });
+        let usual = usual?;
         let mut best: Option<Explanation> = None;
-        for noise in [white, at_turns] {
-            let other = Explanation::of(problem, signals, &exact, columns.clone(), noise, recorded.clone());
-            let Ok(other) = other else { continue };
+        for other in others?.into_iter().flatten() {
             let least = best.as_ref().map_or(usual.cost - BELIEVED, |best| best.cost);
             if !other.terms.is_empty() && other.cost < least {
                 best = Some(other);

@@ -14,6 +14,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use std::sync::OnceLock;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -75,6 +76,7 @@ fn fit_with_rate(
         joins: Vec::new(),
         white: vec![white_noise(channels[0])],
         steps: vec![0.0],
+        calm: OnceLock::new(),
     };
     let machine = Differentiable { model, derivatives };
     OutputError::fit(machine, &[], &signals, &start, &[0, 1, 2], &[]).expect("settles")

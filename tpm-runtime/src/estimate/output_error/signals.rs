@@ -5,6 +5,7 @@ use crate::estimate::output_error::noise::Noise;
 use crate::numerics::root_mean_square;
 use crate::run::alike;
 use num_complex::Complex;
+use std::sync::OnceLock;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -73,6 +74,8 @@ pub struct Signals<'a> {
     pub white: Vec<f64>,
     /// Step of each sensor; zero where its values lie on no grid.
     pub steps: Vec<f64>,
+    /// The inputs without their noise, once they were asked for: hundreds of harmonics take longer to add up than a fit takes for a step.
+    pub calm: OnceLock<Vec<Vec<f64>>>,
 }
 
 /// Samples on either side of a sample over which a polynomial follows a motion that repeats.
@@ -203,13 +206,16 @@ impl Signals<'_> {
         self.smooth(self.coordinates[coordinate], lines)
     }
 
-    /// An input without its noise: its periodic part, or what polynomials follow of it.
-    pub(super) fn input_without_noise(&self, input: usize) -> Vec<f64> {
-        let lines = match &self.course {
-            Course::Periodic { input_lines, .. } => Some(&input_lines[input]),
-            Course::Any { .. } => None,
+    /// The inputs without their noise: their periodic part, or what polynomials follow of them.
+    pub(super) fn inputs_without_noise(&self) -> &[Vec<f64>] {
+        let of = |(input, signal): (usize, &&[f64])| {
+            let lines = match &self.course {
+                Course::Periodic { input_lines, .. } => Some(&input_lines[input]),
+                Course::Any { .. } => None,
+            };
+            self.smooth(signal, lines)
         };
-        self.smooth(self.inputs[input], lines)
+        self.calm.get_or_init(|| self.inputs.iter().enumerate().map(of).collect())
     }
 
     fn smooth(&self, signal: &[f64], lines: Option<&Vec<Complex<f64>>>) -> Vec<f64> {

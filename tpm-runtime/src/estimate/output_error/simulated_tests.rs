@@ -9,6 +9,7 @@ use crate::test_models::differentiable;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use std::sync::OnceLock;
 use std::vec;
 use std::vec::Vec;
 use tpm_core::harmonics::Hold;
@@ -65,6 +66,7 @@ fn signals<'a>(position: &'a [f64], force: &'a [f64], joins: &[usize], highest: 
         joins: joins.to_vec(),
         white: vec![white_noise(position)],
         steps: vec![0.0],
+        calm: OnceLock::new(),
     }
 }
 

@@ -125,8 +125,8 @@ fn search(evidence: &Evidence<'_>, inputs: &[f64], colours: &[f64]) -> Found {
     if best != evidence.white {
         bases.push(best.clone());
     }
-    let tried =
-        bases.iter().map(|base| (base, Evidence::least(colours, |log| evidence.cost(&evidence.coloured(base, log)))));
+    let of_base = |base| (base, Evidence::least(colours, |log| evidence.cost(&evidence.coloured(base, log))));
+    let tried: Vec<(&Noise, Place)> = bases.par_iter().map(of_base).collect();
     let mut colour = (0.0, f64::INFINITY);
     let mut base = &bases[0];
     for (own, found) in tried {
