@@ -23,10 +23,10 @@ const TOLD: f64 = 5.0;
 const HALVINGS: usize = 6;
 /// Limits of an input that are weighed on either side of the most likely one.
 const LIMITS: i32 = 20;
+/// How far the limits that are weighed reach from the most likely one, in deviations by the curvature there.
+const REACH: f64 = 6.0;
 /// Samples of a record by which limits are told from each other, and from none, before the whole of it is asked.
 const WEIGHED: usize = 16_000;
-/// How far from it they reach, in deviations by the curvature there.
-const REACH: f64 = 6.0;
 
 /// Parameters that explain every sample of a record.
 #[derive(Clone, Debug)]
