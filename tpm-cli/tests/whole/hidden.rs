@@ -292,9 +292,8 @@ fn an_arm_on_one_pattern_keeps_its_combinations() {
     let model = path("closed_loop_arm.tpm");
     let identify = |experiment: &str, out: &str| {
         // The simulation does not settle along this motion, which it takes a quarter of a minute to find out.
-        let harmonics = ["--set", "refine=none"];
-        let identify = ["identify", &model, "--experiment", experiment, "--json", "-o", out];
-        let output = tpm_in(at, &[&identify[..], &harmonics].concat());
+        let arguments = ["identify", &model, "--experiment", experiment, "--set", "refine=none", "--json", "-o", out];
+        let output = tpm_in(at, &arguments);
         assert_eq!(output.status.code(), Some(1), "{}", String::from_utf8_lossy(&output.stderr));
     };
     identify(&path("closed_loop_arm_thesis.toml"), "with.json");

@@ -513,7 +513,7 @@ impl fmt::Display for Warning {
             Warning::NothingAccepted => f.write_str("no run was accepted; nothing is identified"),
             Warning::Unsettled { message } => write!(
                 f,
-                "{message}: no values were found with which the model follows the record; it lacks something large, or a channel is not what it is taken for"
+                "{message}: no values were found with which the model follows the record; the model may lack something large, or a channel may not be what it is taken for"
             ),
             Warning::FarFromLinear { estimator } => write!(
                 f,

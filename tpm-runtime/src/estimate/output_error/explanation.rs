@@ -79,7 +79,7 @@ impl Explanation {
             Trajectory { disturbed: vec![0.0; state.trajectory.disturbed.len()], ..state.trajectory.clone() };
         let white = signals.noise();
         let at_turns = Noise { inputs: state.noise.inputs.clone(), only_at_turns: true, ..white.clone() };
-        // Each is a pass over the whole record with dozens of columns.
+        // Every explanation is a pass over the whole record with dozens of columns.
         let (usual, others) = rayon::join(usual, || {
             let (columns, exact) = widened(problem, signals, state, &recorded)?;
             let beside =

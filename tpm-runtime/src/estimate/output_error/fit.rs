@@ -159,7 +159,7 @@ fn fitted(problem: &Problem<'_>, signals: &Signals<'_>, begun: State) -> Result<
 }
 
 /// The state with the limit of an input that is most likely, of a long record by the part with the largest inputs; nothing where even that one
-/// is less likely than what was fitted without a limit. It need not be settled.
+/// is less likely than what was fitted without a limit. The state need not be settled.
 fn most_likely_limit(
     problem: &Problem<'_>,
     signals: &Signals<'_>,
